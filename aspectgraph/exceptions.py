@@ -14,13 +14,13 @@ class AspectGraphError(Exception):
     Attributes
     ----------
     parameter : str
-        The parameter that breaks its rule; empty if the error is of none.
+        The parameter that breaks its rule; empty if there is none.
     rule : str
         The rule, beginning with its verb; a whole sentence without a parameter.
     got : str
         The value that breaks it.
     hint : str
-        What helps, without a full stop.
+        Advice, without a full stop.
     mentions : tuple of str
         Other parameters in `rule` and `hint`, as they stand there: ``gap_mm`` or ``gap_mm=0.1``.
     """
@@ -102,11 +102,11 @@ class TouchingError(SelfIntersectionError):
 
 
 class ResolutionError(SolidError):
-    """Details of the part are too small for its grid: snapping could make one what is apart."""
+    """Details of the part are too small for its grid: snapping could merge separate ones."""
 
 
 class ReadError(AspectGraphError, ValueError):
-    """A part file cannot be read, or does not hold what its name says."""
+    """A part file cannot be read, or its content does not match its name."""
 
 
 class PartFileNotFoundError(ReadError, FileNotFoundError):
@@ -126,7 +126,7 @@ class WorkspaceError(AspectGraphError, ValueError):
 
 
 class LightError(AspectGraphError, ValueError):
-    """A lamp lies inside the part, or the contrast asked for is none."""
+    """A lamp lies inside the part, or the required contrast is out of range."""
 
 
 class GraphMLError(AspectGraphError, ValueError):
@@ -138,11 +138,11 @@ class OutputError(AspectGraphError, OSError):
 
 
 class PictureError(AspectGraphError, ValueError):
-    """A picture cannot be made as asked."""
+    """A picture cannot be made with these options."""
 
 
 class WidthError(AspectGraphError, ValueError):
-    """The width asked for is below what the part's own rounding leaves of a domain, or above the workspace's."""
+    """The least width is below the limit of the part's rounding, or above the workspace's."""
 
 
 class ContradictionError(AspectGraphError, ArithmeticError):
@@ -150,4 +150,4 @@ class ContradictionError(AspectGraphError, ArithmeticError):
 
 
 class MemoryLimitError(AspectGraphError, MemoryError):
-    """The work would take more memory than it may, or than there is."""
+    """The work would need more memory than the limit, or than is free."""

@@ -14,7 +14,7 @@ class MeasurementModelError(Exception):
     Attributes
     ----------
     parameter : str
-        The parameter that breaks its rule; empty if the error is of none.
+        The parameter that breaks its rule; empty if there is none.
     rule : str
         The rule, beginning with its verb.
     got : str

@@ -19,10 +19,10 @@ from errors.probability import MODELS, success_probability
 
 
 class SuccessModel:
-    """`success_probability` as an optimiser needs it: many small calls with the same parameters.
+    """A version of `success_probability` for many small calls with the same parameters.
 
-    Guarantee: the values are those of `success_probability`, and 0 for an edge that has no image because an end is not
-    in front of the lens or because it is seen end-on. The ends themselves are not checked.
+    Guarantee: the values are those of `success_probability`. They are 0 for an edge without an
+    image, with an end behind the lens or seen end-on. The ends themselves are not checked.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ class SuccessModel:
     pose_covariance : array-like, shape (6, 6)
         Covariance of (dx, dy, dz, phi_x, phi_y, phi_z) in mm and rad; one for all edges, see `success_probability`.
     accuracy : float
-        A in (0, 1): the length may be off by the fraction 1 - A of it.
+        A in (0, 1). The permitted error is the fraction 1 - A of the length.
     model : {"joint", "independent", "montecarlo"}
-        How the probability is found; see `success_probability`.
+        How to compute the probability; see `success_probability`.
 
     Raises
     ------

@@ -84,7 +84,7 @@ class AxisQuantization:
         Parameters
         ----------
         n : int
-            How many to draw.
+            Number of draws.
         rng : int or numpy.random.Generator
             Seed or source of chance.
 
@@ -101,8 +101,9 @@ class AxisQuantization:
 class SegmentQuantization:
     """Error of the length of a segment at an angle, eq 3: eps = eps_x cos(angle) + eps_y sin(angle).
 
-    A sum of four uniform variables of widths a, a, b, b with a >= b the two of r_x |cos|, r_y |sin|. Averaging the ramp
-    over the narrower pair first keeps every term well conditioned as b -> 0, where the law becomes that of one axis.
+    It is a sum of four uniform variables of widths a, a, b, b, with a >= b the two of r_x |cos|,
+    r_y |sin|. Averaging the ramp over the narrower pair first keeps every term well conditioned as
+    b -> 0. The law then becomes that of one axis.
 
     Parameters
     ----------
@@ -188,7 +189,7 @@ class SegmentQuantization:
         Parameters
         ----------
         n : int
-            How many to draw.
+            Number of draws.
         rng : int or numpy.random.Generator
             Seed or source of chance.
 

@@ -38,7 +38,9 @@ _WEIGHT = _WEIGHT / _WEIGHT.sum()
 
 @dataclass(frozen=True, eq=False)
 class NormalRatio:
-    """Law of N/D; parameters broadcast against each other and against the arguments.
+    """The law of a ratio N/D of two normal variables.
+
+    Parameters broadcast against each other and against the arguments.
 
     Parameters
     ----------
@@ -154,7 +156,7 @@ class NormalRatio:
         Parameters
         ----------
         n : int
-            How many to draw.
+            Number of draws.
         rng : int or numpy.random.Generator
             Seed or source of chance.
 
@@ -171,8 +173,8 @@ class NormalRatio:
     def characteristic(self, t: ArrayLike) -> NDArray[np.complex128]:
         """Return E exp(it N/D), the characteristic function.
 
-        It is found by Gauss-Hermite quadrature over D, given which N is normal; that needs a mean of D beyond eight of
-        its standard deviations.
+        It is computed by Gauss-Hermite quadrature over D, because N is normal for a given D. The
+        mean of D must exceed eight of its standard deviations.
 
         Parameters
         ----------
@@ -190,7 +192,10 @@ class NormalRatio:
 
     @property
     def std(self) -> NDArray[np.float64]:
-        """Root mean square, leaving out the event that D falls below a tenth of its mean (moments do not exist)."""
+        """Root mean square, without the event that D falls below a tenth of its mean.
+
+        The moments of the full law do not exist.
+        """
         mean, variance = self._given_denominator()
         return np.sqrt(((mean**2 + variance) * _WEIGHT).sum(axis=-1))
 

@@ -20,7 +20,7 @@ MAX_BITS_PER_GENE = 53
 
 
 def gray_from_binary(bits: np.ndarray) -> np.ndarray:
-    """Gray code of plain binary numbers.
+    """Return the Gray code of plain binary numbers.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def gray_from_binary(bits: np.ndarray) -> np.ndarray:
 
 
 def binary_from_gray(bits: np.ndarray) -> np.ndarray:
-    """Plain binary of Gray-coded numbers, the inverse of `gray_from_binary`.
+    """Return the plain binary of Gray-coded numbers; the inverse of `gray_from_binary`.
 
     Parameters
     ----------

@@ -7,7 +7,9 @@ import numpy as np
 
 @dataclass(frozen=True, repr=False)
 class Generation:
-    """State shown to the callback, once for the initial population (nit = 0) and once after every generation.
+    """State of a run that the callback gets after every generation.
+
+    The first one is the initial population (nit = 0).
 
     Attributes
     ----------
@@ -39,7 +41,9 @@ class Generation:
 
 @dataclass(frozen=True, repr=False)
 class History:
-    """One entry per generation, the initial population first; every array has shape (nit + 1,).
+    """The course of a run: one entry per generation, the initial population first.
+
+    Every array has shape (nit + 1,).
 
     Attributes
     ----------
@@ -50,9 +54,9 @@ class History:
     drawn : int64
         Offspring drawn (initial population: individuals drawn).
     eliminated : int64
-        How many of those were infeasible, so ``1 - eliminated / drawn`` is the feasible fraction.
+        Number of infeasible ones among them. ``1 - eliminated / drawn`` is the feasible fraction.
     kept : int64
-        Places that went to a parent because every offspring drawn for them was eliminated.
+        Number of parents that stayed because all their offspring were eliminated.
     """
 
     best: np.ndarray
@@ -80,11 +84,12 @@ class GAResult:
     Attributes
     ----------
     x : (n_bits,) bool
-        Best bits ever evaluated; the earliest of several equally good.
+        Best bits ever evaluated. Among equals, the earliest.
     fun : float
         Their fitness.
     success : bool
-        Whether the run converged, stalled or reached its target, rather than being cut short by a cap or the callback.
+        Whether the run converged, stalled or reached its target. False if a limit or the callback
+        ended it.
     reason : str
         Why it stopped: "converged", "target", "stalled", "max_generations", "max_nfev" or "callback".
     message : str
@@ -100,7 +105,7 @@ class GAResult:
     fitness : (N,) float64
         Its fitness.
     seed : int or None
-        Seed that repeats the run bit for bit; None when a Generator was given.
+        Seed that reproduces the run bit for bit. None for a given Generator.
     """
 
     x: np.ndarray

@@ -41,9 +41,10 @@ def maximize(
 ) -> GAResult:
     """Maximise a function of bits by the genetic algorithm of Yang and Ciarallo (2001, section 4).
 
-    With the default options this is the paper's algorithm: roulette-wheel selection, one-point crossover, mutation of
-    every bit, elimination of infeasible offspring, and an end when the total fitness of the population has settled.
-    The best individual ever evaluated is returned, whether or not it survived.
+    With the default options this is the paper's algorithm. It uses roulette-wheel selection,
+    one-point crossover, mutation of every bit and elimination of infeasible offspring. It ends when
+    the total fitness of the population has settled. It returns the best individual ever evaluated,
+    whether or not it survived.
 
     Guarantee: `feasible` is called before `fitness`, and `fitness` only on individuals that are feasible, different
     from each other and not in the previous population (their fitness is known). Every population, the first included,
@@ -60,7 +61,7 @@ def maximize(
     population : int
         Individuals in every generation (N), at least 2.
     crossover : float
-        Probability P_c in [0, 1] that a couple is crossed, at a place uniform in [1, n_bits - 1].
+        Probability P_c in [0, 1] of crossing a couple, at a point uniform in [1, n_bits - 1].
     mutation : float
         Probability P_m in [0, 1] that a bit flips, each bit by itself.
     feasible : callable, optional
@@ -78,38 +79,42 @@ def maximize(
     Other Parameters
     ----------------
     rng : int, numpy.random.Generator or None
-        Seed, or source of chance; None takes a fresh seed, reported in the result.
+        Seed, or source of chance. None takes a fresh seed, which the result states.
     callback : callable, optional
         ``callback(generation)``, see `ga.Generation`, after the initial population and after every generation. A true
         return value or ``StopIteration`` ends the run.
     selection : {"roulette", "sus"}
         Independent spins of the wheel, or stochastic universal sampling.
     scaling : {"proportional", "window", "rank"}
-        Slots of the wheel: the fitness itself (if any is negative, all are raised by the lowest of the population; if
-        all are zero, the chances are even), the fitness above the lowest, or the rank.
+        Slots of the wheel: the fitness itself, the fitness above the lowest, or the rank. If a
+        fitness is negative, "proportional" raises all by the lowest of the population. If all are
+        zero, the chances are even.
     elitism : int
-        How many of the best pass unchanged to the next generation, in [0, population - 1].
+        Number of best individuals that pass unchanged to the next generation, in [0, population -
+        1].
     duplicates : bool
-        False: an offspring equal to another individual of the new population is eliminated too (a place that has
-        drawn in vain still goes to a parent, whoever else is there).
+        If False, eliminate an offspring that equals another individual of the new population. If
+        all its draws fail, the parent still takes part in the new population.
     epsilon : float
-        Converged when the total fitness changes by less than this (or not at all) in `patience` generations running.
-        It is absolute as in the paper: total of the whole population, in units of the fitness.
+        The run has converged when the total fitness changes by less than this (or not at all) in
+        `patience` consecutive generations. It is absolute as in the paper: total of the whole
+        population, in units of the fitness.
     patience : int
         Generations for `epsilon`, at least 1.
     max_stall : int, optional
-        Also stop when the best fitness of the run has not improved in so many generations.
+        Also stop after this many generations without a better best fitness.
     target : float, optional
-        Also stop as soon as the best fitness of the run is at least this: nothing better is asked for.
+        Also stop as soon as the best fitness of the run is at least this.
     max_generations : int
         Cap on generations.
     max_nfev : int, optional
         Cap on evaluated individuals, at least `population`; never exceeded: no generation begins that might exceed
         it.
     attempts : int
-        Offspring drawn for a place at most, before the parent of the last one keeps it.
+        Largest number of offspring drawn for one member of the next generation. After that, the
+        parent of the last one stays.
     initial_attempts : int
-        Times a whole initial population is drawn at most.
+        Largest number of times the whole initial population is drawn.
 
     Raises
     ------

@@ -25,7 +25,7 @@ class Cell:
         Rows (a, b, c, d) with unit normals: a·x + b·y + c·z + d <= 0 inside, in mm. `PartitionSurface.plane` and its
         GraphML attribute have the opposite d.
     vertices : ndarray, shape (v, 3)
-        Corners in mm, and the points of its boundary where edges of other cells of the partition end.
+        Corners in mm, and points of its boundary where edges of other cells end.
     volume : float
         In mm³.
     """
@@ -109,12 +109,13 @@ class CellSet:
         )
 
     def contains(self, points: ArrayLike) -> np.ndarray:
-        """Whether the closed set holds points, exactly.
+        """Whether the closed set contains points, exactly.
 
         Parameters
         ----------
         points : array_like, shape (n, 3)
-            Points in mm. They are rounded to 2**-20 of a grid step; the answer is exact from there.
+            Points in mm. They are rounded to 2**-20 of a grid step, and the answer for the rounded
+            point is exact.
 
         Returns
         -------

@@ -38,7 +38,7 @@ def read_dimensions(
     agreement_deg: float = AGREEMENT_DEG,
     limits: ReadLimits | None = None,
 ) -> tuple[ModelDimension, ...]:
-    """Read the semantic dimensions of a STEP file (AP242), and find by which entities each can be measured.
+    """Read the dimensions of a STEP file (AP242), with the entities that measure each.
 
     Parameters
     ----------
@@ -51,27 +51,25 @@ def read_dimensions(
         by more is not measurable, and its reason names both values. Default: half of the last digit on a drawing, 0.013
         mm (a thousandth of an inch) and 0.05 degrees.
     limits : ReadLimits, optional
-        What reading the file may cost. Default: ``ReadLimits()``.
+        Limits of time, memory and size for the reading. Default: ``ReadLimits()``.
 
     Returns
     -------
     tuple of ModelDimension
-        In the order of the file; empty if it states none, as files of AP203 and AP214 do. Objects that only draw a
-        dimension or label something are no dimensions.
+        In the order of the file. Empty for files without semantic dimensions, such as those of
+        AP203 and AP214. Objects that only draw a dimension or a label do not count.
 
     Raises
     ------
     PartFileNotFoundError
         There is no such file.
     ReadError
-        The file is no STEP file, is damaged or exceeds a limit, or a parameter is out of range.
+        The file is not a STEP file, is damaged or exceeds a limit, or a parameter is out of range.
     MissingExtraError
         The package cadquery-ocp-novtk is not installed.
 
-    Notes
-    -----
-    A part may be placed several times in an assembly. Its dimensions then apply to each instance, and are listed for
-    each. Those on solids that were not read say so.
+    Notes ----- An assembly may contain a part several times. The result then lists its dimensions
+    for each instance. Dimensions of solids that were not read say so.
 
     Examples
     --------

@@ -20,36 +20,40 @@ class ModelDimension:
     Attributes
     ----------
     name : str
-        What the model calls it, or its kind and number, made unique. If its part is placed several times, the
-        numbers of its solids follow, as in ``"diameter 1 (solid 2)"``.
+        Unique name: the name in the model, or kind and number. If the assembly contains its part
+        several times, the numbers of its solids follow, as in ``"diameter 1 (solid 2)"``.
     kind : str
-        ``"diameter"``, ``"radius"``, ``"distance"``, ``"centre_distance"``, ``"centre_to_edge"`` or ``"angle"``; or one
-        that is never measurable here, such as ``"spherical_radius"``.
+        ``"diameter"``, ``"radius"``, ``"distance"``, ``"centre_distance"``, ``"centre_to_edge"`` or
+        ``"angle"``; or a kind that is never measurable, such as ``"spherical_radius"``.
     nominal : float or None
-        In mm, of angles in degrees. None if neither the model states a value nor its geometry has one.
+        Nominal value in mm, of angles in degrees. None if neither the model nor its geometry has a
+        value.
     tolerance : tuple of float or None
         Lower and upper deviation permitted from the nominal value, in the same unit. None if the model states none.
     entities : tuple or None
-        Ids of the entities of the solid by which it can be measured in one image; None if it cannot be.
+        Ids of the solid's entities that measure it in one image. None if that is impossible.
     reason : str or None
-        Why it cannot be measured; None if it can be.
+        Why it cannot be measured. None if it can be.
     alternatives : tuple of tuple
-        Other entities for the same, best first.
+        Other entities that measure it, best first.
     features : tuple of tuple of tuple
-        For each feature to which the dimension applies (each hole of a pattern) all entities that can measure it, best
-        first; empty for a feature that cannot be measured. ``entities`` are the first of the first that can be.
+        For each feature (each hole of a pattern), all entities that can measure it, best first.
+        Empty for a feature that cannot be measured. ``entities`` are the best ones of the first
+        measurable feature.
     geometry : float or None
-        The value that the geometry of the model has, in the same unit.
+        The value in the model's geometry, in the same unit.
     direction : tuple of float or None
         Unit vector along which a distance is measured.
     attached : tuple of str
-        What the model attaches it to.
+        The elements of the model that it refers to.
     note : str
-        What was taken from elsewhere or repaired; empty if nothing.
+        Sentence on inferred or repaired values; empty if there are none.
     n_features : int
-        How many features it applies to, measurable or not: each hole of a pattern is one. A plan measures one of them.
+        Number of features, measurable or not. Each hole of a pattern is one. A plan measures one of
+        them.
     solids : tuple of int
-        The solids of the file that it is attached to, counted from 0 in the order of the file; empty if not known.
+        The solids of the file that it refers to, counted from 0 in the order of the file. Empty if
+        unknown.
     """
 
     name: str
@@ -73,7 +77,7 @@ class ModelDimension:
         return "deg" if self.kind == "angle" else "mm"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it in JSON values: every attribute under its name, tuples as lists, and ``unit``.
+        """Return the dimension as JSON values: every attribute by name, and ``unit``.
 
         Returns
         -------

@@ -31,16 +31,18 @@ _LONGEST_RANGE = 100_000
 def read_entities(
     text_or_path: str | Path, solid: Solid, tolerance_mm: float | None = None
 ) -> dict[str, Entity]:
-    """Read entities as the command line takes them.
+    """Read entities from text or a file, as the command line does.
 
     Parameters
     ----------
     text_or_path : str or Path
-        ``"all"`` for every straight sharp edge; ids such as ``"17, 18"``, ``"e17 e18"``, ranges like ``"17-21"`` or,
-        of rims and arcs, ``"r3, a0"``; end points such as ``"(0,0,10)-(25,0,10)"``, named p1, p2 and so on; the path
-        of a .toml or .json file with ``name = id``, ``name = "r3"`` or ``name = [[x, y, z], [x, y, z]]``, at top level
-        or in a table ``entities``; or of a .csv file with rows of a name and an id, or of a name and six coordinates.
-        There an apostrophe before a name that a spreadsheet would run, such as ``'=1+1``, is no part of it.
+        ``"all"`` selects every straight sharp edge. Ids are ``"17, 18"``, ``"e17 e18"``, ranges
+        like ``"17-21"``, or ``"r3, a0"`` for rims and arcs. End points such as
+        ``"(0,0,10)-(25,0,10)"`` are named p1, p2 and so on. A .toml or .json file has ``name =
+        id``, ``name = "r3"`` or ``name = [[x, y, z], [x, y, z]]``, at top level or in a table
+        ``entities``. A .csv file has rows of a name and an id, or of a name and six coordinates. In
+        a .csv file, an apostrophe before a name that a spreadsheet would run, such as ``'=1+1``, is
+        not part of the name.
     solid : Solid
         The part.
     tolerance_mm : float, optional
@@ -54,7 +56,7 @@ def read_entities(
     Raises
     ------
     EntityError
-        The text is none of these, or an entity is not a sharp straight edge, rim or arc.
+        The text has another form, or an entity is not a sharp straight edge, rim or arc.
 
     Examples
     --------

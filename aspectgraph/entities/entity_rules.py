@@ -68,7 +68,7 @@ class _Candidate:
 
 
 def select_entities(solid: Solid, rule: str) -> list[int | str]:
-    """Return the ids of the edges, rims and arcs a rule holds for.
+    """Return the ids of the edges, rims and arcs that satisfy a rule.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     Raises
     ------
     EntityError
-        If a condition is none of these, or nothing satisfies all of them.
+        If a condition is not one of these, or no entity satisfies all conditions.
 
     Examples
     --------

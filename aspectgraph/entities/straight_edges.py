@@ -25,24 +25,24 @@ _MAY_BE = "an entity must be the id of a rim or arc, an edge id or two finite en
 
 @dataclass(frozen=True)
 class Entity:
-    """A named edge, chain of collinear edges, rim or arc, to be measured.
+    """A named edge, chain of collinear edges, rim or arc to measure.
 
     Attributes
     ----------
     name : str
         Name of the entity.
     endpoints : ndarray, shape (2, 3), read-only
-        Its two ends in mm; of a rim, which has none, two opposite vertices of it.
+        Its two ends in mm. For a rim, which has none, two opposite vertices.
     edge_ids : tuple of int
-        Ids of its edges in the solid, ordered from ``endpoints[0]`` to ``endpoints[1]``; of a rim or arc all its
-        chords, counter-clockwise about the circle's axis.
+        Ids of its edges in the solid, ordered from ``endpoints[0]`` to ``endpoints[1]``. For a rim
+        or arc, all its chords, counter-clockwise about the circle's axis.
     kind : str
         ``"edge"`` (also for a chain), ``"rim"`` or ``"arc"``.
     circle : Circle or None
         The circle of a rim or arc.
     points : ndarray, shape (m, 3), read-only
-        The ends of a rim's or arc's chords in order, in mm; of an edge its two ends. A rim's first one does not come
-        again at the end.
+        The ends of the chords of a rim or arc in order, in mm, or the two ends of an edge. A rim
+        does not repeat its first point.
     """
 
     name: str
@@ -60,12 +60,12 @@ class Entity:
 
     @property
     def outline(self) -> np.ndarray:
-        """The polyline of its edges in mm, shape (k, 3); that of a rim ends where it starts."""
+        """The polyline of its edges in mm, shape (k, 3). For a rim it ends where it starts."""
         return np.vstack([self.points, self.points[:1]]) if self.kind == "rim" else self.points
 
     @property
     def length_mm(self) -> float:
-        """Distance of the end points in mm; of an arc that is its chord, of a rim about its diameter."""
+        """Distance of the end points in mm: the chord of an arc, about the diameter of a rim."""
         return float(np.linalg.norm(self.endpoints[1] - self.endpoints[0]))
 
 
@@ -75,20 +75,22 @@ def resolve_entities(
     tolerance_mm: float | None = None,
     min_dihedral_deg: float = 5.0,
 ) -> dict[str, Entity]:
-    """Find the edges, rims and arcs that names, ids or end points stand for.
+    """Find the edges, rims and arcs for names, ids or end points.
 
     Parameters
     ----------
     solid : Solid
         The part.
     mapping : mapping or iterable
-        ``{name: edge id}``, ``{name: "r3"}`` with the id of a rim or arc, or ``{name: (p, q)}`` with end points in mm,
-        which may span a chain of collinear edges; an `Edge`, `Rim`, `Arc` or `Entity` of this solid may stand for an
-        id. Items without names, ids or such objects, are named ``"e<id>"``, ``"r<n>"`` and ``"a<n>"``.
+        ``{name: edge id}``, ``{name: "r3"}`` with the id of a rim or arc, or ``{name: (p, q)}``
+        with end points in mm. End points may span a chain of collinear edges. An `Edge`, `Rim`,
+        `Arc` or `Entity` of this solid can replace an id. Items without names are named
+        ``"e<id>"``, ``"r<n>"`` and ``"a<n>"``.
     tolerance_mm : float, optional
-        Largest distance of a given end point from the vertex it stands for. Default: 10⁻⁴ of the bounding box diagonal.
+        Largest distance of a given end point from its vertex. Default: 10⁻⁴ of the bounding box
+        diagonal.
     min_dihedral_deg : float
-        Smallest turn of the normal across an edge for it to be seen as one.
+        Smallest turn of the normal across an edge that is visible as an edge, in degrees.
 
     Returns
     -------
@@ -98,7 +100,8 @@ def resolve_entities(
     Raises
     ------
     EntityError
-        There is no such edge, rim or arc, or it is an edge of a curve, smooth, without length or named twice.
+        There is no such edge, rim or arc. Or the edge belongs to a curve, is smooth, has no length
+        or is named twice.
 
     Examples
     --------

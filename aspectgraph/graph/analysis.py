@@ -15,20 +15,22 @@ from aspectgraph.graph.aspect_graph import EntityAspectGraph
 
 @dataclass(frozen=True)
 class ListOfEntities:
-    """The domains that have one list of observable entities.
+    """All domains with the same list of observable entities.
 
     Attributes
     ----------
     observable : tuple of str
         The list.
     volume : float
-        Of these domains together, mm³, inside the workspace.
+        Total volume of these domains inside the workspace, mm³.
     share : float
-        Of the volume of all domains: the probability that a viewpoint drawn at random has this list.
+        Share of the volume of all domains. It is the probability that a random viewpoint has this
+        list.
     domains : tuple of int
         Their numbers, largest first.
     clearance : float
-        Radius of the largest ball that was found in one of their cells, mm: so far a camera may be displaced.
+        Radius of the largest ball found in one of their cells, mm. A camera at its centre may move
+        by this distance.
     """
 
     observable: tuple[str, ...]
@@ -45,9 +47,9 @@ class Crossing:
     Attributes
     ----------
     domain : int
-        The domain that is entered.
+        The domain that the step enters.
     appear, vanish : tuple of str
-        Entities that become observable, and that cease to be.
+        Entities that become observable, and those that cease to be.
     """
 
     domain: int
@@ -94,19 +96,20 @@ def stability(eag: EntityAspectGraph | nx.Graph) -> list[ListOfEntities]:
 
 
 def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> list[int]:
-    """Return the domains from which most entities are observable; of equal ones, those with more room first.
+    """Return the domains from which most entities are observable, in this order.
 
     Parameters
     ----------
     eag : EntityAspectGraph or networkx.Graph
         From `build_aspect_graph` or `read_graphml`.
     n : int, optional
-        How many at most. Default: all.
+        Largest number of domains. Default: all.
 
     Returns
     -------
     list of int
-        Numbers of nodes. Room is the attribute ``clearance``, then ``volume``.
+        Numbers of nodes. Among equals, those with larger ``clearance``, then ``volume``, come
+        first.
 
     Raises
     ------
@@ -136,9 +139,9 @@ def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> 
 
 
 def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> list[Crossing]:
-    """Return a way between two domains that crosses as few partition surfaces as possible.
+    """Return a path between two domains that crosses the fewest partition surfaces.
 
-    Of several such ways it is one whose viewpoints are the least distance apart in all.
+    Of several such paths, it is one with the smallest total distance between viewpoints.
 
     Parameters
     ----------
@@ -156,7 +159,7 @@ def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> lis
     Raises
     ------
     EntityError
-        If there is no such domain, or no way between the two.
+        If there is no such domain, or no path between the two.
 
     Examples
     --------

@@ -37,9 +37,11 @@ _ROOM_PER_CELL = 16
 
 
 class EntityAspectGraph:
-    """EAG(E, V, O, A) of a solid: entities E, viewing domains V, observable lists O, adjacencies A.
+    """The entity-based aspect graph EAG(E, V, O, A) of a solid.
 
-    Made by `build_aspect_graph`.
+    E are the entities, V viewing domains, O observable lists, and A adjacencies.
+
+    `build_aspect_graph` makes it.
 
     Parameters
     ----------
@@ -51,11 +53,13 @@ class EntityAspectGraph:
     Attributes
     ----------
     graph : networkx.Graph
-        Nodes 0, 1, … are viewing domains, longest lists first, with attributes ``observable`` (tuple of names),
-        ``volume`` (mm³, inside the workspace), ``unbounded`` (reaches the workspace's boundary), ``viewpoint`` and
-        ``clearance`` (centre and radius in mm of the largest ball in one of its cells, of those as wide as the least
-        width where they are), ``bbox_min``, ``bbox_max``, ``n_cells``, ``confirmed``, ``n_rays``, ``n_arbitrated``.
-        Edges carry ``area`` (mm²) and ``surfaces`` (tuple of `PartitionSurface`).
+        Nodes 0, 1, … are viewing domains, those with the longest lists first. ``observable`` is a
+        tuple of names. ``volume`` is that inside the workspace, in mm³. ``unbounded`` is true if
+        the domain reaches the workspace's boundary. ``viewpoint`` and ``clearance`` are centre and
+        radius, in mm, of the largest ball in one of its cells. Cells at least as wide as the least
+        width are preferred. Further attributes are ``bbox_min``, ``bbox_max``, ``n_cells``,
+        ``confirmed``, ``n_rays`` and ``n_arbitrated``. Edges have ``area`` (mm²) and ``surfaces``
+        (tuple of `PartitionSurface`).
     regions : VisibilityRegions
         The regions of the entities, which answer `observable` and `covering_cells`.
     """
@@ -102,7 +106,7 @@ class EntityAspectGraph:
         points : array_like, shape (n, 3)
             Viewpoints in mm, inside the workspace.
         names : sequence of str, optional
-            Entities asked for. Default: all.
+            The entities. Default: all.
 
         Returns
         -------
@@ -129,7 +133,7 @@ class EntityAspectGraph:
         Returns
         -------
         CellSet
-            Empty if they are observable together from nowhere.
+            Empty if no viewpoint observes them all.
 
         Raises
         ------
@@ -139,7 +143,7 @@ class EntityAspectGraph:
         return self.regions.covering_cells(names)
 
     def domain_of(self, points: ArrayLike) -> np.ndarray:
-        """Node of each viewpoint.
+        """Return the node of each viewpoint.
 
         Parameters
         ----------
@@ -159,12 +163,12 @@ class EntityAspectGraph:
         return result
 
     def covering(self, names: Sequence[str]) -> list[int]:
-        """Nodes whose list contains all the names.
+        """Return the nodes whose list contains all names.
 
         Parameters
         ----------
         names : sequence of str
-            Names of entities; of none, every node contains all.
+            Names of entities. Without names, the result is all nodes.
 
         Returns
         -------
@@ -184,7 +188,7 @@ class EntityAspectGraph:
         ]
 
     def cells(self, node: int) -> CellSet:
-        """Convex cells of one viewing domain.
+        """Return the convex cells of one viewing domain.
 
         Parameters
         ----------
@@ -201,7 +205,7 @@ class EntityAspectGraph:
     def sample(
         self, names: Sequence[str], n: int, rng: int | np.random.Generator = 0
     ) -> np.ndarray:
-        """Draw viewpoints uniformly from all domains that cover the names.
+        """Draw viewpoints uniformly from all domains whose list contains the names.
 
         Parameters
         ----------
@@ -259,33 +263,36 @@ def build_aspect_graph(
     solid : Solid
         The part.
     entities : mapping of str to edge id, id of a rim or arc, or pair of points
-        What shall be dimensioned; see `resolve_entities`.
+        The entities to measure; see `resolve_entities`.
     workspace : array_like, shape (2, 3), optional
-        Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
+        Corners of the viewpoint space in mm. Default: the part's box,
+        extended by ten diagonals in all directions.
     executor : concurrent.futures.Executor, optional
         Computes the entities' regions in parallel.
     progress : callable, optional
         ``progress(done, total, label)`` after each of the entities; the label is the name of the entity, and then
         "joint graph" while their regions are joined.
     min_width_mm : float, optional
-        Thinner domains are slivers, and contacts must be wider by half (see `domains`); away from the part in
-        proportion to the distance, because snapping turns planes. Default: 10⁻⁴ of the largest distance between two
-        vertices; 0 where snapping displaced nothing.
+        Thinner domains are slivers, and contacts must be wider by half (see `domains`). Away from
+        the part the limit grows in proportion to the distance, because snapping turns planes.
+        Default: 10⁻⁴ of the largest distance between two vertices, or 0 if snapping moved nothing.
     memory_limit_bytes : float, optional
-        About how much memory joining the regions may take. Default: what the machine has left.
+        Approximate limit of the memory for joining the regions, bytes. Default: the free memory.
 
     Returns
     -------
     EntityAspectGraph
-        Guarantee: every viewpoint outside the solid and off the partition surfaces lies in exactly one domain, whose
-        list names exactly the entities with free sight triangles (a rim: of all its chords), save in merged slivers.
+        Guarantee: every viewpoint outside the solid and off the partition surfaces lies in exactly
+        one domain. Its list names exactly the entities with free sight triangles (a rim: of all its
+        chords). Merged slivers are the exception.
 
     Raises
     ------
     EntityError, WorkspaceError, WidthError
         For bad input.
     MemoryLimitError
-        If the graph takes more memory than it may; a smaller workspace does not help, fewer entities do.
+        If the graph needs more memory than the limit. Use fewer entities; a smaller workspace does
+        not help.
     ContradictionError
         If ray casting and exact arbitration refute a domain's list.
 

@@ -48,15 +48,16 @@ def complete_aspect_graph(
 ) -> nx.Graph:
     """Build the complete aspect graph of a small solid.
 
-    The number of planes grows with the square of the number of edges and that of cells with its sixth power: an L-block
-    has 29 planes and 1,493 cells.
+    The number of planes grows with the square of the number of edges, and that of cells with its
+    sixth power. An L-block has 29 planes and 1,493 cells.
 
     Parameters
     ----------
     solid : Solid
         The part.
     workspace : array_like, shape (2, 3), optional
-        Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
+        Corners of the viewpoint space in mm. Default: the part's box,
+        extended by ten diagonals in all directions.
     progress : callable, optional
         ``progress(done, total, label)`` after each of the cells of the arrangement; the label is "cells".
 

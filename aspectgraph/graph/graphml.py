@@ -72,12 +72,13 @@ class Codec(NamedTuple):
 def write_graphml(graph: EntityAspectGraph | nx.Graph, path: str | os.PathLike[str]) -> None:
     """Write an aspect graph as GraphML.
 
-    The file appears at once and whole: it is written beside its place and moved there.
+    The file appears whole or not at all.
 
     Parameters
     ----------
     graph : EntityAspectGraph or networkx.Graph
-        Anything with a ``graph`` attribute that is a `networkx.Graph`, or that graph itself; it is not changed.
+        An object with a `networkx.Graph` as its ``graph`` attribute, or that graph. It is not
+        changed.
     path : str or os.PathLike
         An existing file is replaced.
 

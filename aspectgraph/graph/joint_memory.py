@@ -53,14 +53,14 @@ _GIB = 2**30
 
 
 class JointEstimate(NamedTuple):
-    """About what a joint graph costs.
+    """Estimated memory and time of a joint graph.
 
     Attributes
     ----------
     memory_bytes : float
-        Most memory it takes, beside what the process holds already.
+        Largest memory of the graph, in addition to that of the process, bytes.
     seconds : float
-        Rough: a busy machine took four to five times as long.
+        Approximate time in seconds. A busy machine took four to five times as long.
     """
 
     memory_bytes: float
@@ -73,7 +73,7 @@ def estimate_joint_graph(regions: Sequence[Region]) -> JointEstimate:
 
 
 def estimate_graph(regions: VisibilityRegions, names: Sequence[str] | None = None) -> JointEstimate:
-    """Return about what `graph_of` costs, before it is called.
+    """Estimate memory and time of `graph_of`, before you call it.
 
     Parameters
     ----------
@@ -85,7 +85,8 @@ def estimate_graph(regions: VisibilityRegions, names: Sequence[str] | None = Non
     Returns
     -------
     JointEstimate
-        ``memory_bytes`` and ``seconds``; either may be three times as much or as little, on a busy machine more.
+        ``memory_bytes`` and ``seconds``. The real values may differ by a factor of three, more on a
+        busy machine.
 
     Examples
     --------
@@ -105,9 +106,9 @@ def _cost(cells: float) -> JointEstimate:
 
 
 class JointForecast:
-    """Ends the computation of regions as soon as it is certain that their joint graph does not fit.
+    """Ends the computation of regions once their joint graph certainly exceeds the memory.
 
-    It is given to `compute_regions` as what keeps regions; it keeps none.
+    Pass it to `compute_regions` as ``kept``. It stores no regions.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ class JointForecast:
         self._cells = 0
 
     def begin(self, solid: Solid, box_mm: np.ndarray, entities: Mapping[str, Entity]) -> None:
-        """Take in how many there will be.
+        """Start with the number of entities.
 
         Parameters
         ----------
@@ -154,7 +155,7 @@ class JointForecast:
         self._cells = 0
 
     def get(self, name: str) -> None:
-        """Say that nothing is kept.
+        """Return None, because it stores no regions.
 
         Parameters
         ----------

@@ -23,15 +23,16 @@ class PartitionSurface:
     Attributes
     ----------
     type : str
-        ``"A"``: the plane of a face next to the entity. ``"B"``: a plane through the entity and a vertex, or through an
-        end of the entity and another edge. ``"L"``, of lamps: a plane through the entity on which its contrast is the
-        one asked for.
+        ``"A"``: the plane of a face next to the entity. ``"B"``: a plane through the entity and a
+        vertex, or through an end of the entity and another edge. ``"L"``, for lamps: a plane
+        through the entity on which its contrast is the required one.
     entity : str
         Name of the entity.
     vertices, edges, faces : tuple of int
-        What spans the plane, by numbers of the solid: a face (type A; type B if the plane is also that of a face), an
-        edge and an end of the entity, a vertex and the entity's edges, or these edges and the brighter face (type L).
-        For a rim or arc, the face is next to one of its chords, the end and the edge are those of one.
+        Elements of the solid that span the plane, by number. They are a face (type A, or type B if
+        the plane is also that of a face), an edge and an end of the entity, or a vertex and the
+        entity's edges. For type L, they are these edges and the brighter face. For a rim or arc,
+        the face is next to one of its chords, and end and edge are those of a chord.
     plane : tuple of float
         (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm; `Cell.half_spaces` have the opposite d.
     """

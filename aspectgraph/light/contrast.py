@@ -29,24 +29,26 @@ NONE: Mapping[int, int] = MappingProxyType({})
 
 
 def contrast(solid: Solid, edge: int | Entity, lamps: ArrayLike) -> np.ndarray:
-    """Return the contrast of an edge under lamps: (I₁ − I₂) / (I₁ + I₂), shadows of other faces left aside.
+    """Return the contrast (I₁ − I₂) / (I₁ + I₂) of an edge under lamps, without shadows.
 
-    Both faces are matt, of one albedo, and lit by the lamp alone. Whether the lamp lights the whole edge is another
-    question: `LightRegions.showing` answers both.
+    Both faces are matt, of one albedo, and lit by the lamp alone. `LightRegions.showing` also
+    checks whether the lamp lights the whole edge.
 
     Parameters
     ----------
     solid : Solid
         The part.
     edge : int or Entity
-        Edge id, or an entity; of several edges in a chain, rim or arc the value nearest to 0.
+        Edge id, or an entity. For the edges of a chain, rim or arc, the result is the value nearest
+        to 0.
     lamps : array_like, shape (n, 3)
-        Places of the lamps in mm.
+        Positions of the lamps in mm.
 
     Returns
     -------
     ndarray of float64, shape (n,)
-        In [-1, 1], positive where ``faces[0]`` of the edge is the brighter one; 0 where both faces are dark.
+        In [-1, 1]. It is positive where ``faces[0]`` of the edge is brighter, and 0 where both
+        faces are dark.
 
     Raises
     ------

@@ -16,10 +16,11 @@ from aspectgraph.visibility.visibility_regions import Progress
 
 
 class LightGraph(EntityAspectGraph):
-    """The aspect graph of lamp positions; made by `build_light_graph`.
+    """The aspect graph of lamp positions. `build_light_graph` makes it.
 
-    All methods of `EntityAspectGraph` answer for lamps: `domain_of` places, `covering`, `cells` and `sample` those that
-    make all the names show.
+    All methods of `EntityAspectGraph` apply to lamps instead of cameras. `domain_of` takes lamp
+    positions. `covering`, `cells` and `sample` return domains, cells and positions that light all
+    names.
 
     Parameters
     ----------
@@ -31,8 +32,9 @@ class LightGraph(EntityAspectGraph):
     Attributes
     ----------
     graph : networkx.Graph
-        As of `EntityAspectGraph`, but that nodes list what shows, ``showing``, and not what is ``observable``; the
-        graph has the attribute ``contrast``, and surfaces may be of type ``"L"``.
+        As in `EntityAspectGraph`, except that nodes list lit entities in ``showing`` instead of
+        ``observable``. The graph has the attribute ``contrast``, and surfaces may be of type
+        ``"L"``.
     regions : LightRegions
         The regions of the entities.
     """
@@ -50,14 +52,14 @@ class LightGraph(EntityAspectGraph):
         return self.regions.contrast
 
     def showing(self, lamps: ArrayLike, names: Sequence[str] | None = None) -> np.ndarray:
-        """Whether entities show under lamps, each alone; see `LightRegions.showing`.
+        """Whether lamps, each alone, light entities with contrast; see `LightRegions.showing`.
 
         Parameters
         ----------
         lamps : array_like, shape (n, 3)
-            Places of the lamps in mm, inside the workspace.
+            Positions of the lamps in mm, inside the workspace.
         names : sequence of str, optional
-            Entities asked for. Default: all.
+            The entities. Default: all.
 
         Returns
         -------
@@ -90,11 +92,12 @@ def build_light_graph(
     solid : Solid
         The part: matt, of one albedo.
     entities : mapping of str to edge id, id of a rim or arc, or pair of points
-        What shall show; see `resolve_entities`.
+        The entities to light; see `resolve_entities`.
     contrast : float
-        Least contrast (`contrast`, whatever its sign) between the two faces of an edge, strictly between 0 and 1.
+        Least contrast (absolute value of `contrast`) between the two faces of an edge, strictly between 0 and 1.
     workspace : array_like, shape (2, 3), optional
-        Corners of the space of lamps in mm. Default: the part's box with ten diagonals of room.
+        Corners of the space of lamps in mm. Default: the part's box,
+        extended by ten diagonals in all directions.
     executor : concurrent.futures.Executor, optional
         Computes the entities' regions in parallel.
     min_width_mm : float, optional
@@ -103,8 +106,8 @@ def build_light_graph(
     Returns
     -------
     LightGraph
-        Every lamp position outside the solid and off the partition surfaces lies in exactly one domain, whose list
-        names exactly the entities that show, save in merged slivers.
+        Every lamp position outside the solid and off the partition surfaces lies in exactly one
+        domain. Its list names exactly the lit entities. Merged slivers are the exception.
 
     Raises
     ------
@@ -152,7 +155,7 @@ def light_graph_of(
     Returns
     -------
     LightGraph
-        With the promise of `build_light_graph`.
+        With the guarantee of `build_light_graph`.
 
     Raises
     ------

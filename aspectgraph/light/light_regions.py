@@ -35,10 +35,11 @@ DEFAULT_CONTRAST = 0.1
 
 
 class LightRegions(VisibilityRegions):
-    """From where a lamp makes each entity show, exactly: lit as a whole, with at least the contrast asked for.
+    """The exact regions of lamp positions that light each entity as a whole with contrast.
 
-    Made by `compute_light`. Every answer of `VisibilityRegions` holds with the lamp for the viewpoint and *shows* for
-    *is observable*.
+    `compute_light` makes it. Its methods are those of `VisibilityRegions`, with lamps instead of
+    viewpoints and *is lit* instead of *is observable*. A lit entity has at least the least
+    contrast.
 
     Parameters
     ----------
@@ -64,9 +65,9 @@ class LightRegions(VisibilityRegions):
     contrast : float
         Least contrast.
     silhouettes : dict of str to mapping
-        Per entity, the edges of it that are seen as silhouettes, and the face that is seen.
+        Per entity, its edges that the camera sees as silhouettes, and the visible face of each.
     listed_as : str
-        What a graph calls the list of a domain.
+        Name of a graph's attribute for the list of a domain.
     """
 
     listed_as: ClassVar[str] = "showing"
@@ -91,14 +92,14 @@ class LightRegions(VisibilityRegions):
         return f"<LightRegions of {self.solid.name!r}: {len(self.entities)} entities, contrast {self.contrast:g}>"
 
     def showing(self, lamps: ArrayLike, names: Sequence[str] | None = None) -> np.ndarray:
-        """Whether entities show under lamps, each alone.
+        """Whether lamps, each alone, light entities as a whole with the least contrast.
 
         Parameters
         ----------
         lamps : array_like, shape (n, 3)
-            Places of the lamps in mm, inside the workspace; rounded as viewpoints are.
+            Positions of the lamps in mm, inside the workspace. They are rounded as viewpoints are.
         names : sequence of str, optional
-            Entities asked for. Default: all.
+            The entities. Default: all.
 
         Returns
         -------
@@ -115,19 +116,21 @@ class LightRegions(VisibilityRegions):
         return self.observable(lamps, names)
 
     def contrasts(self, lamps: ArrayLike, names: Sequence[str] | None = None) -> np.ndarray:
-        """Contrast of entities under lamps, each alone; 0 where a part of the entity is in shadow or dark.
+        """Contrast of entities under lamps, each alone.
+
+        It is 0 if a piece of the entity is in shadow or dark.
 
         Parameters
         ----------
         lamps : array_like, shape (n, 3)
-            Places of the lamps in mm, inside the workspace.
+            Positions of the lamps in mm, inside the workspace.
         names : sequence of str, optional
-            Entities asked for. Default: all.
+            The entities. Default: all.
 
         Returns
         -------
         ndarray of float64, shape (n, k)
-            In [-1, 1]; see `contrast`. Values below the least contrast are 0 too.
+            In [-1, 1]; see `contrast`. Values below the least contrast are also 0.
 
         Raises
         ------
@@ -172,34 +175,37 @@ def compute_light(
     silhouettes: Mapping[str, Mapping[int, int]] | None = None,
     deadline: float = math.inf,
 ) -> LightRegions:
-    """Compute from where a lamp makes each entity show.
+    """Compute the lamp positions that light each entity with contrast.
 
-    The part is matt and of one albedo, lamps are points, and no face lights another.
+    The model assumes a matt part of one albedo, point lamps, and no light between faces.
 
     Parameters
     ----------
     solid : Solid
         The part.
     entities : mapping of str to edge id, id of a rim or arc, or pair of points, or sequence of ids
-        See `resolve_entities`; resolved entities are taken as they are.
+        See `resolve_entities`. Resolved entities are used without change.
     contrast : float
-        Least contrast (`contrast`, whatever its sign) between the two faces of an edge, strictly between 0 and 1.
+        Least contrast (absolute value of `contrast`) between the two faces of an edge, strictly between 0 and 1.
     workspace : array_like, shape (2, 3), optional
-        Corners of the space of lamps in mm. Default: the part's box with ten diagonals of room.
+        Corners of the space of lamps in mm. Default: the part's box,
+        extended by ten diagonals in all directions.
     executor : concurrent.futures.Executor, optional
-        Computes entities in parallel; the result does not depend on it.
+        Computes entities in parallel. The result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
     silhouettes : mapping of str to mapping of int to int, optional
-        Per entity, ids of its edges that a camera sees as silhouettes, and the face it sees (`silhouettes_from`): those
-        show where that face is lit, against a dark ground. Default: all edges are creases.
+        Per entity, ids of its edges that a camera sees as silhouettes, and the face it sees
+        (`silhouettes_from`). A silhouette is visible against a dark background where that face is
+        lit. Default: all edges are creases.
     deadline : float
         Time, as `time.time` gives it, at which the computation ends. Default: never.
 
     Returns
     -------
     LightRegions
-        In the order of the entities; those whose region is not complete by the deadline are missing.
+        In the order of the entities. Entities whose region is not complete by the deadline are
+        missing.
 
     Raises
     ------
@@ -238,7 +244,7 @@ def compute_light(
 def light_region(
     solid: Solid, edge: Any, contrast: float = DEFAULT_CONTRAST, workspace: ArrayLike | None = None
 ) -> CellSet:
-    """Return all lamp positions that make one edge show, as convex cells.
+    """Return all lamp positions that light one edge with contrast, as convex cells.
 
     Parameters
     ----------
@@ -249,7 +255,8 @@ def light_region(
     contrast : float
         Least contrast, strictly between 0 and 1; see `compute_light`.
     workspace : array_like, shape (2, 3), optional
-        Corners of the space of lamps in mm. Default: the part's box with ten diagonals of room.
+        Corners of the space of lamps in mm. Default: the part's box,
+        extended by ten diagonals in all directions.
 
     Returns
     -------

@@ -42,7 +42,9 @@ def write_edge_picture(
     edge_ids: Iterable[int] | None = None,
     curve_ids: Iterable[str] | None = None,
 ) -> Path:
-    """Draw a part with the ids of its edges, rims and arcs; the file appears whole or not at all.
+    """Draw a part with the ids of its edges, rims and arcs, to a file.
+
+    The file appears whole or not at all.
 
     Parameters
     ----------
@@ -64,7 +66,7 @@ def write_edge_picture(
     Raises
     ------
     PictureError
-        The path ends otherwise.
+        The path has another ending.
     EntityError
         There is no such edge, rim or arc.
     MissingExtraError
@@ -100,7 +102,9 @@ def write_edge_picture(
 def edge_figure(
     solid: Solid, edge_ids: Iterable[int] | None = None, curve_ids: Iterable[str] | None = None
 ) -> Figure:
-    """Return an interactive 3-D picture; pointing at an edge shows its id, length, angle and ends.
+    """Return an interactive 3-D picture of a part with the ids of its edges.
+
+    Pointing at an edge shows its id, length, angle and ends.
 
     Pointing at a rim or arc shows its id, diameter or radius, centre and axis.
 

@@ -31,20 +31,20 @@ _MANY = 30
 
 @dataclass(frozen=True, repr=False)
 class GraphDrawing:
-    """What `plot_graph` has drawn.
+    """The drawing that `plot_graph` made.
 
     Attributes
     ----------
     ax : Axes
-        Where it was drawn.
+        The axes of the drawing.
     nodes : PathCollection
         Circles, in node order.
     edges : LineCollection
         Lines, in edge order.
     labels : dict of node to Text
-        Texts below, above or beside the circles; a node without text is missing.
+        Texts next to the circles. A node without text is missing.
     positions : dict of node to ndarray, shape (2,)
-        In data coordinates.
+        Position of each node in data coordinates.
     """
 
     ax: Axes
@@ -70,9 +70,9 @@ def plot_graph(
 ) -> GraphDrawing:
     """Draw an aspect graph.
 
-    A circle grows with the logarithm of its domain's volume; its outline is dashed where the domain reaches the
-    boundary of the workspace. A line grows with the logarithm of the shared area; it is dashed where all surfaces
-    there are of type B. Domains with the longest lists are at the top.
+    A circle grows with the logarithm of its domain's volume. Its outline is dashed if the domain
+    reaches the boundary of the workspace. A line grows with the logarithm of the shared area. It is
+    dashed if all surfaces there are of type B. Domains with the longest lists are at the top.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def plot_graph(
     Returns
     -------
     GraphDrawing
-        What was drawn, to change colours or texts afterwards.
+        The drawing, so that you can change colours or texts.
 
     Raises
     ------

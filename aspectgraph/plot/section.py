@@ -34,12 +34,12 @@ _FONT_POINTS = (9.5, 8.0, 6.5)
 
 @dataclass(frozen=True, repr=False)
 class SectionDrawing:
-    """What `plot_section` has drawn.
+    """The drawing that `plot_section` made.
 
     Attributes
     ----------
     ax : Axes
-        Where it was drawn.
+        The axes of the drawing.
     domains : dict of node to shapely geometry
         Cross-section of each domain inside the window, in mm; nodes outside it are missing.
     solid : shapely geometry
@@ -79,17 +79,18 @@ def plot_section(
     at : float, optional
         Its value in mm; the section is taken just above it. Default: the middle of the part.
     box : array_like, shape (2, 3), optional
-        Lowest and highest corner of what is shown, in mm. Default: the part and as much air around it again.
+        Lowest and highest corner of the drawing, in mm. Default: the part with a margin as large as
+        the part.
 
     Returns
     -------
     SectionDrawing
-        What was drawn, and its geometry in mm.
+        The drawing, and its geometry in mm.
 
     Raises
     ------
     ValueError
-        The axis is none of those.
+        The axis is not one of these.
     WorkspaceError
         The section misses the workspace.
     MissingExtraError

@@ -37,7 +37,7 @@ _MARGIN = 0.4
 
 
 def plot_solid(part: Any, entities: Mapping[str, Entity] | None = None) -> Figure:
-    """Draw a part with its named entities; pointing at one shows its length and ends.
+    """Draw a part with its named entities. Pointing at one shows its length and ends.
 
     Parameters
     ----------
@@ -76,11 +76,12 @@ def plot_domains(
     box: ArrayLike | None = None,
     opacity: float = 0.22,
 ) -> Figure:
-    """Draw viewing domains around a part, cut down to a box.
+    """Draw viewing domains around a part, clipped to a box.
 
-    Each domain shows its surface, without the walls between its cells, and one viewpoint with its sight lines to the
-    ends of what it observes: the graph's viewpoint where that is in the box, else the deepest one in the box. A click
-    on a name in the legend shows or hides a domain.
+    Each domain shows its surface, without the walls between its cells. It also shows one viewpoint
+    with its sight lines to the ends of the observable entities. This is the graph's viewpoint if
+    that is in the box, otherwise the deepest one in the box. A click on a name in the legend shows
+    or hides a domain.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def plot_domains(
     nodes : iterable of int, optional
         The domains. Default: all in the legend, those with the longest lists shown.
     box : array_like, shape (2, 3), optional
-        Lowest and highest corner of what is shown, in mm. Default: the part with some air around it.
+        Lowest and highest corner of the drawing, in mm. Default: the part with a margin around it.
     opacity : float
         Of the domains, in (0, 1].
 

@@ -11,22 +11,22 @@ from aspectgraph.exceptions import ReadError
 
 @dataclass(frozen=True)
 class ReadLimits:
-    """Limits on the reading of one part file.
+    """Limits of time, memory and size for reading one part file.
 
-    The defaults are far above what real parts need: the largest of the NIST test parts (2 MB, 635 faces) takes 3 s and
-    80 MB in the STEP kernel; an STL file of a million facets has 50 MB.
+    The defaults are far above the needs of real parts. The largest NIST test part (2 MB, 635 faces)
+    takes 3 s and 80 MB in the STEP kernel. An STL file of a million facets has 50 MB.
 
     Attributes
     ----------
     time_s : float
-        Wall-clock time the STEP kernel may take, in seconds.
+        Largest wall-clock time of the STEP kernel, in seconds.
     memory_mb : float
-        Memory the STEP kernel may take for the file, in MB (10⁶ bytes); where the operating system cannot limit it, the
-        time limit alone holds.
+        Largest memory of the STEP kernel for the file, in MB (10⁶ bytes). If the operating system
+        cannot limit it, only the time limit applies.
     file_mb : float
-        Size of the file in MB, unpacked.
+        Largest size of the uncompressed file, in MB.
     triangles : int
-        Triangles of a mesh file, each use of a shared mesh counted.
+        Largest number of triangles of a mesh file, counting each use of a shared mesh.
 
     Raises
     ------

@@ -38,29 +38,29 @@ def read_solid(
     Parameters
     ----------
     path : str or Path
-        A .step, .stp, .stl, .obj, .ply, .off or .glb file; any of them may be compressed as .gz.
+        A .step, .stp, .stl, .obj, .ply, .off or .glb file. Each may be compressed as .gz.
     units : {"mm", "cm", "m", "um", "inch", "ft"}, optional
-        Unit of a mesh file's coordinates: default "mm", and "m" for .glb, whose standard says so. STEP files carry
-        their own unit.
+        Unit of a mesh file's coordinates. Default: "mm", and "m" for .glb by its standard. STEP
+        files state their own unit.
     chord_tolerance_mm, angular_tolerance_deg : float, optional
-        How closely curved faces of STEP files are followed; see `read_step`. Default: a thousandth of the bounding box
-        diagonal, and 30 degrees.
+        Largest deviation of facets from the curved faces of STEP files; see `read_step`. Default: a
+        thousandth of the bounding box diagonal, and 30 degrees.
     planarity_mm : float, optional
         Triangles this close to one plane become one face; see `assemble`.
     gap_mm : float, optional
-        How far apart the vertices, edges and faces of a STEP file that should meet may lie. Default: the uncertainty
-        the file states, or what is too small to change the shape; see `step_fit`.
+        Largest gap between vertices, edges and faces of a STEP file that should meet. Default: the
+        uncertainty that the file states, or a gap too small to change the shape; see `step_fit`.
     solids : sequence of int or SolidChoice, optional
-        Which solids of a STEP file to read, counted from 0 in the order of the file, damaged ones included; a
-        `SolidChoice` tells also which only stand in the way. Solids that touch become one body. Default: all, and all
-        of them must be whole.
+        Which solids of a STEP file to read, counted from 0 in the order of the file, including
+        damaged ones. A `SolidChoice` also names solids that only occlude others. Solids that touch
+        become one solid. Default: all, and all must be intact.
     limits : ReadLimits, optional
-        What reading the file may cost. Default: ``ReadLimits()``.
+        Limits of time, memory and size for the reading. Default: ``ReadLimits()``.
 
     Returns
     -------
     Solid
-        Its ``notes`` say what was chosen or repaired.
+        The solid. Its ``notes`` list choices and repairs.
 
     Raises
     ------

@@ -10,19 +10,21 @@ from aspectgraph.exceptions import ReadError
 
 @dataclass(frozen=True)
 class SolidChoice:
-    """Solids of a STEP file to measure, and others that hide them.
+    """A choice of solids of a STEP file: those to measure, and those that occlude them.
 
     Attributes
     ----------
     measured : sequence of int, optional
-        Solids whose edges can be entities, counted from 0 in the order of the file. Default: all that are no occluders.
+        Solids whose edges can be entities, counted from 0 in the order of the file. Default: all
+        that are not occluders.
     occluders : "all" or sequence of int
-        Solids that stand in the way; their edges are no entities. ``"all"``: all but the measured ones.
+        Solids that only occlude. Their edges are not entities. ``"all"``: all except the measured
+        ones.
 
     Raises
     ------
     ReadError
-        A solid is both, or there is nothing left to choose.
+        A solid is both, or no solid remains.
 
     Examples
     --------
@@ -55,7 +57,7 @@ class SolidChoice:
             )
 
     def split(self, n: int) -> tuple[list[int], list[int]]:
-        """Return the measured solids and the occluders of a file; numbers are not checked.
+        """Return the measured solids and the occluders of a file, without checking numbers.
 
         Parameters
         ----------

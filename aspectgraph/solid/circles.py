@@ -42,7 +42,7 @@ class Circle(NamedTuple):
     radius_mm: float
 
     def distances_mm(self, points: FloatArray) -> FloatArray:
-        """Return how far points lie from the circle.
+        """Return the distances of points from the circle.
 
         Parameters
         ----------
@@ -60,7 +60,7 @@ class Circle(NamedTuple):
         return np.asarray(np.hypot(along, across - self.radius_mm), dtype=np.float64)
 
     def flipped(self) -> Circle:
-        """Turn the axis round.
+        """Return the circle with the opposite axis.
 
         Returns
         -------

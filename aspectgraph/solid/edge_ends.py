@@ -51,7 +51,7 @@ class _Surface(Protocol):
 
 @dataclass(frozen=True)
 class EdgeEnd:
-    """How a straight edge ends.
+    """One end of a straight edge: a corner or a tangent arc.
 
     Attributes
     ----------
@@ -60,9 +60,10 @@ class EdgeEnd:
     vertex : int
         The vertex where it ends.
     angle_deg : float
-        Largest angle between its line and another edge that shows there, 0 to 90 degrees; 0 if there is none.
+        Largest angle between its line and another visible edge there, 0 to 90 degrees. It is 0 if
+        there is none.
     arc : str or None
-        Of a tangent end, the rim or arc the edge runs on in; None if that is no circle.
+        For a tangent end, the rim or arc that continues the edge. None if it is not a circle.
     """
 
     kind: str

@@ -41,7 +41,7 @@ class Arc:
     centre : ndarray of float64, shape (3,), read-only
         Of the circle, in mm.
     axis : ndarray of float64, shape (3,), read-only
-        Unit normal of its plane, to where the faces along it face on the whole.
+        Unit normal of its plane, on the side that its faces mostly face.
     radius_mm : float
         In mm.
     edge_ids : tuple of int
@@ -55,10 +55,10 @@ class Arc:
     dihedral_deg : float
         Smallest turn of the normal across it, in degrees, without sign.
     fitted : bool
-        The circle was fitted to the chords; otherwise it is that of the CAD model.
+        Whether the circle was fitted to the chords. Otherwise it is that of the CAD model.
     start_rad, end_rad : float
-        Where the first chord starts and the last one ends, as angles about the axis from `reference`;
-        0 ≤ start_rad < 2π, start_rad < end_rad ≤ start_rad + 2π.
+        Angles about the axis from `reference` where the first chord starts and the last one ends, 0
+        ≤ start_rad < 2π, start_rad < end_rad ≤ start_rad + 2π.
     """
 
     id: str
@@ -87,7 +87,7 @@ class Arc:
 
     @property
     def reference(self) -> FloatArray:
-        """Where angles start: the coordinate axis most across the arc's axis, in its plane; shape (3,)."""
+        """Direction of angle 0 in the circle's plane, from a coordinate axis; shape (3,)."""
         return reference_direction(self.axis)
 
 
@@ -102,7 +102,7 @@ class Rim(Arc):
     centre : ndarray of float64, shape (3,), read-only
         Of the circle, in mm.
     axis : ndarray of float64, shape (3,), read-only
-        Unit normal of its plane, to where the faces along it face on the whole.
+        Unit normal of its plane, on the side that its faces mostly face.
     radius_mm : float
         In mm.
     edge_ids : tuple of int
@@ -116,9 +116,9 @@ class Rim(Arc):
     dihedral_deg : float
         Smallest turn of the normal across it, in degrees, without sign.
     fitted : bool
-        The circle was fitted to the chords; otherwise it is that of the CAD model.
+        Whether the circle was fitted to the chords. Otherwise it is that of the CAD model.
     start_rad, end_rad : float
-        Where the first chord starts, as an angle about the axis from `reference`, and 2π more.
+        Angle about the axis from `reference` where the first chord starts, and this angle plus 2π.
     """
 
 

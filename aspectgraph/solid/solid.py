@@ -56,26 +56,29 @@ _LONGEST = 40
 
 
 class Solid:
-    """A polyhedral solid.
+    """A polyhedral solid: the part to inspect.
 
     Parameters
     ----------
     vertices : array_like, shape (n, 3)
         Coordinates in mm.
     faces : iterable
-        Each a loop of vertex indices, ``(outer loop, [hole, ...])`` or a `Face`; counter-clockwise seen from outside.
+        Each is a loop of vertex indices, ``(outer loop, [hole, ...])`` or a `Face`,
+        counter-clockwise seen from outside.
     curved_edges : iterable of (int, int)
-        Vertex pairs of edges that stand for a curved or smooth edge of the part; never offered as entities.
+        Vertex pairs of edges that approximate a curved or smooth edge of the part. They are never
+        entities.
     name : str
         Name of the part.
     planarity_mm : float, optional
         Largest distance of a face's vertex from its plane. Default: 10⁻⁶ of the bounding box diagonal.
     notes : iterable of str
-        What a reader repaired or chose on the way here.
+        Notes on repairs and choices of the reader.
     circular_edges : iterable of CircularEdge, optional
-        The circular edges of the CAD model; see `rims`. Default: not known.
+        The circular edges of the CAD model; see `rims`. Default: unknown.
     surface_turns : mapping of (int, int) to float, optional
-        Vertex pairs of straight edges beside curved faces and ``Edge.surface_turn_deg`` of each, in degrees.
+        Vertex pairs of straight edges of curved faces, with the ``Edge.surface_turn_deg`` of each,
+        in degrees.
 
     Attributes
     ----------
@@ -96,16 +99,16 @@ class Solid:
     name : str
         Name of the part.
     notes : tuple of str
-        What a reader repaired or chose.
+        Repairs and choices of the reader.
     circular_edges : tuple of CircularEdge or None
-        The circular edges of the CAD model; None where they are not known, as in a mesh.
+        The circular edges of the CAD model. None if they are unknown, as in a mesh.
     file_solids : FileSolids or None
-        The solids of the STEP file that it was read from; None where it was not read from one.
+        The solids of its STEP file. None if it comes from another source.
 
     Raises
     ------
     SolidError
-        Or one of its kinds, if a rule in the module's description is broken.
+        If a rule in the module's description is broken. Subclasses name the rule.
 
     Examples
     --------
@@ -230,7 +233,7 @@ class Solid:
         Parameters
         ----------
         edge_id : int
-            Its id, that is its place in `edges`.
+            Its id, which is its index in `edges`.
 
         Returns
         -------
@@ -245,7 +248,7 @@ class Solid:
         Parameters
         ----------
         edge_id : int
-            Its id, that is its place in `edges`.
+            Its id, which is its index in `edges`.
 
         Returns
         -------
@@ -263,8 +266,8 @@ class Solid:
         Parameters
         ----------
         min_dihedral_deg : float
-            Smallest turn of the normal across the edge, either way, in degrees; of the CAD surfaces where they are
-            known, see ``Edge.turn_deg``.
+            Smallest turn of the normal across the edge, in either direction, in degrees. It is that
+            of the CAD surfaces if known, see ``Edge.turn_deg``.
         min_length_mm : float
             Smallest length in mm.
 
@@ -284,13 +287,13 @@ class Solid:
     def rims(self, min_dihedral_deg: float = SHARP_DEG) -> tuple[Rim, ...]:
         """Return the closed circular edges that can be entities.
 
-        Their circles are those of the CAD model. Where that is not known, circles are fitted to chains of eight or more
-        chords that turn evenly (see `circle_fit`).
+        Their circles are those of the CAD model. Without a CAD model, circles are fitted to chains
+        of eight or more chords that turn evenly (see `circle_fit`).
 
         Parameters
         ----------
         min_dihedral_deg : float
-            Smallest turn of the normal across each chord, either way, in degrees.
+            Smallest turn of the normal across each chord, in either direction, in degrees.
 
         Returns
         -------
@@ -307,7 +310,7 @@ class Solid:
         Parameters
         ----------
         min_dihedral_deg : float
-            Smallest turn of the normal across each chord, either way, in degrees.
+            Smallest turn of the normal across each chord, in either direction, in degrees.
 
         Returns
         -------
@@ -371,7 +374,7 @@ class Solid:
         return solid
 
     def plot(self, entities: Mapping[str, Any] | None = None) -> Figure:
-        """Draw the part in 3-D with some of its entities; as `plot_solid`.
+        """Draw the part in 3-D with some of its entities, like `plot_solid`.
 
         Parameters
         ----------

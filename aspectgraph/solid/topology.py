@@ -24,7 +24,9 @@ from aspectgraph.solid.places import describe_point
 
 @dataclass(frozen=True)
 class Face:
-    """A planar face: vertex-index loops, counter-clockwise seen from outside; holes run the other way round.
+    """A planar face: loops of vertex indices, counter-clockwise seen from outside.
+
+    Holes run clockwise.
 
     Attributes
     ----------
@@ -33,7 +35,7 @@ class Face:
     holes : tuple of tuple of int
         The inner loops.
     curved : bool
-        The face is a facet of a tessellated curved surface.
+        Whether the face is a facet of a tessellated curved surface.
     """
 
     outer: tuple[int, ...]
@@ -72,11 +74,11 @@ class Edge:
     dihedral_deg : float
         Signed turn of the outward normal across the edge in degrees: 0 coplanar, positive convex, negative re-entrant.
     curved : bool
-        The edge is a chord of a curved or smooth edge of the part, or lies inside a tessellated curved face; such an
-        edge is never an entity.
+        Whether the edge is a chord of a curved or smooth edge, or lies inside a tessellated curved
+        face. Such an edge is never an entity.
     surface_turn_deg : float or None
-        Largest turn of the surfaces' normal along the edge in degrees, where the CAD model is known and a face beside
-        the edge is curved: its facets turn by less.
+        Largest turn of the surfaces' normal along the edge, in degrees. It is known for edges of
+        curved faces in a CAD model, whose facets turn by less. Otherwise None.
     """
 
     id: int
@@ -88,7 +90,10 @@ class Edge:
 
     @property
     def turn_deg(self) -> float:
-        """The turn that decides whether the edge is sharp: that of the surfaces where known, with the facets' sign."""
+        """The turn that decides whether the edge is sharp, in degrees.
+
+        It is the turn of the CAD surfaces if known, with the sign of the facets.
+        """
         if self.surface_turn_deg is None:
             return self.dihedral_deg
         return math.copysign(self.surface_turn_deg, self.dihedral_deg)

@@ -39,9 +39,9 @@ _COVERINGS_KEPT = 16
 
 
 class VisibilityRegions:
-    """From where each entity of a solid is observable as a whole, exactly.
+    """The exact regions of viewpoints from which each entity is observable as a whole.
 
-    Made by `compute_regions`.
+    `compute_regions` makes it.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class VisibilityRegions:
     grid : Grid
         Integer grid of all geometry; ``grid.snapping_mm`` is the largest displacement of a vertex.
     listed_as : str
-        What a graph calls the list of a domain.
+        Name of a graph's attribute for the list of a domain.
     """
 
     listed_as: ClassVar[str] = "observable"
@@ -101,10 +101,11 @@ class VisibilityRegions:
         Parameters
         ----------
         points : array_like, shape (n, 3)
-            Viewpoints in mm. They are rounded to 2**-20 of a grid step; the answer is exact from there. On a partition
-            surface an entity is observable if it is from either side.
+            Viewpoints in mm. They are rounded to 2**-20 of a grid step, and the answer for the
+            rounded point is exact. On a partition surface, an entity is observable if it is so from
+            either side.
         names : sequence of str, optional
-            Entities asked for. Default: all.
+            The entities. Default: all.
 
         Returns
         -------
@@ -137,7 +138,7 @@ class VisibilityRegions:
         Returns
         -------
         CellSet
-            Empty if they are observable together from nowhere.
+            Empty if no viewpoint observes them all.
 
         Raises
         ------
@@ -274,30 +275,32 @@ def compute_regions(
     kept: RegionStore | None = None,
     deadline: float = math.inf,
 ) -> VisibilityRegions:
-    """Compute from where each entity is observable.
+    """Compute the viewpoints from which each entity is observable.
 
     Parameters
     ----------
     solid : Solid
         The part.
     entities : mapping of str to edge id, id of a rim or arc, or pair of points, or sequence of ids
-        See `resolve_entities`; resolved entities are taken as they are.
+        See `resolve_entities`. Resolved entities are used without change.
     workspace : array_like, shape (2, 3), optional
-        Corners of the viewpoint space in mm. Default: the part's box with ten diagonals of room.
+        Corners of the viewpoint space in mm. Default: the part's box,
+        extended by ten diagonals in all directions.
     executor : concurrent.futures.Executor, optional
-        Computes entities in parallel; the result does not depend on it.
+        Computes entities in parallel. The result does not depend on it.
     progress : callable, optional
         ``progress(done, total, label)`` after each of the entities; the label is the name of the entity.
     kept : RegionStore, optional
-        Such as `KeptRegions`: has regions of an earlier call with the same arguments, and keeps those computed now.
+        A store such as `KeptRegions`. It returns regions of an earlier call with the same
+        arguments, and stores the new ones.
     deadline : float
         Time, as `time.time` gives it, at which the computation ends. Default: never.
 
     Returns
     -------
     VisibilityRegions
-        In the order of the entities; those whose region is not complete by the deadline are missing. The same
-        arguments give the same regions, with or without an executor.
+        In the order of the entities. Entities whose region is not complete by the deadline are
+        missing. The same arguments give the same regions, with or without an executor.
 
     Raises
     ------
