@@ -94,7 +94,7 @@ def maximize(
         1].
     duplicates : bool
         If False, eliminate an offspring that equals another individual of the new population. If
-        all its draws fail, the parent still takes part in the new population.
+        all draws fail, the parent stays even if it equals another individual.
     epsilon : float
         The run has converged when the total fitness changes by less than this (or not at all) in
         `patience` consecutive generations. It is absolute as in the paper: total of the whole

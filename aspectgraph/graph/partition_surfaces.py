@@ -29,10 +29,10 @@ class PartitionSurface:
     entity : str
         Name of the entity.
     vertices, edges, faces : tuple of int
-        Elements of the solid that span the plane, by number. They are a face (type A, or type B if
-        the plane is also that of a face), an edge and an end of the entity, or a vertex and the
-        entity's edges. For type L, they are these edges and the brighter face. For a rim or arc,
-        the face is next to one of its chords, and end and edge are those of a chord.
+        Elements of the solid that span the plane, by number. For type A, this is a face. For type
+        B, it is an edge and an end of the entity, or a vertex and the entity's edges, or a face in
+        the same plane. For type L, it is the entity's edges and the brighter face. For a rim or
+        arc, the face is next to one of its chords, and end and edge are those of a chord.
     plane : tuple of float
         (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm; `Cell.half_spaces` have the opposite d.
     """

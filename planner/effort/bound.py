@@ -10,22 +10,22 @@ from planner.effort.checks import check_record, with_floats
 
 @dataclass(frozen=True)
 class Sweeping:
-    """How many boxes of poses the parts of the space get; what is not decided gets more.
+    """How many boxes of poses the parts of the space get. Undecided parts get more.
 
     Attributes
     ----------
     first : int
-        Boxes looked at in a part, at first.
+        Boxes checked in a part at first.
     more : int
-        So many times more where that does not decide.
+        Factor of more boxes for an undecided part.
     hard : int
-        After so many times as many as at first, the weights had better keep away, if there are others.
+        After this multiple of the first boxes, the program prefers other weights, if there are any.
     again : float
-        Times the boxes that a proof needed before, for other weights.
+        Multiple of the boxes of an earlier proof, for other weights.
     least_sweeps : int
-        So many sweeps of all parts must be possible.
+        Smallest number of sweeps of all parts that must be possible.
     found : int
-        Too heavy poses taken from one part at a time, at most.
+        Largest number of poses beyond the limit taken from one part at a time.
     """
 
     first: int = 8000
@@ -38,22 +38,22 @@ class Sweeping:
 
 @dataclass(frozen=True)
 class Aiming:
-    """Which number of settings is aimed at, and when it is given up for a smaller one.
+    """Which number of settings the proof attempts, and when it changes to a smaller one.
 
     Attributes
     ----------
     share_at_first : float
-        Of the boxes left, those for a number below which others are still to be proven.
+        Share of the remaining boxes for a number, if smaller numbers are not yet proven.
     share_of_next : float
-        Once one is proven, of all boxes those that may have been looked at when the next one is given up.
+        Once a number is proven, share of all boxes after which the proof stops the next one.
     least_limit : float
-        No number is aimed at first that needs weights to be closer to the limit.
+        The first number must not need weights closer to the limit than this.
     least_limit_of_next : float
-        Nor after one is proven.
+        The same for numbers after the first proven one.
     near_one : float
-        A number is given up once poses found bring the limit this near to 1.
+        The proof stops a number when poses bring its limit this close to 1.
     near_setting : float
-        Or one setting this near to a whole one.
+        It also stops when they bring one setting this close to a whole one.
     """
 
     share_at_first: float = 0.65
@@ -66,22 +66,24 @@ class Aiming:
 
 @dataclass(frozen=True)
 class Weighing:
-    """How the weights are made, and how near to them the limit lies.
+    """How the program makes the weights, and how close to them the limit lies.
 
     Attributes
     ----------
     duals : int
-        Optimal duals of the cover of which the weights are the mean: a single one rests on few entities.
+        Number of optimal duals of the cover. The weights are their mean, because a single one
+        depends on few entities.
     bias : float
-        They are found by maximising the weights times factors from 1 to this.
+        Largest factor of the weights in the search for duals. The smallest is 1.
     least : float
-        Smaller weights are made 0: they would only lengthen the search.
+        Smaller weights become 0, because they would only lengthen the search.
     spare : float
-        No pose may weigh more than this share less than would do, so that a few that do need no new weights.
+        Safety margin below the largest permitted weight of a pose, as a share. With it, a few
+        heavier poses need no new weights.
     spare_of_room : float
-        But that is at most this share of what the limit is above 1.
+        Upper limit of this margin, as a share of the limit's excess over 1.
     less : float
-        Weights keep away from the limit by this factor where poses were found to exceed it.
+        Factor by which weights stay below the limit where poses exceeded it.
     """
 
     duals: int = 16
@@ -94,24 +96,25 @@ class Weighing:
 
 @dataclass(frozen=True)
 class TreeGrowth:
-    """How far the tree of poses is grown, and how hard integer covers by its leaves are tried.
+    """How large the tree of poses grows, and how long to search for integer covers by its leaves.
 
     Attributes
     ----------
     nodes : int
-        Nodes that have boxes of positions, at most: what pairs that exclude each other decide is soon proven.
+        Largest number of nodes with boxes of positions. Proofs from pairs that exclude each other
+        need few.
     finest_rad : float
-        Nodes smaller than this angle, seen from the camera, are not split further.
+        The tree does not split nodes smaller than this angle, seen from the camera.
     batch : int
-        Nodes split at a time, at most, before it is asked again whether they suffice.
+        Largest number of nodes split between two checks of whether they suffice.
     columns : int
-        Sets that an integer cover is asked for, at most; if there are more, it proves nothing.
+        Largest number of sets of an integer cover. With more, it proves nothing.
     cover_nodes : int
-        Nodes of the branch and bound of one integer cover.
+        Largest number of branch-and-bound nodes of one integer cover.
     cover_rounds : int
-        For each number of settings, one integer cover in each of so many rounds.
+        For each number of settings, each of this many first rounds has an integer cover.
     rounds_per_cover : int
-        Then one in every so many.
+        After that, one round in this many has one.
     """
 
     nodes: int = 32_000
@@ -125,20 +128,20 @@ class TreeGrowth:
 
 @dataclass(frozen=True)
 class DualRounds:
-    """How the dual of the fractional cover over all leaves is found, by constraint generation.
+    """How constraint generation finds the dual of the fractional cover over all leaves.
 
     Attributes
     ----------
     rounds : int
-        Linear programs, at most; what is wrong then is divided away.
+        Largest number of linear programs. Division then removes the remaining violation.
     tolerance : float
         A leaf may weigh this much more than 1.
     violated : int
-        Leaves looked at in a round, those that weigh most.
+        Leaves checked in a round, those that weigh most.
     added : int
         Constraints added in a round.
     kept : float
-        Only constraints of leaves that weigh more than this are kept for the next time.
+        Keep only constraints of leaves that weigh more than this for the next time.
     """
 
     rounds: int = 60
@@ -150,17 +153,18 @@ class DualRounds:
 
 @dataclass(frozen=True)
 class Division:
-    """How the space of poses is divided among searches.
+    """How the program divides the space of poses among searches.
 
     Attributes
     ----------
     parts : int
-        Parts searched one by one, some at a time: enough that what is proven of one outlives the weights of others.
+        Number of parts, each searched on its own, several at a time. With enough parts, proofs of
+        one part outlast changes of the weights for others.
     tick_s : float
-        How often a search of parts looks up to be cancelled.
+        Seconds between two checks for cancellation during a search.
     less : float
-        What a pose found inspects counts this share of the limit in its part from then on, so that the next one
-        inspects something else.
+        Entities of a pose found then count this share of the limit in its part, so that the next
+        pose inspects others.
     """
 
     parts: int = 256
@@ -170,26 +174,26 @@ class Division:
 
 @dataclass(frozen=True)
 class BoundEffort:
-    """How a lower bound is proven. None of it can make a bound wrong.
+    """How the program proves a lower bound. No value can make a bound wrong.
 
     Attributes
     ----------
     sweeping : Sweeping
-        Boxes of poses that each part of the space gets.
+        Number of boxes of poses for each part of the space.
     aiming : Aiming
-        Which number of settings is aimed at.
+        Which number of settings the proof attempts.
     weighing : Weighing
-        How the weights of entities are made.
+        How the program makes the weights of entities.
     covering : TreeGrowth
-        How far the tree of poses is grown.
+        How large the tree of poses grows.
     generation : DualRounds
-        How the weights of its leaves are found.
+        How the program finds the weights of its leaves.
     division : Division
-        How the space of poses is divided.
+        How the program divides the space of poses.
     subdivision : Subdivision
-        How far pairs that exclude each other are looked for.
+        How long the program searches for pairs that exclude each other.
     boxes : BoxEffort
-        How closely boxes of poses are looked at.
+        How closely the program checks boxes of poses.
     """
 
     sweeping: Sweeping = field(default_factory=Sweeping)

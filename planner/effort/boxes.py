@@ -1,4 +1,4 @@
-"""How closely boxes of poses are looked at. Compiled loops take these records, so they are named tuples."""
+"""How closely the program checks boxes of poses. Compiled loops take these records, so they are named tuples."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 
 class Subdivision(NamedTuple):
-    """How far space is subdivided in search of a viewpoint that serves a pair.
+    """How far to subdivide space in the search for a viewpoint that serves a pair.
 
     Attributes
     ----------
     finest_mm : float
-        Smaller half sizes are not halved: the pair then counts as served.
+        Boxes with a smaller half size are not halved. The pair then counts as served.
     boxes : int
-        Boxes looked at, at most, for two cells; after that the pair counts as served.
+        Largest number of boxes for two cells. After that the pair counts as served.
     waiting : int
-        Boxes that wait, at most: one for each halving.
+        Largest number of waiting boxes: one for each halving.
     """
 
     finest_mm: float = 0.5
@@ -24,29 +24,34 @@ class Subdivision(NamedTuple):
 
 
 class Halving(NamedTuple):
-    """Along which coordinate boxes of poses are halved, and how far. None of it can make an answer wrong.
+    """Along which coordinate to halve boxes of poses, and how far.
+
+    No value can make an answer wrong.
 
     Attributes
     ----------
     look_share : float
-        Boxes of points looked at are first made as small as this share of half the view's width: before, hardly any
-        window is cut.
+        Boxes of look points first shrink to this share of half the view's width. Larger ones cut
+        hardly any window.
     length_score : float
-        How much the length of s counts in the choice of the coordinate, beside the width of windows.
+        Weight of the length of s in the choice of the coordinate, relative to the width of windows.
     doubt_score : float
-        How much doubtful visibility counts.
+        Weight of doubtful visibility in the choice of the coordinate.
     most_short : float
-        The most that one image of doubtful length counts, as a multiple of half the depth of field.
+        Largest weight of one image of doubtful length, as a multiple of half the depth of field.
     finest : float
-        Boxes whose coordinates all do less than this, as a share of the weight, are not halved.
+        Boxes are not halved if all coordinates contribute less than this share of the weight.
     wide_turn : float
-        Unless the turn, in its own coordinates, is wider than this.
+        They are halved anyway if the turn, in its own coordinates, is wider than this.
     most_seen : float
-        Up to this share of nodal points from where enough is visible, their box is halved itself: it then tells much.
+        Halve the box of nodal points itself, if at most this share of them sees enough. The halving
+        then decides much.
     near_sides : float
-        Nor need they be so few in a box that is no wider than so many radii of visibility: it is near sides of cells.
+        The same without this condition for a box at most this many radii of visibility wide,
+        because it is near the boundary of cells.
     eye_share : float
-        But not below this share of what points looked at and turn leave open: they must follow.
+        But do not halve it below this share of the uncertainty from look points and turn, which
+        must follow.
     """
 
     look_share: float = 0.5
@@ -61,20 +66,20 @@ class Halving(NamedTuple):
 
 
 class Asking(NamedTuple):
-    """When the costlier questions are asked of a box. None of it can make an answer wrong.
+    """When the program makes the expensive checks of a box. No value can make an answer wrong.
 
     Attributes
     ----------
     much_seen : float
-        Where enough is visible from more than this share of the nodal points, it is not asked again for a while: little
-        would be learnt.
+        If more than this share of the nodal points sees enough, pause the check, because it would
+        gain little.
     pause : int
-        For so many halvings.
+        Number of halvings of this pause.
     thin : float
-        Where the depth in focus is less than this share of the view's width, the turn is what loses: there windows are
-        made linear in it.
+        If the depth in focus is less than this share of the view's width, windows are linear in the
+        turn. The turn then causes most of the loss.
     parts_per_box : int
-        So many parts of a box of small turns cost as much as a box, and count as one.
+        This many parts of a box of small turns cost as much as a box and count as one.
     """
 
     much_seen: float = 0.6
@@ -84,23 +89,23 @@ class Asking(NamedTuple):
 
 
 class SmallTurns(NamedTuple):
-    """When turns are small, and how boxes of small turns are halved.
+    """When turns are small, and how to halve boxes of small turns.
 
     Attributes
     ----------
     turn : float
-        Tangent of half the angle up to which a turn is small: its square, which windows linear in it leave out, is then
-        a hundredth.
+        Tangent of half the largest angle of a small turn. Windows that are linear in it omit its
+        square, a hundredth.
     parts : int
-        Parts of a box looked at, at most, before the box itself is halved.
+        Largest number of parts of a box to check before the box itself is halved.
     turn_share : float
-        The turn is halved where what it leaves open of the nodal point at second order is more than this share of the
-        nodal points' box: the nodal points decide the rest.
+        Halve the turn if its second-order uncertainty of the nodal point exceeds this share of the
+        nodal points' box. Otherwise halve the nodal points.
     least_turn : float
-        Boxes of turns, in their own coordinates, no wider than this are not halved: no camera is aimed so
-        finely.
+        Boxes of turns, in their own coordinates, at most this wide are not halved. No camera is
+        aimed more finely.
     least_mm : float
-        Nor are such boxes of nodal points, mm.
+        The same for boxes of nodal points, mm.
     """
 
     turn: float = 0.1
@@ -111,22 +116,23 @@ class SmallTurns(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """How far a tree is grown, and how closely it is asked.
+    """How large a tree grows, and how finely to query it.
 
     Attributes
     ----------
     depth : int
-        Boxes that wait, at most: one for each halving.
+        Largest number of waiting boxes: one for each halving.
     enough : int
-        A tree is grown anew with boxes half as large until it has so many.
+        Grow the tree again with boxes half as large until it has this many.
     most : int
-        Boxes, at most; bounds the memory.
+        Largest number of boxes. It limits the memory.
     coarse : float
-        Boxes that are not halved are this wide at first, as a share of the whole.
+        Width of the smallest boxes at first, as a share of the whole.
     fine : float
-        And no narrower than this.
+        Smallest width of these boxes later, as a share of the whole.
     effort : int
-        Boxes of the tree that one question may halve: what it gains must not take longer than the search.
+        Largest number of boxes that one query may halve. Its gain must not take longer than the
+        search.
     """
 
     depth: int = 64
@@ -138,14 +144,15 @@ class Growth(NamedTuple):
 
 
 class Shrinking(NamedTuple):
-    """How parts of a box are looked at.
+    """How the program checks parts of a box.
 
     Attributes
     ----------
     levels : int
-        Parts that wait, at most: one for each halving.
+        Largest number of waiting parts: one for each halving.
     much : float
-        A part is looked at again where shrinking left less than this share of a coordinate: less would not pay.
+        Check a part again if shrinking left less than this share of a coordinate. A smaller
+        reduction is not worth it.
     """
 
     levels: int = 64
@@ -153,14 +160,15 @@ class Shrinking(NamedTuple):
 
 
 class Meeting(NamedTuple):
-    """How closely it is asked whether windows meet.
+    """How finely the program checks whether windows meet.
 
     Attributes
     ----------
     deepest : int
-        Halvings of the room, at most: ten along each axis leave a thousandth of its width.
+        Largest number of halvings of the range. Ten along each axis leave a thousandth of its
+        width.
     doubtful : int
-        So many parts of that size are passed over in search of one where windows do meet, before the answer is yes.
+        Number of undecided parts of that size that the search skips before the answer is yes.
     """
 
     deepest: int = 30
@@ -168,22 +176,22 @@ class Meeting(NamedTuple):
 
 
 class BoxEffort(NamedTuple):
-    """How closely boxes of poses are looked at.
+    """How closely the program checks boxes of poses.
 
     Attributes
     ----------
     halving : Halving
-        Along which coordinate boxes are halved.
+        Along which coordinate to halve boxes.
     asking : Asking
-        When costlier questions are asked.
+        When to make expensive checks.
     small_turns : SmallTurns
         When turns are small.
     growth : Growth
-        How far the tree of viewpoints is grown.
+        How large the tree of viewpoints grows.
     shrinking : Shrinking
-        How parts of boxes of small turns are looked at.
+        How to check parts of boxes of small turns.
     meeting : Meeting
-        How closely it is asked whether windows meet.
+        How finely the program checks whether windows meet.
     """
 
     halving: Halving = Halving()

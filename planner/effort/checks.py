@@ -26,12 +26,12 @@ _MAY_BE_NONE = {
 
 
 def is_record(value: Any) -> bool:
-    """Tell whether a value is a dataclass or a named tuple."""
+    """Return whether a value is a dataclass or a named tuple."""
     return is_dataclass(value) or hasattr(value, "_asdict")
 
 
 def fields_of(record: Any) -> Iterator[tuple[str, bool, Any]]:
-    """Yield of each field of a record its name, whether it holds floats, and its value."""
+    """Yield name, whether it holds floats, and value of each field of a record."""
     kind: Any = type(record)
     for name, is_float in _kinds(kind).items():
         yield name, is_float, getattr(record, name)
@@ -43,7 +43,9 @@ def _kinds(record: type) -> dict[str, bool]:
 
 
 def check_record(owner: str, record: Any) -> None:
-    """Raise `RequestError` unless all numbers of a record, and of those in it, are of their kind and not negative.
+    """Raise `RequestError` unless all numbers of a record have their type and are not negative.
+
+    Records inside it are checked as well.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class LampSpace(Protocol):
 
 @dataclass(frozen=True)
 class LampBox:
-    """A box in which the program may place lamps.
+    """A box in which lamps may be.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ class LampBox:
 
 @dataclass(frozen=True)
 class LampDome:
-    """A sphere around the part, above a height, on which the program may place lamps.
+    """A sphere around the part, above a height, on which lamps may be.
 
     Parameters
     ----------

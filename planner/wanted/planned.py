@@ -97,7 +97,7 @@ class PlannedTarget(ABC):
         """Return the permitted error in the image of a pose, px; None of an angle."""
 
     def describe(self, cam2world: NDArray[np.float64], means: Means) -> Prediction:
-        """Return how surely it is measured from a pose.
+        """Return how accurately a pose measures the target.
 
         Parameters
         ----------
@@ -105,6 +105,11 @@ class PlannedTarget(ABC):
             The pose.
         means : Means
             Gives the camera and the uncertainty of its pose.
+
+        Returns
+        -------
+        Prediction
+            Probability, uncertainty and its budget.
         """
         found_by = replace(means, localisation=self.localisation)
         model = measurand_model(self.measurand, self.permitted_error, found_by)
