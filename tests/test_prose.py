@@ -1,14 +1,17 @@
-"""README, documents and changelog are in plain English: short sentences, usual words, no private ones.
+"""README, documents, changelog and public docstrings are in plain English: short and usual.
 
 The rules find words and lengths. They do not find everything that is hard to read.
 """
 
 from __future__ import annotations
 
+import inspect
 import re
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+from test_docstrings import THINGS
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [
@@ -166,6 +169,72 @@ def test_words_are_usual(path):
 )
 def test_clauses_are_sentences(path):
     assert find_semicolons(path.read_text("utf-8")) == []
+
+
+HEADING = re.compile(r"^[A-Z][\w ]+\n-{3,}$", flags=re.MULTILINE)
+EXAMPLE = re.compile(r"^Examples\n-{3,}\n.*?(?=^[A-Z][\w ]+\n-{3,}$|\Z)", re.MULTILINE | re.DOTALL)
+EFFORTS = ("bound", "boxes", "columns", "cover", "poses", "stages")
+# a change of the text would compile the loops of its module anew
+LONG_SENTENCES = {"errors.referee.montecarlo.simulate_success"}
+
+
+def effort_records():
+    """Name and class of every record that `Effort` holds."""
+    for name in EFFORTS:
+        module = import_module(f"planner.effort.{name}")
+        for attribute, value in vars(module).items():
+            if inspect.isclass(value) and value.__module__ == module.__name__:
+                yield f"{module.__name__}.{attribute}", value
+
+
+DOCSTRINGS = {
+    name: inspect.getdoc(thing) or "" for name, thing in [*THINGS.items(), *effort_records()]
+}
+
+
+def docstring_prose(docstring):
+    """Summary and descriptions of a numpydoc docstring, without names, types and examples."""
+    summary, *sections = HEADING.split(EXAMPLE.sub("", docstring))
+    for section in sections:
+        lines = section.split("\n")
+        entries = any(line.startswith("    ") for line in lines)
+        summary += "\n\n" + "\n".join(
+            line[4:] if line.startswith("    ") else "" if entries else line for line in lines
+        )
+    return summary
+
+
+@pytest.mark.parametrize("name", DOCSTRINGS)
+def test_docstrings_use_usual_words(name):
+    text = docstring_prose(DOCSTRINGS[name])
+    assert find_forbidden(text, {**FORBIDDEN, **PRIVATE}) == []
+    assert name in LONG_SENTENCES or find_long(text) == []
+
+
+def test_an_old_docstring_is_noticed():
+    old = """Find a pose.
+
+    Parameters
+    ----------
+    lamps : array
+        What no lamp shows is looked for from other poses.
+
+    Examples
+    --------
+    >>> told = 1
+    """
+    words_found = [
+        match
+        for match, _, _ in find_forbidden(
+            docstring_prose(inspect.cleandoc(old)), {**FORBIDDEN, **PRIVATE}
+        )
+    ]
+    assert words_found == ["is looked for", "What no lamp"]
+
+
+def test_names_and_types_of_a_docstring_are_no_prose():
+    text = docstring_prose("Find.\n\nParameters\n----------\nplaces : told\n    Points.\n")
+    assert text.split() == ["Find.", "Points."]
 
 
 def test_readme_is_short():

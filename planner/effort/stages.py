@@ -108,7 +108,7 @@ class Looking:
         Of the poses where the entity is lit, keep this many as candidates: those that inspect most
         entities with the highest probability.
     places : int
-        Lamp positions tried in addition to the chosen ones, if the program places lamps.
+        Lamp positions tried in addition to the chosen ones, for lamps without fixed positions.
     """
 
     viewpoints: int = 60

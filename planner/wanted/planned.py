@@ -36,7 +36,7 @@ _POINTS = 72
 
 @dataclass(frozen=True)
 class PlannedTarget(ABC):
-    """What every target of a plan tells: its kind, its value, and how wrong it may be.
+    """The fields of every target of a plan: kind, value and permitted error.
 
     Attributes
     ----------
