@@ -22,7 +22,7 @@ class AspectGraphError(Exception):
     hint : str
         Advice, without a full stop.
     mentions : tuple of str
-        Other parameters in `rule` and `hint`, as they stand there: ``gap_mm`` or ``gap_mm=0.1``.
+        Other parameters in `rule` and `hint`, in the form used there: ``gap_mm`` or ``gap_mm=0.1``.
     """
 
     parameter: str = ""
@@ -48,7 +48,7 @@ class AspectGraphError(Exception):
         parameter, rule, got, hint : str
             See the attributes.
         mentions : tuple of str
-            Likewise.
+            See the attributes.
 
         Returns
         -------

@@ -44,9 +44,10 @@ def success_probability(
     It is P(|epsilon| <= (1 - A) L). L is the nominal image length, and epsilon the error of the
     measured one. The error combines displacement of the camera and quantization of both ends.
 
-    Guarantee: the result of every edge depends on that edge (and its covariance) alone, not on the rest of the batch
-    ("independent": up to 1e-7). "joint" agrees with "montecarlo" to 0.002 for rotations of up to 0.03 rad s.d. and to
-    0.004 up to 0.055 rad. Memory beyond the result and one bool per coordinate is bounded whatever the batch's size.
+    Guarantee: the result of every edge depends on that edge (and its covariance) alone, not on the
+    rest of the batch ("independent": up to 1e-7). "joint" agrees with "montecarlo" to 0.002 for
+    rotations of up to 0.03 rad s.d. and to 0.004 up to 0.055 rad. The memory beyond the result and
+    one bool per coordinate is bounded for every batch size.
 
     A single bad edge is an error for the whole batch, so remove edges without an image first.
 

@@ -63,7 +63,7 @@ def maximize(
     crossover : float
         Probability P_c in [0, 1] of crossing a couple, at a point uniform in [1, n_bits - 1].
     mutation : float
-        Probability P_m in [0, 1] that a bit flips, each bit by itself.
+        Probability P_m in [0, 1] that a bit flips, independently for each bit.
     feasible : callable, optional
         ``feasible(bits) -> mask``: bits as for `fitness`; mask (k,) bool. Default: everything is feasible.
     initial : array or callable, optional

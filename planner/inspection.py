@@ -113,7 +113,7 @@ def plan_inspection(
     Returns
     -------
     InspectionPlan
-        Settings, bound and what cannot be inspected.
+        Settings, lower bound, and the entities that cannot be inspected.
 
     Other Parameters
     ----------------
@@ -236,7 +236,7 @@ def plan_by_options(
     promise: Promise,
     options: InspectionOptions,
 ) -> InspectionPlan:
-    """Plan the inspection of entities of a part: `plan_inspection` for those who have its options as one value.
+    """Plan the inspection of entities of a part, like `plan_inspection`, with one options value.
 
     Parameters
     ----------
@@ -245,12 +245,12 @@ def plan_by_options(
     promise : Promise
         Accuracy, probability and seed.
     options : InspectionOptions
-        All else.
+        All other options.
 
     Returns
     -------
     InspectionPlan
-        Settings, bound and what cannot be inspected.
+        Settings, lower bound, and the entities that cannot be inspected.
 
     Raises
     ------

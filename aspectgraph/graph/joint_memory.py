@@ -113,12 +113,12 @@ class JointForecast:
     Parameters
     ----------
     limit_bytes : float, optional
-        What the graph may take. Default: the memory that is left.
+        Largest memory of the graph, in bytes. Default: the free memory.
 
     Raises
     ------
     MemoryLimitError
-        If the limit is no positive number; in `put`, if the graph cannot fit.
+        If the limit is not a positive number, or in `put`, if the graph cannot fit.
 
     Examples
     --------
@@ -196,7 +196,7 @@ class JointMemory:
     regions : sequence of Region
         Of the entities.
     limit_bytes : float, optional
-        What the graph may take. Default: the memory that the machine has left.
+        Largest memory of the graph, in bytes. Default: the free memory.
     progress : callable, optional
         ``progress(done, total, "joint graph")``.
 

@@ -92,7 +92,7 @@ def plot_domains(
     box : array_like, shape (2, 3), optional
         Lowest and highest corner of the drawing, in mm. Default: the part with a margin around it.
     opacity : float
-        Of the domains, in (0, 1].
+        Opacity of the domains, in (0, 1].
 
     Returns
     -------

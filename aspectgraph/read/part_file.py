@@ -67,7 +67,8 @@ def read_solid(
     PartFileNotFoundError
         There is no such file.
     ReadError
-        The file is not what its name says, is damaged, or a parameter does not apply to it.
+        The content does not match the name, the file is damaged, or a parameter does not apply to
+        it.
     SolidError
         The surface is open, not manifold, intersects itself, or solids touch.
 

@@ -39,7 +39,7 @@ class Arc:
     id : str
         ``"a0"``, ``"a1"``, …: the same for the same file.
     centre : ndarray of float64, shape (3,), read-only
-        Of the circle, in mm.
+        Centre of the circle, in mm.
     axis : ndarray of float64, shape (3,), read-only
         Unit normal of its plane, on the side that its faces mostly face.
     radius_mm : float
@@ -100,7 +100,7 @@ class Rim(Arc):
     id : str
         ``"r0"``, ``"r1"``, …: the same for the same file.
     centre : ndarray of float64, shape (3,), read-only
-        Of the circle, in mm.
+        Centre of the circle, in mm.
     axis : ndarray of float64, shape (3,), read-only
         Unit normal of its plane, on the side that its faces mostly face.
     radius_mm : float

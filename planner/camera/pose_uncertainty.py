@@ -99,7 +99,7 @@ class PoseUncertainty:
         Returns
         -------
         PoseUncertainty
-            Of the camera, about its nodal point.
+            Uncertainty of the camera's pose about its nodal point.
 
         Raises
         ------

@@ -192,7 +192,7 @@ class MeshRegion:
 
     @property
     def state_name(self) -> str:
-        """A digest of the mesh, whatever the memory layout and integer type of its arrays."""
+        """A digest of the mesh, independent of memory layout and integer type of its arrays."""
         content = self.vertices.tobytes() + self.triangles.astype("<i8").tobytes()
         return f"mesh {self.vertices.shape} {hashlib.sha256(content).hexdigest()}"
 
