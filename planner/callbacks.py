@@ -14,6 +14,9 @@ from planner.progress import Progress, report
 REGIONS_SHARE = 0.5
 """Share of a time limit that the regions of visibility may take."""
 
+LEAST_REGIONS_S = 10.0
+"""Seconds that the regions of visibility may take, however short a time limit is: without them there is no plan."""
+
 SEARCH_SHARE = 0.8
 """Share of a time limit after which the search ends, so that simulation, report and graph have the rest."""
 
@@ -62,6 +65,10 @@ class Deadline:
     def limited(self) -> bool:
         """Whether there is a time limit."""
         return self._limit < math.inf
+
+    def of_regions(self) -> float:
+        """Return when the regions of visibility end, as `time.time` counts; infinity without a limit."""
+        return self._wall_begin + max(REGIONS_SHARE * self._limit, LEAST_REGIONS_S)
 
     def at(self, share: float = 1.0) -> float:
         """Return when a share of the time limit has passed, as `time.time` counts; infinity without a limit."""

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.localisation import Localisation
-from planner.callbacks import REGIONS_SHARE, Callbacks, Deadline, TimeIsUpError
+from planner.callbacks import Callbacks, Deadline, TimeIsUpError
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
@@ -355,7 +355,7 @@ def _visible(
             box,
             options.executor,
             shown,
-            deadline=deadline.at(REGIONS_SHARE),
+            deadline=deadline.of_regions(),
         )
         return RingSpace(lit, asked.camera, asked.lighting.step)
     return compute_regions(
@@ -364,7 +364,7 @@ def _visible(
         workspace=box,
         executor=options.executor,
         progress=shown,
-        deadline=deadline.at(REGIONS_SHARE),
+        deadline=deadline.of_regions(),
     )
 
 

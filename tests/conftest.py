@@ -7,6 +7,9 @@ from contextlib import suppress
 import numba
 import numpy as np
 
+# a parallel run sets it, and what commands print would be broken at this width
+os.environ.pop("COLUMNS", None)
+
 # in this order they come first: a file of long tests that begins last would leave the other workers without work
 LONG_FILES = (
     "tests/test_docs_run.py",

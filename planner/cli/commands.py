@@ -30,7 +30,7 @@ from planner.batch.folder_of_parts import plan_folder
 from planner.batch.part_request import PartRequest, limits_of
 from planner.batch.part_result import PLANNED, TABLES
 from planner.batch.scheduler import dask_executor
-from planner.callbacks import REGIONS_SHARE, SEARCH_SHARE, Deadline
+from planner.callbacks import SEARCH_SHARE, Deadline
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
@@ -229,7 +229,7 @@ def _planned(
     ):
         best = BestSoFar(progress)
         deadline = Deadline(options.time_limit)
-        regions = _regions(job, executor, progress, leftovers, deadline.at(REGIONS_SHARE))
+        regions = _regions(job, executor, progress, leftovers, deadline.of_regions())
         try:
             found = job.plan(
                 time_limit_s=deadline.seconds_left(SEARCH_SHARE),

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -322,8 +323,11 @@ def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch)
         # the plan and its report are there before the graph
         written = {"plan.json", "report.html"}.intersection(names)
         assert len(written) == (2 if function == "write_graphml" else 0)
-        for name in written:
-            (folder / "out" / name).unlink()
+        for path in (folder / "out").iterdir():
+            if path.is_dir() and path.name != REGIONS_FOLDER:
+                shutil.rmtree(path)
+            elif path.is_file() and path.name != commands.STATE_FILE:
+                path.unlink()
 
 
 def test_an_older_graph_does_not_stay_beside_a_new_plan(folder, quick):

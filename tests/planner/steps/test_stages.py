@@ -154,7 +154,7 @@ def test_every_stage_and_bound_is_passed_on(whole):
     names = []
     bounds = []
     callbacks = Callbacks(on_stage=names.append, on_bound=bounds.append)
-    request = _request(SPACE.solid, resolved, options)
+    request = _request(SPACE.solid, resolved, options, Deadline())
     memo = PlanningState(resolved.request.identity())
     run = Run(request, 0, options.effort, memo, callbacks=callbacks)
     found = stages.run_stages(run, Incumbents(callbacks))
