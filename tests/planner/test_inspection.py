@@ -125,7 +125,7 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
     state = tmp_path / "state.json"
 
     def proof(request, _, __, *, improve, **___):
-        proofs.append(improve(random_poses(request, 300, seed=9)))
+        proofs.append(improve(random_poses(Judge(request), 300, seed=9)))
         return 1, "by assumption"
 
     def stop(*_, **__):
@@ -151,11 +151,11 @@ def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_p
 
     def proof(request, _, __, *, improve, checkpoint, **___):
         if checkpoint.get("first") is None:
-            improve(random_poses(request, 40, seed=9))
+            improve(random_poses(Judge(request), 40, seed=9))
             checkpoint.put("first", {"done": True})
         if stops.pop():
             raise KeyboardInterrupt
-        after.append((improve(random_poses(request, 40, seed=10)), seeds[-1]))
+        after.append((improve(random_poses(Judge(request), 40, seed=10)), seeds[-1]))
         return 1, "by assumption"
 
     def price(shared, pools, seed, *arguments, **options):
@@ -200,7 +200,8 @@ def test_least_effort_still_covers_everything(space):
 def test_state_of_another_request_is_refused(space, tmp_path):
     PlanningState({"seed": 1}, tmp_path / "state.json").put(["a"], Outcome(reason="no view"))
     with pytest.raises(
-        PlanFileError, match=r"must belong to the same request .* Got another one: .* changed"
+        PlanFileError,
+        match=r"must belong to the same request .* Got another one: rng was 1 and is now 0",
     ):
         plan_box(space, state=tmp_path / "state.json")
 
