@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.localisation import Localisation
+from planner.argument_kinds import ITEMS, check_kinds
 from planner.callbacks import Callbacks, Deadline, TimeIsUpError
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
@@ -40,7 +41,6 @@ from planner.light.plan_light import chosen_lamps
 from planner.light.ring_space import RingSpace
 from planner.plan import InspectionPlan
 from planner.progress import labelled
-from planner.request.argument_kinds import ITEMS, check_kinds
 from planner.request.reach import Reach
 from planner.request.request import Request
 from planner.request.space import Space

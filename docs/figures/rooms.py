@@ -61,6 +61,7 @@ PLACES = {
         "detectability": (2.9, "what an image needs"),
         "camera": (3.25, "camera, pose, uncertainty"),
         "callbacks": (4.4, "what is called, and when to end"),
+        "argument_kinds": (2, "arguments of wrong types"),
         "executors": (0, "work in processes"),
         "checkpoint": (1, "what is already computed"),
         "records": (2.6, "strict files"),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions
+from planner.argument_kinds import check_kinds
 from planner.cover.set_cover import min_cover
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
@@ -21,7 +22,6 @@ from planner.light.lighting import Lighting, eyes_of
 from planner.light.served import Served
 from planner.light.together import LampSets, fewest_together, sites_of
 from planner.progress import Progress
-from planner.request.argument_kinds import check_kinds
 
 if TYPE_CHECKING:
     from aspectgraph import Solid

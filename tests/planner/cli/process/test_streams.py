@@ -78,7 +78,7 @@ def test_a_name_that_the_encoding_lacks_is_escaped(tmp_path):
     assert done.stdout.startswith("b\\xfccher: 1 shell")
 
 
-@pytest.mark.parametrize("kilobytes", [100_000, 1_000_000])
+@pytest.mark.parametrize("kilobytes", [60_000, 1_000_000])
 def test_too_little_memory_is_one_line(tmp_path, kilobytes):
     """The first ends numpy's loading, the second that of the ray caster."""
     graph = tmp_path / "g.graphml"
