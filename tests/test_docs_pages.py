@@ -5,6 +5,7 @@ import importlib.util
 import json
 import re
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -87,6 +88,16 @@ def test_every_arrow_in_the_picture_leads_downward(package):
     floor = {room: k for k, level in enumerate(ROOMS.floors(package)) for room in level}
     assert floor.keys() == ROOMS.PLACES[package].keys()
     assert all(floor[upper] < floor[lower] for upper, lower in ROOMS.arrows(package))
+
+
+@pytest.mark.parametrize("package", ROOMS.PLACES)
+def test_no_box_of_the_picture_covers_another_and_texts_fit(package):
+    for level in ROOMS.floors(package):
+        places = sorted(ROOMS.PLACES[package][room][0] for room in level)
+        assert all(ROOMS.COLUMN * (right - left) > ROOMS.BOX[0] for left, right in pairwise(places))
+    # a letter of the small text is about half as wide as high
+    widest = ROOMS.BOX[0] / 5
+    assert all(len(what) <= widest for _, what in ROOMS.PLACES[package].values())
 
 
 def test_search_has_the_index_as_a_script(tmp_path):
