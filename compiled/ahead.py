@@ -34,7 +34,7 @@ PREFIX = f"ahead-{sys.implementation.cache_tag}-"
 LISTED = Path(__file__).parent / "loops.json"
 # more processes end no sooner: the longest chain of loops that need each other takes that long
 MOST_PROCESSES = 8
-# it writes ten times a second, once it has loaded what it needs
+# far longer than any loop takes; no loop was done meanwhile, as if a process were stopped
 _SILENCE_S = 300.0
 _PROGRAM = """
 import sys
@@ -73,7 +73,7 @@ class Run:
     _indices: dict[str, int] | None = None
 
     def is_active(self) -> bool:
-        """Return whether the leading process lives, and does something."""
+        """Return whether the leading process lives, and loops are still being done."""
         try:
             handle = os.open(self.state, os.O_RDONLY)
         except OSError:
@@ -81,15 +81,20 @@ class Run:
         try:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except BlockingIOError:
-            return not self._is_silent(os.fstat(handle).st_mtime_ns)
+            return not self.is_silent()
         except OSError:
             return False
         finally:
             os.close(handle)
         return False
 
-    def _is_silent(self, written_ns: int) -> bool:
-        """Return whether the leading process has written nothing for minutes, as if it were stopped."""
+    def is_silent(self) -> bool:
+        """Return whether no loop was done for minutes, as this process saw it."""
+        try:
+            written_ns = self.state.stat().st_mtime_ns
+        except OSError:
+            # removed in the end
+            return False
         now = time.monotonic()
         if written_ns != self._written_ns:
             self._written_ns = written_ns
@@ -131,8 +136,8 @@ class Run:
         assert self.process.stdin is not None
         with suppress(OSError):
             self.process.stdin.close()
-        # those it leads notice it
-        self.process.terminate()
+        # also where it is stopped, when it would not take a milder signal; those it leads notice it
+        self.process.kill()
         self.process.wait()
 
     def _report(self) -> tuple[str, str]:
@@ -190,12 +195,14 @@ def compiling_ahead(processes: int) -> Iterator[None]:
     processes : int
         How many may compile at once.
     """
-    _process.run = _begun(min(processes, MOST_PROCESSES))
+    run = _begun(min(processes, MOST_PROCESSES))
+    _process.run = run
     try:
         yield
     finally:
-        if _process.run is not None:
-            _process.run.end()
+        # also a run that this process no longer waits for
+        if run is not None:
+            run.end()
         _process.run = None
 
 

@@ -9,13 +9,13 @@ import select
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from compiled.ahead import MOST_PROCESSES, PREFIX, read_list, state_files, taken
+from compiled.ahead import MOST_PROCESSES, PREFIX, Run, read_list, state_files, taken
 from compiled.dependencies import plain_function, reachable
 from compiled.signatures import decoded, named
 
@@ -43,14 +43,17 @@ def lead(handle: int, state: str, done: str, processes: int, *, ends_with_starte
     running: dict[Future[bool], int] = {}
     compiled = 0
     try:
+        _write_state(handle, agenda, compiled)
         while not agenda.is_done():
             while len(running) < processes and (index := agenda.take()) is not None:
                 running[executor.submit(_compile, loops[index])] = index
-            _write_state(handle, agenda, compiled)
             ended, _ = wait(running, timeout=_POLL_S, return_when=FIRST_COMPLETED)
             for future in ended:
                 agenda.finish(running.pop(future))
                 compiled += _has_compiled(future)
+            if ended:
+                # only then: others take the time of the file for that of the last loop
+                _write_state(handle, agenda, compiled)
             if ends_with_starter:
                 agenda.prefer(_wishes())
     except BrokenProcessPool:
@@ -99,8 +102,10 @@ class Agenda:
         """Take note that a loop is compiled."""
         self.finished.add(index)
 
-    def prefer(self, indices: Iterable[int]) -> None:
-        """Put some loops, and what they need, before all others."""
+    def prefer(self, indices: Sequence[int]) -> None:
+        """Put these loops, and what they need, before all others; without any, keep the order."""
+        if not indices:
+            return
         first = {needed for index in indices for needed in (index, *self._needs[index])}
         self._waiting.sort(key=lambda index: (index not in first, index))
 
@@ -183,6 +188,8 @@ def _wishes() -> list[int]:
 def compile_all(processes: int) -> None:
     """Compile all listed loops, and wait for it, also where another program compiles them already.
 
+    If that program is stopped, its loops are left to whoever needs them.
+
     Parameters
     ----------
     processes : int
@@ -191,11 +198,16 @@ def compile_all(processes: int) -> None:
     files = state_files()
     if files is None:
         return
-    while (handle := taken(files[0])) is None and not files[1].exists():
+    state, done = files
+    other = Run(state)
+    while not done.exists():
+        handle = taken(state)
+        if handle is not None:
+            lead(handle, str(state), str(done), processes, ends_with_starter=False)
+            return
+        if other.is_silent():
+            return
         time.sleep(_POLL_S)
-    if handle is not None:
-        state, done = map(str, files)
-        lead(handle, state, done, processes, ends_with_starter=False)
 
 
 if __name__ == "__main__":

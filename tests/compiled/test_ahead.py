@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -14,7 +15,7 @@ import numba
 import numpy as np
 import pytest
 
-from compiled import ahead
+from compiled import ahead, leader
 from compiled.ahead import Run, list_entry, read_list, taken
 from compiled.cache import LoopCache
 from compiled.dependencies import plain_function, reachable
@@ -41,7 +42,7 @@ SCRIPT = """
 import sys, json
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
-from compiled import ahead
+from compiled import ahead, leader
 ahead.LISTED = Path(sys.argv[1]) / "list.json"
 from compiled.leader import compile_all
 from numba.core import event
@@ -155,6 +156,8 @@ def test_callees_come_first_and_wishes_before_the_rest():
     assert agenda.missing == {1}
     assert agenda.take() == 0
     agenda.prefer([3])
+    # no wish since then
+    agenda.prefer([])
     assert [agenda.take(), agenda.take(), agenda.take()] == [3, 2, None]
     for index in (0, 2, 3):
         assert not agenda.is_done()
@@ -234,6 +237,7 @@ def test_a_loop_is_waited_for_until_it_is_done(folder, monkeypatch):
     # stopped, for instance
     monkeypatch.setattr(ahead, "_SILENCE_S", -1.0)
     assert not waited.is_active()
+    assert waited.is_silent()
     monkeypatch.undo()
     monkeypatch.setattr(ahead._process, "run", waited)
     os.close(handle)
@@ -255,6 +259,43 @@ def test_the_processes_end_with_the_program_that_started_them(folder, monkeypatc
         time.sleep(0.05)
     assert not started.is_active()
     assert ahead.current_run() is None
+
+
+@pytest.mark.parametrize("given_up", [False, True])
+def test_a_stopped_leader_is_ended_too(folder, monkeypatch, given_up):
+    """Neither the end of the program nor another one waits for it."""
+    (folder / "loops.py").write_text("import time\ntime.sleep(60)\n")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder / "kept"))
+    monkeypatch.setattr(ahead, "LISTED", folder / "list.json")
+    with ahead.compiling_ahead(2):
+        started = ahead.current_run()
+        os.kill(started.process.pid, signal.SIGSTOP)
+        if given_up:
+            monkeypatch.setattr(ahead, "_SILENCE_S", -1.0)
+            assert ahead.is_awaited(len, ())
+            assert ahead.current_run() is None
+            leader.compile_all(2)
+            assert not list(folder.rglob("*.nbc"))
+    assert started.process.returncode == -signal.SIGKILL
+    assert not started.is_active()
+
+
+def take_half_a_second(loop):
+    time.sleep(0.5)
+    return False
+
+
+def test_the_state_is_written_when_a_loop_is_done_and_not_otherwise(folder, monkeypatch):
+    """A process that compiles and hangs must not look like progress."""
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setattr(leader, "read_list", lambda: LIST[:1])
+    monkeypatch.setattr(leader, "_compile", take_half_a_second)
+    written = []
+    monkeypatch.setattr(leader, "_write_state", lambda *state: written.append(state[2]))
+    state = folder / "ahead.state"
+    leader.lead(taken(state), str(state), str(folder / "done"), 1, ends_with_starter=False)
+    assert len(written) == 2
+    assert (folder / "done").exists()
 
 
 def test_one_process_compiles_for_itself(folder, monkeypatch):
