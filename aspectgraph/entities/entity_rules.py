@@ -3,9 +3,11 @@
 Conditions are joined by *and*. Each is one of
 
 ==========================================  =======================================================================
-``length > 20``, ``turn <= 90``             mm of an edge, radius in mm of a rim or arc (``radius`` too); degrees
+``length > 20``                             mm of an edge; of a rim or arc, its radius
+``radius <= 5``                             mm, of rims and arcs only
+``turn <= 90``                              degrees
 ``convex``, ``reentrant``                   by the sign of the turn
-``kind = edge`` (``rim``, ``arc``, ``any``)  edges unless said otherwise
+``kind = edge`` (``rim``, ``arc``, ``any``)  without it, edges; with ``radius``, rims and arcs
 ``direction = x`` (``y``, ``z``, ``1,0,2``)  parallel within half a degree, of a rim or arc its axis
 ``face = top`` (``bottom``, ``left``, …)    all of it on that side of the part's box: top is +z, right +x, back +y
 ``near 10,20,30 < 5``                       distance from a point, mm
@@ -51,7 +53,9 @@ _SIDES = {
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _POINT = rf"{_NUMBER}(?:\s*,\s*{_NUMBER}){{2}}"
+_KINDS = ("edge", "rim", "arc")
 _KIND = re.compile(r"kind\s*=\s*(edge|rim|arc|any)")
+_SIZE = re.compile(rf"(length|radius)\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:mm)?")
 _Test = Callable[["_Candidate"], bool]
 
 
@@ -75,8 +79,9 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     solid : Solid
         The part.
     rule : str
-        Conditions joined by *and*: ``length > 20``, ``turn < 100``, ``convex``, ``reentrant``, ``kind = rim``,
-        ``direction = z``, ``face = top``, ``near 10,20,30 < 5``.
+        Conditions joined by *and*: ``length > 20``, ``radius > 5``, ``turn < 100``, ``convex``,
+        ``reentrant``, ``kind = rim``, ``direction = z``, ``face = top``, ``near 10,20,30 < 5``.
+        A rule with ``radius`` selects rims and arcs. Any other rule without ``kind`` selects edges.
 
     Returns
     -------
@@ -96,15 +101,21 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     [0, 5, 20, 22]
     """
     check_solid(solid)
-    tests = [_test(text, solid) for text in _conditions(rule)]
-    if not re.search(r"\bkind\b", rule, flags=re.IGNORECASE):
-        tests.append(lambda one: one.kind == "edge")
-    found = [one.id for one in _candidates(solid) if all(test(one) for test in tests)]
-    if not found:
+    conditions = _conditions(rule)
+    tests = [_test(text, solid) for text in conditions]
+    kinds = _selected_kinds(conditions)
+    selected = [
+        candidate.id
+        for candidate in _candidates(solid)
+        if candidate.kind in kinds and all(test(candidate) for test in tests)
+    ]
+    if not selected:
+        named = ", ".join(kind for kind in _KINDS if kind in (kinds or _KINDS))
+        named = " or ".join(named.rsplit(", ", 1))
         raise EntityError.of_rule(
-            "select", f"must hold for at least one {_selected_kinds(rule)}", f"none for {rule!r}"
+            "select", f"must hold for at least one {named}", f"none for {rule!r}"
         )
-    return found
+    return selected
 
 
 def check_selection(rule: str) -> None:
@@ -124,13 +135,18 @@ def check_selection(rule: str) -> None:
         _test(text, None)
 
 
-def _selected_kinds(rule: str) -> str:
-    """Return the kinds of entity that a rule can select, as a message lists them."""
-    kinds = {"edge", "rim", "arc"}
-    named = [match[1] for text in _conditions(rule) if (match := _KIND.fullmatch(text.lower()))]
-    for kind in named or ["edge"]:
-        kinds &= kinds if kind == "any" else {kind}
-    return kinds.pop() if len(kinds) == 1 else "edge, rim or arc"
+def _selected_kinds(conditions: list[str]) -> set[str]:
+    """Return the kinds of entity that conditions can hold for."""
+    kinds = set(_KINDS)
+    is_stated = False
+    for text in map(str.lower, conditions):
+        if match := _KIND.fullmatch(text):
+            is_stated = True
+            kinds &= kinds if match[1] == "any" else {match[1]}
+        elif (match := _SIZE.fullmatch(text)) and match[1] == "radius":
+            is_stated = True
+            kinds -= {"edge"}
+    return kinds if is_stated else {"edge"}
 
 
 def _conditions(rule: str) -> list[str]:
@@ -163,17 +179,17 @@ def _test(text: str, solid: Solid | None) -> _Test:
     if lower in ("convex", "reentrant", "re-entrant"):
         sign = 1 if lower == "convex" else -1
         return lambda one: sign * one.turn_deg > 0
-    if found := re.fullmatch(rf"(length|radius)\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:mm)?", lower):
+    if found := _SIZE.fullmatch(lower):
         compare = _COMPARE[found[2]]
         limit = float(found[3])
         return lambda one: compare(one.size_mm, limit)
-    if found := re.fullmatch(rf"(turn)\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:deg|°)?", lower):
-        compare = _COMPARE[found[2]]
-        limit = float(found[3])
+    if found := re.fullmatch(rf"turn\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:deg|°)?", lower):
+        compare = _COMPARE[found[1]]
+        limit = float(found[2])
         return lambda one: compare(abs(one.turn_deg), limit)
-    if found := _KIND.fullmatch(lower):
-        kind = found[1]
-        return lambda one: kind in (one.kind, "any")
+    if _KIND.fullmatch(lower):
+        # see `_selected_kinds`
+        return lambda one: True
     if found := re.fullmatch(rf"direction\s*=\s*([xyz]|{_POINT})", lower):
         return _parallel(np.array(_AXES.get(found[1]) or _numbers(found[1])), text)
     if found := re.fullmatch(rf"face\s*=\s*({'|'.join(_SIDES)})", lower):
@@ -184,7 +200,7 @@ def _test(text: str, solid: Solid | None) -> _Test:
         return lambda one: _distance(one, point) < radius
     raise EntityError.of_rule(
         "select",
-        "must be conditions joined by 'and': length > 20, turn < 100, convex, "
+        "must be conditions joined by 'and': length > 20, radius > 5, turn < 100, convex, "
         "reentrant, kind = rim, direction = z, face = top, near 10,20,30 < 5",
         repr(text),
         hint=_meant(text),

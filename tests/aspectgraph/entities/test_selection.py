@@ -65,6 +65,10 @@ def test_rims_are_selected_by_kind_and_radius():
     expected = [rim.id for rim in part.rims() if rim.radius_mm > 10]
     assert expected
     assert select_entities(part, "kind = rim and radius > 10") == expected
+    arcs = [arc.id for arc in part.arcs() if arc.radius_mm > 10]
+    assert arcs
+    assert select_entities(part, "radius > 10") == [*expected, *arcs]
+    assert select_entities(part, "kind = any and radius > 10") == [*expected, *arcs]
     assert set(select_entities(part, "kind = any")) >= {*expected, *(arc.id for arc in part.arcs())}
 
 
@@ -77,6 +81,9 @@ def test_rims_are_selected_by_kind_and_radius():
         ("radius > 900 and KIND = arc", "arc"),
         ("length > 900 and kind = any", "edge, rim or arc"),
         ("kind = any and kind = rim", "rim"),
+        ("radius > 10", "rim or arc"),
+        ("radius > 10 mm and length > 10", "rim or arc"),
+        ("kind = edge and radius > 10", "edge, rim or arc"),
         ("kind = arc and kind = rim", "edge, rim or arc"),
     ],
 )
