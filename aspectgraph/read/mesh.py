@@ -28,12 +28,12 @@ from aspectgraph.read.ply import parse_ply
 from aspectgraph.read.repair import drop_repetitions, drop_thin, is_closed, turn_thin, weld
 from aspectgraph.read.stl import parse_stl
 from aspectgraph.read.tessellation import Tessellation
-from aspectgraph.solid.checks import check_vertices, default_planarity_mm
+from aspectgraph.solid.checks import check_vertices, default_planarity_mm, face_area_vectors
 from aspectgraph.solid.face_loops import FaceLoops
 from aspectgraph.solid.shells import face_outwards
 from aspectgraph.solid.solid import Solid
-from aspectgraph.solid.topology import Face, describe_edge, label_shells, pair_edges
-from aspectgraph.solid.triangulate import newell_area_vector, triangulate_face
+from aspectgraph.solid.topology import describe_edge, label_shells, pair_edges
+from aspectgraph.solid.triangulate import triangulate_faces
 
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "inch": 25.4, "ft": 304.8}
 """Millimetres in one of each unit."""
@@ -194,26 +194,37 @@ def _welded_triangles(
     vertices, new = weld(vertices)
     if isinstance(polygons, np.ndarray):
         return vertices, drop_repetitions(new[polygons], notes)
-    triangles: list[tuple[int, ...]] = []
-    for f, polygon in enumerate(polygons):
-        loop = [int(new[v]) for v in polygon]
-        loop = [v for v, w in zip(loop, [loop[-1], *loop[:-1]], strict=True) if v != w]
-        if len(loop) < 3:
-            triangles.append((new[polygon[0]],) * 3)
-        elif len(loop) == 3:
-            triangles.append(tuple(loop))
-        else:
-            triangles.extend(_cut_polygon(vertices, loop, f))
-    return vertices, drop_repetitions(np.array(triangles, dtype=np.int64), notes)
+    loops = [_without_repetitions([int(new[v]) for v in polygon]) for polygon in polygons]
+    # what has no area stays as a triangle without one
+    triangles = [np.repeat(new[polygon[0]], 3)[None] for polygon in polygons]
+    whole = [f for f, loop in enumerate(loops) if len(loop) >= 3]
+    for f, cut in zip(whole, _cut_polygons(vertices, loops, whole), strict=True):
+        triangles[f] = cut
+    return vertices, drop_repetitions(np.concatenate(triangles).astype(np.int64), notes)
 
 
-def _cut_polygon(vertices: np.ndarray, loop: list[int], f: int) -> list[tuple[int, ...]]:
-    normal = newell_area_vector(vertices[loop])
-    if len(set(loop)) < len(loop) or not normal.any():
-        raise ReadError(f"a polygon must be simple and have an area. Got polygon {f} of the file.")
-    return triangulate_face(
-        vertices, Face(tuple(loop)), normal, f"polygon {f} of the file"
-    ).tolist()
+def _without_repetitions(loop: list[int]) -> list[int]:
+    """Return a loop without vertices that follow themselves."""
+    return [v for v, before in zip(loop, [loop[-1], *loop[:-1]], strict=True) if v != before]
+
+
+def _cut_polygons(
+    vertices: np.ndarray, polygons: list[list[int]], whole: list[int]
+) -> tuple[np.ndarray, ...]:
+    """Return the triangles of these polygons, by their numbers in the file."""
+    if not whole:
+        return ()
+    loops = FaceLoops.of_cycles([[polygons[f]] for f in whole])
+    normals = face_area_vectors(vertices, loops)
+    for f, normal in zip(whole, normals, strict=True):
+        loop = polygons[f]
+        if len(loop) > 3 and (len(set(loop)) < len(loop) or not normal.any()):
+            raise ReadError(
+                f"a polygon must be simple and have an area. Got polygon {f} of the file."
+            )
+    return triangulate_faces(
+        vertices, loops, normals, lambda face: f"polygon {whole[face]} of the file"
+    )
 
 
 def _close(

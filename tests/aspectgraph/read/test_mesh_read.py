@@ -30,6 +30,7 @@ from aspectgraph import (
     Solid,
     read_solid,
 )
+from aspectgraph.read import mesh
 
 MAKERS = [cube, l_block, slotted_block, two_pocket_block, two_boxes, hollow_box, lambda: plate(2)]
 
@@ -394,3 +395,19 @@ def test_parameters_that_do_not_apply(tmp_path):
         read(tmp_path, "part.stl", data, chord_tolerance_mm=float("nan"))
     with pytest.raises(ReadError, match=r"angular_tolerance_deg must be in \(0, 90\]"):
         read(tmp_path, "part.stl", data, angular_tolerance_deg=120)
+
+
+def test_all_polygons_of_a_file_are_cut_together(tmp_path, monkeypatch):
+    """Because each call costs as much as a hundred polygons."""
+    calls = []
+    cut = mesh.triangulate_faces
+
+    def counted(vertices, loops, normals, name):
+        calls.append(len(normals))
+        return cut(vertices, loops, normals, name)
+
+    monkeypatch.setattr(mesh, "triangulate_faces", counted)
+    solid = l_block()
+    read_back = read(tmp_path, "block.off", off_text(solid).encode())
+    assert same_solid(solid, read_back)
+    assert calls == [len(solid.faces)]
