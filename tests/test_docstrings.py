@@ -4,6 +4,7 @@ import ast
 import builtins
 import doctest
 import inspect
+import re
 import textwrap
 from dataclasses import is_dataclass
 from enum import Enum
@@ -176,6 +177,14 @@ def test_errors_are_named(name):
     section = get_doc_object(thing)["Raises"]
     named = {one.strip() for entry in section for one in (entry.type or entry.name).split(",")}
     assert not [error for error in raised(thing) if not named & kinds_of(error, thing)]
+
+
+def test_headings_stand_on_lines_of_their_own():
+    """A heading that was filled into its paragraph is none, and what stands under it is lost."""
+    heading = re.compile(r"\b(Attributes|Examples|Notes|Parameters|Raises|Returns|Yields) -{3,}")
+    files = [path for package in PACKAGES for path in Path(package.__path__[0]).rglob("*.py")]
+    assert len(files) > 200
+    assert [str(path) for path in files if heading.search(path.read_text())] == []
 
 
 def test_what_a_user_calls_has_an_example():

@@ -68,8 +68,10 @@ def read_dimensions(
     MissingExtraError
         The package cadquery-ocp-novtk is not installed.
 
-    Notes ----- An assembly may contain a part several times. The result then lists its dimensions
-    for each instance. Dimensions of solids that were not read say so.
+    Notes
+    -----
+    An assembly may contain a part several times. The result then lists its dimensions for each
+    instance. Dimensions of solids that were not read say so.
 
     Examples
     --------

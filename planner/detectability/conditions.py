@@ -41,8 +41,10 @@ class Detectability:
     RequestError
         If a value is negative or not finite, or the angle is 90 degrees or more.
 
-    Notes ----- The proof of the lower bound uses only `surround_px`, because it narrows the
-    picture. The other conditions restrict plans further and leave the bound valid.
+    Notes
+    -----
+    The proof of the lower bound uses only `surround_px`, because it narrows the picture. The other
+    conditions restrict plans further and leave the bound valid.
 
     Examples
     --------
