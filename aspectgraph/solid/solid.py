@@ -43,6 +43,7 @@ from aspectgraph.solid.topology import (
     Face,
     as_face,
     check_fans,
+    is_index,
     label_shells,
     pair_edges,
     signed_dihedrals_deg,
@@ -419,8 +420,7 @@ def _known_keys(
     label: str, pairs: Iterable[tuple[int, int]], known: np.ndarray, n: int
 ) -> np.ndarray:
     """Return the keys, lower vertex times n and higher one, of vertex pairs that must be among the known ones."""
-    ends = pairs if isinstance(pairs, np.ndarray) else np.array(list(pairs), dtype=np.int64)
-    ends = np.sort(ends.reshape(-1, 2), axis=1)
+    ends = np.sort(_vertex_pairs(label, pairs, n), axis=1)
     keys = ends[:, 0] * n + ends[:, 1]
     strangers = ends[~np.isin(keys, known) | (ends < 0).any(axis=1) | (ends >= n).any(axis=1)]
     if len(strangers):
@@ -428,6 +428,20 @@ def _known_keys(
             f"{label} must name edges. Got vertices {min(map(tuple, strangers.tolist()))}."
         )
     return keys
+
+
+def _vertex_pairs(label: str, pairs: Iterable[tuple[int, int]], n: int) -> np.ndarray:
+    """Return pairs of vertex indices as an array, shape (m, 2)."""
+    if isinstance(pairs, np.ndarray) and pairs.dtype.kind == "i" and pairs.shape[1:] == (2,):
+        return pairs
+    listed = [tuple(pair) for pair in pairs]
+    for pair in listed:
+        if len(pair) != 2 or not all(map(is_index, pair)):
+            raise SolidError(f"{label} must be pairs of integer vertex indices. Got {pair}.")
+        # also of more digits than an array takes
+        if not all(0 <= vertex < n for vertex in pair):
+            raise SolidError(f"{label} must name edges. Got vertices {tuple(sorted(pair))}.")
+    return np.array(listed, dtype=np.int64).reshape(-1, 2)
 
 
 def check_solid(solid: object) -> None:
@@ -446,7 +460,7 @@ def check_solid(solid: object) -> None:
     if isinstance(solid, Solid):
         return
     name = type(solid).__name__
-    got = f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+    got = f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
     if solid is None or isinstance(solid, str):
         got = repr(solid)[:_LONGEST]
     hint = "read_solid reads one from a file"

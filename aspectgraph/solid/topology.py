@@ -120,9 +120,14 @@ def faces_of(loops: FaceLoops, curved: Iterable[bool]) -> list[Face]:
     return [Face(own[0], tuple(own[1:]), flag) for own, flag in zip(cycles, flags, strict=True)]
 
 
+def is_index(value: object) -> bool:
+    """Return whether a value is an integer, and no truth value."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def _loop(indices: Iterable[Any]) -> tuple[int, ...]:
     loop = tuple(indices)
-    if any(isinstance(i, bool) or not isinstance(i, int | np.integer) for i in loop):
+    if not all(map(is_index, loop)):
         raise SolidError(f"faces must be loops of integer vertex indices. Got {loop}.")
     return tuple(int(i) for i in loop)
 

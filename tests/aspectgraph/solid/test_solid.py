@@ -123,6 +123,16 @@ def test_curved_edges_are_no_candidates():
     assert len(solid.straight_edges()) == 11
     with pytest.raises(SolidError, match=r"curved_edges must name edges. Got vertices \(0, 99\)"):
         Solid(vertices, faces, curved_edges=[(99, 0)])
+    with pytest.raises(SolidError, match=rf"must name edges. Got vertices \(0, {10**30}\)"):
+        Solid(vertices, faces, curved_edges=[(10**30, 0)])
+    for pair in ((a, b + 0.5), (a, b, a), (a,), ("a", "b"), (a, True)):
+        message = rf"must be pairs of integer vertex indices. Got {re.escape(str(pair))}\."
+        with pytest.raises(SolidError, match=f"curved_edges {message}"):
+            Solid(vertices, faces, curved_edges=[pair])
+        with pytest.raises(SolidError, match=f"surface_turns {message}"):
+            Solid(vertices, faces, surface_turns={pair: 3.0})
+    with pytest.raises(SolidError, match="curved_edges must be pairs"):
+        Solid(vertices, faces, curved_edges=np.array([[a, b, a], [b, a, b]]))
 
 
 def test_turns_of_the_surfaces_decide_what_is_sharp():
