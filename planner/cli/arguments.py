@@ -361,8 +361,8 @@ def add_entities(parser: Options) -> argparse._MutuallyExclusiveGroup:
         "--select",
         metavar="RULE",
         help="conditions joined by 'and': length > 20, radius > 5, turn < 100, convex, reentrant, "
-        "kind = rim, direction = z, face = top (bottom, left, right, front, back: of the part's box), "
-        "near 10,20,30 < 5. Without kind or radius, only edges are selected",
+        "kind = rim, direction = z, face = top (bottom, left, right, front, back: of the part's "
+        "box), near 10,20,30 < 5. Without kind or radius, only edges are selected",
     )
     which.add_argument(
         "--all", dest="entities", action="store_const", const="all", help="all sharp straight edges"
