@@ -33,16 +33,15 @@ def opencv_fields(
         or k[1, 0]
         or (k[2] != [0.0, 0.0, 1.0]).any()
     ):
-        raise CameraError(
-            f"matrix must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]. Got {shown(matrix)}."
+        raise CameraError.of_rule(
+            "matrix", "must be [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]", shown(matrix)
         )
     scale_x = check_positive("f_x", k[0, 0])
     scale_y = check_positive("f_y", k[1, 1])
     for name in _NEEDED:
         if name not in lens:
-            raise CameraError(
-                f"{name} must be given: a calibration in pixels does not know it. Got none."
-            )
+            rule = "must be given: a calibration in pixels does not know it"
+            raise CameraError.of_rule(name, rule, "none")
     pitch = check_positive("pixel_pitch_mm", lens["pixel_pitch_mm"])
     focus = check_positive("focus_distance_mm", lens["focus_distance_mm"])
     distance = scale_x * pitch

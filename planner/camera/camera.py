@@ -103,9 +103,8 @@ class Camera:
             for p in check_pair("pixel_pitch_mm", self.pixel_pitch_mm)
         )
         if max(pitch) > _LARGEST_PITCH_MM:
-            raise CameraError(
-                f"pixel_pitch_mm must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345. Got {max(pitch):g}."
-            )
+            rule = f"must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345"
+            raise CameraError.of_rule("pixel_pitch_mm", rule, f"{max(pitch):g}")
         object.__setattr__(self, "pixel_pitch_mm", pitch)
         counts = tuple(
             check_count("resolution", n) for n in check_pair("resolution", self.resolution)
@@ -114,13 +113,14 @@ class Camera:
         blur = min(pitch) if self.largest_blur_mm is None else self.largest_blur_mm
         object.__setattr__(self, "largest_blur_mm", check_positive("largest_blur_mm", blur))
         if not isinstance(self.name, str):
-            raise CameraError(f"name must be text. Got {shown(self.name)}.")
+            raise CameraError.of_rule("name", "must be text", shown(self.name))
         # focus a rounding error beyond f is none: the image distance would not be finite
         if not 1.0 / self.focal_length_mm > 1.0 / self.focus_distance_mm:
-            raise CameraError(
-                f"focus_distance_mm must exceed focal_length_mm ({self.focal_length_mm:g}), "
-                f"otherwise no real image forms. Got {self.focus_distance_mm:g}."
+            rule = (
+                f"must exceed focal_length_mm ({self.focal_length_mm:g}), "
+                "otherwise no real image forms"
             )
+            raise CameraError.of_rule("focus_distance_mm", rule, f"{self.focus_distance_mm:g}")
         self._check_calibration()
 
     def _check_calibration(self) -> None:
@@ -132,7 +132,9 @@ class Camera:
             )
             object.__setattr__(self, "principal_point_px", point)
             if not all(-0.5 < c < n - 0.5 for c, n in zip(point, self.resolution, strict=True)):
-                raise CameraError(f"principal_point_px must be on the sensor. Got {shown(point)}.")
+                raise CameraError.of_rule(
+                    "principal_point_px", "must be on the sensor", shown(point)
+                )
         if self.distortion is not None:
             # a pixel more than there is: what is rounded to the last one lies half a pixel beyond
             self.field(-1.0)
@@ -394,8 +396,9 @@ class Camera:
                 )
             return cls.from_dict({"name": path.stem, **data})
         except CameraError as error:
-            field = str(error).split(" ", 1)[0]
-            raise CameraError(f"{path}:{line_of(field, text)}: {error}") from None
+            # an error without a parameter is one of the file that ``calibration`` names
+            line = line_of(error.parameter or "calibration", text)
+            raise CameraError(f"{path}:{line}: {error}") from None
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Camera:
@@ -488,12 +491,10 @@ class Camera:
         for key in data:
             if key not in known:
                 named = key if key.isidentifier() else shown(key)
-                raise CameraError(
-                    f"{named} must be one of {', '.join(known)}. Got an unknown field."
-                )
+                rule = f"must be one of {', '.join(known)}"
+                raise CameraError.of_rule(named, rule, "an unknown field")
         for key in known[:5]:
             if key not in data:
-                raise CameraError(
-                    f"{key} must be given. Got {shown(', '.join(map(str, data)) or 'nothing', str)}."
-                )
+                given = shown(", ".join(map(str, data)) or "nothing", str)
+                raise CameraError.of_rule(key, "must be given", given)
         return cls(**data)

@@ -68,7 +68,7 @@ def check_pair(field: str, values: Any) -> tuple[Any, ...]:
     except TypeError:
         pair = ()
     if len(pair) != 2 or isinstance(values, str):
-        raise CameraError(f"{field} must be two numbers, across and down. Got {shown(values)}.")
+        raise CameraError.of_rule(field, "must be two numbers, across and down", shown(values))
     return pair
 
 
@@ -79,7 +79,7 @@ def check_number(field: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number) or isinstance(value, str | bool):
-        raise CameraError(f"{field} must be finite. Got {shown(value)}.")
+        raise CameraError.of_rule(field, "must be finite", shown(value))
     return number
 
 
@@ -92,9 +92,9 @@ def check_positive(field: str, value: Any) -> float:
     except OverflowError:
         number = math.inf
     if not (math.isfinite(number) and number > 0) or isinstance(value, str | bool):
-        raise CameraError(f"{field} must be finite and positive. Got {shown(value)}.")
+        raise CameraError.of_rule(field, "must be finite and positive", shown(value))
     if not _SMALLEST <= number <= _LARGEST:
-        raise CameraError(f"{field} must be in [{_SMALLEST:g}, {_LARGEST:g}]. Got {number:g}.")
+        raise CameraError.of_rule(field, f"must be in [{_SMALLEST:g}, {_LARGEST:g}]", f"{number:g}")
     return number
 
 
@@ -102,7 +102,7 @@ def check_count(field: str, value: object) -> int:
     """Return a positive whole number, or raise `CameraError`."""
     number = check_positive(field, value)
     if number != int(number):
-        raise CameraError(f"{field} must be whole pixels. Got {shown(value)}.")
+        raise CameraError.of_rule(field, "must be whole pixels", shown(value))
     return int(number)
 
 

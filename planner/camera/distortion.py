@@ -46,7 +46,7 @@ class Distortion:
     def __post_init__(self) -> None:
         for name in ("k1", "k2", "p1", "p2", "k3"):
             if not np.isfinite(getattr(self, name)):
-                raise CameraError(f"{name} must be finite. Got {getattr(self, name)!r}.")
+                raise CameraError.of_rule(name, "must be finite", repr(getattr(self, name)))
 
     @classmethod
     def of(cls, values: Distortion | ArrayLike | None) -> Distortion | None:
@@ -77,12 +77,14 @@ class Distortion:
         except (TypeError, ValueError):
             numbers = np.empty(0)
         if len(numbers) < 4:
-            raise CameraError(
-                f"distortion must be four or five numbers k1, k2, p1, p2, k3. Got {values!r}."
+            raise CameraError.of_rule(
+                "distortion", "must be four or five numbers k1, k2, p1, p2, k3", repr(values)
             )
         if np.any(numbers[5:]):
-            raise CameraError(
-                f"distortion must have no coefficients beyond k1, k2, p1, p2, k3. Got {values!r}."
+            raise CameraError.of_rule(
+                "distortion",
+                "must have no coefficients beyond k1, k2, p1, p2, k3",
+                repr(values),
             )
         return cls.of(cls(*map(float, numbers[:5])))
 

@@ -97,7 +97,7 @@ def field_of(lens: Distortion, sides: Rectangle) -> Field:
         narrowest, np.concatenate([size, -size]), lambda box: _on_sensor(lens, box, sides)
     )
     if outer is None or inner is None or _stretch(lens, outer)[0] <= 0.0:
-        raise CameraError(f"distortion must not fold within the field of view. Got {lens}.")
+        raise CameraError.of_rule("distortion", "must not fold within the field of view", str(lens))
     return Field(inner, outer, _stretch(lens, inner)[0], _stretch(lens, outer)[1])
 
 

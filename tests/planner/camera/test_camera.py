@@ -190,6 +190,8 @@ def test_toml_round_trip(tmp_path):
             r"bad\.toml:6: colour must be one of focal_length_mm, .*unknown",
         ),
         (GOOD.replace("f_number = 8.0\n", ""), r"bad\.toml:1: f_number must be given"),
+        # the text of this error begins with the calibration's path
+        (GOOD + 'calibration = "none.yaml"\n', r"bad\.toml:6: .*none\.yaml: camera file cannot"),
     ],
 )
 def test_bad_toml_names_file_and_line(tmp_path, text, message):
