@@ -16,6 +16,7 @@ _HINTS = {
     "Solid": "read_solid reads one from a file",
     "Camera": "Camera.named and Camera.from_toml make one",
     "PoseUncertainty": "PoseUncertainty.isotropic makes one",
+    "Effort": "Effort.named makes one",
     "InspectionPlan": "read_plan reads one from a file",
     ITEMS: "read_entities reads one from a text",
 }

@@ -9,6 +9,8 @@ from typing import Any
 
 from aspectgraph.entities.entity_rules import check_selection
 from aspectgraph.read.mesh import check_units
+from planner.argument_kinds import MAPPING, check_kinds
+from planner.callbacks import Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.effort.effort import Effort
@@ -93,6 +95,12 @@ class PartRequest:
     limits: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_kinds(
+            camera=(self.camera, "Camera"),
+            pose_uncertainty=(self.pose_uncertainty, "PoseUncertainty"),
+            effort=(self.effort, "Effort"),
+            limits=(self.limits, MAPPING),
+        )
         check_fraction("accuracy", self.accuracy)
         check_fraction("probability", self.probability)
         for name, least in (("seed", 0), ("simulate", 1), ("graph_limit", 0)):
@@ -104,6 +112,9 @@ class PartRequest:
         for name in self.limits:
             if name not in _LIMITS:
                 raise RequestError.of_rule("limits", f"must be of {', '.join(_LIMITS)}", repr(name))
+        # what would be refused with every part is refused before the first one
+        Deadline(self.options.time_limit_s, self.options.gap)
+        self.options.requirements(self.camera, self.pose_uncertainty)
 
     @property
     def options(self) -> InspectionOptions:
