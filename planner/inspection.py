@@ -16,6 +16,7 @@ The way
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -34,8 +35,10 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
 from planner.effort.effort import Effort
 from planner.exceptions import RequestError
+from planner.identity.inspection_request import InspectionRequest
 from planner.identity.resolve_request import Promise, ResolvedRequest, resolve_request
 from planner.inspection_options import InspectionOptions
+from planner.light.background import DEFAULT_STEP
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.light.ring_space import RingSpace
@@ -52,7 +55,9 @@ from planner.steps.run import Run
 from planner.steps.stages import run_stages
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid
+    from aspectgraph import Solid, VisibilityRegions
+    from aspectgraph.visibility.kept_regions import RegionStore
+    from planner.progress import Progress
 
 
 def plan_inspection(
@@ -320,7 +325,17 @@ def _request(
         asked.probability,
         asked.requirements,
     )
-    space = options.space or _visible(solid, resolved, options, deadline)
+    space = options.space
+    if space is None:
+        regions = visible_regions(
+            solid,
+            entities,
+            asked,
+            executor=options.executor,
+            progress=options.progress,
+            deadline=deadline.of_regions(),
+        )
+        space = space_of(asked, regions)
     missing = {name for name in entities if name not in space.entities}
     if missing and not deadline.limited:
         raise RequestError.of_rule(
@@ -337,35 +352,61 @@ def _request(
     return Request(joined, joined.entity_names, *rest, targets, options.localisation)
 
 
-def _visible(
-    solid: Solid, resolved: ResolvedRequest, options: InspectionOptions, deadline: Deadline
-) -> Space:
-    """Compute from where the entities are observable, in the share of the time limit that this may take."""
+def visible_regions(
+    solid: Solid,
+    entities: Mapping[str, Any],
+    request: InspectionRequest,
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    kept: RegionStore | None = None,
+    deadline: float = math.inf,
+) -> VisibilityRegions:
+    """Compute from where a camera observes the entities of a request.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    entities : mapping of str to Entity
+        Its entities.
+    request : InspectionRequest
+        Gives the workspace. With a ring light, the entities must show in it as well.
+    executor, progress, kept, deadline
+        As `aspectgraph.compute_regions` takes them. Regions with a ring light are not kept.
+
+    Returns
+    -------
+    VisibilityRegions
+        Without the entities whose region was not complete by the deadline.
+    """
     from aspectgraph import compute_light, compute_regions
 
-    asked, entities, _ = resolved
-    shown = labelled(options.progress, "visible regions")
-    box = asked.workspace
-    if asked.ring is not None and asked.lighting is not None:
-        contrast = asked.lighting.contrast
-        lit = compute_light(
-            solid,
-            entities,
-            contrast,
-            box,
-            options.executor,
-            shown,
-            deadline=deadline.of_regions(),
+    shown = labelled(progress, "visible regions")
+    box = request.workspace
+    if request.ring is not None:
+        return compute_light(
+            solid, entities, request.ring.contrast, box, executor, shown, deadline=deadline
         )
-        return RingSpace(lit, asked.camera, asked.lighting.step)
     return compute_regions(
         solid,
         entities,
         workspace=box,
-        executor=options.executor,
+        executor=executor,
         progress=shown,
-        deadline=deadline.of_regions(),
+        kept=kept,
+        deadline=deadline,
     )
+
+
+def space_of(request: InspectionRequest, regions: VisibilityRegions) -> Space:
+    """Return the space that is planned in: with a ring light, where edges show to the camera."""
+    from aspectgraph import LightRegions
+
+    if request.ring is None or not isinstance(regions, LightRegions):
+        return regions
+    step = DEFAULT_STEP if request.ring.step is None else request.ring.step
+    return RingSpace(regions, request.camera, step)
 
 
 def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> InspectionPlan:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from aspectgraph import (
     AspectGraphError,
-    compute_regions,
     read_entities,
     read_solid,
     resolve_entities,
@@ -29,15 +28,14 @@ from planner.batch.part_result import (
     digest_of,
     found_again,
 )
+from planner.callbacks import SEARCH_SHARE, Deadline
 from planner.exceptions import PlanFileError, PlannerError
-from planner.identity.resolve_request import Promise
-from planner.inspection import plan_by_options
+from planner.identity.resolve_request import Promise, resolve_request
+from planner.inspection import plan_by_options, visible_regions
 from planner.output.folder_lock import folder_lock
 from planner.output.part_source import with_source
 from planner.output.plan_folder import write_outputs
 from planner.plan import InspectionPlan
-from planner.request.defaults import default_workspace
-from planner.wanted.resolve import resolve_wanted
 
 STATE = "planning-state.json"
 REGIONS = "planning-regions"
@@ -101,22 +99,21 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         entities = read_entities("all", solid)
     else:
         entities = resolve_entities(solid, select_entities(solid, request.select))
+    options = request.options
+    promise = Promise(request.accuracy, request.probability, request.seed)
+    asked = (request.camera, request.pose_uncertainty, promise)
+    deadline = Deadline(options.time_limit_s, options.gap)
     # what cannot be measured is refused before the work
-    resolve_wanted(solid, entities, request.accuracy)
+    resolved = resolve_request(solid, entities, *asked, options)
     state = folder / STATE
-    kept = KeptRegions(folder / REGIONS, request.request.identity())
-    workspace = default_workspace(solid, request.camera)
-    regions = compute_regions(solid, entities, workspace=workspace, kept=kept)
-    options = replace(request.options, workspace=workspace, space=regions, state=state)
-    plan = partial(
-        plan_by_options,
-        solid,
-        entities,
-        request.camera,
-        request.pose_uncertainty,
-        Promise(request.accuracy, request.probability, request.seed),
-        options,
+    kept = KeptRegions(folder / REGIONS, resolved.request.identity())
+    regions = visible_regions(
+        solid, resolved.entities, resolved.request, kept=kept, deadline=deadline.of_regions()
     )
+    options = replace(
+        options, space=regions, state=state, time_limit_s=deadline.seconds_left(SEARCH_SHARE)
+    )
+    plan = partial(plan_by_options, solid, entities, *asked, options)
     try:
         found = plan()
     except PlanFileError:
@@ -125,9 +122,11 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         found = plan()
     found = found.simulated(request.simulate, rng=request.seed, solid=solid)
     found = with_source(found, folder, path, {"units": request.units})
-    write_outputs(found, regions, folder, graph_limit=request.graph_limit)
-    state.unlink(missing_ok=True)
-    kept.remove()
+    write_outputs(found, regions, folder, graph_limit=request.graph_limit, deadline=deadline.at())
+    if not found.unfinished:
+        # a longer limit goes on from there
+        state.unlink(missing_ok=True)
+        kept.remove()
     return found
 
 

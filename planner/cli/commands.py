@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from aspectgraph import (
     AspectGraphError,
     JointForecast,
-    LightRegions,
     ReadError,
     compute_light,
     compute_regions,
@@ -51,8 +50,7 @@ from planner.effort.effort import Effort
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
 from planner.files import absolute, check_file_place, output_folder, path_text
-from planner.light.background import DEFAULT_STEP
-from planner.light.ring_space import RingSpace
+from planner.inspection import space_of, visible_regions
 from planner.output import terminal_tables
 from planner.output.folder_lock import folder_lock
 from planner.output.json_records import graph_record, part_record, plan_record
@@ -68,8 +66,7 @@ from planner.request.defaults import default_workspace
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
-    from aspectgraph import EntityAspectGraph, Solid, VisibilityRegions
-    from planner.identity.inspection_request import InspectionRequest
+    from aspectgraph import EntityAspectGraph, Solid
 
 
 def info(options: argparse.Namespace) -> int:
@@ -229,12 +226,20 @@ def _planned(
     ):
         best = BestSoFar(progress)
         deadline = Deadline(options.time_limit)
-        regions = _regions(job, executor, progress, leftovers, deadline.of_regions())
+        regions = visible_regions(
+            solid,
+            job.wanted.entities,
+            request,
+            executor=executor,
+            progress=progress,
+            kept=leftovers.regions,
+            deadline=deadline.of_regions(),
+        )
         try:
             found = job.plan(
                 time_limit_s=deadline.seconds_left(SEARCH_SHARE),
                 on_incumbent=best,
-                space=_space(request, regions),
+                space=space_of(request, regions),
                 state=state,
                 executor=executor,
                 progress=progress,
@@ -259,37 +264,6 @@ def _planned(
     if not found.unfinished:
         leftovers.remove()
     return found, written, best.interrupted
-
-
-def _regions(
-    job: Job, executor: Executor | None, progress: Any, leftovers: Leftovers, deadline: float
-) -> VisibilityRegions:
-    """Return from where a camera observes entities; with a ring light on it, from where they show besides."""
-    shown = labelled(progress, "visible regions")
-    entities = job.wanted.entities
-    box = job.request.workspace
-    ring = job.request.ring
-    if ring is not None:
-        return compute_light(
-            job.solid, entities, ring.contrast, box, executor, shown, deadline=deadline
-        )
-    return compute_regions(
-        job.solid,
-        entities,
-        workspace=box,
-        executor=executor,
-        progress=shown,
-        kept=leftovers.regions,
-        deadline=deadline,
-    )
-
-
-def _space(request: InspectionRequest, regions: VisibilityRegions) -> Any:
-    """Return the space that is planned in: with a ring light, where edges show to the camera."""
-    if request.ring is None or not isinstance(regions, LightRegions):
-        return regions
-    step = DEFAULT_STEP if request.ring.step is None else request.ring.step
-    return RingSpace(regions, request.camera, step)
 
 
 def batch(options: argparse.Namespace) -> int:

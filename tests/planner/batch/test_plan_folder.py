@@ -188,6 +188,52 @@ def test_bad_input(parts, request_, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("fields_", "rule"),
+    [
+        ({"limits": {"time_limit_s": -1}}, "time_limit_s must be a positive number"),
+        ({"limits": {"gap": 2}}, r"gap must be in \[0, 1\)"),
+        ({"limits": {"showing": 3}}, "showing must be a Detectability"),
+        ({"limits": {"stand_off_mm": -5}}, "stand_off_mm must be finite and not negative"),
+        ({"limits": 3}, "limits must be a mapping"),
+        ({"effort": "quick"}, r"effort must be an Effort. Got 'quick'\. Effort\.named"),
+        ({"camera": "basler"}, "camera must be a Camera"),
+    ],
+)
+def test_a_bad_option_is_refused_before_any_part(request_, fields_, rule):
+    with pytest.raises(RequestError, match=rule):
+        replace(request_, **fields_)
+
+
+def test_the_time_limit_ends_the_visible_regions_of_a_part(parts, request_, tmp_path, monkeypatch):
+    monkeypatch.setattr("planner.callbacks.LEAST_REGIONS_S", 0.0)
+    (parts / "torn.stl").unlink()
+    limited = replace(request_, limits={"time_limit_s": 1e-9})
+    results = plan_folder(parts, tmp_path / "out", limited, executor=ThreadPoolExecutor(1))
+    assert [one.status for one in results] == ["refused", "refused"]
+    assert "time_limit_s must be long enough" in results[0].reason
+
+
+def test_what_a_time_limit_ended_is_kept_for_a_longer_one(parts, request_, tmp_path, monkeypatch):
+    (parts / "torn.stl").unlink()
+    (parts / "more" / "a.off").unlink()
+    true_plan = plan_part_module.plan_by_options
+
+    def ended_early(*arguments):
+        return replace(true_plan(*arguments), unfinished=True)
+
+    regions = tmp_path / "out" / "a.off" / plan_part_module.REGIONS
+    with ThreadPoolExecutor(1) as executor:
+        monkeypatch.setattr(plan_part_module, "plan_by_options", ended_early)
+        plan_folder(parts, tmp_path / "out", request_, executor=executor)
+        assert len(list(regions.glob("*.npz"))) == 2
+        monkeypatch.undo()
+        longer = replace(request_, limits={"time_limit_s": 600.0})
+        (result,) = plan_folder(parts, tmp_path / "out", longer, executor=executor)
+    assert result.status == "planned"
+    assert not regions.exists()
+
+
 def test_the_command(parts, tmp_path, capsys):
     command = [
         "batch",

@@ -224,7 +224,7 @@ def interrupt(*arguments, **options):
 
 
 def test_resuming_is_not_offered_where_nothing_is_kept(folder, quick, capsys, monkeypatch):
-    monkeypatch.setattr("planner.cli.commands.compute_regions", interrupt)
+    monkeypatch.setattr("planner.cli.commands.visible_regions", interrupt)
     assert failure(capsys, [*PLAN, "--jobs", "1"], INCOMPLETE)[-1] == "aspectgraph: interrupted"
     assert not (folder / "out").exists()
 

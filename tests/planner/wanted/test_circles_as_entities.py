@@ -120,7 +120,9 @@ def test_a_rim_in_a_file_and_in_a_prediction(tmp_path):
 
 
 def test_a_rim_of_too_few_chords_is_refused_before_the_regions(monkeypatch):
-    monkeypatch.setattr("planner.inspection._visible", lambda *_: pytest.fail("work has begun"))
+    monkeypatch.setattr(
+        "planner.inspection.visible_regions", lambda *_, **__: pytest.fail("work has begun")
+    )
     with pytest.raises(
         RequestError, match=r"^dimension 'bore': rim r0 must have at least \d+ chords"
     ):
