@@ -225,8 +225,6 @@ def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> So
             missing = isinstance(error, PartFileNotFoundError)
             rule = "must be an existing file" if missing else error.rule
             raise type(error).of_rule("part", rule, error.got) from None
-        if str(part) in str(error):
-            raise
         words = in_words_of_shell(error, vars(options))
         raise type(error)(f"{part}: {words}") from None
 

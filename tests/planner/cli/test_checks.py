@@ -182,3 +182,12 @@ def test_verbose_tells_where_an_error_arose(capsys):
     assert told.endswith(line)
     assert main(["info", BLOCK, "--verbose", "--quiet"]) == BAD_INPUT
     assert "not allowed with" in capsys.readouterr().err
+
+
+def test_an_error_names_the_part_file_in_whatever_folder_it_is(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "torn.step"
+    path.write_text("nothing")
+    monkeypatch.chdir(tmp_path)
+    for part in ("torn.step", str(path)):
+        assert main(["info", part]) == BAD_INPUT
+        assert f"{part}: a STEP file must begin with" in capsys.readouterr().err
