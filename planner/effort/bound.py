@@ -47,13 +47,16 @@ class Aiming:
     share_of_next : float
         Once a number is proven, share of all boxes after which the proof stops the next one.
     least_limit : float
-        The first number must not need weights closer to the limit than this.
+        The first number needs no pose limit smaller than this. The limit is the largest permitted
+        weight of a pose. The heaviest known column weighs 1.
     least_limit_of_next : float
-        The same for numbers after the first proven one.
+        The proof stops later numbers when their limit is no larger than this.
     near_one : float
-        The proof stops a number when poses bring its limit this close to 1.
+        The proof stops the first number when its limit exceeds 1 by no more than this, and
+        `near_setting` holds as well.
     near_setting : float
-        It also stops when they bring one setting this close to a whole one.
+        The limit times the next smaller number of settings exceeds that number by no more than
+        this.
     """
 
     share_at_first: float = 0.65
@@ -133,7 +136,8 @@ class DualRounds:
     Attributes
     ----------
     rounds : int
-        Largest number of linear programs. Division then removes the remaining violation.
+        Largest number of linear programs. Then all weights are divided by that of the heaviest
+        leaf.
     tolerance : float
         A leaf may weigh this much more than 1.
     violated : int

@@ -16,8 +16,9 @@ class Pricing:
     axes_per_viewpoint : int
         Viewing directions for each drawn viewpoint. The first looks at the entity itself.
     parents : int
-        Approximate number of poses that a round starts from. A quarter are drawn from the pool, and
-        a quarter are its best by price. Half of them nearly inspect more entities than they do.
+        A round starts from up to one and a half times this number of poses. A quarter of the number
+        is drawn from the pool, and a quarter is the best of the pool by price. Up to half nearly
+        inspect a set that would improve the cover. Up to half are the best of the round before.
     children : int
         Number of perturbations of every parent.
     batch : int

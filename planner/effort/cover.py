@@ -17,14 +17,15 @@ class Relaxation:
     core_slack : float
         A column stays if its reduced cost is at most this.
     core_of_entity : int
-        This many of the heaviest columns of every entity always stay.
+        Of an entity in none of these columns, this many of the heaviest columns stay.
     first_columns, more_columns : int
         Columns in the first linear program, and violated columns added at a time. Few are ever
         needed.
     broken : float
         A smaller violation of a dual constraint is rounding.
     shares : int
-        Number of threads that solve several duals.
+        Groups of duals solved in parallel. Each dual starts with the columns of the one before
+        in its group, so the result depends on this number and not on the machine.
     """
 
     fixing_bias: float = 1.05
