@@ -74,13 +74,24 @@ def test_commands_run_as_printed(page, clone, capsys):
         out = capsys.readouterr().out
         assert "12 of 12 entities inspected from 1 setting" in out
         assert "Proven minimal" in out
-        assert read_plan("plan/plan.json").complete
+        assert read_plan("boss/plan.json").complete
         assert "<html" in Path("edges.html").read_text(encoding="utf-8")
     if page.stem == "dimensions":
         # as the snippet of that page asks, in Python
-        assert set(read_plan("plan/plan.json").dimensions) == {"bore", "width", "front"}
+        assert set(read_plan("plan-wanted/plan.json").dimensions) == {"bore", "width", "front"}
         # what the file states, see the table on that page
         assert len(read_plan("plan-all/plan.json").inspected) == 12
+
+
+def test_no_command_meets_the_plan_of_another_page():
+    """A reader runs them all in one folder, where a plan of another request is refused."""
+    folders = {}
+    for page in [ROOT / "README.md", *PAGES]:
+        for words in commands(page):
+            if words[0] == "plan":
+                folders.setdefault(build_parser().parse_args(words).out, []).append(page.name)
+    assert len(folders) > 8
+    assert [pages for pages in folders.values() if len(pages) > 1] == []
 
 
 def test_commands_for_clusters_are_known():
@@ -92,16 +103,22 @@ def test_commands_for_clusters_are_known():
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if snippets(page)], ids=lambda page: page.stem
 )
-def test_snippets_run_as_printed(page, clone, capsys):
+def test_snippets_give_what_the_page_says(page, clone, capsys):
+    """Each page has a check of its own, below: of its values, its files and what it prints."""
+    assert page.stem in CHECKS
     names = {"__name__": page.stem}
     for snippet in snippets(page):
         exec(compile(snippet, page.name, "exec"), names)
     names["printed"] = capsys.readouterr().out
+    assert names["printed"] or page.stem in SILENT
     CHECKS[page.stem](names)
 
 
 def tutorial(names):
     assert names["plan"].complete
+    # one camera pose measures all twelve edges, and no plan has fewer
+    assert len(names["plan"].settings) == names["plan"].lower_bound == 1
+    assert "12 of 12 entities inspected from 1 setting" in names["printed"]
     assert len(names["plan"].entities) == 12
     assert Path("plan.csv").read_text().count("\n") >= 13
     assert "<svg" in Path("image.svg").read_text()
@@ -134,6 +151,10 @@ def light(names):
 
 def showing(names):
     assert names["plan"].complete
+    # by default, and without conditions
+    first, second = names["printed"].splitlines()
+    assert "'separation_px': 5" in first
+    assert "'separation_px': 5" not in second
     # of the last request, which asks nothing
     assert not any(
         names["plan"].requirements.get(key)
@@ -144,11 +165,19 @@ def showing(names):
 def camera_and_tolerance(names):
     # the thin lens: 1/8 = 1/300 + 1/d gives d = 8.219 mm; 50 mm at 300 mm in pixels of 3.45 um
     assert names["pixels"] == pytest.approx(50 / 300 * (8 * 300 / 292) / 0.00345)
+    # 397.07 px, and a hundredth of it
+    assert names["printed"].startswith("397 px long, 4.0 px permitted\n")
 
 
 def margins_and_budgets(names):
     rows = names["plan"].rows()
     assert {row["name"] for row in rows} == {"rim", "width"}
+    # each row, the requirements, and each measurement with its budget
+    lines = names["printed"].splitlines()
+    assert len(lines) == len(rows) + 1 + len(rows)
+    assert all("'margin_focus_mm'" in line for line in lines[: len(rows)])
+    # the budget divides the variance
+    assert sum(names["one"].budget.values()) == pytest.approx(1)
     assert all(
         value >= 0 for row in rows for key, value in row.items() if key.startswith("margin_")
     )
@@ -172,6 +201,7 @@ def robot_programs(names):
     import numpy as np
 
     pose = names["pose"]
+    assert names["printed"].splitlines() == [names[maker] for maker in ("ur", "kuka", "fanuc", "abb")]
     assert np.allclose(
         names["part2base"] @ names["plan"].settings[0].cam2world, pose @ names["cam2flange"]
     )
@@ -213,6 +243,8 @@ def many_cores(names):
     assert names["together"] == names["alone"]
 
 
+# they print nothing
+SILENT = ("light", "many-cores")
 CHECKS = {
     function.__name__.replace("_", "-"): function
     for function in (
