@@ -284,18 +284,18 @@ for (part,), runs in anytime.items():
     greedy = next(r for r in runs if r["planner"].startswith("greedy"))
     as_many = [r for r in ours if int(r["inspected"]) >= int(greedy["inspected"])]
     as_few = [r for r in as_many if int(r["settings"]) <= int(greedy["settings"])]
-    told = [
+    cells = [
         f"{r['settings']} of {r['inspected']} in {float(r['seconds']):.1f} s" if r else "never"
         for r in (greedy, next(iter(as_many), None), next(iter(as_few), None), ours[-1])
     ]
     bound = ours[-1]["bound"]
     print(
-        f"{part:<14}{told[0]:>24}{greedy['supported']:>11}{told[1]:>24}{told[2]:>24}{told[3]:>24}{bound:>10}"
+        f"{part:<14}{cells[0]:>24}{greedy['supported']:>11}{cells[1]:>24}{cells[2]:>24}{cells[3]:>24}{bound:>10}"
     )
 
 # %% [markdown]
-# A rival is *ahead* while it inspects as many entities as the best plan told of so far, supported or not, with fewer
-# settings by more than one, or while there is no plan yet.
+# A rival is *ahead* while it inspects as many entities as the best plan reported so far, supported
+# or not, with at least two settings fewer, or while there is no plan yet.
 
 
 # %%
@@ -342,5 +342,5 @@ for ax, ((part,), runs) in zip(axes.flat, anytime.items(), strict=False):
 for ax in axes.flat[len(anytime) :]:
     ax.set_visible(False)
 fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-fig.suptitle("Settings against time; dotted and hollow: not all that can be inspected is")
+fig.suptitle("Settings against time; dotted and hollow: some inspectable entities are left out")
 plt.show()

@@ -47,7 +47,7 @@ plan = plan_inspection(
 plan
 
 # %% [markdown]
-# One pose is enough, and that is proven. *Smallest P* is the model's promise for the least sure edge; *simulated* is
+# One pose is enough, and that is proven. *Smallest P* is the stated probability of the least sure edge; *simulated* is
 # how often 10,000 displaced cameras measured it well enough.
 
 # %%
