@@ -202,7 +202,9 @@ def robot_programs(names):
     import numpy as np
 
     pose = names["pose"]
-    assert names["printed"].splitlines() == [names[maker] for maker in ("ur", "kuka", "fanuc", "abb")]
+    assert names["printed"].splitlines() == [
+        names[maker] for maker in ("ur", "kuka", "fanuc", "abb")
+    ]
     assert np.allclose(
         names["part2base"] @ names["plan"].settings[0].cam2world, pose @ names["cam2flange"]
     )
