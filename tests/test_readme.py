@@ -66,9 +66,11 @@ def test_commands_run_as_printed(clone, capsys):
     out = capsys.readouterr().out
     assert "116 sharp straight edges" in out
     assert "12 dimensions, 8 with a tolerance, 12 measurable" in out
-    # the verdict that is quoted, whatever the width of the terminal
-    verdict = PRINTED.split("\n\n")[1]
-    assert " ".join(verdict.split()) in " ".join(out.split())
+    # the dimensions and the verdict that are quoted, whatever the width of the terminal
+    _, *quoted = PRINTED.split("\n\n")
+    assert len(quoted) == 2
+    for part in quoted:
+        assert " ".join(part.split()) in " ".join(out.split())
     assert "Save TOML" in (clone / "edges.html").read_text(encoding="utf-8")
     assert len(read_graphml(clone / "graph.graphml")) > 1
     check_table(read_plan(clone / "plan" / "plan.json"))
@@ -77,12 +79,12 @@ def test_commands_run_as_printed(clone, capsys):
 def check_table(plan):
     """What the table shows is what the plan holds."""
     assert plan.complete
-    table = PRINTED.split("\n\n")[0]
+    poses, dimensions, _ = PRINTED.split("\n\n")
     for name, dimension in plan.dimensions.items():
-        assert f"{name} " in table
-        assert f"{dimension.permitted_error:g} mm" in table
+        assert f"{name} " in dimensions
+        assert f"{dimension.permitted_error:g} mm" in dimensions
     (setting,) = plan.settings
-    assert all(f"{value:.1f}" in table for value in setting.cam2world[:3, 3])
+    assert all(f"{value:.1f}" in poses for value in setting.cam2world[:3, 3])
 
 
 def test_the_dimensions_that_are_shown_are_those_of_the_file():
