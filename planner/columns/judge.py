@@ -116,11 +116,23 @@ class Judge:
         probability = np.zeros(nearly.shape)
         if nearly.any():
             probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
-        nearly &= probability >= self.threshold - self._nearness.probability
+        # required is the probability that all holds; the other conditions keep reserves of three deviations
+        sure = self._with_focus(cam2world, nearly, probability)
+        nearly &= sure >= self.threshold - self._nearness.probability
         self._mask_invisible_around(cam2world, nearly, probability)
         shown = self._detectable(cam2world, nearly, probability, prices)
-        inspects = (missed == 0.0) & nearly & shown & (probability >= self.threshold)
+        inspects = (missed == 0.0) & nearly & shown & (sure >= self.threshold)
         return Judgement(inspects, nearly, probability, np.exp(-missed))
+
+    def _with_focus(
+        self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray
+    ) -> np.ndarray:
+        """Return probabilities (n, k) times that of being in focus, where that may matter."""
+        sure = probability.copy()
+        rows = np.flatnonzero(nearly.any(axis=1))
+        if rows.size:
+            sure[rows] *= self.constraints.focus_probability(cam2world[rows])
+        return sure
 
     def _missed(self, cam2world: np.ndarray) -> np.ndarray:
         """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""

@@ -19,8 +19,12 @@ from planner.setting.plan_setting import best_setting
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
+from planner.verify.p_all import MOST_REQUIRED, DisplacedChecks, JointCounts, poses_needed
 from planner.verify.simulate_setting import simulate_setting
 from planner.verify.simulated import Posed
+
+# a shortfall is more than nothing
+_LEAST = 1e-9
 
 # what a failing constraint means to the person who reads the plan
 _MEANING = {
@@ -115,6 +119,9 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
     )
     for pose in poses:
         too_much = max(_excess(judge, pose, rng).values())
+        if too_much <= support.too_high:
+            short = shortfalls(judge, pose.cam2world, pose.entities, seed)
+            too_much = max([too_much, *(support.too_high + miss for miss in short.values())])
         if too_much < least:
             found = pose
             least = too_much
@@ -142,9 +149,10 @@ def without_contradicted(
     support = judge.effort.support
     rng = np.random.default_rng([seed, support.trial_poses])
     excess = [_excess(judge, setting, rng) for setting in settings]
+    short = [shortfalls(judge, one.cam2world, one.entities, seed) for one in settings]
     supported = [
-        {name for name, too_much in rates.items() if too_much <= support.too_high}
-        for rates in excess
+        {name for name, too_much in rates.items() if too_much <= support.too_high} - set(missing)
+        for rates, missing in zip(excess, short, strict=True)
     ]
     result = []
     for k, setting in enumerate(settings):
@@ -169,6 +177,64 @@ def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, floa
     rng = np.random.default_rng([seed, support.sure_poses])
     excess = _excess(judge, some, rng, support.sure_poses)
     return {name: too_much for name, too_much in excess.items() if too_much > support.too_high}
+
+
+def joint_counts(
+    judge: Judge, cam2world: np.ndarray, names: Sequence[str], seed: int, at_least: int = 0
+) -> JointCounts:
+    """Count over displaced poses how often all that is asked of targets holds at a pose.
+
+    Parameters
+    ----------
+    judge : Judge
+        Has the request; its effort says how many poses are displaced.
+    cam2world : array (4, 4)
+        The pose.
+    names : sequence of str
+        The targets. What is counted for one depends on no other.
+    seed : int
+        Of the displaced poses.
+    at_least : int
+        Displaced poses at least.
+    """
+    checks = DisplacedChecks(judge.request, names)
+    n = poses_needed(judge.threshold, max(at_least, judge.effort.support.joint_poses))
+    return checks.count(cam2world, n, seed)
+
+
+def shortfalls(
+    judge: Judge, cam2world: np.ndarray, names: Sequence[str], seed: int
+) -> dict[str, float]:
+    """Return the targets that do not surely have the required P_all at a pose, and by how much they miss it.
+
+    Where the first displaced poses do not decide, more are drawn.
+
+    Parameters
+    ----------
+    judge, cam2world, names, seed
+        As `joint_counts` takes them.
+    """
+    threshold = judge.threshold
+    short: dict[str, float] = {}
+    left = tuple(names)
+    for at_least in (judge.effort.support.joint_poses, judge.effort.support.joint_sure_poses):
+        counts = joint_counts(judge, cam2world, left, seed, at_least)
+        short = {
+            name: max(threshold - counts.lower[name], _LEAST)
+            for name in left
+            if not keeps(counts, name, threshold)
+        }
+        hits = dict(zip(counts.names, counts.successes, strict=True))
+        if not any(hits[name] >= threshold * counts.n for name in short):
+            return short
+        # all that was short is decided by the larger number
+        left = tuple(short)
+    return short
+
+
+def keeps(counts: JointCounts, name: str, threshold: float) -> bool:
+    """Tell whether a target surely has a required probability, `MOST_REQUIRED` at most."""
+    return counts.lower[name] >= min(threshold, MOST_REQUIRED)
 
 
 class PosedOnly(NamedTuple):

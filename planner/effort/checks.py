@@ -12,6 +12,8 @@ from typing import Any, get_type_hints
 from planner.exceptions import RequestError
 from planner.request.defaults import check_count
 
+# types of fields that hold floats
+_FLOATS = (float, tuple[float, ...])
 # numbers of things of which there may be none
 _MAY_BE_NONE = {
     "around",
@@ -39,7 +41,7 @@ def fields_of(record: Any) -> Iterator[tuple[str, bool, Any]]:
 
 @cache
 def _kinds(record: type) -> dict[str, bool]:
-    return {name: kind is float for name, kind in get_type_hints(record).items()}
+    return {name: kind in _FLOATS for name, kind in get_type_hints(record).items()}
 
 
 def check_record(owner: str, record: Any) -> None:

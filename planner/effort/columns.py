@@ -114,6 +114,12 @@ class Support:
     sure_poses : int
         Displaced poses simulated if the first ones contradict a probability. The standard error of
         the frequency is then at most 0.0025.
+    joint_poses : int
+        Displaced poses at first in which everything must hold, see `planner.verify.p_all`.
+    joint_sure_poses : int
+        The same where the first ones do not decide, and at most for what a plan states.
+    joint_all_poses : int
+        For what a plan states, in all of its settings together.
     """
 
     trial_poses: int = 4000
@@ -122,3 +128,6 @@ class Support:
     most_trials: int = 100
     too_high: float = 0.005
     sure_poses: int = 40_000
+    joint_poses: int = 1000
+    joint_sure_poses: int = 20_000
+    joint_all_poses: int = 120_000

@@ -8,7 +8,7 @@ from planner.effort.bound import BoundEffort
 from planner.effort.checks import check_record
 from planner.effort.columns import Nearness, Pricing, Support
 from planner.effort.cover import Covering
-from planner.effort.poses import Search
+from planner.effort.poses import Centring, Search
 from planner.effort.stages import StageEffort
 from planner.exceptions import RequestError
 from planner.request.defaults import check_count
@@ -43,6 +43,8 @@ class Effort:
         When simulation supports a pose.
     search : Search
         How the program searches for the pose of one column.
+    centring : Centring
+        How the program moves a planned pose off its limits.
     cover : Covering
         How the program chooses few columns.
     bound : BoundEffort
@@ -76,6 +78,7 @@ class Effort:
     nearness: Nearness = field(default_factory=Nearness)
     support: Support = field(default_factory=Support)
     search: Search = field(default_factory=Search)
+    centring: Centring = field(default_factory=Centring)
     cover: Covering = field(default_factory=Covering)
     bound: BoundEffort = field(default_factory=BoundEffort)
     stages: StageEffort = field(default_factory=StageEffort)
@@ -114,7 +117,7 @@ class Effort:
             check_count(name, getattr(self, name), 0)
         for name in ("viewpoints", "cover_nodes"):
             check_count(name, getattr(self, name), 1)
-        for name in ("pricing", "nearness", "support", "cover", "bound", "stages"):
+        for name in ("pricing", "nearness", "support", "centring", "cover", "bound", "stages"):
             check_record(name, getattr(self, name))
 
 

@@ -39,6 +39,42 @@ class Repair:
 
 
 @dataclass(frozen=True)
+class Centring:
+    """How the margin step moves a pose off its limits.
+
+    Attributes
+    ----------
+    give_up : float
+        No probability falls by more than this. At 0 there is no margin step.
+    generations, population : int
+        Generations at most, and poses of each.
+    patience : int
+        A search ends after this many generations without a gain.
+    steps : tuple of float
+        First standard deviation of the moves, of one search after the other: turns in rad, shifts
+        as shares of the distance.
+    softness : float
+        τ of the soft minimum of the shares.
+    tried : int
+        Number of the best poses of a generation whose lines must show from displaced poses, too.
+    sigmas : float
+        How far these are displaced, in standard deviations.
+    outline : float
+        Weight of the share of the part's outline that is outside the picture.
+    """
+
+    give_up: float = 0.001
+    generations: int = 60
+    population: int = 24
+    patience: int = 15
+    steps: tuple[float, ...] = (0.02, 0.005, 0.001)
+    softness: float = 0.04
+    tried: int = 3
+    sigmas: float = 3.0
+    outline: float = 0.3
+
+
+@dataclass(frozen=True)
 class Starts:
     """Which starts the refinement follows, and for how many steps.
 

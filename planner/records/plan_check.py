@@ -17,6 +17,8 @@ from planner.records.schema import field_name, shown
 # rotations are stored with all digits; a matrix farther from one was changed
 _RIGID = 1e-6
 # a number computed twice may differ in its last digits
+# no number of displaced poses that is drawn shows more
+_SHOWN_BY_COUNTING = 0.9999
 _SAME = 1e-6
 _WITH_DIMENSIONS = 2
 
@@ -139,6 +141,7 @@ def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int)
         if value < required - _SAME:
             rule = f"must be at least the required probability, {required:g}"
             _refuse(field_name("settings", k, "probability", name), rule, value)
+    _check_p_all(setting, required, k)
     for name, value in setting["margins"].items():
         if not isinstance(value, Mapping) and value < -_SAME:
             _refuse(
@@ -146,6 +149,23 @@ def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int)
                 "must not be negative: the constraint is met",
                 value,
             )
+
+
+def _check_p_all(setting: Mapping[str, Any], required: float, k: int) -> None:
+    """Check that what is stated of everything together is of the setting's entities, and enough."""
+    given = [name for name in ("p_all", "p_all_together", "p_all_poses") if name in setting]
+    if not given:
+        return
+    if len(given) < 3:
+        _refuse(field_name("settings", k, given[0]), "must come with all fields of P_all", given)
+    _check_keys(setting["p_all"], setting["entities"], "settings", k, "p_all")
+    for name, value in setting["p_all"].items():
+        where = field_name("settings", k, "p_all", name)
+        if value > setting["probability"].get(name, 1.0) + _SAME:
+            rule = f"must be at most the entity's probability, {setting['probability'][name]:g}"
+            _refuse(where, rule, value)
+        if value < min(required, _SHOWN_BY_COUNTING) - _SAME:
+            _refuse(where, f"must be at least the required probability, {required:g}", value)
 
 
 def _check_windows(setting: Mapping[str, Any], k: int) -> None:

@@ -24,7 +24,7 @@ from planner.camera.pose import world_to_cam
 from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.detectability.image_check import MOST_PX, ImageCheck, edges_of
 from planner.exceptions import RequestError
-from planner.request.focus_reserve import NO_RESERVE, FocusReserve
+from planner.request.focus_reserve import NO_RESERVE, FocusReserve, probability_between
 from planner.request.image_constraints import (
     FIELD_OF_VIEW,
     FOCUS,
@@ -375,6 +375,31 @@ class Constraints:
             else checks[name](cam2world)
             for name in names
         }
+
+    def focus_probability(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return how probable it is that a displaced camera has targets in focus; (n, k) of poses (n, 4, 4).
+
+        That of the least sure end: depth is normal with the standard deviation of `FocusReserve`. It is 1 where the
+        request keeps all of its standard deviations from both limits.
+        """
+        if self._keeps_focus:
+            return np.ones((len(cam2world), len(self.names)))
+        points = world_to_cam(self.segments, cam2world)
+        sigma = self.requirements.focus_reserve.sigma_mm(points)
+        near, far = self.camera.depth_of_field_mm
+        sure = probability_between(points[..., 2] - near, far - points[..., 2], sigma)
+        return np.asarray(np.minimum.reduceat(sure.min(axis=-1), self._first, axis=1))
+
+    @cached_property
+    def _keeps_focus(self) -> bool:
+        reserve = self.requirements.focus_reserve
+        if reserve.sigmas <= 0.0:
+            return True
+        # the standard deviation is a convex function of the image point, so it is largest in a corner
+        far = min(self.camera.depth_of_field_mm[1], 10.0 * self.camera.focus_distance_mm)
+        left, top, right, bottom = self.camera.field().outer
+        corners = [[x * far, y * far, far] for x in (left, right) for y in (top, bottom)]
+        return bool(reserve.most_mm >= reserve.sigmas * reserve.sigma_mm(corners).max())
 
     def _image_slacks(self, cam2world: np.ndarray) -> np.ndarray:
         """Return the slacks of the image (n, k, c), of each item the smallest over its segments."""

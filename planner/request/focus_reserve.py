@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtr
 
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
@@ -126,6 +127,20 @@ class FocusReserve(NamedTuple):
 
 
 NO_RESERVE = FocusReserve()
+
+
+def probability_between(
+    to_near_mm: ArrayLike, to_far_mm: ArrayLike, sigma_mm: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the probability that a normal depth stays between two limits at these distances; 0 or 1 without spread."""
+    near = np.asarray(to_near_mm, dtype=np.float64)
+    far = np.asarray(to_far_mm, dtype=np.float64)
+    sigma = np.asarray(sigma_mm, dtype=np.float64)
+    surely = np.where(np.minimum(near, far) >= 0.0, np.inf, -np.inf)
+    spread = sigma > 0.0
+    low = np.divide(near, sigma, out=surely.copy(), where=spread)
+    high = np.divide(far, sigma, out=surely.copy(), where=spread)
+    return np.asarray(np.maximum(ndtr(low) - ndtr(-high), 0.0))
 
 
 def sigmas_left(points_cam: ArrayLike, camera: Camera, pose_uncertainty: PoseUncertainty) -> float:

@@ -79,9 +79,18 @@ def without(request: Request, setting: SensorSetting, names: Sequence[str]) -> S
     """
     kept = tuple(name for name in setting.entities if name not in names)
     if not kept:
-        return replace(setting, entities=(), probability={})
+        return replace(setting, entities=(), probability={}, p_all={})
     fewer = setting_at(
         request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev
     )
     stated = {name: setting.probability[name] for name in kept}
-    return replace(fewer, generations=setting.generations, probability=stated)
+    counted = {name: setting.p_all[name] for name in kept if name in setting.p_all}
+    return replace(
+        fewer,
+        generations=setting.generations,
+        probability=stated,
+        p_all=counted,
+        # all of them held together, so fewer of them did
+        p_all_together=setting.p_all_together,
+        p_all_poses=setting.p_all_poses,
+    )

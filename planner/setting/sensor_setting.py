@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,8 +23,17 @@ class SensorSetting:
     entities : tuple of str
         Names of the inspected entities.
     probability : dict of str to float
-        Per entity, the probability P that the error of its measured length is at most the permitted
+        Per entity, the probability P that the error of its measured value is at most the permitted
         error. P assumes a registered image in which the entity is found.
+    p_all : dict of str to float
+        Per entity, the probability that the displaced camera has it in the picture, in focus,
+        unhidden and apart from other lines, and that the error is at most the permitted one. It is
+        a lower bound with 99.9 % confidence, counted over `p_all_poses` displaced poses, see
+        `planner.verify.p_all`. Empty if it was not counted.
+    p_all_together : float
+        The same for all entities at once; nan if it was not counted.
+    p_all_poses : int
+        Number of displaced poses.
     margins : dict of str to float
         Per constraint, the smallest margin over the entities. A constraint is met at 0 or more. The
         key ends with the unit.
@@ -55,6 +65,9 @@ class SensorSetting:
     seed: int | None = None
     history: tuple[float, ...] = ()
     lines_in_window_px: dict[str, float] = field(default_factory=dict)
+    p_all: dict[str, float] = field(default_factory=dict)
+    p_all_together: float = math.nan
+    p_all_poses: int = 0
 
     def __post_init__(self) -> None:
         pose = np.array(self.cam2world, dtype=np.float64)
@@ -67,7 +80,7 @@ class SensorSetting:
 
         place = ", ".join(f"{c:.1f}" for c in self.position)
         worst = (
-            f", smallest probability {probability_text(min(self.probability.values()))}"
+            f", smallest probability {probability_text(min(self.promise.values()))}"
             if self.probability
             else ""
         )
@@ -78,6 +91,11 @@ class SensorSetting:
         """Front nodal point (3,), mm."""
         return self.cam2world[:3, 3]
 
+    @property
+    def promise(self) -> dict[str, float]:
+        """What is promised of each entity: `p_all`, or `probability` where that was not counted."""
+        return self.p_all or self.probability
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON.
 
@@ -86,10 +104,16 @@ class SensorSetting:
         dict
             Field names and values. The pose is a list of lists.
         """
+        counted = {
+            "p_all": dict(self.p_all),
+            "p_all_together": self.p_all_together,
+            "p_all_poses": self.p_all_poses,
+        }
         return {
             "cam2world": self.cam2world.tolist(),
             "entities": list(self.entities),
             "probability": dict(self.probability),
+            **(counted if self.p_all else {}),
             "margins": dict(self.margins),
             "fitness": self.fitness,
             "nfev": self.nfev,

@@ -14,7 +14,12 @@ from planner.columns.candidates import Pools, derive_seed
 from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
-from planner.columns.realise_column import PosedOnly, promised_too_much, realise
+from planner.columns.realise_column import (
+    PosedOnly,
+    promised_too_much,
+    realise,
+    shortfalls,
+)
 from planner.effort.effort import Effort
 from planner.executors import Shared, in_order
 from planner.request.request import Request
@@ -110,7 +115,7 @@ class Run:
         return tuple(np.array(self.names)[column].tolist())
 
     def contradicted_in(self, setting: SensorSetting) -> dict[str, float]:
-        """Return the entities that simulation contradicts in a setting, and by how much.
+        """Return the entities of a setting that simulation contradicts or that lack P_all, and by how much.
 
         Each promise is simulated once, and what comes out depends on nothing else that is stated of its pose, nor on
         what was simulated before.
@@ -127,6 +132,10 @@ class Run:
                 self._excess.update(
                     {(pose, name, stated[name]): wrong.get(name, 0.0) for name in names}
                 )
+        kept = tuple(name for name in new if self._excess[pose, name, stated[name]] <= 0.0)
+        if kept:
+            short = shortfalls(self.judge, setting.cam2world, kept, self.seed)
+            self._excess.update({(pose, name, stated[name]): short[name] for name in short})
         found = {
             name: self._excess[pose, name, probability] for name, probability in stated.items()
         }

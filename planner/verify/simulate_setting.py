@@ -232,22 +232,71 @@ def _edge_successes(
     if not entities:
         return {}
     ends = np.array([_ends_of(one) for one in entities.values()], dtype=float)
-    nominal = _image_lengths(_project(ends, np.asarray(setting.cam2world)[None], camera), camera)[0]
+    planned = np.asarray(setting.cam2world, dtype=float)
     successes = np.zeros(len(ends), dtype=int)
     outside = np.zeros(len(ends), dtype=int)
     for start in range(0, n, _BATCH):
-        poses = displaced_poses(setting.cam2world, pose_uncertainty, min(_BATCH, n - start), rng)
-        pixels = _project(ends, poses, camera)
-        phase = rng.uniform(-0.5, 0.5, pixels.shape)
-        error = _image_lengths(np.rint(pixels + phase) - phase, camera) - nominal
-        accurate = np.abs(error) <= (1 - accuracy) * nominal
-        lost = ~_in_image(pixels, camera)
+        poses = displaced_poses(planned, pose_uncertainty, min(_BATCH, n - start), rng)
+        accurate, lost = _accurate_lengths(ends, planned, poses, camera, accuracy, rng)
         successes += (accurate & ~lost if sensor_limits else accurate).sum(axis=0)
         outside += lost.sum(axis=0)
     return {
         name: (int(hits), int(lost))
         for name, hits, lost in zip(entities, successes, outside, strict=True)
     }
+
+
+def _accurate_lengths(
+    ends: np.ndarray,
+    planned: np.ndarray,
+    poses: np.ndarray,
+    camera: Camera,
+    accuracy: float,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Measure the lengths of edges (k, 2, 3); return which are accurate, and which have an end outside; (n, k)."""
+    nominal = _image_lengths(_project(ends, planned[None], camera), camera)[0]
+    pixels = _project(ends, poses, camera)
+    phase = rng.uniform(-0.5, 0.5, pixels.shape)
+    error = _image_lengths(np.rint(pixels + phase) - phase, camera) - nominal
+    return np.abs(error) <= (1 - accuracy) * nominal, ~_in_image(pixels, camera)
+
+
+def accurate_in(
+    target: Any,
+    planned: np.ndarray,
+    poses: np.ndarray,
+    camera: Camera,
+    accuracy: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Measure a target from displaced poses.
+
+    Parameters
+    ----------
+    target : PlannedTarget
+        What is measured.
+    planned : array (4, 4)
+        The pose it is measured with.
+    poses : array (n, 4, 4)
+        Where the camera is.
+    camera : Camera
+        The camera.
+    accuracy : float
+        Required accuracy of lengths.
+    rng : numpy.random.Generator
+        For errors of localisation, and for the phases of the pixel grid.
+
+    Returns
+    -------
+    array of bool (n,)
+        Whether the error is at most the permitted one; false without an image.
+    """
+    if target.in_image:
+        ends = np.asarray(_ends_of(target), dtype=float)[None]
+        return _accurate_lengths(ends, planned, poses, camera, accuracy, rng)[0][:, 0]
+    error, _ = measured_errors(target, planned, poses, camera, rng)
+    return np.asarray(np.abs(error) <= target.permitted_error)
 
 
 def _ends_of(item: Any) -> Any:

@@ -1,0 +1,77 @@
+"""The margin step for one setting, as a task for any executor, and what the moved pose promises."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from planner.columns.judge import Judge
+from planner.columns.realise_column import best_supported, joint_counts
+from planner.executors import Shared
+from planner.setting.centre import centred
+from planner.setting.pose_setting import setting_at
+from planner.setting.sensor_setting import SensorSetting
+from planner.verify.p_all import DisplacedChecks
+
+_MOVED = "moved off its limits"
+# poses displaced twice as far, in which a moved pose may not do worse
+_FAR_POSES = 400
+_FAR_SIGMAS = 2.0
+_WORSE = 0.01
+
+
+def centre_setting(shared: Shared, setting: SensorSetting, seed: int, poses: int) -> SensorSetting:
+    """Move a setting off its limits, and count what it promises.
+
+    Parameters
+    ----------
+    shared : Shared of Judge
+        Holds the request.
+    setting : SensorSetting
+        A setting that simulation supports.
+    seed : int
+        Of the search, and of the displaced poses.
+    poses : int
+        Displaced poses to count over, at least.
+
+    Returns
+    -------
+    SensorSetting
+        For the same targets, with their P_all.
+    """
+    judge: Judge = shared.value
+    request = judge.request.restricted_to(setting.entities)
+    pose = centred(request, setting.cam2world, judge.effort.centring, seed)
+    if (pose != setting.cam2world).any() and _inspects(judge, pose, setting.entities):
+        own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
+        if not _worse_far_away(judge, setting, own, seed):
+            setting = best_supported(judge, [own, setting], seed)
+    return with_p_all(judge, setting, seed, poses)
+
+
+def with_p_all(judge: Judge, setting: SensorSetting, seed: int, poses: int) -> SensorSetting:
+    """Return a setting with the P_all of its targets, counted over so many displaced poses at least."""
+    if not setting.entities:
+        return setting
+    counts = joint_counts(judge, setting.cam2world, setting.entities, seed, poses)
+    # no more is promised than the model says of the error alone
+    stated = {name: min(counts.lower[name], setting.probability[name]) for name in counts.names}
+    together = min(counts.lower_together, *stated.values())
+    return replace(setting, p_all=stated, p_all_together=together, p_all_poses=counts.n)
+
+
+def _inspects(judge: Judge, pose: np.ndarray, names: Sequence[str]) -> bool:
+    judged = judge(pose[None]).inspects[0]
+    return bool(judged[np.isin(judge.names, names)].all())
+
+
+def _worse_far_away(judge: Judge, before: SensorSetting, after: SensorSetting, seed: int) -> bool:
+    """Tell whether more goes wrong than before where the camera is displaced twice as far."""
+    own = judge.request
+    covariance = _FAR_SIGMAS**2 * own.pose_uncertainty.covariance
+    wide = replace(own, pose_uncertainty=type(own.pose_uncertainty)(covariance))
+    checks = DisplacedChecks(wide, before.entities)
+    was, now = (checks.count(one.cam2world, _FAR_POSES, seed).successes for one in (before, after))
+    return bool((np.array(was) - np.array(now) > _WORSE * _FAR_POSES).any())

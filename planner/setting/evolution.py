@@ -1,0 +1,158 @@
+"""The evolution strategy with covariance matrix adaptation (CMA-ES), for few real numbers and a function with cliffs.
+
+Reference: N. Hansen, "The CMA evolution strategy: a tutorial", arXiv:1604.00772, 2016. Names are those of the tutorial.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class EvolutionStrategy:
+    """Draws points around a mean, and adapts mean, step and covariance to how good they are.
+
+    Parameters
+    ----------
+    start : array (d,)
+        First mean.
+    step : float
+        First standard deviation of every coordinate.
+    population : int
+        Points of a generation.
+    rng : numpy.random.Generator
+        Source of chance.
+    """
+
+    def __init__(self, start: Array, step: float, population: int, rng: np.random.Generator):
+        n = len(start)
+        self._rng = rng
+        self._population = population
+        self._mean = np.array(start, dtype=np.float64)
+        self._step = step
+        parents = population // 2
+        weights = math.log(parents + 0.5) - np.log(np.arange(1, parents + 1))
+        self._weights = weights / weights.sum()
+        mu = 1.0 / (self._weights**2).sum()
+        # learning rates and damping of table 1
+        self._c_sigma = (mu + 2) / (n + mu + 5)
+        self._damping = 1 + 2 * max(0.0, math.sqrt((mu - 1) / (n + 1)) - 1) + self._c_sigma
+        self._c_c = (4 + mu / n) / (n + 4 + 2 * mu / n)
+        self._c_1 = 2 / ((n + 1.3) ** 2 + mu)
+        self._c_mu = min(1 - self._c_1, 2 * (mu - 2 + 1 / mu) / ((n + 2) ** 2 + mu))
+        self._mu = mu
+        self._length = math.sqrt(n) * (1 - 1 / (4 * n) + 1 / (21 * n**2))
+        self._path_sigma = np.zeros(n)
+        self._path_c = np.zeros(n)
+        self._cov = np.eye(n)
+        self._generation = 0
+
+    def ask(self) -> Array:
+        """Return the points (population, d) of the next generation."""
+        values, axes = np.linalg.eigh(self._cov)
+        self._root = axes * np.sqrt(np.maximum(values, 1e-30))
+        self._inverse_root = (axes / np.sqrt(np.maximum(values, 1e-30))) @ axes.T
+        draws = self._rng.standard_normal((self._population, len(self._mean)))
+        return np.asarray(self._mean + self._step * draws @ self._root.T)
+
+    def tell(self, points: Array, values: Array) -> None:
+        """Adapt to the values (population,) of these points, the largest is best."""
+        self._generation += 1
+        order = np.argsort(-values, kind="stable")[: len(self._weights)]
+        moves = (points[order] - self._mean) / self._step
+        move = self._weights @ moves
+        self._mean = self._mean + self._step * move
+        c_sigma = self._c_sigma
+        self._path_sigma = (1 - c_sigma) * self._path_sigma + math.sqrt(
+            c_sigma * (2 - c_sigma) * self._mu
+        ) * (self._inverse_root @ move)
+        norm = float(np.linalg.norm(self._path_sigma))
+        faded = 1 - (1 - c_sigma) ** (2 * self._generation)
+        n = len(self._mean)
+        goes_on = norm / math.sqrt(faded) < (1.4 + 2 / (n + 1)) * self._length
+        self._path_c = (1 - self._c_c) * self._path_c
+        if goes_on:
+            self._path_c = self._path_c + math.sqrt(self._c_c * (2 - self._c_c) * self._mu) * move
+        stalled = 0.0 if goes_on else self._c_c * (2 - self._c_c)
+        self._cov = (
+            (1 - self._c_1 - self._c_mu + self._c_1 * stalled) * self._cov
+            + self._c_1 * np.outer(self._path_c, self._path_c)
+            + self._c_mu * (moves.T * self._weights) @ moves
+        )
+        self._step *= math.exp(min(1.0, (c_sigma / self._damping) * (norm / self._length - 1)))
+
+
+def evolve(
+    value: Callable[[Array], Array],
+    start: Array,
+    step: float,
+    rng: np.random.Generator,
+    *,
+    population: int,
+    generations: int,
+    patience: int,
+    gain: float = 1e-3,
+    confirm: Callable[[Array], NDArray[np.bool_]] | None = None,
+    tried: int = 3,
+) -> tuple[Array, float]:
+    """Maximise a function of a few real numbers.
+
+    Parameters
+    ----------
+    value : callable
+        Values (n,) of points (n, d).
+    start : array (d,)
+        Where to begin.
+    step : float
+        First standard deviation.
+    rng : numpy.random.Generator
+        Source of chance.
+    population, generations : int
+        Points of a generation; generations at most.
+    patience : int
+        End after so many generations without a gain.
+    gain : float
+        What counts as a gain.
+    confirm : callable, optional
+        Tells which points (n, d) are really as good as their values say; asked of few. Those that are not get the least
+        value of their generation.
+    tried : int
+        So many points of a generation are asked, if they are better than the best so far.
+
+    Returns
+    -------
+    point : array (d,)
+        The best one seen, ``start`` if none is better.
+    value : float
+        Its value.
+    """
+    strategy = EvolutionStrategy(start, step, population, rng)
+    best = np.array(start, dtype=np.float64)
+    best_value = float(value(best[None])[0])
+    reference = best_value
+    waited = 0
+    for _ in range(generations):
+        points = strategy.ask()
+        values = value(points)
+        better = np.argsort(-values, kind="stable")[:tried]
+        better = better[values[better] > best_value]
+        if better.size and confirm is not None:
+            confirmed = confirm(points[better])
+            values[better[~confirmed]] = values.min()
+            better = better[confirmed]
+        if better.size:
+            best_value = float(values[better[0]])
+            best = points[better[0]]
+        strategy.tell(points, values)
+        waited += 1
+        if best_value > reference + gain:
+            reference = best_value
+            waited = 0
+        if waited >= patience:
+            break
+    return best, best_value
