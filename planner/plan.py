@@ -45,7 +45,7 @@ _UNITS = {
 class InspectionPlan(PlanTables):
     """A plan: sensor settings that together inspect the entities of a part.
 
-    **Guarantee.** A setting inspects each entity with at least ``probability``, or
+    **Guarantee.** A setting inspects each entity with a P_all of at least ``probability``, or
     ``uninspectable`` lists the entity with the reason: no view of it was found. No plan for the
     same request that inspects these entities, or more, has fewer than ``lower_bound`` settings.
     Some dimensions apply to several features, such as the holes of a pattern. The plan then
@@ -199,10 +199,10 @@ class InspectionPlan(PlanTables):
 
     @property
     def inspected(self) -> dict[str, float]:
-        """Name to the best probability of measuring it accurately, in the order of ``entities``."""
+        """Name to the best promise, in the order of ``entities``: P_all, or P if it was not counted."""
         best = {
             name: max(
-                (s.probability[name] for s in self.settings if name in s.entities), default=math.nan
+                (s.promise[name] for s in self.settings if name in s.entities), default=math.nan
             )
             for name in self.entities
         }

@@ -29,6 +29,7 @@ from planner.report.wording import (
     nouns,
     percent,
     promise_sentence,
+    share_text,
     shown_sentence,
     simulation_sentence,
     unshown_texts,
@@ -219,14 +220,18 @@ def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, 
     columns = [Column(nouns(plan)[0]), Column("setting", right=True)]
     if plan.dimensions:
         columns.append(Column("measured"))
+    counted = any(setting.p_all for setting in plan.settings)
+    columns += [Column("P_all", right=True)] if counted else []
     columns += [Column("P", right=True), Column("simulated")]
     rows: list[tuple[Cell, ...]] = []
     for k, setting in enumerate(plan.settings):
         rates = plan.simulation.rates[k] if plan.simulation else {}
         for name in setting.entities:
-            probability = probability_text(setting.probability[name], plan.probability)
+            stated = [setting.promise[name]] if counted else []
+            stated.append(setting.probability[name])
+            texts = [probability_text(p, plan.probability) for p in stated]
             simulated = _interval(rates.get(name))
-            rows.append((name, str(k + 1), *_measured(plan, name), probability, simulated))
+            rows.append((name, str(k + 1), *_measured(plan, name), *texts, simulated))
     return columns, rows
 
 
@@ -243,13 +248,14 @@ def tightest_margin(plan: InspectionPlan, setting: SensorSetting) -> str:
     Returns
     -------
     str
-        Like ``focus +0.51 mm``. The probability is not a margin; empty if no margin is a number.
+        Like ``focus: 9 % left (+0.51 mm)``. The probability is not a margin; empty if no margin is a number.
     """
     keys = {key.rpartition("_")[0].replace("_", " "): key for key in setting.margins}
     for limit in nearest_limits(plan, setting):
         key = keys.get(limit.name)
         if key is not None:
-            return margin_texts({key: setting.margins[key]})[0]
+            margin = margin_texts({key: setting.margins[key]})[0].removeprefix(limit.name).strip()
+            return f"{limit.name}: {share_text(limit.share)} left ({margin})"
     return ""
 
 

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from planner.request.focus_reserve import FocusReserve
+from planner.request.shares import probability_share, rooms, shares
+
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.setting.sensor_setting import SensorSetting
@@ -33,9 +36,8 @@ class LimitShare(NamedTuple):
 def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[LimitShare]:
     """Return constraints by what they leave, the one that binds first.
 
-    The room of each is: half the depth of field; half the sensor's shorter side; the image's length, of the shortest;
-    half the workspace's shortest side; the distance from the part; the separation and the angle asked for, which may be
-    exceeded; 1 − p for the probability. What is met or missed without a number, such as visibility, is not among them.
+    The rooms are those of `planner.request.shares`. What is met or missed without a number, such as visibility, is not
+    among them.
 
     Parameters
     ----------
@@ -49,38 +51,15 @@ def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[LimitSh
     list of LimitShare
         Those the plan knows enough of.
     """
-    rooms = _rooms(plan, setting)
-    shares = {
-        "probability": (min(setting.probability.values()) - plan.probability)
-        / (1 - plan.probability)
+    reserve_mm = 0.0
+    if plan.requirements.get("focus_sigmas", 0.0) > 0.0:
+        reserve_mm = FocusReserve.of(plan.camera, plan.pose_uncertainty).on_axis_mm
+    room = rooms(plan.camera, plan.workspace, plan.requirements, reserve_mm)
+    found = {
+        "probability": float(probability_share(min(setting.promise.values()), plan.probability))
     }
-    for key, margin in setting.margins.items():
-        name = key.rpartition("_")[0].replace("_", " ")
-        room = rooms.get(key)
-        if room is not None and np.isfinite(margin) and room > 0:
-            shares[name] = min(margin / room, 1.0)
-    order = sorted(shares, key=lambda name: shares[name])
-    return [LimitShare(name, shares[name], _MEANS[name]) for name in order]
-
-
-def _rooms(plan: InspectionPlan, setting: SensorSetting) -> dict[str, float]:
-    """Return what a constraint would leave at most, in its own unit, by the key of its margin."""
-    camera = plan.camera
-    need = plan.requirements
-    margins = setting.margins
-    near, far = camera.depth_of_field_mm
-    rooms = {
-        "focus_mm": (far - near) / 2 if np.isfinite(far) else camera.focus_distance_mm,
-        "field_of_view_px": min(camera.resolution) / 2,
-        "workspace_mm": float(np.ptp(np.asarray(plan.workspace), axis=0).min()) / 2,
-    }
-    if need:
-        if "clearance_mm" in margins:
-            rooms["clearance_mm"] = margins["clearance_mm"] + need["stand_off_mm"]
-        rooms["separation_px"] = need.get("separation_px", 0.0)
-        rooms["corner_deg"] = need.get("min_corner_deg", 0.0)
-        if "resolution_mm" in margins:
-            rooms["resolution_mm"] = margins["resolution_mm"] + need["min_length_px"] * max(
-                camera.pixel_pitch_mm
-            )
-    return rooms
+    finite = {key: margin for key, margin in setting.margins.items() if np.isfinite(margin)}
+    for key, share in shares(finite, room).items():
+        found[key.rpartition("_")[0].replace("_", " ")] = float(share)
+    order = sorted(found, key=lambda name: found[name])
+    return [LimitShare(name, found[name], _MEANS[name]) for name in order]

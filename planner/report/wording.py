@@ -6,6 +6,7 @@ workspace, the camera and its uncertainty, the accuracy, the probability and the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -145,7 +146,22 @@ def promise_sentence(plan: InspectionPlan) -> str:
         found = "the target is found"
         if dimensions < len(plan.entities):
             error += f" (for an edge, {share} of its image length)"
-    return f"P is the probability that the error is at most {error}, given a registered image in which {found}."
+    alone = f"P is the probability that the error is at most {error}, given a registered image in which {found}."
+    poses = min((one.p_all_poses for one in plan.settings if one.p_all), default=0)
+    if not poses:
+        return alone
+    item = found.removesuffix(" is found")
+    return (
+        f"{alone} P_all asks for everything at once: the displaced camera has {item} in the picture, in "
+        "focus, unhidden and apart from other lines, and the error is at most the permitted one. It is counted over "
+        f"{poses} displaced poses or more, and stated as a lower bound with 99.9 % confidence."
+    )
+
+
+def share_text(share: float) -> str:
+    """Return a share of room in percent, rounded down, so that 10 % are 10 % at least."""
+    percents = 100 * share
+    return f"{math.floor(percents)} %" if percents >= 1 else f"{math.floor(10 * percents) / 10:g} %"
 
 
 def window_sentence() -> str:

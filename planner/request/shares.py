@@ -16,11 +16,11 @@ visibility, has no share.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from planner.camera.camera import Camera
 
@@ -73,6 +73,6 @@ def shares(margins: Mapping[str, Any], room: Mapping[str, float]) -> dict[str, N
     }
 
 
-def probability_share(probability: Sequence[float] | NDArray[np.float64], required: float) -> Any:
+def probability_share(probability: ArrayLike, required: float) -> Any:
     """Return (P - p) / (1 - p) of probabilities, p the required one."""
     return (np.asarray(probability) - required) / (1.0 - required)

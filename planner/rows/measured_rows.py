@@ -66,7 +66,9 @@ class Row:
     permitted_error_px : float or None
         The permitted error in the image; None of an angle.
     probability : float
-        P as stated.
+        P as stated, given that the image shows the target.
+    p_all : float or None
+        P_all as stated; None in a plan that did not count it.
     rate : SuccessRate or None
         What simulation gave.
     standard_uncertainty : float
@@ -92,6 +94,12 @@ class Row:
     search_window_px: float
     budget: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[Warned, ...] = ()
+    p_all: float | None = None
+
+    @property
+    def promise(self) -> float:
+        """P_all, or P where that was not counted."""
+        return self.probability if self.p_all is None else self.p_all
 
 
 def measured_rows(plan: Any) -> list[list[Row]]:
@@ -157,6 +165,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             search_window_px=windows[name],
             budget=dict(described.budget) if has_variance else {},
             warnings=warnings,
+            p_all=setting.p_all.get(name),
         )
         rows.append(row)
     return rows

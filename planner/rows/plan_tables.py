@@ -61,16 +61,19 @@ class PlanTables:
         list of dict
             A row has ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and
             ``unit``. ``n_features`` counts the features of the target, of which one is measured.
-            ``permitted_error_px`` is the error in the image (None for angles). ``probability`` is
-            the predicted one. ``simulated``, ``simulated_low``, ``simulated_high`` and ``verdict``
-            come from the simulation, or are None. ``standard_uncertainty`` is u of the measured
-            value. ``variance_translation``, ``variance_rotation`` and ``variance_localisation`` add
-            up to u² (None for short arcs). ``search_window_px`` is the distance to search on either
-            side of the prediction. ``warnings`` holds sentences or None. ``reason`` is None in
-            these rows. ``x``, ``y``, ``z`` are the camera's position in mm. ``rx``, ``ry``, ``rz``
-            are its rotation vector, camera to part, in degrees. ``margin_`` with a constraint's
-            name is the smallest margin of the setting. Rows of entities that are not inspected
-            follow, with their reason. Unknown values are None. All rows have the same keys.
+            ``permitted_error_px`` is the error in the image (None for angles). ``p_all`` is the
+            probability that the displaced camera has the target in the picture, in focus, unhidden
+            and apart from other lines, and that the error is at most the permitted one (None if it
+            was not counted). ``probability`` is that of the error alone. ``simulated``,
+            ``simulated_low``, ``simulated_high`` and ``verdict`` come from the simulation, or are
+            None. ``standard_uncertainty`` is u of the measured value. ``variance_translation``,
+            ``variance_rotation`` and ``variance_localisation`` add up to u² (None for short arcs).
+            ``search_window_px`` is the distance to search on either side of the prediction.
+            ``warnings`` holds sentences or None. ``reason`` is None in these rows. ``x``, ``y``,
+            ``z`` are the camera's position in mm. ``rx``, ``ry``, ``rz`` are its rotation vector,
+            camera to part, in degrees. ``margin_`` with a constraint's name is the smallest margin
+            of the setting. Rows of entities that are not inspected follow, with their reason.
+            Unknown values are None. All rows have the same keys.
         """
         from planner.rows.measured_rows import measured_rows
 
@@ -185,7 +188,7 @@ class PlanTables:
             place = ", ".join(f"{c:.1f}" for c in setting.position)
             rates = self.simulation.rates[k].values() if self.simulation is not None else ()
             worst = min(rates, key=lambda rate: rate.frequency, default=None)
-            least = min(setting.probability[name] for name in setting.entities)
+            least = min(setting.promise[name] for name in setting.entities)
             simulated = "not yet" if worst is None else frequency_text(worst.successes, worst.n)
             lines.append(
                 _line(
@@ -242,6 +245,7 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
         "unit": row.unit,
         "n_features": n_features,
         "permitted_error_px": row.permitted_error_px,
+        "p_all": None if row.p_all is None else below_one(row.p_all),
         "probability": below_one(row.probability),
         "simulated": None if rate is None else rate.frequency,
         "simulated_low": None if rate is None else rate.low,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from planner.camera.pose import moved, world_to_cam
 from planner.request.request import Request
 from planner.request.shares import FULL, probability_share, rooms, shares
-from planner.setting.evolution import evolve
+from planner.setting.evolution import Schedule, evolve
 
 if TYPE_CHECKING:
     from planner.effort.poses import Centring
@@ -71,17 +71,10 @@ def centred(request: Request, cam2world: Array, effort: Centring, seed: int) -> 
     move = np.zeros(6)
     rng = np.random.default_rng([seed, effort.generations])
     # in a corner of several limits only short moves are feasible
+    schedule = Schedule(effort.population, effort.generations, effort.patience, tried=effort.tried)
     for size in effort.steps:
         move, _ = evolve(
-            step.value,
-            move,
-            size,
-            rng,
-            population=effort.population,
-            generations=effort.generations,
-            patience=effort.patience,
-            confirm=lambda moves: step.is_steady(step.poses(moves)),
-            tried=effort.tried,
+            step.value, move, size, rng, schedule, lambda moves: step.is_steady(step.poses(moves))
         )
     if not move.any():
         return step.start

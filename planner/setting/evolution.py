@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,18 +88,35 @@ class EvolutionStrategy:
         self._step *= math.exp(min(1.0, (c_sigma / self._damping) * (norm / self._length - 1)))
 
 
+class Schedule(NamedTuple):
+    """How long is searched.
+
+    Attributes
+    ----------
+    population, generations : int
+        Points of a generation; generations at most.
+    patience : int
+        The search ends after so many generations without a gain.
+    gain : float
+        What counts as a gain.
+    tried : int
+        So many points of a generation are confirmed, if they are better than the best so far.
+    """
+
+    population: int
+    generations: int
+    patience: int
+    gain: float = 1e-3
+    tried: int = 3
+
+
 def evolve(
     value: Callable[[Array], Array],
     start: Array,
     step: float,
     rng: np.random.Generator,
-    *,
-    population: int,
-    generations: int,
-    patience: int,
-    gain: float = 1e-3,
+    schedule: Schedule,
     confirm: Callable[[Array], NDArray[np.bool_]] | None = None,
-    tried: int = 3,
 ) -> tuple[Array, float]:
     """Maximise a function of a few real numbers.
 
@@ -112,17 +130,11 @@ def evolve(
         First standard deviation.
     rng : numpy.random.Generator
         Source of chance.
-    population, generations : int
-        Points of a generation; generations at most.
-    patience : int
-        End after so many generations without a gain.
-    gain : float
-        What counts as a gain.
+    schedule : Schedule
+        How long is searched.
     confirm : callable, optional
         Tells which points (n, d) are really as good as their values say; asked of few. Those that are not get the least
         value of their generation.
-    tried : int
-        So many points of a generation are asked, if they are better than the best so far.
 
     Returns
     -------
@@ -131,15 +143,15 @@ def evolve(
     value : float
         Its value.
     """
-    strategy = EvolutionStrategy(start, step, population, rng)
+    strategy = EvolutionStrategy(start, step, schedule.population, rng)
     best = np.array(start, dtype=np.float64)
     best_value = float(value(best[None])[0])
     reference = best_value
     waited = 0
-    for _ in range(generations):
+    for _ in range(schedule.generations):
         points = strategy.ask()
         values = value(points)
-        better = np.argsort(-values, kind="stable")[:tried]
+        better = np.argsort(-values, kind="stable")[: schedule.tried]
         better = better[values[better] > best_value]
         if better.size and confirm is not None:
             confirmed = confirm(points[better])
@@ -150,9 +162,9 @@ def evolve(
             best = points[better[0]]
         strategy.tell(points, values)
         waited += 1
-        if best_value > reference + gain:
+        if best_value > reference + schedule.gain:
             reference = best_value
             waited = 0
-        if waited >= patience:
+        if waited >= schedule.patience:
             break
     return best, best_value
