@@ -52,6 +52,7 @@ from planner.resume import PlanningState
 from planner.steps.assemble import needed, with_late_targets
 from planner.steps.incumbents import Incumbents
 from planner.steps.run import Run
+from planner.steps.settle import settle_early
 from planner.steps.stages import run_stages
 
 if TYPE_CHECKING:
@@ -295,7 +296,9 @@ def plan_by_options(
         try:
             memo.finish(run_stages(run, incumbents, lighting))
         except TimeIsUpError:
-            return completed(_lit(incumbents.latest, solid, lighting))
+            ended = settle_early(run, incumbents.latest)
+            incumbents.publish(ended)
+            return completed(_lit(ended, solid, lighting))
         finally:
             memo.save()
     assert memo.plan is not None

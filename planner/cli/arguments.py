@@ -225,6 +225,13 @@ def add_limits(plan: Options) -> None:
         help="edges stay visible up to this distance around the camera (default: three standard "
         "deviations)",
     )
+    limits.add_argument(
+        "--give-up",
+        type=SHARE,
+        metavar="SHARE",
+        help="move each setting away from its limits, as long as no probability falls by more than "
+        "this; 0 does not move it (default: 0.001)",
+    )
     add_showing(plan)
 
 

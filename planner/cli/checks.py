@@ -72,12 +72,13 @@ def check_numbers(options: Any) -> None:
     if share is not None and not 0 < share <= 1:
         raise RequestError.of_rule("share", "must be in (0, 1]", repr(share))
     limit = given.get("time_limit")
-    gap = given.get("gap")
     if limit is not None and not 0 < limit < math.inf:
         rule = "must be a positive number of seconds"
         raise RequestError.of_rule("time_limit", rule, f"{limit:g}")
-    if gap is not None and not 0 <= gap < 1:
-        raise RequestError.of_rule("gap", "must be in [0, 1)", f"{gap:g}")
+    for name in ("gap", "give_up"):
+        value = given.get(name)
+        if value is not None and not 0 <= value < 1:
+            raise RequestError.of_rule(name, "must be in [0, 1)", f"{value:g}")
 
 
 def check_inputs(options: Any) -> None:

@@ -271,6 +271,7 @@ def batch(options: argparse.Namespace) -> int:
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
+    effort = Effort.named(options.effort or "standard")
     request = PartRequest(
         read_camera(options.camera),
         uncertainty,
@@ -281,7 +282,7 @@ def batch(options: argparse.Namespace) -> int:
         units=options.units,
         simulate=options.simulate,
         graph_limit=options.graph_limit,
-        effort=Effort.named(options.effort or "standard"),
+        effort=effort if options.give_up is None else effort.giving_up(options.give_up),
         limits=limits_of(inspection_options(options, time_limit_s=options.time_limit)),
     )
     out = absolute(options.out)

@@ -104,6 +104,10 @@ def read_job(options: argparse.Namespace) -> Job:
     )
     promise = Promise(options.accuracy, options.probability, options.seed)
     request = resolve_request(solid, wanted.items, camera, uncertainty, promise, given).request
+    if options.give_up is not None:
+        # the usual effort depends on what is measured
+        given = replace(given, effort=request.effort.giving_up(options.give_up))
+        request = resolve_request(solid, wanted.items, camera, uncertainty, promise, given).request
     return Job(request, solid, wanted, given, options.part, reading_of(options))
 
 

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from planner.columns.judge import Judge
-from planner.columns.realise_column import best_supported, joint_counts
+from planner.columns.realise_column import best_supported, joint_counts, keeps
+from planner.effort.poses import Centring
 from planner.executors import Shared
 from planner.setting.centre import centred
 from planner.setting.pose_setting import setting_at
@@ -22,7 +23,9 @@ _FAR_SIGMAS = 2.0
 _WORSE = 0.01
 
 
-def centre_setting(shared: Shared, setting: SensorSetting, seed: int, poses: int) -> SensorSetting:
+def centre_setting(
+    shared: Shared, setting: SensorSetting, seed: int, poses: int, centring: Centring
+) -> SensorSetting:
     """Move a setting off its limits, and count what it promises.
 
     Parameters
@@ -35,6 +38,8 @@ def centre_setting(shared: Shared, setting: SensorSetting, seed: int, poses: int
         Of the search, and of the displaced poses.
     poses : int
         Displaced poses to count over, at least.
+    centring : Centring
+        How long to search.
 
     Returns
     -------
@@ -43,7 +48,7 @@ def centre_setting(shared: Shared, setting: SensorSetting, seed: int, poses: int
     """
     judge: Judge = shared.value
     request = judge.request.restricted_to(setting.entities)
-    pose = centred(request, setting.cam2world, judge.effort.centring, seed)
+    pose = centred(request, setting.cam2world, centring, seed)
     if (pose != setting.cam2world).any() and _inspects(judge, pose, setting.entities):
         own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
         if not _worse_far_away(judge, setting, own, seed):
@@ -56,6 +61,9 @@ def with_p_all(judge: Judge, setting: SensorSetting, seed: int, poses: int) -> S
     if not setting.entities:
         return setting
     counts = joint_counts(judge, setting.cam2world, setting.entities, seed, poses)
+    sure = judge.effort.support.joint_sure_poses
+    if poses < sure and not all(keeps(judge, lower) for lower in counts.lower.values()):
+        counts = joint_counts(judge, setting.cam2world, setting.entities, seed, sure)
     # no more is promised than the model says of the error alone
     stated = {name: min(counts.lower[name], setting.probability[name]) for name in counts.names}
     together = min(counts.lower_together, *stated.values())

@@ -202,39 +202,55 @@ def joint_counts(
     return checks.count(cam2world, n, seed)
 
 
-def shortfalls(
+def joint_bounds(
     judge: Judge, cam2world: np.ndarray, names: Sequence[str], seed: int
-) -> dict[str, float]:
-    """Return the targets that do not surely have the required P_all at a pose, and by how much they miss it.
+) -> dict[str, tuple[float, int]]:
+    """Return a lower bound of the P_all of each target at a pose, and over how many displaced poses it was counted.
 
-    Where the first displaced poses do not decide, more are drawn.
+    Where the first displaced poses do not decide whether a target has the required probability, more are drawn.
 
     Parameters
     ----------
     judge, cam2world, names, seed
         As `joint_counts` takes them.
     """
-    threshold = judge.threshold
-    short: dict[str, float] = {}
+    support = judge.effort.support
+    bounds: dict[str, tuple[float, int]] = {}
     left = tuple(names)
-    for at_least in (judge.effort.support.joint_poses, judge.effort.support.joint_sure_poses):
+    for at_least in (support.joint_poses, support.joint_sure_poses):
         counts = joint_counts(judge, cam2world, left, seed, at_least)
-        short = {
-            name: max(threshold - counts.lower[name], _LEAST)
-            for name in left
-            if not keeps(counts, name, threshold)
-        }
-        hits = dict(zip(counts.names, counts.successes, strict=True))
-        if not any(hits[name] >= threshold * counts.n for name in short):
-            return short
-        # all that was short is decided by the larger number
-        left = tuple(short)
-    return short
+        bounds.update({name: (counts.lower[name], counts.n) for name in left})
+        left = tuple(
+            name
+            for name, hits in zip(counts.names, counts.successes, strict=True)
+            if hits >= judge.threshold * counts.n and not keeps(judge, counts.lower[name])
+        )
+        if not left:
+            break
+    return bounds
 
 
-def keeps(counts: JointCounts, name: str, threshold: float) -> bool:
-    """Tell whether a target surely has a required probability, `MOST_REQUIRED` at most."""
-    return counts.lower[name] >= min(threshold, MOST_REQUIRED)
+def shortfalls(
+    judge: Judge, cam2world: np.ndarray, names: Sequence[str], seed: int
+) -> dict[str, float]:
+    """Return the targets that do not surely have the required P_all at a pose, and by how much they miss it.
+
+    Parameters
+    ----------
+    judge, cam2world, names, seed
+        As `joint_counts` takes them.
+    """
+    bounds = joint_bounds(judge, cam2world, names, seed)
+    return {
+        name: max(judge.threshold - lower, _LEAST)
+        for name, (lower, _) in bounds.items()
+        if not keeps(judge, lower)
+    }
+
+
+def keeps(judge: Judge, lower: float) -> bool:
+    """Tell whether a lower bound of P_all is what is required, `MOST_REQUIRED` at most."""
+    return lower >= min(judge.threshold, MOST_REQUIRED)
 
 
 class PosedOnly(NamedTuple):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from numbers import Real
 
 from planner.effort.bound import BoundEffort
 from planner.effort.checks import check_record
@@ -111,6 +112,34 @@ class Effort:
         demo part, five times as many boxes raise the bound by one.
         """
         return cls(bound_nodes=1_500_000)
+
+    def giving_up(self, give_up: float) -> Effort:
+        """Return the same effort with another cost of the margin step.
+
+        Parameters
+        ----------
+        give_up : float
+            The step lowers no probability by more than this, in [0, 1). 0: there is no step.
+
+        Returns
+        -------
+        Effort
+            A new one.
+
+        Raises
+        ------
+        RequestError
+            If it breaks its rule.
+
+        Examples
+        --------
+        >>> from planner import Effort
+        >>> Effort().giving_up(0.01).centring.give_up
+        0.01
+        """
+        if isinstance(give_up, bool) or not isinstance(give_up, Real) or not 0 <= give_up < 1:
+            raise RequestError.of_rule("give_up", "must be in [0, 1)", repr(give_up))
+        return replace(self, centring=replace(self.centring, give_up=float(give_up)))
 
     def __post_init__(self) -> None:
         for name in ("pricing_rounds", "refutations", "bound_nodes"):

@@ -62,9 +62,8 @@ class PlanTables:
             A row has ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and
             ``unit``. ``n_features`` counts the features of the target, of which one is measured.
             ``permitted_error_px`` is the error in the image (None for angles). ``p_all`` is the
-            probability that the displaced camera has the target in the picture, in focus, unhidden
-            and apart from other lines, and that the error is at most the permitted one (None if it
-            was not counted). ``probability`` is that of the error alone. ``simulated``,
+            probability that the displaced camera measures the target, see `SensorSetting` (None if
+            it was not counted). ``probability`` is that of the error alone. ``simulated``,
             ``simulated_low``, ``simulated_high`` and ``verdict`` come from the simulation, or are
             None. ``standard_uncertainty`` is u of the measured value. ``variance_translation``,
             ``variance_rotation`` and ``variance_localisation`` add up to u² (None for short arcs).

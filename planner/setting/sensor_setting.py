@@ -26,10 +26,10 @@ class SensorSetting:
         Per entity, the probability P that the error of its measured value is at most the permitted
         error. P assumes a registered image in which the entity is found.
     p_all : dict of str to float
-        Per entity, the probability that the displaced camera has it in the picture, in focus,
-        unhidden and apart from other lines, and that the error is at most the permitted one. It is
-        a lower bound with 99.9 % confidence, counted over `p_all_poses` displaced poses, see
-        `planner.verify.p_all`. Empty if it was not counted.
+        Per entity, the probability P_all that the displaced camera measures it. The entity is then
+        in the picture, in focus, unhidden and apart from other lines, and the error is at most the
+        permitted one. It is a lower bound with 99.9 % confidence, counted over `p_all_poses`
+        displaced poses, see `planner.verify.p_all`. Empty if it was not counted.
     p_all_together : float
         The same for all entities at once; nan if it was not counted.
     p_all_poses : int
@@ -93,7 +93,7 @@ class SensorSetting:
 
     @property
     def promise(self) -> dict[str, float]:
-        """What is promised of each entity: `p_all`, or `probability` where that was not counted."""
+        """The promise for each entity: `p_all`, or `probability` where that was not counted."""
         return self.p_all or self.probability
 
     def to_dict(self) -> dict[str, Any]:

@@ -151,7 +151,7 @@ def _with_all(run: Run) -> Any:
             run.request, pose, names, setting.message, seed=derive_seed(run.seed, names)
         )
         wrong = run.contradicted_in(full)
-        return without(run.request, full, list(wrong)) if wrong else full
+        return run.with_bounds(without(run.request, full, list(wrong)) if wrong else full)
 
     return with_all
 

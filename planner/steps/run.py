@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import (
     PosedOnly,
+    joint_bounds,
+    keeps,
     promised_too_much,
     realise,
-    shortfalls,
 )
 from planner.effort.effort import Effort
 from planner.executors import Shared, in_order
@@ -76,6 +78,8 @@ class Run:
         self._begun = 0
         # by how much simulation contradicts what is stated of an entity from a pose
         self._excess: dict[tuple[bytes, str, float], float] = {}
+        # lower bound of P_all of an entity from a pose, and over how many displaced poses
+        self._bounds: dict[tuple[bytes, str], tuple[float, int]] = {}
 
     @property
     def pools(self) -> Pools:
@@ -134,12 +138,31 @@ class Run:
                 )
         kept = tuple(name for name in new if self._excess[pose, name, stated[name]] <= 0.0)
         if kept:
-            short = shortfalls(self.judge, setting.cam2world, kept, self.seed)
-            self._excess.update({(pose, name, stated[name]): short[name] for name in short})
+            bounds = joint_bounds(self.judge, setting.cam2world, kept, self.seed)
+            self._bounds.update({(pose, name): bound for name, bound in bounds.items()})
+            self._excess.update(
+                {
+                    (pose, name, stated[name]): max(self.judge.threshold - lower, 1e-9)
+                    for name, (lower, _) in bounds.items()
+                    if not keeps(self.judge, lower)
+                }
+            )
         found = {
             name: self._excess[pose, name, probability] for name, probability in stated.items()
         }
         return {name: too_much for name, too_much in found.items() if too_much > 0.0}
+
+    def with_bounds(self, setting: SensorSetting) -> SensorSetting:
+        """Return a setting that states the P_all which `contradicted_in` counted for its entities."""
+        pose = setting.cam2world.tobytes()
+        if not all((pose, name) in self._bounds for name in setting.entities):
+            return setting
+        found = {name: self._bounds[pose, name] for name in setting.entities}
+        stated = {name: min(lower, setting.probability[name]) for name, (lower, _) in found.items()}
+        # what is missed by one at least is missed by no more than all of them miss
+        together = max(1.0 - sum(1.0 - p for p in stated.values()), 0.0)
+        poses = min((n for _, n in found.values()), default=0)
+        return replace(setting, p_all=stated, p_all_together=together, p_all_poses=poses)
 
     def accept(self, outcome: Outcome) -> tuple[str, ...]:
         """Add what a run of the genetic algorithm achieved to the pool; return the entities it inspects."""

@@ -5,7 +5,8 @@ That pose is moved off its limits, and what it promises is counted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from planner.columns.centre_column import centre_setting
 from planner.columns.realise_column import best_supported, without_contradicted
 from planner.cover.few_columns import few_columns
 from planner.executors import in_order
+from planner.plan import InspectionPlan
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
@@ -53,42 +55,68 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
             )
         settings.append(best_supported(run.judge, options, seed))
     moved = centre_all(run, without_contradicted(run.judge, settings, run.seed))
-    return _without_short(run, moved)
+    kept, lost = _without_short(run, moved)
+    run.state.uninspectable.update(lost)
+    run.state.bound = _bound_without(run.state.bound, lost, kept)
+    return kept
 
 
-def _without_short(run: Run, settings: Sequence[SensorSetting]) -> list[SensorSetting]:
-    """Take from settings the targets that lack the required P_all there.
+def settle_early(run: Run, plan: InspectionPlan) -> InspectionPlan:
+    """Return a plan that a time limit ended with its settings moved off their limits, and what they promise.
 
-    A target that has it in no setting is not inspected, and the reason is kept. Every plan for the
-    others and one setting for each target lost is a plan for all of them, so the bound falls by their number.
+    Parameters
+    ----------
+    run : Run
+        Its request says what is asked.
+    plan : InspectionPlan
+        The best plan so far.
     """
+    kept, lost = _without_short(run, centre_all(run, plan.settings, early=True))
+    return replace(
+        plan,
+        settings=tuple(kept),
+        lower_bound=_bound_without(plan.lower_bound, lost, kept),
+        uninspectable={**plan.uninspectable, **lost},
+    )
+
+
+def _bound_without(bound: int, lost: Mapping[str, Reason], kept: Sequence[SensorSetting]) -> int:
+    """Return what a bound proves of the targets that are left.
+
+    Every plan for them and one setting for each target lost is a plan for all, so it falls by their number.
+    """
+    return max(bound - len(lost), min(1, len(kept)))
+
+
+def _without_short(
+    run: Run, settings: Sequence[SensorSetting]
+) -> tuple[list[SensorSetting], dict[str, Reason]]:
+    """Take from settings the targets that lack the required P_all there; return why some are in none any more."""
     threshold = min(run.request.probability, MOST_REQUIRED)
     short = [{n for n, p in one.p_all.items() if p < threshold} for one in settings]
-    kept = {
-        name
-        for one, missing in zip(settings, short, strict=True)
-        for name in one.entities
-        if name not in missing
-    }
-    lost: dict[str, float] = {}
-    for one, missing in zip(settings, short, strict=True):
-        for name in missing - kept:
-            lost[name] = max(one.p_all[name], lost.get(name, 0.0))
-    for name, reached in lost.items():
-        run.state.uninspectable[name] = Reason.of(
-            ReasonKind.PROBABILITY_TOO_LOW,
-            f"the best pose found reaches P_all = {reached:.4f} when all conditions count, below the required "
-            f"{run.request.probability:g}.",
-        )
-    run.state.bound = max(run.state.bound - len(lost), min(1, len(kept)))
     fewer = [
         without(run.request, one, sorted(missing)) if missing else one
         for one, missing in zip(settings, short, strict=True)
     ]
-    return [one for one in fewer if one.entities]
+    kept = {name for one in fewer for name in one.entities}
+    reached: dict[str, float] = {}
+    for one, missing in zip(settings, short, strict=True):
+        for name in missing - kept:
+            reached[name] = max(one.p_all[name], reached.get(name, 0.0))
+    lost = {
+        name: Reason.of(
+            ReasonKind.PROBABILITY_TOO_LOW,
+            f"the best pose found reaches P_all = {best:.4f}, below the required "
+            f"{run.request.probability:g}.",
+        )
+        for name, best in reached.items()
+    }
+    return [one for one in fewer if one.entities], lost
 
 
-def centre_all(run: Run, settings: Sequence[SensorSetting]) -> list[SensorSetting]:
+def centre_all(
+    run: Run, settings: Sequence[SensorSetting], *, early: bool = False
+) -> list[SensorSetting]:
     """Move settings off their limits, and count what they promise.
 
     Parameters
@@ -97,6 +125,8 @@ def centre_all(run: Run, settings: Sequence[SensorSetting]) -> list[SensorSettin
         Its request says what is asked.
     settings : sequence of SensorSetting
         Settings that simulation supports.
+    early : bool
+        The time is up: a shorter search, and fewer displaced poses.
 
     Returns
     -------
@@ -104,16 +134,20 @@ def centre_all(run: Run, settings: Sequence[SensorSetting]) -> list[SensorSettin
         In the same order, for the same targets.
     """
     support = run.effort.support
-    poses = min(
-        support.joint_sure_poses,
-        max(support.joint_all_poses // max(len(settings), 1), support.joint_poses),
-    )
+    centring = run.effort.centring
+    poses = support.joint_poses
+    if early:
+        centring = centring.shorter()
+    else:
+        each = support.joint_all_poses // max(len(settings), 1)
+        poses = min(support.joint_sure_poses, max(each, poses))
     tasks = [
-        (run.shared, setting, derive_seed(run.seed, setting.entities), poses)
+        (run.shared, setting, derive_seed(run.seed, setting.entities), poses, centring)
         for setting in settings
     ]
+    check = (lambda: None) if early else run.callbacks.check
     moved = []
-    for setting in in_order(run.executor, centre_setting, tasks, run.callbacks.check):
+    for setting in in_order(run.executor, centre_setting, tasks, check):
         moved.append(setting)
         run.callbacks.report(len(moved), len(settings), "margins")
     return moved

@@ -124,7 +124,8 @@ def as_simulated(run: Run, settings: Iterable[SensorSetting]) -> list[SensorSett
     supported = []
     for setting in settings:
         wrong = run.contradicted_in(setting)
-        supported.append(without(run.request, setting, list(wrong)) if wrong else setting)
+        kept = without(run.request, setting, list(wrong)) if wrong else setting
+        supported.append(run.with_bounds(kept))
     return [setting for setting in supported if setting.entities]
 
 

@@ -83,7 +83,7 @@ def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeyp
         return {name: 0.1 for name in setting.entities if name == NAMES[2]}
 
     monkeypatch.setattr("planner.steps.run.promised_too_much", too_much)
-    monkeypatch.setattr("planner.steps.run.shortfalls", lambda judge, pose, names, seed: {})
+    monkeypatch.setattr("planner.steps.run.joint_bounds", lambda judge, pose, names, seed: {})
     run = run_with(np.eye(4))
     in_image = dict(zip(NAMES, [True, False, True, False], strict=True))
     run.request = SimpleNamespace(find_target=lambda name: SimpleNamespace(in_image=in_image[name]))
@@ -105,16 +105,19 @@ def test_a_promise_that_leaves_the_picture_too_often_counts_as_contradicted(monk
     """Simulation supports the error of both; P_all of one is too low, and is asked once."""
     asked = []
 
-    def short(judge, pose, names, seed):
+    def bounds(judge, pose, names, seed):
         asked.append(names)
-        return {NAMES[1]: 0.05}
+        return {NAMES[0]: (0.93, 1000), NAMES[1]: (0.85, 1000)}
 
     monkeypatch.setattr("planner.steps.run.promised_too_much", lambda judge, setting, seed: {})
-    monkeypatch.setattr("planner.steps.run.shortfalls", short)
+    monkeypatch.setattr("planner.steps.run.joint_bounds", bounds)
     run = run_with(np.eye(4))
     setting = SimpleNamespace(
         cam2world=np.eye(4), entities=tuple(NAMES[:2]), probability=dict.fromkeys(NAMES, 0.95)
     )
     for _ in range(2):
-        assert run.contradicted_in(setting) == {NAMES[1]: 0.05}
+        (name, short), *others = run.contradicted_in(setting).items()
+        assert (name, others) == (NAMES[1], [])
+        # 0.9 is required
+        assert abs(short - 0.05) < 1e-12
     assert asked == [tuple(NAMES[:2])]
