@@ -65,7 +65,7 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
     assert found.light is not None
     if found.light.complete or lighting.together:
         return found
-    dark = _dark(found)
+    dark = unlit(found)
     places = _places(run, lighting, found)
     others = _shown_from_elsewhere(run, lighting, found, (dark, places)) if dark else []
     settings = _chosen_among(run, found, others)
@@ -84,11 +84,11 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
             lighting, plan, run.request.space.solid, run.callbacks.silent.report, places
         ),
     )
-    return better if set(_dark(better)) <= set(dark) else found
+    return better if set(unlit(better)) <= set(dark) else found
 
 
-def _dark(plan: InspectionPlan) -> list[str]:
-    """Return what no lamp shows in any setting, in the order of the plan."""
+def unlit(plan: InspectionPlan) -> list[str]:
+    """Return the names of the targets that no lamp lights in any setting, in the order of the plan."""
     assert plan.light is not None
     lit = {
         n
@@ -211,7 +211,7 @@ def _chosen_among(
 ) -> list[SensorSetting]:
     """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays measured."""
     assert plan.light is not None
-    dark = _dark(plan)
+    dark = unlit(plan)
     shown = {name for setting in others for name in setting.entities} | {
         n for n in plan.inspected if n not in dark
     }

@@ -5,8 +5,9 @@ That pose is moved off its limits, and what it promises is counted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +15,10 @@ from planner.columns.candidates import derive_seed
 from planner.columns.centre_column import centre_setting
 from planner.columns.realise_column import best_supported, without_contradicted
 from planner.cover.few_columns import few_columns
+from planner.effort.poses import Centring
 from planner.executors import in_order
 from planner.plan import InspectionPlan
+from planner.progress import report
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
@@ -23,7 +26,29 @@ from planner.steps.run import Run
 from planner.verify.p_all import MOST_REQUIRED
 
 
-def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
+class Settled(NamedTuple):
+    """The settings of the final cover.
+
+    Attributes
+    ----------
+    settings : list of SensorSetting
+        With what they promise.
+    lost : dict of str to Reason
+        Targets of the cover that have the required P_all in none of them.
+    """
+
+    settings: list[SensorSetting]
+    lost: dict[str, Reason]
+
+    def bound(self, proven: int) -> int:
+        """Return what a bound for all targets of the cover proves of those that are left.
+
+        Every plan for them and one setting for each target lost is a plan for all, so it falls by their number.
+        """
+        return max(proven - len(self.lost), min(1, len(self.settings)))
+
+
+def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
     """Choose the final cover and give every column in it the best pose that simulation supports.
 
     Parameters
@@ -32,6 +57,8 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
         Its pools hold the columns.
     inspected : array of bool (k,)
         Entities that are to be covered.
+    moves : bool
+        Whether the poses are moved off their limits.
     """
     pool = run.pool
     request = run.request
@@ -54,11 +81,12 @@ def settle(run: Run, inspected: np.ndarray) -> list[SensorSetting]:
                 found,
             )
         settings.append(best_supported(run.judge, options, seed))
-    moved = centre_all(run, without_contradicted(run.judge, settings, run.seed))
-    kept, lost = _without_short(run, moved)
-    run.state.uninspectable.update(lost)
-    run.state.bound = _bound_without(run.state.bound, lost, kept)
-    return kept
+    centring = run.effort.centring
+    if not moves:
+        centring = replace(centring, give_up=0.0)
+    return _without_short(
+        run, centre_all(run, without_contradicted(run.judge, settings, run.seed), centring)
+    )
 
 
 def settle_early(run: Run, plan: InspectionPlan) -> InspectionPlan:
@@ -71,26 +99,17 @@ def settle_early(run: Run, plan: InspectionPlan) -> InspectionPlan:
     plan : InspectionPlan
         The best plan so far.
     """
-    kept, lost = _without_short(run, centre_all(run, plan.settings, early=True))
+    moved = centre_all(run, plan.settings, run.effort.centring.shorter(), early=True)
+    settled = _without_short(run, moved)
     return replace(
         plan,
-        settings=tuple(kept),
-        lower_bound=_bound_without(plan.lower_bound, lost, kept),
-        uninspectable={**plan.uninspectable, **lost},
+        settings=tuple(settled.settings),
+        lower_bound=settled.bound(plan.lower_bound),
+        uninspectable={**plan.uninspectable, **settled.lost},
     )
 
 
-def _bound_without(bound: int, lost: Mapping[str, Reason], kept: Sequence[SensorSetting]) -> int:
-    """Return what a bound proves of the targets that are left.
-
-    Every plan for them and one setting for each target lost is a plan for all, so it falls by their number.
-    """
-    return max(bound - len(lost), min(1, len(kept)))
-
-
-def _without_short(
-    run: Run, settings: Sequence[SensorSetting]
-) -> tuple[list[SensorSetting], dict[str, Reason]]:
+def _without_short(run: Run, settings: Sequence[SensorSetting]) -> Settled:
     """Take from settings the targets that lack the required P_all there; return why some are in none any more."""
     threshold = min(run.request.probability, MOST_REQUIRED)
     short = [{n for n, p in one.p_all.items() if p < threshold} for one in settings]
@@ -111,11 +130,11 @@ def _without_short(
         )
         for name, best in reached.items()
     }
-    return [one for one in fewer if one.entities], lost
+    return Settled([one for one in fewer if one.entities], lost)
 
 
 def centre_all(
-    run: Run, settings: Sequence[SensorSetting], *, early: bool = False
+    run: Run, settings: Sequence[SensorSetting], centring: Centring, *, early: bool = False
 ) -> list[SensorSetting]:
     """Move settings off their limits, and count what they promise.
 
@@ -125,8 +144,10 @@ def centre_all(
         Its request says what is asked.
     settings : sequence of SensorSetting
         Settings that simulation supports.
+    centring : Centring
+        How long to search.
     early : bool
-        The time is up: a shorter search, and fewer displaced poses.
+        The time is up: it is not asked again, and fewer poses are displaced.
 
     Returns
     -------
@@ -134,11 +155,8 @@ def centre_all(
         In the same order, for the same targets.
     """
     support = run.effort.support
-    centring = run.effort.centring
     poses = support.joint_poses
-    if early:
-        centring = centring.shorter()
-    else:
+    if not early:
         each = support.joint_all_poses // max(len(settings), 1)
         poses = min(support.joint_sure_poses, max(each, poses))
     tasks = [
@@ -149,7 +167,8 @@ def centre_all(
     moved = []
     for setting in in_order(run.executor, centre_setting, tasks, check):
         moved.append(setting)
-        run.callbacks.report(len(moved), len(settings), "margins")
+        # where the time is up already, it is not asked again
+        report(run.callbacks.progress, len(moved), len(settings), "margins")
     return moved
 
 

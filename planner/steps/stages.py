@@ -20,7 +20,7 @@ from planner.steps.find_columns import (
     sample_poses,
 )
 from planner.steps.incumbents import Incumbents
-from planner.steps.lit_settings import with_lamps
+from planner.steps.lit_settings import unlit, with_lamps
 from planner.steps.plan_state import PlanState
 from planner.steps.prove_bound import find_incompatible, prove_bound, weigh_columns
 from planner.steps.refute import refute
@@ -105,13 +105,25 @@ def _refute(state: PlanState, tools: Tools) -> None:
 
 def _settle(state: PlanState, tools: Tools) -> None:
     assert state.inspected is not None
-    settings = settle(tools.run, state.inspected)
-    state.plan = assembled(tools.run, settings, state.bound, state.proof)
+    settled = settle(tools.run, state.inspected)
+    state.uninspectable.update(settled.lost)
+    state.bound = settled.bound(state.bound)
+    state.plan = assembled(tools.run, settled.settings, state.bound, state.proof)
 
 
 def _light(state: PlanState, tools: Tools) -> None:
-    if tools.lighting is not None and state.plan is not None:
-        state.plan = with_lamps(tools.run, tools.lighting, state.plan)
+    if tools.lighting is None or state.plan is None:
+        return
+    plan = with_lamps(tools.run, tools.lighting, state.plan)
+    if unlit(plan):
+        assert state.inspected is not None
+        # where a pose was moved to, no lamp may light what one lights from where it was
+        unmoved = settle(tools.run, state.inspected, moves=False)
+        draft = assembled(tools.run, unmoved.settings, state.bound, state.proof)
+        other = with_lamps(tools.run, tools.lighting, draft)
+        if set(other.inspected) == set(plan.inspected) and len(unlit(other)) < len(unlit(plan)):
+            plan = other
+    state.plan = plan
 
 
 STAGES = (

@@ -225,6 +225,7 @@ def test_progress_names_every_stage(space):
         "column generation",
         "lower bound",
         "genetic algorithm",
+        "margins",
     ]
     assert all(reports[-1][0] == reports[-1][1] for reports in seen.values())
 
@@ -416,6 +417,7 @@ def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supporte
     monkeypatch.setattr(
         "planner.columns.realise_column._excess", lambda _, setting, __: excess[setting.message]
     )
+    monkeypatch.setattr("planner.columns.realise_column.shortfalls", lambda *given: {})
     first, second = without_contradicted(judge, settings, 0)
     assert first.entities == tuple(first.probability) == tuple(EDGES[1:3])
     assert first.fitness == pytest.approx(sum(first.probability.values()))

@@ -102,11 +102,11 @@ def test_a_plan_fits_80_columns_with_its_tightest_margin_only(monkeypatch, capsy
     view = replace(setting((40.0, -180.0, 620.0), names), margins=margins)
     found = plan(settings=[view], uninspectable={})
     # half the depth of field of this camera is far more than 0.5 mm
-    assert terminal_tables.tightest_margin(found, found.settings[0]) == "focus +0.5 mm"
+    assert terminal_tables.tightest_margin(found, found.settings[0]) == "focus: 3 % left (+0.5 mm)"
     terminal_tables.print_plan(found)
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 80
-    assert "focus +0.5 mm" in out
+    assert "focus: 3 % left (+0.5 mm)" in out
     assert "field of view" not in out
     for name in names:
         assert name in out

@@ -40,18 +40,18 @@ def test_each_share_is_of_the_room_its_constraint_has():
             # 0.95 of a required 0.9: half of what is above it
             "probability": 0.5,
             "focus": 0.25,
-            # of half of 2048 px
-            "field of view": 0.1,
-            # of half of 1800 mm
-            "workspace": 0.1,
-            # 200 mm from the part, of which 50 are asked for
-            "clearance": 0.75,
+            # of half of 2048 px, without 27 px of border
+            "field of view": 102.4 / (1024 - 27),
+            # of a tenth of 1800 mm
+            "workspace": 0.5,
+            # 50 mm are asked for, and three times as much is left
+            "clearance": 1.0,
             # 0.2 mm longer than 20 px of 0.0035 mm
-            "resolution": 0.2 / 0.27,
+            "resolution": 1.0,
         }
     )
-    assert list(told)[-1] == "clearance"
-    assert set(list(told)[:2]) == {"field of view", "workspace"}
+    assert next(iter(told)) == "field of view"
+    assert set(list(told)[-2:]) == {"clearance", "resolution"}
 
 
 def test_what_a_plan_does_not_know_is_left_out():

@@ -23,11 +23,11 @@ def with_margins(margins, requirements=None):
 
 def test_the_nearest_limit_comes_first():
     told = binding_sentence(*with_margins({"field_of_view_px": 10.24, "workspace_mm": 90.0}))
-    # 10.24 px of half of 2048, 90 mm of half of 1800
+    # 10.24 px of half of 2048, 90 mm of a tenth of 1800
     assert told.startswith(
         "Tightest constraint: field of view, with 1 % of its margin left: a target is close to"
     )
-    assert told.endswith("Next: workspace 10 %, probability 50 %.")
+    assert told.endswith("Next: probability 50 %, workspace 50 %.")
     told = binding_sentence(*with_margins({"field_of_view_px": 0.0003}))
     assert told.startswith(
         "Tightest constraint: field of view, with less than 0.01 % of its margin left:"

@@ -13,6 +13,7 @@ from planner.effort.effort import Effort
 from planner.exceptions import RequestError
 from planner.inspection import plan_inspection
 from planner.plan import InspectionPlan, read_plan
+from planner.report.binding import nearest_limits
 
 # a narrow field of view, so that there is something to improve and to prove
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -83,6 +84,20 @@ def test_incumbents_keep_what_they_promise(whole):
         assert not simulation.verdicts["contradicted"]
 
 
+def is_moved(plan, best):
+    """Whether a plan is the best one so far, but for the margins of its poses."""
+    same = [one.entities for one in plan.settings] == [one.entities for one in best.settings]
+    return (
+        same
+        and plan.lower_bound == best.lower_bound
+        and min(least_shares(plan)) >= min(least_shares(best))
+    )
+
+
+def least_shares(plan):
+    return [nearest_limits(plan, one)[0].share for one in plan.settings]
+
+
 def test_when_the_time_is_up_the_best_plan_so_far_is_returned_and_the_state_goes_on(
     space, whole, tmp_path
 ):
@@ -92,9 +107,11 @@ def test_when_the_time_is_up_the_best_plan_so_far_is_returned_and_the_state_goes
     assert plan.unfinished
     assert plan.complete
     # a glance is no plan to end with
-    assert 1 <= len(told) < len(whole[1])
-    assert [exact(one) for one in told] == [exact(one) for one in whole[1][: len(told)]]
-    assert exact(plan) == exact(told[-1])
+    *before, last = told
+    assert 1 <= len(before) < len(whole[1])
+    assert [exact(one) for one in before] == [exact(one) for one in whole[1][: len(before)]]
+    assert exact(plan) == exact(last)
+    assert is_moved(plan, before[-1])
     plan.write(tmp_path / "plan.json")
     assert read_plan(tmp_path / "plan.json") == plan
     assert exact(plan_box(space, state=state)) == exact(whole[0])
@@ -107,7 +124,7 @@ def test_the_time_is_up_while_others_work(space, whole):
         plan = plan_box(space, time_limit_s=1e-9, executor=executor)
     assert plan.unfinished
     assert plan.complete
-    assert exact(plan) in [exact(one) for one in whole[1]]
+    assert any(is_moved(plan, one) for one in whole[1])
 
 
 def test_time_enough_changes_nothing(space, whole):
