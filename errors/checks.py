@@ -50,6 +50,18 @@ def check_positive(value: float, name: str) -> float:
     return float(array)
 
 
+def check_not_negative(value: float, name: str) -> float:
+    """Return `value` as a finite float of at least zero."""
+    array = check_finite(value, name)
+    if array.ndim != 0:
+        raise InvalidShapeError.of_rule(
+            name, "must be a single number", f"an array of shape {array.shape}"
+        )
+    if array < 0.0:
+        raise InvalidParameterError.of_rule(name, "must not be negative", str(float(array)))
+    return float(array)
+
+
 def check_count(value: int, name: str) -> int:
     """Return `value` as an integer of at least one."""
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:

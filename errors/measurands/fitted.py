@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compiled.cache import njit
+from errors.measurands.common_errors import by_surface, circle_floor, line_floor
 from errors.measurands.fit_expansion import (
     circle_noise,
     expand_circle,
@@ -24,6 +25,8 @@ _CIRCLE = 1
 _ARC = 2
 # of the radius: an arc that is known no better than that is not measured, as its fit is not near to linear there
 _MOST_NOISE = 0.1
+ONE_SURFACE_MM = 1e-3
+"""Entities whose planes are no farther apart than this lie on one surface, and share its deviation."""
 
 
 class Frame(NamedTuple):
@@ -63,6 +66,7 @@ class FittedEntities:
         self.sizes = np.array(
             [one.length / 2 if isinstance(one, Line) else one.radius_mm for one in geometry]
         )
+        self.surfaces, self.normals = _surfaces(frames)
         self._geometry = geometry
 
     def expand(
@@ -71,8 +75,12 @@ class FittedEntities:
         image_distance_mm: float,
         pitch_mm: tuple[float, float],
         localisation: Localisation,
+        surfaces_mm: float = 0.0,
     ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return where the value can be measured (n,), gradient (n, 6), Hessian (n, 6, 6) and variance of the noise."""
+        """Return where the value can be measured (n,), gradient (n, 6), Hessian (n, 6, 6) and variances (n, 3).
+
+        The variances are those of the noise, as of `errors.measurands.measurand.Expansion`.
+        """
         points = localisation.points
         angles = np.zeros((len(self.shapes), points, 2))
         solve = np.zeros((len(self.shapes), 6, points))
@@ -89,20 +97,40 @@ class FittedEntities:
         fit = np.array(
             [*(sigma * pitch / image_distance_mm for pitch in pitch_mm), per_length, floor]
         )
+        common = np.array(
+            [
+                *(localisation.common_px * pitch / image_distance_mm for pitch in pitch_mm),
+                surfaces_mm,
+            ]
+        )
         seen = np.zeros(n, dtype=np.bool_)
         gradient = np.zeros((n, 6))
         hessian = np.zeros((n, 6, 6))
-        variance = np.zeros(n)
-        entities = self.shapes, self.frames, self.sizes, angles, solve
+        variance = np.zeros((n, 3))
         _expand_all(
             np.ascontiguousarray(poses),
-            entities,
+            (self.shapes, self.frames, self.sizes, angles, solve, self.surfaces, self.normals),
             self.gradient,
             self.hessian,
             fit,
+            common,
             (seen, gradient, hessian, variance),
         )
         return seen, gradient, hessian, variance
+
+
+def _surfaces(frames: tuple[Frame, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return which entities lie on one surface, as the index of its first one, and the surfaces' normals (k, 3)."""
+    index = np.arange(len(frames))
+    normals = np.array([np.cross(frame.x, frame.y) for frame in frames])
+    for k, frame in enumerate(frames):
+        for j in range(k):
+            # kinds fit their entities in parallel planes
+            if abs((frame.origin - frames[j].origin) @ normals[j]) <= ONE_SURFACE_MM:
+                index[k] = index[j]
+                normals[k] = normals[j]
+                break
+    return index, normals
 
 
 def circle_fit(
@@ -123,43 +151,67 @@ def is_short(one: Geometry) -> bool:
 
 
 @njit(error_model="numpy")
-def _expand_all(poses, entities, of_value, bend, fit, out):
-    shapes, frames, sizes, angles, solve = entities
+def _expand_all(poses, entities, of_value, bend, fit, common, out):
+    shapes = entities[0]
     seen, gradient, hessian, variance = out
     count = len(of_value)
-    at = np.empty((3, 3))
     rows = np.zeros((count, 6))
+    by_surfaces = np.empty(len(shapes))
+    before = np.empty(6)
     for i in range(len(poses)):
         g = gradient[i]
         h = hessian[i]
         start = 0
         whole = True
+        by_surfaces[:] = 0.0
         for e in range(len(shapes)):
-            turned(frames[e], poses[i], at)
             n_fitted = 2 if shapes[e] == _LINE else 3
             own = of_value[start : start + n_fitted]
-            if shapes[e] == _LINE:
-                whole = expand_line(at, sizes[e], own, g, h, rows[start:])
-                if whole:
-                    variance[i] += line_noise(at, sizes[e], own, angles.shape[1], fit)
-            else:
-                whole = expand_circle(at, sizes[e], angles[e], solve[e], own, g, h, rows[start:])
-                if whole:
-                    closed = shapes[e] == _CIRCLE
-                    variance[i] += circle_noise(at, sizes[e], angles[e], solve[e], own, fit, closed)
-                    if not closed:
-                        radius = np.array([0.0, 0.0, 1.0])
-                        known = circle_noise(at, sizes[e], angles[e], solve[e], radius, fit, closed)
-                        whole = known <= (_MOST_NOISE * sizes[e]) ** 2
+            before[:] = g
+            whole = _expand_entity(
+                poses[i], entities, e, own, fit, common, (g, h, rows[start:], variance[i])
+            )
             if not whole:
                 break
+            # what lies on one surface is off by the same
+            surface = entities[5][e]
+            by_surfaces[surface] += by_surface(g, before, entities[6][surface], poses[i])
             start += n_fitted
         seen[i] = whole
         if not whole:
             continue
+        for e in range(len(shapes)):
+            variance[i, 2] += (by_surfaces[e] * common[2]) ** 2
         for j in range(count):
             for k in range(count):
                 if bend[j, k] != 0.0:
                     for a in range(6):
                         for b in range(6):
                             h[a, b] += bend[j, k] * rows[j, a] * rows[k, b]
+
+
+@njit(error_model="numpy")
+def _expand_entity(pose, entities, e, own, fit, common, out):
+    """Add an entity's share to gradient, Hessian and variances; return False if it cannot be measured."""
+    shapes, frames, sizes, angles, solve, _, _ = entities
+    g, h, rows, variance = out
+    at = np.empty((3, 3))
+    turned(frames[e], pose, at)
+    if shapes[e] == _LINE:
+        if not expand_line(at, sizes[e], own, g, h, rows):
+            return False
+        variance[0] += line_noise(at, sizes[e], own, angles.shape[1], fit)
+        if common[0] > 0.0:
+            variance[1] += line_floor(at, sizes[e], own, angles.shape[1], common) ** 2
+        return True
+    if not expand_circle(at, sizes[e], angles[e], solve[e], own, g, h, rows):
+        return False
+    closed = shapes[e] == _CIRCLE
+    variance[0] += circle_noise(at, sizes[e], angles[e], solve[e], own, fit, closed)
+    if common[0] > 0.0:
+        variance[1] += circle_floor(at, sizes[e], angles[e], solve[e], own, common) ** 2
+    if closed:
+        return True
+    radius = np.array([0.0, 0.0, 1.0])
+    known = circle_noise(at, sizes[e], angles[e], solve[e], radius, fit, closed)
+    return known <= (_MOST_NOISE * sizes[e]) ** 2

@@ -36,8 +36,8 @@ class Expansion(NamedTuple):
         Where there is an image.
     gradient, hessian : array (n, 6), (n, 6, 6)
         By the displacement (dx, dy, dz, phi_x, phi_y, phi_z) of the camera in its own frame, mm and rad.
-    variance : array (n,)
-        Of the normal part of the noise.
+    variance : array (n, 3)
+        Of the normal parts of the noise: localisation of single points, its floor, and surfaces.
     widths : array (n, 2)
         Of the two triangular parts, see `errors.joint`.
     scale : array (n,)
@@ -110,15 +110,24 @@ class Measurand:
         raise NotImplementedError
 
     def expansion(
-        self, poses: NDArray[np.float64], image: Image, localisation: Localisation
+        self,
+        poses: NDArray[np.float64],
+        image: Image,
+        localisation: Localisation,
+        surfaces_mm: float = 0.0,
     ) -> Expansion:
         """Return the error of the value at poses world to camera (n, 4, 4)."""
         seen, gradient, hessian, variance = self._fitted.expand(
-            poses, image.distance_mm, image.pitch_mm, localisation
+            poses, image.distance_mm, image.pitch_mm, localisation, surfaces_mm
         )
         return Expansion(
             seen, gradient, hessian, variance, np.zeros((len(poses), 2)), np.ones(len(poses))
         )
+
+    @property
+    def surfaces(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Which entities lie on one surface, as the index of its first one (k,), and the normals (k, 3)."""
+        return self._fitted.surfaces, self._fitted.normals
 
     def __getstate__(self) -> dict[str, Any]:
         return {"geometry": self.geometry, "direction": self.direction}

@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errors.checks import check_covariance, check_pixel_pitch, check_positive
+from errors.checks import (
+    check_covariance,
+    check_not_negative,
+    check_pixel_pitch,
+    check_positive,
+)
 from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError, InvalidShapeError
 from errors.joint import quadratic_probability
@@ -21,6 +26,9 @@ from errors.measurands.measurand import Expansion, Image, Measurand
 _ONE = math.erf(1 / math.sqrt(2))
 _TWO = math.erf(2 / math.sqrt(2))
 _BISECTIONS = 60
+
+SOURCES = ("translation", "rotation", "localisation", "localisation_floor", "surfaces")
+"""What the variance of a measured value comes from."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +50,11 @@ class Prediction:
     bias : float
         Mean error, of second order in the displacement.
     budget : dict of str to float
-        Variance by "translation", "rotation" and "localisation". What translation and rotation do together, by their
-        correlation or as a product, is shared equally; where they cancel each other, a share may be negative. Of a
-        value that is not from a short arc, they sum to the square of the standard uncertainty.
+        Variance by `SOURCES`: translation and rotation of the camera, errors of single points in the image, the error
+        that all points of an entity have in common, and surfaces that are not where the model has them. What
+        translation and rotation do together, by their correlation or as a product, is shared equally; where they cancel
+        each other, a share may be negative. Of a value that is not from a short arc, they sum to the square of the
+        standard uncertainty.
     """
 
     nominal: float
@@ -57,7 +67,7 @@ class Prediction:
 
 
 class MeasurandModel:
-    """The joint second-order model of a value: error = g.delta + 1/2 delta'H delta + localisation.
+    """The joint second-order model of a value: error = g.delta + 1/2 delta'H delta + localisation + surfaces.
 
     Probabilities are those of x = ln(1 + k error) / k, with k between 0 (the error itself) and 1 / nominal, such that x
     is linear in the displacement along the gradient: perspective multiplies what lies in a plane, and adds to what lies
@@ -78,6 +88,8 @@ class MeasurandModel:
         How well points are found.
     permitted_error : float
         Largest error that counts as accurate, in the unit of the value.
+    surfaces_mm : float
+        Standard deviation of a face's place along its normal, mm. Entities in one plane share it.
 
     Raises
     ------
@@ -94,9 +106,11 @@ class MeasurandModel:
         pose_covariance: ArrayLike,
         localisation: Localisation,
         permitted_error: float,
+        surfaces_mm: float = 0.0,
     ):
         self.measurand = measurand
         self.localisation = localisation
+        self.surfaces_mm = check_not_negative(surfaces_mm, "surfaces_mm")
         pitch = check_pixel_pitch(pixel_pitch_mm)
         self.image = Image(
             check_positive(image_distance_mm, "image_distance_mm"),
@@ -147,7 +161,7 @@ class MeasurandModel:
         """
         expansion = self._expansion(np.asarray(world_to_camera)[None])
         if not expansion.seen[0]:
-            nothing = dict.fromkeys(("translation", "rotation", "localisation"), math.inf)
+            nothing = dict.fromkeys(SOURCES, math.inf)
             return Prediction(
                 self.measurand.nominal,
                 self.permitted_error,
@@ -174,7 +188,7 @@ class MeasurandModel:
             raise InvalidShapeError.of_rule(
                 "world_to_camera", "must have shape (n, 4, 4)", str(poses.shape)
             )
-        return self.measurand.expansion(poses, self.image, self.localisation)
+        return self.measurand.expansion(poses, self.image, self.localisation, self.surfaces_mm)
 
     def _within(self, expansion: Expansion, error: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return P(|error| <= given) (n,)."""
@@ -193,7 +207,8 @@ class MeasurandModel:
             _bent(np.stack([-error, error], axis=1)[seen], bend[:, None])
             * expansion.scale[seen, None]
         )
-        noise = np.concatenate([expansion.widths, expansion.variance[:, None]], axis=1)[seen]
+        variance = expansion.variance.sum(axis=1, keepdims=True)
+        noise = np.concatenate([expansion.widths, variance], axis=1)[seen]
         result[seen] = quadratic_probability(gradient, hessian, self._root, noise, limits)
         return result
 
@@ -210,12 +225,10 @@ class MeasurandModel:
             for part in (slice(6), slice(3), slice(3, 6))
         )
         common = whole - translation - rotation
-        noise = (expansion.variance[0] + (expansion.widths[0] ** 2).sum() / 6) / scale**2
-        budget = {
-            "translation": translation + common / 2,
-            "rotation": rotation + common / 2,
-            "localisation": float(noise),
-        }
+        points, floor, surfaces = expansion.variance[0] / scale**2
+        points += (expansion.widths[0] ** 2).sum() / 6 / scale**2
+        parts = translation + common / 2, rotation + common / 2, points, floor, surfaces
+        budget = dict(zip(SOURCES, map(float, parts), strict=True))
         return budget, float(0.5 * np.trace(h @ self.covariance))
 
     def _quantile(self, expansion: Expansion, probability: float) -> float:

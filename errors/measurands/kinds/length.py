@@ -22,6 +22,9 @@ class Length(Measurand):
     """Length of an edge, mm: the nominal length times the length of its image over that at the nominal pose.
 
     Both ends must be found; nothing is carried back. The error is expanded as a logarithm, see `errors.joint`.
+
+    An end is a corner with another line, which has a floor of its own: along the edge each end is wrong by it. The edge
+    may lie off its place in both directions across it, each as far as a surface does.
     """
 
     takes = (Line,)
@@ -42,7 +45,11 @@ class Length(Measurand):
         return np.asarray(self.nominal * (length / np.linalg.norm(planned[1] - planned[0]) - 1))
 
     def expansion(
-        self, poses: NDArray[np.float64], image: Image, localisation: Localisation
+        self,
+        poses: NDArray[np.float64],
+        image: Image,
+        localisation: Localisation,
+        surfaces_mm: float = 0.0,
     ) -> Expansion:
         """Return the error of the length at poses (n, 4, 4)."""
         (line,) = lines_of(self.geometry)
@@ -56,13 +63,24 @@ class Length(Measurand):
         _expand_lengths(np.ascontiguousarray(ends), image.distance_mm, gradient, hessian, tangent)
         length = tangent[:, 0]
         steps = np.abs(tangent[:, 1:]) * image.pitch_mm
+        variance = np.zeros((n, 3))
         if localisation.model == "rounding":
-            variance = np.zeros(n)
             widths = steps
         else:
-            sigma = max(localisation.sigma_px, localisation.floor_px)
-            variance = 2 * sigma**2 * (steps**2).sum(axis=1)
             widths = np.zeros((n, 2))
+            sigma = localisation.sigma_px
+            if localisation.model == "fit":
+                sigma = max(sigma, localisation.floor_px)
+            variance[:, 0] = 2 * sigma**2 * (steps**2).sum(axis=1)
+            # pixels in a millimetre along the image
+            per_mm = np.hypot(*(tangent[:, 1:] / image.pitch_mm).T)
+            common = localisation.common_px / np.where(per_mm > 0, per_mm, np.inf)
+            variance[:, 1] = 2 * common**2
+        # moving the edge is moving the camera against it; along itself it makes no error
+        by_place = gradient[:, :3]
+        along = np.einsum("ni,nij,j->n", by_place, poses[:, :3, :3], line.direction)
+        across = np.maximum((by_place**2).sum(axis=1) - along**2, 0.0)
+        variance[:, 2] = surfaces_mm**2 * across
         seen = length > MIN_IMAGE_LENGTH_MM
         return Expansion(
             seen, gradient, hessian, variance, widths, length / self.nominal, logarithmic=True

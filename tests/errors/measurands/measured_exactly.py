@@ -114,6 +114,8 @@ def measure(
     direction=None,
     points=POINTS,
     pixel=None,
+    pitch=None,
+    common=None,
 ):
     """Return errors (n,) of a value measured from displaced poses; nan where a point is behind the camera.
 
@@ -121,10 +123,19 @@ def measure(
     of that
     pitch instead, which with ``rng`` lies anywhere in every draw (of a length: at each end). ``points`` is their
     number on every entity, or on each. Angles are in degrees.
+
+    ``common`` holds errors that all points of an entity share, (k,) or one row per draw (n, k): ``floor_px`` across its
+    image, in pixels of the ``pitch``; ``surfaces_mm`` along its plane's normal, whose largest component is positive.
+    A length has instead ``ends_px`` (2,) along its image at each end, and ``places`` (2,) across the edge.
     """
+    common = common or {}
     if kind == "length":
-        return _length_errors(geometry[0], pose, moves, f, sigma_mm, rng, pixel)
+        return _length_errors(geometry[0], pose, moves, f, sigma_mm, rng, pixel, pitch, common)
     fits = []
+    shared = {
+        name: np.atleast_2d(common.get(name, np.zeros(len(geometry))))
+        for name in ("floor_px", "surfaces_mm")
+    }
     for index, one in enumerate(geometry):
         plane = np.array(plane_of(kind, geometry, direction, index))
         at = points_of(one, points if isinstance(points, int) else points[index])
@@ -136,11 +147,34 @@ def measure(
             np.zeros((1, 2)) if pixel is None or rng is None else rng.random((len(moves), 2)) * grid
         )
         radius = one[3] if one[0] == "circle" else 0.0
+        normal = np.cross(plane[1], plane[2])
+        normal = normal * np.sign(normal[np.argmax(np.abs(normal))]) @ pose[:3, :3].T
+        shares = (
+            np.ascontiguousarray(shared["floor_px"][:, index]),
+            np.ascontiguousarray(shared["surfaces_mm"][:, index]),
+            normal,
+            _ahead(one, at) @ pose[:3, :3].T + pose[:3, 3],
+            np.asarray(pitch or (1.0, 1.0), float),
+        )
         _fit_all(
-            at @ pose[:3, :3].T + pose[:3, 3], local, moves, noise, (f, radius, grid, phase), out
+            at @ pose[:3, :3].T + pose[:3, 3],
+            local,
+            moves,
+            noise,
+            (f, radius, grid, phase),
+            shares,
+            out,
         )
         fits.append((plane, out))
     return _value(kind, geometry, fits, direction) - _nominal(kind, geometry, direction)
+
+
+def _ahead(one, at):
+    """Return points (m, 3) a little farther along an entity than given ones."""
+    if one[0] == "line":
+        return at + 1e-4 * np.subtract(one[2], one[1])
+    _, centre, axis, _, _, _ = one
+    return at + 1e-4 * np.cross(axis, at - np.asarray(centre, float))
 
 
 def _noise(n, m, sigma_mm, rng):
@@ -149,9 +183,14 @@ def _noise(n, m, sigma_mm, rng):
     return rng.standard_normal((n, m, 2)) * sigma_mm
 
 
-def _length_errors(one, pose, moves, f, sigma_mm, rng, pixel):
+def _length_errors(one, pose, moves, f, sigma_mm, rng, pixel, pitch, common):
     ends = np.array([one[1], one[2]], float) @ pose[:3, :3].T + pose[:3, 3]
     planned = f * ends[:, :2] / ends[:, 2:]
+    along = ends[1] - ends[0]
+    first = np.cross(along, [0.3, -0.5, 0.81])
+    second = np.cross(along, first)
+    off = np.asarray(common.get("places", (0.0, 0.0)), float)
+    ends = ends + off[0] * first / np.linalg.norm(first) + off[1] * second / np.linalg.norm(second)
     found = (
         np.array([_images(ends, move, f) for move in moves])
         if len(moves) < 100
@@ -161,6 +200,10 @@ def _length_errors(one, pose, moves, f, sigma_mm, rng, pixel):
         phase = 0.0 if rng is None else rng.random(found.shape) * pixel
         found = np.floor((found - phase) / pixel + 0.5) * pixel + phase
     found = found + _noise(len(moves), 2, sigma_mm, rng)
+    if "ends_px" in common:
+        way = (planned[1] - planned[0]) / pitch
+        way = way / np.linalg.norm(way) * pitch
+        found = found + np.asarray(common["ends_px"], float)[:, None] * way
     ratio = np.linalg.norm(found[:, 1] - found[:, 0], axis=1) / np.linalg.norm(
         planned[1] - planned[0]
     )
@@ -219,21 +262,30 @@ def _images_of_all(points, moves, f):
 
 
 @njit(error_model="numpy")
-def _fit_all(points, plane, moves, noise, how, out):
+def _fit_all(points, plane, moves, noise, how, shares, out):
     """Write what is fitted from every displaced pose: a line's point on y and direction, or a circle's centre, radius.
 
     Points and plane (origin, x, y) are in the planned camera's frame.
     """
     f, radius, grid, phase = how
+    floor, off, normal, ahead, pitch = shares
     n = np.cross(plane[1], plane[2])
     c = n[0] * plane[0, 0] + n[1] * plane[0, 1] + n[2] * plane[0, 2]
     flat = np.empty((len(points), 2))
     for i in range(len(moves)):
         turn = _rotation(moves[i, 3], moves[i, 4], moves[i, 5])
         good = True
+        lifted = off[i % len(off)] * normal
         for k in range(len(points)):
-            u, v, z = _image(turn, moves[i], points[k], f)
+            u, v, z = _image(turn, moves[i], points[k] + lifted, f)
             good = good and z > 0
+            if floor[i % len(floor)] != 0.0:
+                u_next, v_next, _ = _image(turn, moves[i], ahead[k] + lifted, f)
+                x = (u_next - u) / pitch[0]
+                y = (v_next - v) / pitch[1]
+                far = math.sqrt(x * x + y * y)
+                u -= floor[i % len(floor)] * pitch[0] * y / far
+                v += floor[i % len(floor)] * pitch[1] * x / far
             if grid[0] > 0:
                 shift_x, shift_y = phase[i % len(phase)]
                 u = math.floor((u - shift_x) / grid[0] + 0.5) * grid[0] + shift_x

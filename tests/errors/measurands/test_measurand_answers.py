@@ -15,7 +15,7 @@ OVERHEAD = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, Z], [0, 0, 0, 1]]
 SQUARE = (0.005, 0.005)
 RIM = Circle((0, 0, 0), (0, 0, 1), 10.0)
 LINES = Line((-15, -10, 0), (15, -10, 0)), Line((-15, 10, 0), (15, 10, 0))
-EXACT = Localisation.gaussian(0.0)
+EXACT = Localisation.gaussian(0.0, floor_px=0.0)
 STILL = np.zeros((6, 6))
 KINDS = {
     "length": (Line((-10, 0, 0), (10, 0, 0)),),
@@ -38,6 +38,7 @@ def predict(
     pitch=SQUARE,
     pose=OVERHEAD,
     way=None,
+    surfaces=0.0,
 ):
     model = MeasurandModel(
         measurand(kind, geometry, way),
@@ -46,6 +47,7 @@ def predict(
         pose_covariance=covariance,
         localisation=localisation,
         permitted_error=permitted,
+        surfaces_mm=surfaces,
     )
     return model.describe(pose)
 
@@ -113,7 +115,7 @@ def test_localisation_of_a_whole_circle(points):
     # A'A of (cos, sin, 1) over a full circle is diag(N / 2, N / 2, N)
     sigma_px = 0.2
     sigma = 0.2 * SQUARE[0] * Z / F
-    how = Localisation.gaussian(sigma_px, points)
+    how = Localisation.gaussian(sigma_px, points, floor_px=0.0)
     radius = sigma / math.sqrt(points)
     assert predict("radius", (RIM,), STILL, how).standard_uncertainty == pytest.approx(
         radius, rel=1e-9
@@ -128,7 +130,7 @@ def test_localisation_of_a_whole_circle(points):
 @pytest.mark.parametrize("points", [8, 16, 50])
 def test_localisation_of_lines(points):
     sigma = 0.2 * SQUARE[0] * Z / F
-    how = Localisation.gaussian(0.2, points)
+    how = Localisation.gaussian(0.2, points, floor_px=0.0)
     distance = predict("distance", LINES, STILL, how).standard_uncertainty
     assert distance == pytest.approx(sigma * math.sqrt(2 / points), rel=1e-9)
     # centre and foot of the perpendicular are half way along the edge: a centre and the middle of a line
@@ -141,13 +143,13 @@ def test_localisation_of_an_angle():
     n = 20
     sigma = 0.2 * SQUARE[0] * Z / F
     variance = sum(12 * sigma**2 / (n * one.length**2 * (1 - 1 / n**2)) for one in KINDS["angle"])
-    found = predict("angle", KINDS["angle"], STILL, Localisation.gaussian(0.2, n))
+    found = predict("angle", KINDS["angle"], STILL, Localisation.gaussian(0.2, n, floor_px=0.0))
     assert found.standard_uncertainty == pytest.approx(math.degrees(math.sqrt(variance)), rel=1e-9)
 
 
 def test_localisation_of_a_length_is_that_of_two_ends():
     sigma = 0.2 * SQUARE[0] * Z / F
-    found = predict("length", KINDS["length"], STILL, Localisation.gaussian(0.2))
+    found = predict("length", KINDS["length"], STILL, Localisation.gaussian(0.2, floor_px=0.0))
     assert found.standard_uncertainty == pytest.approx(sigma * math.sqrt(2), rel=1e-9)
 
 
@@ -155,7 +157,9 @@ def test_localisation_of_a_length_is_that_of_two_ends():
 def test_pixels_that_are_not_square(order, pitch):
     # lines along x are found across it, with the pitch along y; and the other way round
     lines = tuple(Line(one.p[order], one.q[order]) for one in LINES)
-    found = predict("distance", lines, STILL, Localisation.gaussian(0.2, 16), pitch=PITCH)
+    found = predict(
+        "distance", lines, STILL, Localisation.gaussian(0.2, 16, floor_px=0.0), pitch=PITCH
+    )
     assert found.standard_uncertainty == pytest.approx(
         0.2 * pitch * Z / F * math.sqrt(2 / 16), rel=1e-9
     )
@@ -163,7 +167,9 @@ def test_pixels_that_are_not_square(order, pitch):
 
 def test_pixels_that_are_not_square_of_a_circle():
     # radial variance: sum of cos^2 s_x^2 + sin^2 s_y^2 over N^2
-    found = predict("radius", (RIM,), STILL, Localisation.gaussian(0.2, 16), pitch=PITCH)
+    found = predict(
+        "radius", (RIM,), STILL, Localisation.gaussian(0.2, 16, floor_px=0.0), pitch=PITCH
+    )
     mean_square = (PITCH[0] ** 2 + PITCH[1] ** 2) / 2
     assert found.standard_uncertainty == pytest.approx(
         0.2 * math.sqrt(mean_square / 16) * Z / F, rel=1e-9
@@ -230,7 +236,7 @@ def test_budget_sums_to_the_total_and_shares_what_is_common():
     factor = rng.normal(size=(6, 6)) * [[0.1], [0.1], [0.1], [0.003], [0.003], [0.003]]
     covariance = factor @ factor.T
     for kind, geometry in KINDS.items():
-        whole = predict(kind, geometry, covariance, Localisation.gaussian(0.3))
+        whole = predict(kind, geometry, covariance, Localisation.gaussian(0.3, floor_px=0.0))
         assert math.fsum(whole.budget.values()) == pytest.approx(
             whole.standard_uncertainty**2, rel=1e-12
         )
@@ -248,7 +254,11 @@ def test_independent_errors_of_a_view_do_not_depend_on_the_order_of_entities():
     covariance = isotropic(0.1, 0.003)
     pose = np.array([[1.0, 0, 0, 3], [0, -0.8, 0.6, -2], [0, -0.6, -0.8, Z], [0, 0, 0, 1]])
     for kind in ("distance", "angle", "centre_distance"):
-        one = predict(kind, KINDS[kind], covariance, Localisation.gaussian(0.3), pose=pose)
-        other = predict(kind, KINDS[kind][::-1], covariance, Localisation.gaussian(0.3), pose=pose)
+        one = predict(
+            kind, KINDS[kind], covariance, Localisation.gaussian(0.3, floor_px=0.0), pose=pose
+        )
+        other = predict(
+            kind, KINDS[kind][::-1], covariance, Localisation.gaussian(0.3, floor_px=0.0), pose=pose
+        )
         assert one.probability == pytest.approx(other.probability, abs=1e-9)
         assert one.standard_uncertainty == pytest.approx(other.standard_uncertainty, rel=1e-9)

@@ -105,7 +105,7 @@ def test_a_model_is_checked_once(changes, error, message):
         "image_distance_mm": F,
         "pixel_pitch_mm": PITCH,
         "pose_covariance": isotropic(0.01, 0.001),
-        "localisation": Localisation.gaussian(0.1),
+        "localisation": Localisation.gaussian(0.1, floor_px=0.0),
         "permitted_error": 0.05,
     }
     with pytest.raises(error, match=message):
@@ -128,7 +128,8 @@ def test_lines_and_circles_come_back_from_plain_values(one):
     ("localisation", "words"),
     [
         (Localisation.rounding(), "rounding to whole pixels"),
-        (Localisation.gaussian(0.25), "gaussian, 0.25 px per point"),
+        (Localisation.gaussian(0.25, floor_px=0.0), "gaussian, 0.25 px per point"),
+        (Localisation.gaussian(0.25), "gaussian, 0.25 px per point, 0.05 px per entity"),
         (
             Localisation("fit", 0.5, correlation_px=4.0, floor_px=0.02),
             "fit, 0.5 px per 4 px of image, 0.02 px at best",
