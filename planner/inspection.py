@@ -82,6 +82,7 @@ def plan_inspection(
     space: Space | None = None,
     effort: Effort | None = None,
     localisation: Localisation | None = None,
+    surfaces_mm: float | None = None,
     time_limit_s: float | None = None,
     gap: float = 0.0,
     on_incumbent: Callable[[InspectionPlan], object] | None = None,
@@ -159,6 +160,10 @@ def plan_inspection(
         How long to search. Default: ``Effort()``, or ``Effort.for_dimensions()`` for dimensions.
     localisation : Localisation, optional
         Model of the errors of image points. Default: rounding to whole pixels, as in the paper.
+    surfaces_mm : float, optional
+        Standard deviation of the position of the part's faces along their normals, mm, for
+        dimensions. Points of the image are carried back to these faces. Default: 0.02 mm, or 0 if
+        points are rounded to whole pixels.
     time_limit_s : float, optional
         End the planning after this many seconds with the best plan so far, which is then
         ``unfinished``. Visibility may take half of them. The plan omits a target whose visibility
@@ -223,6 +228,7 @@ def plan_inspection(
         space=space,
         effort=effort,
         localisation=localisation,
+        surfaces_mm=surfaces_mm,
         time_limit_s=time_limit_s,
         gap=gap,
         on_incumbent=on_incumbent,
@@ -352,7 +358,8 @@ def _request(
             f"{options.time_limit_s:g}",
         )
     joined = TargetSpace.of(space, targets)
-    return Request(joined, joined.entity_names, *rest, targets, options.localisation)
+    found_by = options.localisation, asked.surfaces_mm
+    return Request(joined, joined.entity_names, *rest, targets, *found_by)
 
 
 def visible_regions(

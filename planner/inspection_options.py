@@ -69,6 +69,9 @@ class InspectionOptions:
         How long to search.
     localisation : Localisation, optional
         Model of the errors of image points. Default: rounding to whole pixels.
+    surfaces_mm : float, optional
+        Standard deviation of the position of the part's faces along their normals, mm, for
+        dimensions. Default: 0.02 mm, or 0 if points are rounded to whole pixels.
     time_limit_s : float, optional
         End the planning after this many seconds with the best plan so far. Default: no limit.
     gap : float
@@ -102,6 +105,7 @@ class InspectionOptions:
     space: Space | None = None
     effort: Effort | None = None
     localisation: Localisation | None = None
+    surfaces_mm: float | None = None
     time_limit_s: float | None = None
     gap: float = 0.0
     on_incumbent: Callable[[InspectionPlan], object] | None = None

@@ -20,6 +20,7 @@ from planner.request.defaults import check_fraction, default_workspace
 from planner.request.request import Request
 from planner.request.target_space import TargetSpace
 from planner.verify.p_all import DisplacedChecks
+from planner.wanted.assumed import surfaces_or_default
 from planner.wanted.targets import Target
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class PosePrediction:
     standard_uncertainty, expanded_uncertainty : float
         u, and U with k = 2.
     budget : dict of str to float
-        Variance by "translation", "rotation" and "localisation".
+        Variance by "translation", "rotation", "localisation", "localisation_floor" and "surfaces".
     margins : dict of str to float
         Margin of every constraint, in the unit its name ends with. A negative margin fails.
     p_all : float
@@ -180,8 +181,18 @@ def predict(
     space = TargetSpace.of(regions, targets)
     need = how.requirements(camera, pose_uncertainty)
     names = tuple(target.name for target in targets)
+    surfaces_mm = surfaces_or_default(how.surfaces_mm, localisation)
     request = Request(
-        space, names, camera, pose_uncertainty, accuracy, 0.5, need, targets, localisation
+        space,
+        names,
+        camera,
+        pose_uncertainty,
+        accuracy,
+        0.5,
+        need,
+        targets,
+        localisation,
+        surfaces_mm,
     )
     seen = _observable(space, pose[:3, 3])
     return {

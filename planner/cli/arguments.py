@@ -143,9 +143,16 @@ def add_wanted(parser: Options) -> None:
     group.add_argument(
         "--localisation",
         metavar="MODEL",
-        help="error of points in the image: rounding, gaussian[:SIGMA] or "
-        "fit[:SIGMA[:CORRELATION[:FLOOR]]], in px (default: rounding with --entities, --select and "
-        "--all, gaussian:0.1 with --dimensions)",
+        help="error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or "
+        "fit[:SIGMA[:CORRELATION[:FLOOR]]], in px; FLOOR does not average out (default: rounding "
+        "with --entities, --select and --all, gaussian:0.1:0.05 with --dimensions)",
+    )
+    group.add_argument(
+        "--surfaces-mm",
+        type=MM,
+        metavar="MM",
+        help="standard deviation of the position of the part's faces along their normals, for "
+        "dimensions (default: 0.02, with rounding 0)",
     )
 
 

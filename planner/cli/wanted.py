@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from aspectgraph import ReadError, read_dimensions, read_entities, resolve_entities, select_entities
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation, kinds
+from errors.measurands.localisation import FLOOR_PX
 from planner.exceptions import RequestError
 from planner.wanted.dimension import Dimension
 from planner.wanted.dimension_files import read_wanted
@@ -135,12 +136,17 @@ def localisation_text(options: Any) -> str:
     if options.dimensions is None:
         return (
             "note: points in the image are rounded to whole pixels, the default without --dimensions. "
-            "With --dimensions, the default is --localisation gaussian:0.1"
+            "With --dimensions, the default is --localisation gaussian:0.1:0.05"
         )
     return (
-        "note: points in the image have errors of 0.1 px (--localisation gaussian:0.1), the default with "
-        "--dimensions. Without --dimensions, they are rounded to whole pixels"
+        "note: points in the image have errors of 0.1 px, and of 0.05 px that all points of an edge or rim share "
+        "(--localisation gaussian:0.1:0.05), the default with --dimensions. Without --dimensions, they are rounded to "
+        "whole pixels"
     )
+
+
+def _gaussian(sigma_px: float = 0.1, floor_px: float = FLOOR_PX) -> Localisation:
+    return Localisation.gaussian(sigma_px, floor_px=floor_px)
 
 
 def read_localisation(text: str) -> Localisation:
@@ -154,12 +160,12 @@ def read_localisation(text: str) -> Localisation:
     name, *numbers = text.strip().split(":")
     makers: dict[str, tuple[Any, int]] = {
         "rounding": (Localisation.rounding, 0),
-        "gaussian": (Localisation.gaussian, 1),
+        "gaussian": (_gaussian, 2),
         "fit": (Localisation.fit, 3),
     }
     if name not in makers or len(numbers) > makers[name][1]:
         raise RequestError(
-            "--localisation must be rounding, gaussian[:SIGMA] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px. "
+            "--localisation must be rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px. "
             f"Got {text!r}."
         )
     try:

@@ -108,6 +108,8 @@ class InspectionRequest:
         How long to search.
     gap : float
         Share of the settings that the bound may miss.
+    surfaces_mm : float
+        Standard deviation of the position of faces along their normals, mm.
     """
 
     part: PartRecord | None
@@ -124,6 +126,7 @@ class InspectionRequest:
     seed: int
     effort: Effort
     gap: float = 0.0
+    surfaces_mm: float = 0.0
 
     def identity(self) -> dict[str, Any]:
         """Return all fields as plain values, the same in every process.

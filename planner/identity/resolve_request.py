@@ -16,6 +16,7 @@ from planner.identity.inspection_request import InspectionRequest, PartRecord, R
 from planner.identity.target_record import target_records
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_fraction, check_seed, default_workspace
+from planner.wanted.assumed import surfaces_or_default
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import Target, check_is_edge, edge_targets
 
@@ -116,6 +117,7 @@ def promised(
         "seed": check_seed(promise.rng),
         "requirements": options.requirements(camera, pose_uncertainty),
         "localisation": options.localisation or Localisation.rounding(),
+        "surfaces_mm": surfaces_or_default(options.surfaces_mm, options.localisation),
         "lighting": options.lighting,
         "effort": options.effort or Effort(),
     }

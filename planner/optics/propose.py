@@ -30,12 +30,12 @@ from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import check_fraction, position_margin_mm
 from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
 from planner.request.target_space import TargetSpace
+from planner.wanted.assumed import surfaces_or_default
 from planner.wanted.models import Means
 from planner.wanted.targets import Target
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from errors.measurands import Localisation
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def propose_optics(
     distances_mm : sequence of float
         Working distances to try, mm, from the front nodal point to the middle of a target.
     options : InspectionOptions, optional
-        Constraints, workspace and localisation, as in `plan_inspection`.
+        Constraints, workspace, localisation and surfaces, as in `plan_inspection`.
 
     Returns
     -------
@@ -302,33 +302,32 @@ def _judged(
         need.focus_margin_mm,
         reserve,
     )
+    means = Means(
+        camera,
+        pose_uncertainty,
+        localisation=how.localisation,
+        surfaces_mm=surfaces_or_default(how.surfaces_mm, how.localisation),
+    )
     probability = {}
     share = {}
     poses = {}
     for view in views:
         name = view.target.name
-        best = _best(view, camera, lens, pose_uncertainty, how.localisation)
+        best = _best(view, lens, means)
         probability[name] = 0.0 if best is None else best[0]
         if best is not None:
             _, share[name], poses[name] = best
     return OpticsProposal(*names, camera, required, probability, share, poses)
 
 
-def _best(
-    view: _View,
-    camera: Camera,
-    lens: Lens,
-    pose_uncertainty: PoseUncertainty,
-    localisation: Localisation | None,
-) -> tuple[float, float, NDArray[np.float64]] | None:
+def _best(view: _View, lens: Lens, means: Means) -> tuple[float, float, NDArray[np.float64]] | None:
     """Return the probability, U over the permitted error and the pose of what sees an item best; None if none does."""
-    tried = view.poses[camera.focus_distance_mm]
+    tried = view.poses[means.camera.focus_distance_mm]
     slacks = image_slacks(lens, world_to_cam(view.constraints.segments, tried))
     slacks[:, ~view.constraints.resolved, RESOLUTION] = np.inf
     poses = tried[slacks.min(axis=(1, 2), initial=np.inf) >= 0]
     if not len(poses):
         return None
-    means = Means(camera, pose_uncertainty, localisation=localisation)
     model = view.target.description(means)
     inverse = np.linalg.inv(poses)
     probability = model.probability(inverse)

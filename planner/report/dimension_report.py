@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from errors.formatting import interval_text, probability_text
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
-from planner.report.tables import COLOURS
+from planner.report.tables import COLOURS, source_text
 from planner.report.wording import features_cell, tolerance_share
 from planner.verify.measurements import Measurement, measurements
 
@@ -96,7 +96,11 @@ def localisation_text(how: Localisation) -> str:
     if how.model == "rounding":
         return f"rounding (every point on a whole pixel, {how.points} points per line or circle)"
     if how.model == "gaussian":
-        return f"gaussian (standard deviation {how.sigma_px:g} px, {how.points} points per line or circle)"
+        common = f"; {how.floor_px:g} px common to all of them" if how.floor_px else ""
+        return (
+            f"gaussian (standard deviation {how.sigma_px:g} px, {how.points} points per line or "
+            f"circle{common})"
+        )
     return (
         f"fit (standard deviation {how.sigma_px:g} px, one independent point per {how.correlation_px:g} px of the "
         f"image, no better than {how.floor_px:g} px)"
@@ -161,7 +165,9 @@ def _budget(dimension: PlannedDimension, one: Measurement) -> str:
         "</i>"
         for source, value in percents.items()
     )
-    texts = "<br>".join(f"{source} {value:.1f} %" for source, value in percents.items())
+    texts = "<br>".join(
+        f"{source_text(source)} {value:.1f} %" for source, value in percents.items()
+    )
     return f'<span style="white-space:nowrap">{bars}</span><br><span class="note">{texts}</span>'
 
 

@@ -18,7 +18,13 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.wanted.planned import PlannedDimension
 
-COLOURS = {"translation": "#56b4e9", "rotation": "#d58a00", "localisation": "#7a8794"}
+COLOURS = {
+    "translation": "#56b4e9",
+    "rotation": "#d58a00",
+    "localisation": "#7a8794",
+    "localisation_floor": "#3d454d",
+    "surfaces": "#009e73",
+}
 """Of the sources of variance, in every bar."""
 
 
@@ -43,7 +49,8 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> s
     names = [noun.capitalize(), "What", "n:Nominal", "n:Permitted error", "n:U (k = 2)"]
     names += ["n:U / permitted", "Setting", *([] if sure else ["n:P"]), "Budget of the variance"]
     legend = " ".join(
-        f'<span class="source"><i style="background:{COLOURS[s]}"></i>{s}</span>' for s in SOURCES
+        f'<span class="source"><i style="background:{COLOURS[s]}"></i>{source_text(s)}</span>'
+        for s in SOURCES
     )
     return (
         f'<div class="scroll"><table class="stack results">{heads(names)}<tbody>{"".join(lines)}</tbody>'
@@ -121,13 +128,18 @@ def permitted(row: Row, dimension: PlannedDimension | None = None) -> str:
     return f"{text} ({', '.join(more)})" if more else text
 
 
+def source_text(source: str) -> str:
+    """Return a source of variance in words."""
+    return source.replace("_", " ")
+
+
 def budget_bar(row: Row) -> str:
     """Return a bar with the share of each source of variance; its title has the numbers."""
     total = sum(row.budget.values())
     if not total > 0:
         return ""
     shares = {source: 100 * row.budget.get(source, 0.0) / total for source in SOURCES}
-    title = ", ".join(f"{source} {share:.0f} %" for source, share in shares.items())
+    title = ", ".join(f"{source_text(source)} {share:.0f} %" for source, share in shares.items())
     parts = "".join(
         f'<i style="width:{share:.1f}%;background:{COLOURS[s]}"></i>' for s, share in shares.items()
     )

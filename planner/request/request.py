@@ -48,6 +48,8 @@ class Request:
         What is measured, in the order of the names. Default: the lengths of edges.
     localisation : Localisation, optional
         How well points are found in the image. Default: the paper's, both ends of an edge on whole pixels.
+    surfaces_mm : float
+        Standard deviation of a face's place along its normal, mm; for dimensions.
 
     Raises
     ------
@@ -64,6 +66,7 @@ class Request:
     requirements: Requirements = field(default_factory=Requirements)
     targets: tuple[Target, ...] = ()
     localisation: Localisation | None = None
+    surfaces_mm: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
@@ -98,7 +101,13 @@ class Request:
     @property
     def means(self) -> Means:
         """What the targets are measured with, and how accurately."""
-        return Means(self.camera, self.pose_uncertainty, self.accuracy, self.localisation)
+        return Means(
+            self.camera,
+            self.pose_uncertainty,
+            self.accuracy,
+            self.localisation,
+            surfaces_mm=self.surfaces_mm,
+        )
 
     def restricted_to(self, names: Sequence[str]) -> Request:
         """Return the same request for some of the entities."""

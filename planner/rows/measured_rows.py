@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from errors.formatting import frequency_text, probability_text
 from errors.measurands.fitted import is_short
+from errors.measurands.measurand_model import SOURCES as SOURCES
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -24,9 +25,6 @@ WARN_BELOW_PX = 2.0
 LARGE_DIFFERENCE = 0.02
 """A row warns of a simulated frequency that differs from the stated probability by more than this, even if it is
 better."""
-
-SOURCES = ("translation", "rotation", "localisation")
-"""What the variance of a measured value comes from."""
 
 
 class WarningKind(Enum):

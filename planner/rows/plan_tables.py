@@ -66,7 +66,8 @@ class PlanTables:
             it was not counted). ``probability`` is that of the error alone. ``simulated``,
             ``simulated_low``, ``simulated_high`` and ``verdict`` come from the simulation, or are
             None. ``standard_uncertainty`` is u of the measured value. ``variance_translation``,
-            ``variance_rotation`` and ``variance_localisation`` add up to u² (None for short arcs).
+            ``variance_rotation``, ``variance_localisation``, ``variance_localisation_floor`` and
+            ``variance_surfaces`` add up to u² (None for short arcs).
             ``search_window_px`` is the distance to search on either side of the prediction.
             ``warnings`` holds sentences or None. ``reason`` is None in these rows. ``x``, ``y``,
             ``z`` are the camera's position in mm. ``rx``, ``ry``, ``rz`` are its rotation vector,
@@ -233,6 +234,7 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
     """Return a row without what it is made of."""
     # a plan is read without loading what computes errors
     from errors.formatting import below_one
+    from planner.rows.measured_rows import SOURCES
 
     rate = row.rate
     return {
@@ -251,10 +253,7 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
         "simulated_high": None if rate is None else rate.high,
         "verdict": None if rate is None else rate.verdict,
         "standard_uncertainty": row.standard_uncertainty,
-        **{
-            f"variance_{source}": row.budget.get(source)
-            for source in ("translation", "rotation", "localisation")
-        },
+        **{f"variance_{source}": row.budget.get(source) for source in SOURCES},
         "search_window_px": row.search_window_px,
         "warnings": "; ".join(warning.text for warning in row.warnings) or None,
     }

@@ -1,7 +1,8 @@
 """Dimensions measured as a program on the robot would: points found, carried back with the planned pose, fitted.
 
 It shares the definition of a dimension with the prediction (its planes and its value by what is fitted), and no
-computation: exact displaced poses, the camera's matrix, least squares by iteration.
+computation: exact displaced poses, the camera's matrix, least squares by iteration. Every draw has its own faces off
+their place, and its own error across each edge that all points of it have in common.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from planner.wanted.planned import PlannedDimension, sample_points
 
 _ROUNDS = 30
 _STILL = 1e-10
+# of an entity's size: how far ahead its direction in the image is taken
+_AHEAD = 1e-5
 
 
 def measured_errors(
@@ -51,11 +54,15 @@ def measured_errors(
     value = dimension.measurand
     outside = np.zeros(len(poses), dtype=bool)
     fits = []
-    for one, frame in zip(dimension.geometry, value.frames, strict=True):
+    real = _before_real_faces(dimension, poses, rng)
+    for one, frame, seen_from in zip(dimension.geometry, value.frames, real, strict=True):
         points = _points(one, dimension, planned, camera)
-        pixels = _pixels(points, poses, camera)
+        pixels = _pixels(points, seen_from, camera)
         outside |= ~_on_sensor(pixels, camera)
         found = _localised(pixels, dimension.localisation, value.in_image, rng)
+        if dimension.localisation.common_px > 0:
+            ahead = _pixels(points + _forward(one, points), seen_from, camera) - pixels
+            found = found + _common(ahead, dimension.localisation, value.in_image, rng)
         if value.in_image:
             pitch = np.array(camera.pixel_pitch_mm)
             nominal = undistorted_px(camera, _pixels(points, planned[None], camera)[0])
@@ -65,6 +72,60 @@ def measured_errors(
         flat = _carried_back(found, planned, camera, np.array([frame.origin, frame.x, frame.y]))
         fits.append(_circles(flat, one.radius_mm) if isinstance(one, Circle) else _lines(flat))
     return value.value(fits), outside
+
+
+def _before_real_faces(
+    dimension: PlannedDimension, poses: NDArray[np.float64], rng: np.random.Generator
+) -> list[NDArray[np.float64]]:
+    """Return for each entity the poses (n, 4, 4) from which it looks as it does where its face is off its place.
+
+    A face that is off by a vector is seen as from a camera that is off by the opposite one.
+    """
+    sigma = dimension.surfaces_mm
+    value = dimension.measurand
+    if not sigma > 0:
+        return [poses] * len(dimension.geometry)
+    if value.in_image:
+        (line,) = dimension.geometry
+        off = rng.normal(0.0, sigma, (len(poses), 3))
+        along = line.direction  # type: ignore[union-attr]
+        # across the edge alone: where it ends is the length
+        return [_moved(poses, off - (off @ along)[:, None] * along)]
+    index, normals = value.surfaces
+    offs = {k: rng.normal(0.0, sigma, len(poses)) for k in dict.fromkeys(index.tolist())}
+    return [
+        _moved(poses, offs[k][:, None] * normal)
+        for k, normal in zip(index.tolist(), normals, strict=True)
+    ]
+
+
+def _moved(poses: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return poses moved against vectors (n, 3) in the part's frame."""
+    moved = poses.copy()
+    moved[:, :3, 3] -= off
+    return moved
+
+
+def _forward(one: Geometry, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return small steps (m, 3) along an entity from points of it."""
+    if isinstance(one, Circle):
+        return np.asarray(_AHEAD * np.cross(one.axis, points - one.centre))
+    return np.tile(_AHEAD * (one.q - one.p), (len(points), 1))
+
+
+def _common(
+    ahead: NDArray[np.float64], how: Localisation, each_end: bool, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return how far (n, m, 2) all points of an entity are found across it, px; each end of a length along it.
+
+    ``ahead`` (n, m, 2) are steps along its image.
+    """
+    way = ahead / np.linalg.norm(ahead, axis=2, keepdims=True)
+    n, points, _ = ahead.shape
+    if each_end:
+        return np.asarray(rng.normal(0.0, how.common_px, (n, points, 1)) * way)
+    across = np.stack([-way[..., 1], way[..., 0]], axis=2)
+    return np.asarray(rng.normal(0.0, how.common_px, (n, 1, 1)) * across)
 
 
 def _points(

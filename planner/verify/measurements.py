@@ -24,7 +24,8 @@ class Measurement:
     bias : float
         Mean error, mm (angles: degrees).
     budget : dict of str to float
-        Variance by "translation", "rotation" and "localisation", mm² (angles: degrees²).
+        Variance by "translation", "rotation", "localisation", "localisation_floor" and "surfaces", mm² (angles:
+        degrees²).
     permitted_error_px : float or None
         The permitted error times the image's scale d / (z r), with the mean depth z of the entities and the larger
         pixel pitch r; None of an angle.

@@ -43,6 +43,8 @@ class Means:
         How well points are found in the image. Default: on whole pixels.
     model : str
         Error model of edges, see `errors.success_probability`.
+    surfaces_mm : float
+        Standard deviation of a face's place along its normal, mm; for dimensions.
     """
 
     camera: Camera
@@ -50,6 +52,7 @@ class Means:
     accuracy: float = 0.98
     localisation: Localisation | None = None
     model: str = "joint"
+    surfaces_mm: float = 0.0
 
 
 class TargetModels(Protocol):
@@ -117,4 +120,5 @@ def measurand_model(value: Measurand, permitted_error: float, means: Means) -> M
         pose_covariance=means.pose_uncertainty.covariance,
         localisation=means.localisation or Localisation.rounding(),
         permitted_error=permitted_error,
+        surfaces_mm=means.surfaces_mm,
     )

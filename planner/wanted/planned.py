@@ -60,6 +60,7 @@ class PlannedTarget(ABC):
     in_image: ClassVar[bool] = False
     """Whether the value is a length in the image, as that of an edge."""
     n_features = 1
+    surfaces_mm = 0.0
 
     @cached_property
     def measurand(self) -> Measurand:
@@ -111,7 +112,7 @@ class PlannedTarget(ABC):
         Prediction
             Probability, uncertainty and its budget.
         """
-        found_by = replace(means, localisation=self.localisation)
+        found_by = replace(means, localisation=self.localisation, surfaces_mm=self.surfaces_mm)
         model = measurand_model(self.measurand, self.permitted_error, found_by)
         return model.describe(np.linalg.inv(cam2world))
 
@@ -184,14 +185,22 @@ class PlannedDimension(PlannedTarget):
         Direction of a distance.
     n_features : int
         Number of features to which it applies. The entities measure one of them.
+    surfaces_mm : float
+        Standard deviation of a face's place along its normal, mm.
     """
 
     tolerance: tuple[float, float] | None = None
     direction: tuple[float, float, float] | None = None
     n_features: int = 1
+    surfaces_mm: float = 0.0
 
     @classmethod
-    def of(cls, target: DimensionTarget, localisation: Localisation | None) -> PlannedDimension:
+    def of(
+        cls,
+        target: DimensionTarget,
+        localisation: Localisation | None,
+        surfaces_mm: float = 0.0,
+    ) -> PlannedDimension:
         """Return the stored form of a dimension that was resolved on the part.
 
         Parameters
@@ -200,6 +209,8 @@ class PlannedDimension(PlannedTarget):
             The dimension.
         localisation : Localisation or None
             Model of the errors of image points; None is rounding to whole pixels.
+        surfaces_mm : float
+            Standard deviation of a face's place along its normal, mm.
 
         Returns
         -------
@@ -215,6 +226,7 @@ class PlannedDimension(PlannedTarget):
             target.dimension.tolerance,
             target.dimension.direction,
             target.dimension.n_features,
+            surfaces_mm,
         )
 
     @cached_property
@@ -279,6 +291,7 @@ class PlannedDimension(PlannedTarget):
             "direction": None if self.direction is None else list(self.direction),
             "localisation": self.localisation.to_dict(),
             "n_features": self.n_features,
+            "surfaces_mm": self.surfaces_mm,
         }
 
     @classmethod
@@ -309,8 +322,9 @@ class PlannedDimension(PlannedTarget):
                 Localisation.from_dict(data["localisation"]),
                 None if data["tolerance"] is None else (data["tolerance"][0], data["tolerance"][1]),
                 None if data["direction"] is None else tuple(data["direction"]),
-                # files of earlier programs do not state it
+                # files of earlier programs do not state these
                 data.get("n_features", 1),
+                data.get("surfaces_mm", 0.0),
             )
             nominal = found.nominal
         except (MeasurandError, ValueError, TypeError, KeyError) as error:
@@ -332,7 +346,7 @@ class PlannedDimension(PlannedTarget):
 def planned(target: Target, means: Means) -> PlannedTarget:
     """Return what a plan keeps of a target that was resolved on the part."""
     if isinstance(target, DimensionTarget):
-        return PlannedDimension.of(target, means.localisation)
+        return PlannedDimension.of(target, means.localisation, means.surfaces_mm)
     return PlannedLength.of(target.name, target.witness.ends, means.accuracy)
 
 

@@ -1,0 +1,50 @@
+"""What is assumed of points in the image and of the part's faces where a request does not say it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from errors.checks import check_not_negative
+from errors.exceptions import InvalidParameterError
+from planner.exceptions import RequestError
+
+if TYPE_CHECKING:
+    from errors.measurands import Localisation
+
+SURFACES_MM = 0.02
+"""Standard deviation of a face's place along its normal, mm, where it is not given.
+
+A place within a zone of 0.07 mm has it, if all of the zone is equally likely: 0.07 / sqrt(12). That is between the
+tolerance grades IT8 (0.054 mm) and IT9 (0.087 mm) of sizes of 80 to 120 mm (ISO 286-1), which milling holds.
+"""
+
+
+def surfaces_or_default(surfaces_mm: float | None, localisation: Localisation | None) -> float:
+    """Return how far faces are off their place, one standard deviation, mm.
+
+    Parameters
+    ----------
+    surfaces_mm : float or None
+        As it was given.
+    localisation : Localisation or None
+        With whole pixels, which are the paper's model, nothing is assumed; None is whole pixels.
+
+    Returns
+    -------
+    float
+        0 or more, mm.
+
+    Raises
+    ------
+    RequestError
+        If it is negative or not finite.
+    """
+    if surfaces_mm is None:
+        rounded = localisation is None or localisation.model == "rounding"
+        return 0.0 if rounded else SURFACES_MM
+    try:
+        return check_not_negative(surfaces_mm, "surfaces_mm")
+    except InvalidParameterError as error:
+        raise RequestError.of_rule(
+            "surfaces_mm", error.rule or "must be a number", error.got or repr(surfaces_mm)
+        ) from None
