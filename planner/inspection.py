@@ -159,7 +159,8 @@ def plan_inspection(
     effort : Effort, optional
         How long to search. Default: ``Effort()``, or ``Effort.for_dimensions()`` for dimensions.
     localisation : Localisation, optional
-        Model of the errors of image points. Default: rounding to whole pixels, as in the paper.
+        Model of the errors of image points. Default: ``Localisation.gaussian()`` if there is a
+        `Dimension`, otherwise rounding to whole pixels, as in the paper.
     surfaces_mm : float, optional
         Standard deviation of the position of the part's faces along their normals, mm, for
         dimensions. Points of the image are carried back to these faces. Default: 0.02 mm, or 0 if
@@ -358,7 +359,7 @@ def _request(
             f"{options.time_limit_s:g}",
         )
     joined = TargetSpace.of(space, targets)
-    found_by = options.localisation, asked.surfaces_mm
+    found_by = asked.localisation, asked.surfaces_mm
     return Request(joined, joined.entity_names, *rest, targets, *found_by)
 
 

@@ -68,7 +68,8 @@ class InspectionOptions:
     effort : Effort, optional
         How long to search.
     localisation : Localisation, optional
-        Model of the errors of image points. Default: rounding to whole pixels.
+        Model of the errors of image points. Default: ``Localisation.gaussian()`` if there is a
+        `Dimension`, otherwise rounding to whole pixels.
     surfaces_mm : float, optional
         Standard deviation of the position of the part's faces along their normals, mm, for
         dimensions. Default: 0.02 mm, or 0 if points are rounded to whole pixels.

@@ -20,7 +20,7 @@ from planner.request.defaults import check_fraction, default_workspace
 from planner.request.request import Request
 from planner.request.target_space import TargetSpace
 from planner.verify.p_all import DisplacedChecks
-from planner.wanted.assumed import surfaces_or_default
+from planner.wanted.assumed import localisation_or_default, surfaces_or_default
 from planner.wanted.targets import Target
 
 if TYPE_CHECKING:
@@ -118,7 +118,8 @@ def predict(
     accuracy : float
         Required accuracy A in (0, 1) of targets without a requirement of their own.
     localisation : Localisation, optional
-        Model of the errors of image points. Default: rounding to whole pixels.
+        Model of the errors of image points. Default: ``Localisation.gaussian()`` if there is a
+        `Dimension`, otherwise rounding to whole pixels.
     options : InspectionOptions, optional
         Constraints and workspace, as in `plan_inspection`. Default: ``InspectionOptions()``.
 
@@ -181,7 +182,7 @@ def predict(
     space = TargetSpace.of(regions, targets)
     need = how.requirements(camera, pose_uncertainty)
     names = tuple(target.name for target in targets)
-    surfaces_mm = surfaces_or_default(how.surfaces_mm, localisation)
+    found_by = localisation_or_default(localisation, wanted.values())
     request = Request(
         space,
         names,
@@ -191,8 +192,8 @@ def predict(
         0.5,
         need,
         targets,
-        localisation,
-        surfaces_mm,
+        found_by,
+        surfaces_or_default(how.surfaces_mm, found_by),
     )
     seen = _observable(space, pose[:3, 3])
     return {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from planner.identity.inspection_request import InspectionRequest, PartRecord, R
 from planner.identity.target_record import target_records
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_fraction, check_seed, default_workspace
-from planner.wanted.assumed import surfaces_or_default
+from planner.wanted.assumed import localisation_or_default, surfaces_or_default
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import Target, check_is_edge, edge_targets
 
@@ -84,6 +84,8 @@ def resolve_request(
     lighting = options.lighting
     accuracy = check_fraction("accuracy", promise.accuracy)
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
+    found_by = localisation_or_default(options.localisation, items.values())
+    options = replace(options, localisation=found_by)
     entities, targets = _resolved(solid, items, accuracy, options)
     space = options.space
     part = solid if space is None else space.solid

@@ -30,7 +30,7 @@ from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import check_fraction, position_margin_mm
 from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
 from planner.request.target_space import TargetSpace
-from planner.wanted.assumed import surfaces_or_default
+from planner.wanted.assumed import localisation_or_default, surfaces_or_default
 from planner.wanted.models import Means
 from planner.wanted.targets import Target
 
@@ -137,6 +137,8 @@ def propose_optics(
     distances = _checked(distances_mm)
     fitting = _fitting(bodies)
     how = options or InspectionOptions()
+    found_by = localisation_or_default(how.localisation, wanted.values())
+    how = replace(how, localisation=found_by)
     entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
     space = _space(solid, entities, targets, max(distances), how)
     views = _views(space, targets, distances, _limits(how, pose_uncertainty))

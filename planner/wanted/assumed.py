@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import Any
 
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
+from errors.measurands.localisation import Localisation
 from planner.exceptions import RequestError
-
-if TYPE_CHECKING:
-    from errors.measurands import Localisation
+from planner.wanted.dimension import Dimension
 
 SURFACES_MM = 0.02
 """Standard deviation of a face's place along its normal, mm, where it is not given.
@@ -17,6 +17,30 @@ SURFACES_MM = 0.02
 A place within a zone of 0.07 mm has it, if all of the zone is equally likely: 0.07 / sqrt(12). That is between the
 tolerance grades IT8 (0.054 mm) and IT9 (0.087 mm) of sizes of 80 to 120 mm (ISO 286-1), which milling holds.
 """
+
+
+def localisation_or_default(
+    localisation: Localisation | None, items: Iterable[Any]
+) -> Localisation:
+    """Return how well points are found.
+
+    Parameters
+    ----------
+    localisation : Localisation or None
+        As it was given.
+    items : iterable
+        What is wanted. Without a `Dimension`, values of edges, rims and arcs are measured as in the paper.
+
+    Returns
+    -------
+    Localisation
+        By default that of sub-pixel work for dimensions, otherwise whole pixels.
+    """
+    if localisation is not None:
+        return localisation
+    if any(isinstance(item, Dimension) for item in items):
+        return Localisation.gaussian()
+    return Localisation.rounding()
 
 
 def surfaces_or_default(surfaces_mm: float | None, localisation: Localisation | None) -> float:

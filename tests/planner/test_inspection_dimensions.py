@@ -93,6 +93,56 @@ def test_a_plan_comes_back_as_it_was_written(plan, tmp_path):
             read_plan(tmp_path / "damaged.json")
 
 
+def test_a_plan_of_an_earlier_program_has_neither_floor_nor_surfaces(plan, tmp_path):
+    """It knew three sources of variance, and gaussian errors without a floor."""
+    data = json.loads(json.dumps(plan.to_dict()))
+    for found in data["dimensions"].values():
+        del found["surfaces_mm"]
+        found["localisation"]["floor_px"] = 0.0
+    for setting in data["settings"]:
+        del setting["measurements"]
+    read = type(plan).from_dict(data)
+    assert {one.surfaces_mm for one in read.dimensions.values()} == {0.0}
+    # as that program would have stored what follows from the plan
+    earlier = read.to_dict()
+    for found in earlier["dimensions"].values():
+        del found["surfaces_mm"]
+    for setting in earlier["settings"]:
+        for one in setting["measurements"].values():
+            assert one["budget"].pop("localisation_floor") == 0.0
+            assert one["budget"].pop("surfaces") == 0.0
+    (tmp_path / "plan.json").write_text(json.dumps(earlier))
+    assert read_plan(tmp_path / "plan.json") == read
+    # of a plan with a floor they are missed
+    now = json.loads(json.dumps(plan.to_dict()))
+    for setting in now["settings"]:
+        for one in setting["measurements"].values():
+            one["budget"].pop("localisation_floor")
+    with pytest.raises(PlanFileError, match=r"budget\.localisation_floor must be given"):
+        type(plan).from_dict(now)
+
+
+def test_the_default_of_dimensions_is_that_of_sub_pixel_work(solid, wanted):
+    pose = look_at([[20.0, 25.0, 410.0]], [20.0, 25.0, 10.0])[0]
+    bore = {"bore": wanted["bore"]}
+    by_default = predict(solid, bore, pose, CAMERA, UNCERTAINTY)["bore"]
+    how = Localisation("gaussian", 0.1, floor_px=0.05)
+    options = InspectionOptions(surfaces_mm=0.02)
+    told = predict(solid, bore, pose, CAMERA, UNCERTAINTY, localisation=how, options=options)
+    assert by_default == told["bore"]
+    # all points farther out by 0.05 px, at 400 mm, on both sides
+    pixel = 400 / CAMERA.image_distance_mm * CAMERA.pixel_pitch_mm[0]
+    floor = math.sqrt(by_default.budget["localisation_floor"])
+    assert floor == pytest.approx(2 * 0.05 * pixel, rel=0.01)
+    diameter = 2 * HOLES["left"][1]
+    assert math.sqrt(by_default.budget["surfaces"]) == pytest.approx(
+        diameter * 0.02 / 400, rel=0.01
+    )
+    # the paper's rule of an entity without a kind stays: whole pixels, and faces where they are
+    rim = predict(solid, {"bore": wanted["bore"].entities[0]}, pose, CAMERA, UNCERTAINTY)["bore"]
+    assert rim.budget["localisation_floor"] == rim.budget["surfaces"] == 0.0
+
+
 def test_edges_alone_are_planned_as_before(solid):
     plan = plan_inspection(solid, {"front": FRONT}, CAMERA, UNCERTAINTY, effort=QUICK)
     assert plan.to_dict()["version"] == 1

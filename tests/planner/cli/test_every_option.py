@@ -69,6 +69,7 @@ BAD = {
     "--simulate": ["0"],
     "--solids": NO_NUMBER,
     "--stand-off": NEGATIVE,
+    "--surfaces-mm": NEGATIVE,
     "--surround-px": NEGATIVE,
     "--time-limit": ["0"],
     "--units": ["ell"],

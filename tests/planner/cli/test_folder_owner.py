@@ -82,7 +82,11 @@ OTHERS = {
     "lighting": ({"lighting": Lighting("ring")}, "--light"),
     "effort": ({"effort": Effort.named("quick")}, "--effort changed: pricing rounds was 50"),
     "gap": ({"gap": 0.2}, "--gap was 0 and is now 0.2"),
-    "localisation": ({"localisation": Localisation.gaussian(0.1)}, "--localisation changed: model"),
+    "localisation": (
+        {"localisation": Localisation.gaussian(0.1, floor_px=0.0)},
+        "--localisation changed: model",
+    ),
+    "surfaces": ({"surfaces_mm": 0.01}, "--surfaces-mm was 0 and is now 0.01"),
     "shape": ({"part": PartRecord("block", "1" * 64)}, "the shape of the part changed"),
 }
 

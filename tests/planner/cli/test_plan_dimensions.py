@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from planner import read_plan
+from planner import Localisation, read_plan
 from planner.cli.main import main
 from planner.cli.process.exit_codes import BAD_INPUT, DONE
 
@@ -41,7 +41,9 @@ def test_a_file_of_dimensions(tmp_path, capsys):
     assert "2 of 2 dimensions inspected" in capsys.readouterr().out
     plan = read_plan(tmp_path / "out" / "plan.json")
     assert plan.dimensions["step"].nominal == pytest.approx(10.0)
-    assert plan.dimensions["step"].localisation.model == "gaussian"
+    step = plan.dimensions["step"]
+    assert step.localisation == Localisation("gaussian", 0.1, floor_px=0.05)
+    assert step.surfaces_mm == plan.request["surfaces_mm"] == 0.02
     assert plan.dimensions["floor"].permitted_error == 0.2
     assert plan.simulation.confirmed
     assert (tmp_path / "out" / "graph.graphml").is_file()

@@ -73,6 +73,7 @@ CHANGES = {
     ),
     "localisation": ({"localisation": Localisation.rounding(9)}, "localisation changed: points"),
     "gap": ({"gap": 0.1}, "gap was 0 and is now 0.1"),
+    "surfaces_mm": ({"surfaces_mm": 0.05}, "surfaces_mm was 0 and is now 0.05"),
 }
 
 
@@ -200,8 +201,10 @@ def test_a_request_comes_back_from_a_plan_file(block, lamps):
         {"top": some[0], "d": Dimension.length(some[3], tolerance_mm=(-2, 2), share=0.5)},
         lamps=lamps,
         reach=BoxRegion((-300, -300, 0), (300, 300, 300)),
-        localisation=Localisation.gaussian(0.05),
+        localisation=Localisation.gaussian(0.05, floor_px=0.03),
+        surfaces_mm=0.01,
     )
+    assert asked.surfaces_mm == 0.01
     stored = json.loads(json.dumps(asked.identity()))
     again = restored_request(stored)
     assert again.difference(asked) is None
@@ -213,6 +216,28 @@ def test_a_request_comes_back_from_a_plan_file(block, lamps):
         block, items, again.camera, again.pose_uncertainty, promise, restored_options(again)
     ).request
     assert made.difference(asked) is None
+
+
+def test_faces_are_off_by_what_is_given_or_by_what_suits_the_localisation(block):
+    """Whole pixels are the paper's model, which knows no faces that are off."""
+    gaussian = Localisation.gaussian(0.1)
+    assert request_of(block).surfaces_mm == 0.0
+    assert request_of(block, localisation=gaussian).surfaces_mm == 0.02
+    assert request_of(block, localisation=gaussian, surfaces_mm=0).surfaces_mm == 0.0
+    assert request_of(block, surfaces_mm=0.1).surfaces_mm == 0.1
+    for wrong in (-0.01, float("nan"), "wide"):
+        with pytest.raises(RequestError, match="surfaces_mm must"):
+            request_of(block, surfaces_mm=wrong)
+
+
+def test_a_request_of_an_earlier_program_has_neither_floor_nor_surfaces(block):
+    how = Localisation.gaussian(0.1, floor_px=0.0)
+    earlier = request_of(block, localisation=how, surfaces_mm=0.0).identity()
+    del earlier["surfaces_mm"]
+    again = restored_request(json.loads(json.dumps(earlier)))
+    assert again.surfaces_mm == again.localisation.common_px == 0.0
+    now = request_of(block, localisation=Localisation.gaussian(0.1), surfaces_mm=0.0)
+    assert "floor px was 0 and is now 0.05" in now.difference(earlier)
 
 
 @pytest.mark.parametrize(

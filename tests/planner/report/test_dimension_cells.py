@@ -69,7 +69,10 @@ def test_a_short_arc_has_no_budget():
     ("text", "model", "words"),
     [
         ("rounding", Localisation.rounding(), "rounding (every point on a whole pixel, 20 points per line or circle)"),
-        ("gaussian:0.05", Localisation.gaussian(0.05), "gaussian (standard deviation 0.05 px, 20 points"),
+        ("gaussian:0.04", Localisation.gaussian(0.04, floor_px=0.05),
+         "gaussian (standard deviation 0.04 px, 20 points per line or circle; 0.05 px common to all of them)"),
+        ("gaussian:0.04:0", Localisation.gaussian(0.04, floor_px=0.0),
+         "gaussian (standard deviation 0.04 px, 20 points per line or circle)"),
         (" fit:0.5:4:0.02", Localisation("fit", 0.5, correlation_px=4.0, floor_px=0.02),
          "fit (standard deviation 0.5 px, one independent point per 4 px of the image, no better than 0.02 px)"),
     ],
@@ -82,9 +85,14 @@ def test_options_and_reports_speak_of_the_same_model(text, model, words):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("guess", r"must be rounding, gaussian\[:SIGMA\] or fit.* Got 'guess'"),
+        ("guess", r"must be rounding, gaussian\[:SIGMA\[:FLOOR\]\] or fit.* Got 'guess'"),
         ("rounding:1", r"Got 'rounding:1'"),
         ("gaussian:wide", r"must hold numbers of px after the model\. Got 'gaussian:wide'"),
+        (
+            "gaussian:0.1:-1",
+            r"--localisation: floor_px must be finite and not negative\. Got -1\.0",
+        ),
+        ("gaussian:0.1:0.05:1", r"Got 'gaussian:0.1:0.05:1'"),
         ("gaussian:-1", r"--localisation: sigma_px must be finite and not negative\. Got -1\.0"),
         ("fit:1:0", r"--localisation: correlation_px must be positive\. Got 0"),
     ],
