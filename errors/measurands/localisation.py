@@ -14,7 +14,7 @@ POINTS = 16
 FLOOR_PX = 0.05
 """Error that all points of an edge or rim have in common, px, where it is not given.
 
-In path-traced images, edges over a whole rim were found 0.02 to 0.10 px off their place, and lines up to 0.04 px.
+In path-traced images, edges over a whole rim were found 0.02 to 0.10 px off their position, and lines up to 0.04 px.
 """
 
 _MODELS = ("rounding", "gaussian", "fit")
@@ -109,8 +109,8 @@ class Localisation:
         """Return independent normal errors of every end or point, and a common one of an entity.
 
         Sub-pixel line fits and corner detectors reached 0.04 to 0.11 px in rendered images. Over a
-        whole rim the edge was off by 0.02 to 0.10 px, over a line by up to 0.04 px; see the
-        documentation on showing.
+        whole rim the edge was off by 0.02 to 0.10 px, over a line by up to 0.04 px; see
+        ``docs/showing.md``.
 
         Parameters
         ----------

@@ -89,7 +89,7 @@ class MeasurandModel:
     permitted_error : float
         Largest error that counts as accurate, in the unit of the value.
     surfaces_mm : float
-        Standard deviation of a face's place along its normal, mm. Entities in one plane share it.
+        Standard deviation of a face's position along its normal, mm. Entities in one plane share it.
 
     Raises
     ------

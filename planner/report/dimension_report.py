@@ -180,6 +180,24 @@ def _accepted(dimension: PlannedDimension, one: Measurement) -> str:
     return f"{dimension.nominal + limits[0]:.6g} and {dimension.nominal + limits[1]:.6g} {dimension.unit}"
 
 
+def _images_text(plan: InspectionPlan) -> list[str]:
+    """Say where the errors come from that all points of an entity share, and what rendered images gave."""
+    floors = {one.localisation.common_px for one in plan.dimensions.values()}
+    surfaces = {one.surfaces_mm for one in plan.dimensions.values()}
+    if not any((*floors, *surfaces)):
+        return []
+    return [
+        f"All points of an edge or rim share an error of {_several(floors)} px across it, the localisation floor. In "
+        "30 path-traced images of a test part it was 0.02 to 0.10 px over a whole rim and up to 0.04 px over a line. "
+        f"The faces of the part lie off their position by {_several(surfaces)} mm (surfaces). Both are standard "
+        "deviations and do not average out.",
+    ]
+
+
+def _several(values: set[float]) -> str:
+    return " or ".join(f"{value:g}" for value in sorted(values))
+
+
 def _notes(plan: InspectionPlan) -> list[str]:
     models = list(
         dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values())
@@ -195,8 +213,9 @@ def _notes(plan: InspectionPlan) -> list[str]:
             if rounded
             else ""
         ),
+        *_images_text(plan),
         "u is the standard uncertainty of the measured value, and U = 2u. Of an arc of less than half a circle, u and "
-        "U are half the widths of the intervals that hold 68.27 and 95.45 % of the errors. The three sources of the "
+        "U are half the widths of the intervals that hold 68.27 and 95.45 % of the errors. The sources of the "
         "budget sum to u². T is the whole width of the tolerance. Accept a part if its measured value lies between "
         "the limits: the tolerance less a guard band of U on either side (ISO 14253-1).",
         "The permitted error in px is the one in mm at the scale of the image, at the mean depth of the targets and "

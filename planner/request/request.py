@@ -49,7 +49,7 @@ class Request:
     localisation : Localisation, optional
         How well points are found in the image. Default: the paper's, both ends of an edge on whole pixels.
     surfaces_mm : float
-        Standard deviation of a face's place along its normal, mm; for dimensions.
+        Standard deviation of a face's position along its normal, mm; for dimensions.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from planner.exceptions import RequestError
 from planner.wanted.dimension import Dimension
 
 SURFACES_MM = 0.02
-"""Standard deviation of a face's place along its normal, mm, where it is not given.
+"""Standard deviation of a face's position along its normal, mm, where it is not given.
 
 A place within a zone of 0.07 mm has it, if all of the zone is equally likely: 0.07 / sqrt(12). That is between the
 tolerance grades IT8 (0.054 mm) and IT9 (0.087 mm) of sizes of 80 to 120 mm (ISO 286-1), which milling holds.

@@ -44,7 +44,7 @@ class Means:
     model : str
         Error model of edges, see `errors.success_probability`.
     surfaces_mm : float
-        Standard deviation of a face's place along its normal, mm; for dimensions.
+        Standard deviation of a face's position along its normal, mm; for dimensions.
     """
 
     camera: Camera

@@ -186,7 +186,7 @@ class PlannedDimension(PlannedTarget):
     n_features : int
         Number of features to which it applies. The entities measure one of them.
     surfaces_mm : float
-        Standard deviation of a face's place along its normal, mm.
+        Standard deviation of a face's position along its normal, mm.
     """
 
     tolerance: tuple[float, float] | None = None
@@ -210,7 +210,7 @@ class PlannedDimension(PlannedTarget):
         localisation : Localisation or None
             Model of the errors of image points; None is rounding to whole pixels.
         surfaces_mm : float
-            Standard deviation of a face's place along its normal, mm.
+            Standard deviation of a face's position along its normal, mm.
 
         Returns
         -------
