@@ -125,6 +125,7 @@ for name, pose in places.items():
         pixel_pitch_mm=camera.pixel_pitch_mm,
         pose_covariance=uncertainty.covariance,
         localisation=planned.localisation,
+        surfaces_mm=planned.surfaces_mm,
         permitted_error=planned.permitted_error,
     )
     p = predictions[name] = model.describe(np.linalg.inv(pose))
@@ -144,21 +145,22 @@ for name, pose in places.items():
 assert all(p.probability >= 0.7 for p in predictions.values())
 
 # %% [markdown]
-# The variance of each comes from where the camera is, how it is turned, and how well points are found.
+# The variance of each comes from where the camera is, how it is turned, how well points are found,
+# what all points of an edge or rim share, and where the faces are.
 
 # %%
 fig, ax = plt.subplots(figsize=(8, 2.4))
 left = np.zeros(len(predictions))
-for source in ("translation", "rotation", "localisation"):
+for source in ("translation", "rotation", "localisation", "localisation_floor", "surfaces"):
     share = np.array(
         [100 * p.budget[source] / sum(p.budget.values()) for p in predictions.values()]
     )
-    ax.barh(range(len(predictions)), share, left=left, label=source)
+    ax.barh(range(len(predictions)), share, left=left, label=source.replace("_", " "))
     left += share
 ax.set(
     yticks=range(len(predictions)), yticklabels=list(predictions), xlabel="share of the variance, %"
 )
-fig.legend(loc="outside upper center", ncols=3)
+fig.legend(loc="outside upper center", ncols=5)
 plt.show()
 
 # %% [markdown]

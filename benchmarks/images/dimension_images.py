@@ -6,7 +6,7 @@ are found in them, carried back with the planned pose and fitted. How often the 
 what `errors.measurands` promises, for each model of localisation:
 
 rounding    found points on whole pixels
-gaussian    found points as they are, 0.1 px promised
+gaussian    found points as they are, 0.1 px promised, and 0.05 px that all points of an entity share
 fit         the same points; promised is what the length of the image gives
 
 "exact" is the same fit without an image: points projected from the same poses, with the errors that the model states.
@@ -43,7 +43,7 @@ POINTS = 16
 WEAK = 5.0  # grey levels
 MODELS = {
     "rounding": Localisation.rounding(),
-    "gaussian": Localisation.gaussian(0.1),
+    "gaussian": Localisation.gaussian(0.1, floor_px=0.05),
     "fit": Localisation.fit(),
 }
 TRANSLATION = 0.05

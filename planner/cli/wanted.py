@@ -12,6 +12,7 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation, kinds
 from errors.measurands.localisation import FLOOR_PX
 from planner.exceptions import RequestError
+from planner.wanted.assumed import SURFACES_MM
 from planner.wanted.dimension import Dimension
 from planner.wanted.dimension_files import read_wanted
 from planner.wanted.resolve import resolve_wanted
@@ -138,10 +139,15 @@ def localisation_text(options: Any) -> str:
             "note: points in the image are rounded to whole pixels, the default without --dimensions. "
             "With --dimensions, the default is --localisation gaussian:0.1:0.05"
         )
+    faces = ""
+    if getattr(options, "surfaces_mm", None) is None:
+        faces = (
+            f"The position of the part's faces has an error of {SURFACES_MM:g} mm (--surfaces-mm). "
+        )
     return (
         "note: points in the image have errors of 0.1 px, and of 0.05 px that all points of an edge or rim share "
-        "(--localisation gaussian:0.1:0.05), the default with --dimensions. Without --dimensions, they are rounded to "
-        "whole pixels"
+        f"(--localisation gaussian:0.1:0.05), the default with --dimensions. {faces}Without --dimensions, points are "
+        "rounded to whole pixels"
     )
 
 

@@ -262,7 +262,11 @@ def _request(plan: InspectionPlan) -> str:
         field = np.array([right - left, bottom - top]) * camera.focus_distance_mm
     rows = {
         "Required accuracy": _accuracy(plan),
-        **({"Localisation": _localisation(plan)} if plan.dimensions else {}),
+        **(
+            {"Localisation": _localisation(plan), "Surfaces": _surfaces(plan)}
+            if plan.dimensions
+            else {}
+        ),
         "Required probability": f"{plan.probability:g}",
         "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
         "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
@@ -300,6 +304,15 @@ def _localisation(plan: InspectionPlan) -> str:
         else ["of edges, both ends on whole pixels"]
     )
     return "; ".join([*models, *edges])
+
+
+def _surfaces(plan: InspectionPlan) -> str:
+    """Say how well the position of the part's faces is known."""
+    known = sorted({one.surfaces_mm for one in plan.dimensions.values()})
+    if not any(known):
+        return "faces are where the model has them"
+    sigma = " or ".join(f"{value:g}" for value in known)
+    return f"{sigma} mm, one standard deviation of a face's position along its normal"
 
 
 def _method(plan: InspectionPlan) -> str:
@@ -345,8 +358,9 @@ def _drawn_and_measured(plan: InspectionPlan) -> str:
     if not plan.dimensions:
         return edges
     own = (
-        "projected points of the entities, added the error of the localisation model, carried them back to the part "
-        "with the planned pose, and fitted them. A point outside the image counts as a failure."
+        "moved the faces by the error of their position, projected points of the entities, added the error of the "
+        "localisation model, carried them back to the part with the planned pose, and fitted them. A point outside the "
+        "image counts as a failure."
     )
     return (
         own

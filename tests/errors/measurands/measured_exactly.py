@@ -126,7 +126,7 @@ def measure(
 
     ``common`` holds errors that all points of an entity share, (k,) or one row per draw (n, k): ``floor_px`` across its
     image, in pixels of the ``pitch``; ``surfaces_mm`` along its plane's normal, whose largest component is positive.
-    A length has instead ``ends_px`` (2,) along its image at each end, and ``places`` (2,) across the edge.
+    A length has instead ``ends_px`` (2,) along its image at each end, and ``places`` (2,) across the edge; or (n, 2).
     """
     common = common or {}
     if kind == "length":
@@ -189,8 +189,10 @@ def _length_errors(one, pose, moves, f, sigma_mm, rng, pixel, pitch, common):
     along = ends[1] - ends[0]
     first = np.cross(along, [0.3, -0.5, 0.81])
     second = np.cross(along, first)
-    off = np.asarray(common.get("places", (0.0, 0.0)), float)
-    ends = ends + off[0] * first / np.linalg.norm(first) + off[1] * second / np.linalg.norm(second)
+    off = np.atleast_2d(common.get("places", (0.0, 0.0)))
+    basis = np.array([first / np.linalg.norm(first), second / np.linalg.norm(second)])
+    # a camera that stands off by the opposite sees the same
+    moves = moves - np.hstack([off @ basis, np.zeros((len(off), 3))])
     found = (
         np.array([_images(ends, move, f) for move in moves])
         if len(moves) < 100
@@ -203,7 +205,7 @@ def _length_errors(one, pose, moves, f, sigma_mm, rng, pixel, pitch, common):
     if "ends_px" in common:
         way = (planned[1] - planned[0]) / pitch
         way = way / np.linalg.norm(way) * pitch
-        found = found + np.asarray(common["ends_px"], float)[:, None] * way
+        found = found + np.asarray(common["ends_px"], float)[..., None] * way
     ratio = np.linalg.norm(found[:, 1] - found[:, 0], axis=1) / np.linalg.norm(
         planned[1] - planned[0]
     )
