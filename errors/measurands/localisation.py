@@ -39,9 +39,9 @@ class Localisation:
     correlation_px : float
         Length in the image within which errors are correlated, px.
     floor_px : float
-        What no number of points averages out, px. ``gaussian``: standard deviation of an error
-        across the edge that all points of an edge, rim or arc have in common. ``fit``: smallest
-        standard deviation of a fit, however long the image is.
+        Error that does not average out, px. ``gaussian``: standard deviation of an error across
+        the edge that all points of an edge, rim or arc have in common. ``fit``: smallest standard
+        deviation of a fit, however long the image is.
 
     Raises
     ------

@@ -32,7 +32,8 @@ def test_predict_says_the_same_of_every_pose_proposed(proposals):
     assert len(able) >= 5
     for one in able[:5]:
         for name, pose in one.poses.items():
-            told = predict(BLOCK, {name: WANTED[name]}, pose, one.camera, SIGMA)[name]
+            # as for all of them: there is a dimension
+            told = predict(BLOCK, WANTED, pose, one.camera, SIGMA)[name]
             assert told.observable
             assert min(told.margins.values()) >= 0
             # three standard deviations, 0.15 mm, are kept from the ends of the depth of field
