@@ -48,9 +48,7 @@ def plain_geometry(target):
     found = []
     for one in target.geometry:
         if isinstance(one, Circle):
-            found.append(
-                ("circle", one.centre, one.axis, one.radius_mm, one.start, one.span_rad)
-            )
+            found.append(("circle", one.centre, one.axis, one.radius_mm, one.start, one.span_rad))
         else:
             found.append(("line", one.p, one.q))
     return found

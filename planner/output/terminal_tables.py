@@ -26,7 +26,6 @@ from planner.report.wording import (
     features_sentence,
     lamp_texts,
     margin_texts,
-    nouns,
     percent,
     promise_sentence,
     share_text,
@@ -38,6 +37,7 @@ from planner.report.wording import (
 )
 from planner.verify.simulate_setting import CONFIRMED
 from planner.wanted.feature_counts import features_text
+from planner.wanted.planned import words_of
 
 if TYPE_CHECKING:
     from aspectgraph import Edge, EdgeEnd, EntityAspectGraph, Solid
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from planner.setting.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
     from planner.verify.simulate_setting import SuccessRate
+    from planner.wanted.planned import PlannedTarget
 
 _MOST_ROWS = 60
 # of a part in a batch, the best first
@@ -217,8 +218,9 @@ def print_plan(plan: InspectionPlan) -> None:
 
 def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, ...]]]:
     """Return the columns and rows of what each setting measures."""
-    columns = [Column(nouns(plan)[0]), Column("setting", right=True)]
-    if plan.dimensions:
+    words = words_of(plan.targets)
+    columns = [Column(words.items[0]), Column("setting", right=True)]
+    if words.requirement_column:
         columns.append(Column("measured"))
     counted = any(setting.p_all for setting in plan.settings)
     columns += [Column("P_all", right=True)] if counted else []
@@ -231,7 +233,8 @@ def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, 
             stated.append(setting.probability[name])
             texts = [probability_text(p, plan.probability) for p in stated]
             simulated = _interval(rates.get(name))
-            rows.append((name, str(k + 1), *_measured(plan, name), *texts, simulated))
+            measured = [_measured(plan.targets[name])] if words.requirement_column else []
+            rows.append((name, str(k + 1), *measured, *texts, simulated))
     return columns, rows
 
 
@@ -262,7 +265,7 @@ def tightest_margin(plan: InspectionPlan, setting: SensorSetting) -> str:
 def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
     """Print predicted probabilities beside simulated frequencies."""
     columns = (
-        Column(nouns(plan)[0]),
+        Column(words_of(plan.targets).items[0]),
         Column("setting", right=True),
         Column("predicted", right=True),
         Column("frequency", right=True),
@@ -294,14 +297,11 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
         print_text(f"All intervals hold together with {percent(result.confidence)} confidence.")
 
 
-def _measured(plan: InspectionPlan, name: str) -> tuple[Cell, ...]:
-    """Return a cell that says what is measured and how wrong it may be; none in a plan of edges."""
-    if not plan.dimensions:
-        return ()
-    target = plan.targets[name]
+def _measured(target: PlannedTarget) -> Cell:
+    """Return a cell that says what is measured and how wrong it may be."""
     nominal, error = target.requirement_texts
     texts = (f"{nominal},", *_split(error), features_cell(target) and f"({features_cell(target)})")
-    return (Pieces(tuple(filter(None, texts))),)
+    return Pieces(tuple(filter(None, texts)))
 
 
 def _split(error: str) -> tuple[str, ...]:

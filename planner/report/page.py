@@ -28,7 +28,6 @@ from planner.report.wording import (
     count,
     features_sentence,
     light_sentence,
-    nouns,
     percent,
     promise_sentence,
     requirement_rows,
@@ -39,6 +38,7 @@ from planner.report.wording import (
 )
 from planner.rows.measured_rows import measured_rows
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
+from planner.wanted.planned import words_of
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph
@@ -53,7 +53,6 @@ if TYPE_CHECKING:
 _GRAPH = "<!-- aspect graph -->"
 _NOTES = "<!-- notes -->"
 _DOMAINS = '<script type="application/json" id="domains">{}</script>'
-_EDGE = ("edge", "edges")
 _POSE = "camera pose"
 
 
@@ -139,7 +138,7 @@ def report_html(
         singular=_named(plan)[0],
         plural=_named(plan)[1],
         summary=settings_table(plan, _named(plan)),
-        settings=settings_section(plan, space.solid, rows, _named(plan)[0], progress),
+        settings=settings_section(plan, space.solid, rows, progress),
         request=_request(plan),
         method=_method(plan) + _NOTES,
         footer="Lengths are in millimetres, in the part's frame. Camera axes: x right, y down, z forward.",
@@ -190,7 +189,7 @@ def _results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], dimensions: st
 
 def _named(plan: InspectionPlan) -> tuple[str, str]:
     """Return what the report calls a target, and several."""
-    return nouns(plan, _EDGE)
+    return words_of(plan.targets).nouns
 
 
 def _meaning(plan: InspectionPlan) -> str:
@@ -260,13 +259,10 @@ def _request(plan: InspectionPlan) -> str:
     left, top, right, bottom = camera.field().inner
     if not camera.is_centred:
         field = np.array([right - left, bottom - top]) * camera.focus_distance_mm
+    share = f"{100 * (1 - plan.accuracy):.3g} %"
     rows = {
-        "Required accuracy": _accuracy(plan),
-        **(
-            {"Localisation": _localisation(plan), "Surfaces": _surfaces(plan)}
-            if plan.dimensions
-            else {}
-        ),
+        "Required accuracy": f"{plan.accuracy:g} ({words_of(plan.targets).accuracy.format(share=share)})",
+        **_localisation(plan),
         "Required probability": f"{plan.probability:g}",
         "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
         "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
@@ -287,23 +283,11 @@ def _request(plan: InspectionPlan) -> str:
     )
 
 
-def _accuracy(plan: InspectionPlan) -> str:
-    """Say what the accuracy of the request means."""
-    edges = f"error at most {100 * (1 - plan.accuracy):.3g} % of an edge's image"
-    if not plan.dimensions:
-        return f"{plan.accuracy:g} ({edges})"
-    own = f"dimensions without a tolerance: error at most {100 * (1 - plan.accuracy):.3g} % of the nominal value"
-    return f"{plan.accuracy:g} ({own}{'' if len(plan.dimensions) == len(plan.entities) else '; ' + edges})"
-
-
-def _localisation(plan: InspectionPlan) -> str:
+def _localisation(plan: InspectionPlan) -> dict[str, str]:
+    """Return the row about the models of dimensions; none of a plan of edges."""
     models = dict.fromkeys(localisation_text(one.localisation) for one in plan.dimensions.values())
-    edges = (
-        []
-        if len(plan.dimensions) == len(plan.entities)
-        else ["of edges, both ends on whole pixels"]
-    )
-    return "; ".join([*models, *edges])
+    texts = [*models, *words_of(plan.targets).localisation]
+    return {"Localisation": "; ".join(texts), "Surfaces": _surfaces(plan)} if texts else {}
 
 
 def _surfaces(plan: InspectionPlan) -> str:
@@ -317,8 +301,9 @@ def _surfaces(plan: InspectionPlan) -> str:
 
 def _method(plan: InspectionPlan) -> str:
     paragraphs = [
-        f"The program computed exactly, from the part's geometry, where {_seen(plan)} are visible from. A genetic "
-        "algorithm searched these viewing domains for camera poses that satisfy resolution, focus, field of view, "
+        f"The program computed exactly, from the part's geometry, where {words_of(plan.targets).seen} "
+        "are visible from. A genetic algorithm searched these viewing domains for camera poses that "
+        "satisfy resolution, focus, field of view, "
         "visibility, clearance and workspace. Integer programming and exchange then chose a few of these poses, which "
         f"together inspect every {_named(plan)[0]} that any of them inspects.",
         f"Lower bound. {plan.bound_proof} {_gap(plan)}",
@@ -345,38 +330,15 @@ def _gap(plan: InspectionPlan) -> str:
     return f"The plan has {count(n, 'setting')}. The smallest number for its targets is from {bound} to {n}."
 
 
-def _seen(plan: InspectionPlan) -> str:
-    return "edges, rims and arcs" if plan.dimensions else "edges"
-
-
-def _drawn_and_measured(plan: InspectionPlan) -> str:
-    """Say what a simulation does at each displaced pose."""
-    edges = (
-        "projected the edges, rounded their ends to pixels and measured them. "
-        "An end outside the image counts as a failure."
-    )
-    if not plan.dimensions:
-        return edges
-    own = (
-        "moved the faces by the error of their position, projected points of the entities, added the error of the "
-        "localisation model, carried them back to the part with the planned pose, and fitted them. A point outside the "
-        "image counts as a failure."
-    )
-    return (
-        own
-        if len(plan.dimensions) == len(plan.entities)
-        else f"{own} For edges that are not dimensions, it {edges}"
-    )
-
-
 def _simulated(plan: InspectionPlan, simulation: SimulationResult) -> str:
-    one = _named(plan)[0]
+    words = words_of(plan.targets)
     return (
         f"Simulation. For each setting the program drew {count(simulation.n, 'displaced pose')}, "
-        f"{_drawn_and_measured(plan)} All intervals hold together with {percent(simulation.confidence)} confidence. A "
+        f"{words.simulated} All intervals hold together with {percent(simulation.confidence)} confidence. A "
         "stated probability inside its interval is confirmed. One below it is conservative: the "
-        f"{one} is measured better than stated. One above it by at most {MODEL_TOLERANCE:g} is within the tolerance of "
-        "the model, which is of second order. One above it by more is contradicted. Every draw shifts the pixel grid "
+        f"{words.nouns[0]} is measured better than stated. One above it by at most "
+        f"{MODEL_TOLERANCE:g} is within the tolerance of the model, which is of second order. "
+        "One above it by more is contradicted. Every draw shifts the pixel grid "
         "at random: a probability is the share of accurate measurements over displaced poses and over parts, whose "
         "edges may end anywhere within a pixel."
     )

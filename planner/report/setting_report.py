@@ -21,6 +21,7 @@ from planner.report.setting_table import (
 )
 from planner.report.tables import cells, heads
 from planner.report.wording import lamp_texts, lamps_named, margin_texts
+from planner.wanted.planned import words_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -78,7 +79,6 @@ def settings_section(
     plan: InspectionPlan,
     solid: Solid,
     rows: Sequence[Sequence[Row]],
-    noun: str,
     progress: Progress | None = None,
 ) -> str:
     """Return each setting: pose, predicted images, probabilities, the binding constraint, margins and lamps.
@@ -91,15 +91,13 @@ def settings_section(
         Its part.
     rows : sequence of sequence of Row
         As of `measured_rows`.
-    noun : str
-        What a target is called.
     progress : callable, optional
         ``progress(done, total, label)``.
     """
     maker = PictureMaker(solid, plan.camera)
     sections = []
     for k in range(len(plan.settings)):
-        sections.append(_setting(plan, k, setting_table(plan, rows[k], noun), maker))
+        sections.append(_setting(plan, k, setting_table(plan, rows[k]), maker))
         report(progress, k + 1, len(plan.settings), "predicted images")
     return "".join(sections)
 
@@ -157,11 +155,7 @@ def _figure(picture: str, caption: str) -> str:
 
 
 def _map_caption(plan: InspectionPlan) -> str:
-    if not plan.dimensions:
-        return "Edge map: measured edges and their ends in bold"
-    edges = len(plan.dimensions) < len(plan.entities)
-    text = "Edge map: measured lines and circles in bold"
-    return text + (", edges with their ends" if edges else "")
+    return f"Edge map: {words_of(plan.targets).bold}"
 
 
 def _swatch(k: int) -> str:

@@ -22,6 +22,8 @@ from planner.verify.simulate_setting import (
     TOLERATED,
     UNSTATED,
 )
+from planner.wanted.planned import words_of
+from planner.wanted.target_words import TargetWords
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
@@ -82,7 +84,7 @@ def stance(plan: InspectionPlan, setting: SensorSetting) -> Stance:
     return Stance(distance, math.degrees(math.acos(upright)), 1000 * pixel)
 
 
-def setting_table(plan: InspectionPlan, measured: Sequence[Row], noun: str) -> str:
+def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> str:
     """Return the table of a setting: permitted error, budget, probability, simulation and warnings.
 
     Parameters
@@ -91,21 +93,19 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row], noun: str) -> s
         The plan.
     measured : sequence of Row
         The rows of the setting.
-    noun : str
-        What an item is called.
     """
     simulated = any(one.rate is not None for one in measured)
     sure = all(is_nearly_one(one.probability, plan.probability) for one in measured)
-    what = "Nominal" if plan.dimensions else "Length (mm)"
+    words = words_of(plan.targets)
     names = [
-        noun.capitalize(),
-        f"n:{what}",
+        words.nouns[0].capitalize(),
+        f"n:{words.value_head}",
         "n:Permitted error",
         "Budget",
         *([] if sure else ["n:P"]),
     ]
     names += ["n:Simulated", "Interval", ""] if simulated else []
-    rows = "".join(_rows(plan, one, what, with_probability=not sure) for one in measured)
+    rows = "".join(_rows(plan, one, words, with_probability=not sure) for one in measured)
     windows = ", ".join(f"{one.name} ±{one.search_window_px:.3g} px" for one in measured)
     least = probability_text(min(one.probability for one in measured), plan.probability)
     sentence = f"P {least}{' for each target' if len(measured) > 1 else ''}. " if sure else ""
@@ -113,13 +113,14 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row], noun: str) -> s
     return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note}'
 
 
-def _rows(plan: InspectionPlan, one: Row, what: str, *, with_probability: bool) -> str:
+def _rows(plan: InspectionPlan, one: Row, words: TargetWords, *, with_probability: bool) -> str:
     """Return the row of a target, and the one of its warnings."""
     probability = probability_text(one.probability, plan.probability)
+    target = plan.targets[one.name]
     values = {
         "": escape(one.name),
-        f"n:{what}": _value(plan, one.name),
-        "n:Permitted error": permitted(one, plan.dimensions.get(one.name)),
+        f"n:{words.value_head}": words.value.format(target),
+        "n:Permitted error": permitted(one, target),
         "Budget": budget_bar(one),
         **({"n:P": probability} if with_probability else {}),
         **({} if one.rate is None else _rate(one.rate, plan.probability)),
@@ -186,12 +187,6 @@ def _focus_sigmas(plan: InspectionPlan, setting: SensorSetting) -> float:
 def _points(plan: InspectionPlan, setting: SensorSetting) -> np.ndarray:
     """Return the points (n, 3) that a setting measures, mm."""
     return np.concatenate([plan.targets[name].points for name in setting.entities])
-
-
-def _value(plan: InspectionPlan, name: str) -> str:
-    """Return the nominal value of a target, with its unit where units differ."""
-    target = plan.targets[name]
-    return target.value_text if plan.dimensions else f"{target.nominal:.3f}"
 
 
 def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:

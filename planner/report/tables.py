@@ -16,7 +16,7 @@ from planner.rows.measured_rows import SOURCES, Row
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
-    from planner.wanted.planned import PlannedDimension
+    from planner.wanted.planned import PlannedTarget
 
 COLOURS = {
     "translation": "#56b4e9",
@@ -77,7 +77,7 @@ def _result(plan: InspectionPlan, row: Row, where: Sequence[int], *, with_probab
             "": f"{escape(row.name)}{mark}",
             "What": escape(row.kind.replace("_", " ")),
             "n:Nominal": f"{row.nominal:.6g} {row.unit}",
-            "n:Permitted error": permitted(row, plan.dimensions.get(row.name)),
+            "n:Permitted error": permitted(row, plan.targets[row.name]),
             "n:U": f"{expanded:.3g} {row.unit}",
             "n:U / permitted": f"{100 * expanded / row.permitted_error:.2g} %",
             "Setting": links,
@@ -119,10 +119,10 @@ def warned(row: Row) -> str:
     return "; ".join(warning.text for warning in row.warnings)
 
 
-def permitted(row: Row, dimension: PlannedDimension | None = None) -> str:
+def permitted(row: Row, target: PlannedTarget) -> str:
     """Return the permitted error, its size in the image, and its share of the tolerance if there is one."""
     more = [] if row.permitted_error_px is None else [f"{row.permitted_error_px:.3g} px"]
-    share = "" if dimension is None else tolerance_share(dimension)
+    share = tolerance_share(target)
     more += [share] if share else []
     text = f"±{row.permitted_error:.3g} {row.unit}"
     return f"{text} ({', '.join(more)})" if more else text

@@ -24,6 +24,7 @@ from planner.verify.simulate_setting import (
     TOLERATED,
     UNSTATED,
 )
+from planner.wanted.planned import words_of
 
 if TYPE_CHECKING:
     from aspectgraph import JointEstimate
@@ -32,24 +33,12 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.verify.shown_images import ShownImages
     from planner.verify.simulate_plan import SimulationResult
-    from planner.wanted.planned import PlannedDimension, PlannedTarget
+    from planner.wanted.planned import PlannedTarget
 
 
 def count(n: int, singular: str, plural: str | None = None) -> str:
     """Return a number with its noun."""
     return f"{n} {singular if n == 1 else plural or singular + 's'}"
-
-
-def nouns(plan: InspectionPlan, edges: tuple[str, str] = ("entity", "entities")) -> tuple[str, str]:
-    """Return what the items of a plan are called, one and several: edges, dimensions, or both."""
-    n = sum(name in plan.dimensions for name in plan.entities)
-    if not n:
-        return edges
-    return (
-        ("dimension", "dimensions")
-        if n == len(plan.entities)
-        else ("edge or dimension", "edges and dimensions")
-    )
 
 
 def features_sentence(plan: InspectionPlan) -> str:
@@ -64,17 +53,17 @@ def features_cell(target: PlannedTarget) -> str:
     return f"1 of {target.n_features} features" if target.n_features > 1 else ""
 
 
-def tolerance_share(dimension: PlannedDimension) -> str:
+def tolerance_share(target: PlannedTarget) -> str:
     """Say which share of the tolerance the permitted error is; empty without a tolerance.
 
     Such as "25 % of ±0.05", and of an uneven tolerance of width T "25 % of T/2".
     """
-    if dimension.tolerance is None:
+    if target.tolerance is None:
         return ""
-    lower, upper = dimension.tolerance
+    lower, upper = target.tolerance
     half = (upper - lower) / 2
     width = f"±{half:.4g}" if lower == -upper else "T/2"
-    return f"{100 * dimension.permitted_error / half:.3g} % of {width}"
+    return f"{100 * target.permitted_error / half:.3g} % of {width}"
 
 
 def bound_sentence(
@@ -103,7 +92,8 @@ def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
     """Say in a line of a log how good a plan is, and when that was."""
     settings = count(len(plan.settings), "setting")
     inspected = len(plan.inspected)
-    some = "" if plan.complete else f", {inspected} of {count(len(plan.entities), *nouns(plan))}"
+    items = words_of(plan.targets).items
+    some = "" if plan.complete else f", {inspected} of {count(len(plan.entities), *items)}"
     return f"{seconds:8.1f} s   {settings:>12}   at least {plan.lower_bound:<3}   gap {100 * plan.gap:.0f} %{some}"
 
 
@@ -137,20 +127,16 @@ def unfinished_sentence(plan: InspectionPlan) -> str:
 
 def promise_sentence(plan: InspectionPlan) -> str:
     """Say what P is, and what it takes as given."""
-    share = f"{100 * (1 - plan.accuracy):.3g} %"
-    dimensions = sum(name in plan.dimensions for name in plan.entities)
-    error = f"{share} of the edge's image length"
-    found = "the edge is found"
-    if dimensions:
-        error = "the permitted one"
-        found = "the target is found"
-        if dimensions < len(plan.entities):
-            error += f" (for an edge, {share} of its image length)"
-    alone = f"P is the probability that the error is at most {error}, given a registered image in which {found}."
+    words = words_of(plan.targets)
+    error = words.error.format(share=f"{100 * (1 - plan.accuracy):.3g} %")
+    alone = (
+        f"P is the probability that the error is at most {error}, given a registered image in which "
+        f"{words.found}."
+    )
     poses = min((one.p_all_poses for one in plan.settings if one.p_all), default=0)
     if not poses:
         return alone
-    item = found.removesuffix(" is found")
+    item = words.found.removesuffix(" is found")
     return (
         f"{alone} P_all asks for everything at once: the displaced camera has {item} in the picture, in "
         "focus, unhidden and apart from other lines, and the error is at most the permitted one. It is counted over "
@@ -354,12 +340,13 @@ def verdict(plan: InspectionPlan) -> str:
     """Say in a few sentences how good a plan is."""
     inspected = len(plan.inspected)
     n = len(plan.settings)
+    items = words_of(plan.targets).items
     sentences = [
-        f"{inspected} of {count(len(plan.entities), *nouns(plan))} inspected from {count(n, 'setting')}."
+        f"{inspected} of {count(len(plan.entities), *items)} inspected from {count(n, 'setting')}."
     ]
     sentences.append(features_sentence(plan))
     if n:
-        sentences.append(bound_sentence(plan, nouns(plan)))
+        sentences.append(bound_sentence(plan, items))
         told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
         sentences.append(told)
         sentences.append("" if plan.simulation is None else shown_sentence(plan.simulation.shown))

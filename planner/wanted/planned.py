@@ -25,6 +25,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
 from planner.wanted.models import Means, measurand_model
+from planner.wanted.target_words import DIMENSIONS, EDGES, MIXED, TargetWords
 from planner.wanted.targets import DimensionTarget, Target
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ class PlannedTarget(ABC):
     localisation: Localisation
     in_image: ClassVar[bool] = False
     """Whether the value is a length in the image, as that of an edge."""
+    words: ClassVar[TargetWords] = DIMENSIONS
+    """How pages and tables speak of it."""
     n_features = 1
     surfaces_mm = 0.0
 
@@ -76,6 +79,11 @@ class PlannedTarget(ABC):
     def unit(self) -> str:
         """Unit of its values, "mm" or "deg"."""
         return self.measurand.unit
+
+    @property
+    def tolerance(self) -> tuple[float, float] | None:
+        """Lower and upper deviation that the drawing allows; None of a target without them."""
+        return None
 
     @property
     @abstractmethod
@@ -132,6 +140,7 @@ class PlannedLength(PlannedTarget):
     ends: NDArray[np.float64] = field(repr=False, compare=False)
     accuracy: float
     in_image = True
+    words = EDGES
 
     @classmethod
     def of(cls, name: str, ends: NDArray[np.float64], accuracy: float) -> PlannedLength:
@@ -348,6 +357,14 @@ def planned(target: Target, means: Means) -> PlannedTarget:
     if isinstance(target, DimensionTarget):
         return PlannedDimension.of(target, means.localisation, means.surfaces_mm)
     return PlannedLength.of(target.name, target.witness.ends, means.accuracy)
+
+
+def words_of(targets: Mapping[str, PlannedTarget]) -> TargetWords:
+    """Return the words for the targets of a plan, given by name."""
+    kinds = {target.words for target in targets.values()}
+    if len(kinds) > 1:
+        return MIXED
+    return kinds.pop() if kinds else EDGES
 
 
 def sample_points(one: Geometry, n: int) -> NDArray[np.float64]:
