@@ -120,24 +120,25 @@ def _check_model(values: NamedValues) -> bool:
     is_distorted = True
     for key, model in values.entries(names.FISHEYE):
         if model is not False and model != 0:
-            raise CameraError(
-                f"{values.path}: {key} must be 0: fisheye lenses are not known here. "
-                f"Got {shown(model, str)}."
+            raise values.error(
+                key, "must be 0: fisheye lenses are not known here", shown(model, str)
             )
     for key, model in values.entries(names.DISTORTION_MODEL):
         word = _word(model)
         if word in names.UNDISTORTED:
             is_distorted = False
         elif word not in names.BROWN_CONRADY:
-            raise CameraError(
-                f"{values.path}: {key} must be plumb_bob, radtan or none, the model of Brown and "
-                f"Conrady. Got {shown(model, str)}."
+            raise values.error(
+                key,
+                "must be plumb_bob, radtan or none, the model of Brown and Conrady",
+                shown(model, str),
             )
     for key, model in values.entries(names.CAMERA_MODEL):
         if _word(model) not in (*names.PINHOLE, *names.BROWN_CONRADY):
-            raise CameraError(
-                f"{values.path}: {key} must be pinhole, or plumb_bob, the model of Brown and "
-                f"Conrady. Got {shown(model, str)}."
+            raise values.error(
+                key,
+                "must be pinhole, or plumb_bob, the model of Brown and Conrady",
+                shown(model, str),
             )
     return is_distorted
 
@@ -157,17 +158,17 @@ def _size(values: NamedValues) -> tuple[int, int]:
         return _pixels(values, *width), _pixels(values, *height)
     for other in (*names.WIDTH, *names.HEIGHT):
         if values.key((other,)) is not None:
-            raise CameraError(f"{values.path}: {key} must stand alone. Got {other}, too.")
+            raise values.error(key, "must stand alone", f"{other}, too")
     _, pair = values.needed(names.SIZE, "resolution")
     if not isinstance(pair, list) or len(pair) != 2:
-        raise CameraError(f"{values.path}: {key} must be a width and a height. Got {shown(pair)}.")
+        raise values.error(key, "must be a width and a height", shown(pair))
     return _pixels(values, key, pair[0]), _pixels(values, key, pair[1])
 
 
 def _pixels(values: NamedValues, key: str, value: Any) -> int:
     number = values.count(key, value)
     if number == 0:
-        raise CameraError(f"{values.path}: {key} must be positive. Got 0.")
+        raise values.error(key, "must be positive", "0")
     return number
 
 
@@ -178,22 +179,18 @@ def _matrix(values: NamedValues) -> tuple[NDArray[np.float64], str]:
         _, value = values.needed(names.INTRINSICS, "intrinsics")
         four = values.numbers(key, value, _INTRINSICS_NAMES)
         if len(four) != 4:
-            raise CameraError(
-                f"{values.path}: {key} must be 4 numbers f_x, f_y, c_x, c_y. Got {len(four)}."
-            )
+            raise values.error(key, "must be 4 numbers f_x, f_y, c_x, c_y", len(four))
         return camera_matrix(*four), key
     key, value = values.needed(names.CAMERA_MATRIX, "camera_matrix")
     nine = values.numbers(key, value, _MATRIX_NAMES)
     if len(nine) != 9:
-        raise CameraError(f"{values.path}: {key} must be 9 numbers. Got {len(nine)}.")
+        raise values.error(key, "must be 9 numbers", len(nine))
     fx, skew, cx, below, fy, cy, *last = nine
     if skew or below:
-        raise CameraError(f"{values.path}: {key} must have no skew. Got {skew or below:g}.")
+        raise values.error(key, "must have no skew", f"{skew or below:g}")
     # an uncalibrated camera of ROS has nine zeros, which says more than its last row
     if any(nine) and last != [0.0, 0.0, 1.0]:
-        raise CameraError(
-            f"{values.path}: {key} must have the last row 0, 0, 1, row by row. Got {shown(last)}."
-        )
+        raise values.error(key, "must have the last row 0, 0, 1, row by row", shown(last))
     return camera_matrix(fx, fy, cx, cy), key
 
 
@@ -205,20 +202,14 @@ def _distortion(values: NamedValues, is_distorted: bool) -> list[float] | None:
         value = []
     coefficients = values.numbers(key, value, _COEFFICIENT_NAMES)
     if any(coefficients[5:]):
-        raise CameraError(
-            f"{values.path}: {key} must have no coefficients beyond k1, k2, p1, p2, k3. "
-            f"Got {shown(coefficients)}."
+        raise values.error(
+            key, "must have no coefficients beyond k1, k2, p1, p2, k3", shown(coefficients)
         )
     if len(coefficients) not in _COEFFICIENT_COUNTS:
-        raise CameraError(
-            f"{values.path}: {key} must be 4 or 5 numbers k1, k2, p1, p2, k3. "
-            f"Got {len(coefficients)}."
-        )
+        raise values.error(key, "must be 4 or 5 numbers k1, k2, p1, p2, k3", len(coefficients))
     if any(coefficients) and not is_distorted:
         model = values.key(names.DISTORTION_MODEL)
-        raise CameraError(
-            f"{values.path}: {key} must be zero where {model} is none. Got {shown(coefficients)}."
-        )
+        raise values.error(key, f"must be zero where {model} is none", shown(coefficients))
     return coefficients or None
 
 
@@ -237,10 +228,10 @@ def _delivered(values: NamedValues, full: Calibration) -> Calibration:
     size = (width // across, height // down)
     is_whole = (width, height) == full.image_size
     if not is_in_image(matrix, size):
-        raise CameraError(
-            f"{values.path}: roi must hold the principal point "
-            f"({full.matrix[0, 2]:g}, {full.matrix[1, 2]:g}). "
-            f"Got {width} x {height} pixels at ({left}, {top})."
+        raise values.error(
+            "roi",
+            f"must hold the principal point ({full.matrix[0, 2]:g}, {full.matrix[1, 2]:g})",
+            f"{width} x {height} pixels at ({left}, {top})",
         )
     if is_whole and (across, down) == (1, 1):
         return full
@@ -252,7 +243,7 @@ def _binning(values: NamedValues, key_of: tuple[str, ...], size: int) -> int:
     for key, value in values.entries(key_of):
         number = max(values.count(key, value), 1)
         if number > size:
-            raise CameraError(f"{values.path}: {key} must be at most {size}. Got {number}.")
+            raise values.error(key, f"must be at most {size}", number)
         return number
     return 1
 
@@ -264,13 +255,10 @@ def _region(values: NamedValues, image_size: tuple[int, int]) -> tuple[int, int,
         if roi is None:
             return whole
         if not isinstance(roi, dict):
-            raise CameraError(f"{values.path}: {key} must hold keys. Got {shown(roi)}.")
+            raise values.error(key, "must hold keys", shown(roi))
         for name in roi:
             if name not in _ROI_KEYS:
-                raise CameraError(
-                    f"{values.path}: {key} must hold {', '.join(_ROI_KEYS)}. "
-                    f"Got {shown(name, str)}."
-                )
+                raise values.error(key, f"must hold {', '.join(_ROI_KEYS)}", shown(name, str))
         left, top, width, height = (
             values.count(f"{name} of {key}", roi.get(name, 0)) for name in _ROI_KEYS[:4]
         )
@@ -278,9 +266,10 @@ def _region(values: NamedValues, image_size: tuple[int, int]) -> tuple[int, int,
             return whole
         is_inside = left + width <= image_size[0] and top + height <= image_size[1]
         if not (width and height and is_inside):
-            raise CameraError(
-                f"{values.path}: {key} must be in the image of {image_size[0]} x {image_size[1]} "
-                f"pixels. Got {width} x {height} at ({left}, {top})."
+            raise values.error(
+                key,
+                f"must be in the image of {image_size[0]} x {image_size[1]} pixels",
+                f"{width} x {height} at ({left}, {top})",
             )
         return left, top, width, height
     return whole

@@ -48,6 +48,10 @@ class NamedValues:
                     "as another may change what the numbers mean. Got an unknown key."
                 )
 
+    def error(self, key: str, rule: str, got: object) -> CameraError:
+        """Return the error of a value that breaks a rule; names file, key, rule and value."""
+        return CameraError(f"{self.path}: {key} {rule}. Got {got}.")
+
     def key(self, names: tuple[str, ...]) -> str | None:
         """Return the key that is there of several names for one thing, or None.
 
@@ -58,7 +62,7 @@ class NamedValues:
         """
         keys = [self._values[name][0] for name in names if name in self._values]
         if len(keys) > 1:
-            raise CameraError(f"{self.path}: {keys[0]} must stand alone. Got {keys[1]}, too.")
+            raise self.error(keys[0], "must stand alone", f"{keys[1]}, too")
         return keys[0] if keys else None
 
     def entries(self, names: tuple[str, ...]) -> list[tuple[str, Any]]:
@@ -70,7 +74,7 @@ class NamedValues:
         key = self.key(names)
         if key is None:
             keys = ", ".join(other for other, _ in self._values.values())
-            raise CameraError(f"{self.path}: {usual} must be given. Got {shown(keys, str)}.")
+            raise self.error(usual, "must be given", shown(keys, str))
         return self._values[plain(key)]
 
     def count(self, key: str, value: Any) -> int:
@@ -82,7 +86,7 @@ class NamedValues:
             or value != int(value)
             or value < 0
         ):
-            raise CameraError(f"{self.path}: {key} must be a whole number. Got {shown(value)}.")
+            raise self.error(key, "must be a whole number", shown(value))
         return int(value)
 
     def numbers(self, key: str, value: Any, names: tuple[str, ...]) -> list[float]:
@@ -92,15 +96,12 @@ class NamedValues:
             shape, value = self._matrix(key, value)
         flat = self._flat(key, value)
         if shape is not None and shape[0] * shape[1] != len(flat):
-            raise CameraError(
-                f"{self.path}: {key} must hold rows x cols numbers, {shape[0]} x {shape[1]}. "
-                f"Got {len(flat)}."
+            raise self.error(
+                key, f"must hold rows x cols numbers, {shape[0]} x {shape[1]}", len(flat)
             )
         square = math.isqrt(len(names))
         if shape is not None and shape != (square, square) and min(shape, default=0) > 1:
-            raise CameraError(
-                f"{self.path}: {key} must have rows and cols that fit. Got {shape[0]} x {shape[1]}."
-            )
+            raise self.error(key, "must have rows and cols that fit", f"{shape[0]} x {shape[1]}")
         check_finite(f"{self.path}: {key}", flat, names)
         return flat
 
@@ -108,15 +109,14 @@ class NamedValues:
         entries = {plain(name): entry for name, entry in value.items()}
         for name in value:
             if plain(name) not in _MATRIX_KEYS:
-                raise CameraError(
-                    f"{self.path}: {key} must hold rows, cols, dt and data. Got {shown(name, str)}."
-                )
+                raise self.error(key, "must hold rows, cols, dt and data", shown(name, str))
         if "data" not in entries:
-            raise CameraError(f"{self.path}: {key} must hold data. Got {shown(', '.join(value))}.")
+            raise self.error(key, "must hold data", shown(", ".join(value)))
         if entries.get("dt", "d") not in _ONE_CHANNEL:
-            raise CameraError(
-                f"{self.path}: {key} must have one number a place, such as dt: d. "
-                f"Got dt: {shown(entries['dt'], str)}."
+            raise self.error(
+                key,
+                "must have one number a place, such as dt: d",
+                f"dt: {shown(entries['dt'], str)}",
             )
         if "rows" not in entries and "cols" not in entries:
             return None, entries["data"]
@@ -126,7 +126,7 @@ class NamedValues:
 
     def _flat(self, key: str, value: Any) -> list[float]:
         if not isinstance(value, list):
-            raise CameraError(f"{self.path}: {key} must be a list of numbers. Got {shown(value)}.")
+            raise self.error(key, "must be a list of numbers", shown(value))
         flat: list[float] = []
         for item in value:
             if isinstance(item, list):
@@ -138,5 +138,5 @@ class NamedValues:
     def _row(self, key: str, row: list[Any]) -> list[float]:
         for item in row:
             if isinstance(item, bool) or not isinstance(item, int | float):
-                raise CameraError(f"{self.path}: {key} must hold numbers. Got {shown(item)}.")
+                raise self.error(key, "must hold numbers", shown(item))
         return [float(item) for item in row]
