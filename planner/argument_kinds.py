@@ -1,8 +1,11 @@
-"""Arguments of the wrong type, or in the wrong order, are refused in one line."""
+"""Arguments of the wrong type, in the wrong order or out of their range are refused in one line."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Integral, Real
+from typing import Any, NamedTuple
 
 from planner.exceptions import RequestError
 
@@ -21,6 +24,60 @@ _HINTS = {
     ITEMS: "read_entities reads one from a text",
 }
 _LONGEST = 40
+
+
+class NumberRule(NamedTuple):
+    """A range of numbers.
+
+    Attributes
+    ----------
+    text : str
+        The rule, beginning with its verb.
+    holds : callable
+        ``holds(number)`` returns whether a number is in the range.
+    """
+
+    text: str
+    holds: Callable[[float], bool]
+
+    def accepts(self, value: Any) -> bool:
+        """Return whether a value is a finite number in the range; a truth value is no number."""
+        if not isinstance(value, Real) or isinstance(value, bool):
+            return False
+        try:
+            number = float(value)
+        except OverflowError:
+            # a whole number beyond all floats
+            return False
+        return math.isfinite(number) and self.holds(number)
+
+
+NOT_NEGATIVE = NumberRule("must be finite and not negative", lambda number: number >= 0)
+POSITIVE = NumberRule("must be positive", lambda number: number > 0)
+POSITIVE_SECONDS = NumberRule("must be a positive number of seconds", POSITIVE.holds)
+BETWEEN_0_AND_1 = NumberRule("must be in (0, 1)", lambda number: 0 < number < 1)
+FROM_0_BELOW_1 = NumberRule("must be in [0, 1)", lambda number: 0 <= number < 1)
+ABOVE_0_TO_1 = NumberRule("must be in (0, 1]", lambda number: 0 < number <= 1)
+
+
+def check_number(name: str, value: Any, rule: NumberRule) -> float:
+    """Return a number, or raise `RequestError` with its name if it breaks its rule."""
+    if not rule.accepts(value):
+        raise RequestError.of_rule(name, rule.text, shown(value))
+    return float(value)
+
+
+def check_fraction(name: str, value: Any) -> float:
+    """Return a number in (0, 1) or raise `RequestError`."""
+    return check_number(name, value, BETWEEN_0_AND_1)
+
+
+def check_count(name: str, value: Any, least: int, most: int | None = None) -> None:
+    """Raise `RequestError` unless a value is an integer between two others, both included."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
+        raise RequestError.of_rule(name, f"must be an integer of at least {least}", shown(value))
+    if most is not None and int(value) > most:
+        raise RequestError.of_rule(name, f"must be at most {most:g}", shown(value))
 
 
 def check_kinds(**given: tuple[object, str]) -> None:
@@ -45,7 +102,15 @@ def check_kinds(**given: tuple[object, str]) -> None:
         if any(_is(value, other) for _, other in given.values()):
             hint = f"the order of the arguments is {', '.join(given)}"
         rule = f"must be {_article(kind)} {kind}"
-        raise RequestError.of_rule(parameter, rule, _shown(value), hint=hint)
+        raise RequestError.of_rule(parameter, rule, _kind_shown(value), hint=hint)
+
+
+def shown(value: object, text: Callable[[Any], str] = repr) -> str:
+    """Return a value as Python writes it, shortened to a readable length."""
+    if isinstance(value, int) and value.bit_length() > 240:
+        return f"an integer of {value.bit_length()} bits"
+    full = text(value)
+    return full if len(full) <= 80 else f"{full[:77]}..."
 
 
 def _is(value: object, kind: str) -> bool:
@@ -56,7 +121,7 @@ def _is(value: object, kind: str) -> bool:
     return kind in (one.__name__ for one in type(value).__mro__)
 
 
-def _shown(value: object) -> str:
+def _kind_shown(value: object) -> str:
     """Return a short value itself, of others the type."""
     name = type(value).__name__
     if value is None or isinstance(value, int | float | str):

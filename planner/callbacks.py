@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from planner.exceptions import RequestError
+from planner.argument_kinds import FROM_0_BELOW_1, POSITIVE_SECONDS, check_number
 from planner.progress import Progress, report
 
 REGIONS_SHARE = 0.5
@@ -23,12 +23,6 @@ SEARCH_SHARE = 0.8
 
 class TimeIsUpError(Exception):
     """The time limit has passed. It never leaves the package."""
-
-
-def _is_number(value: Any, above: float) -> bool:
-    return (
-        isinstance(value, int | float) and not isinstance(value, bool) and above < value < math.inf
-    )
 
 
 class Deadline:
@@ -48,13 +42,9 @@ class Deadline:
     """
 
     def __init__(self, time_limit_s: float | None = None, gap: float = 0.0):
-        if time_limit_s is not None and not _is_number(time_limit_s, above=0.0):
-            raise RequestError.of_rule(
-                "time_limit_s", "must be a positive number of seconds", repr(time_limit_s)
-            )
-        if not (_is_number(gap, above=-math.inf) and 0 <= gap < 1):
-            raise RequestError.of_rule("gap", "must be in [0, 1)", repr(gap))
-        self.gap = float(gap)
+        if time_limit_s is not None:
+            check_number("time_limit_s", time_limit_s, POSITIVE_SECONDS)
+        self.gap = check_number("gap", gap, FROM_0_BELOW_1)
         self._limit = math.inf if time_limit_s is None else float(time_limit_s)
         self._begin = time.monotonic()
         # of the clock that other processes share

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.argument_kinds import MAPPING, check_kinds
+from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
-from planner.request.defaults import check_fraction, default_workspace
+from planner.request.defaults import default_workspace
 from planner.request.request import Request
 from planner.request.target_space import TargetSpace
 from planner.verify.p_all import DisplacedChecks

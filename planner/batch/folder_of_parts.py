@@ -9,6 +9,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
+from planner.argument_kinds import check_count
 from planner.batch.part_request import PartRequest
 from planner.batch.part_result import PartResult, digest_of, found_again, write_tables
 from planner.batch.workers import Task, on_executor, on_own_processes
@@ -16,7 +17,6 @@ from planner.exceptions import RequestError
 from planner.files import absolute, output_folder
 from planner.output.folder_lock import folder_lock
 from planner.progress import Progress, report
-from planner.request.defaults import check_count
 
 # between two writings of the table while parts are planned
 _TABLE_S = 10.0

@@ -9,7 +9,7 @@ from typing import Any
 
 from aspectgraph.entities.entity_rules import check_selection
 from aspectgraph.read.mesh import check_units
-from planner.argument_kinds import MAPPING, check_kinds
+from planner.argument_kinds import MAPPING, check_count, check_fraction, check_kinds
 from planner.callbacks import Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
@@ -19,7 +19,6 @@ from planner.identity.inspection_request import InspectionRequest, digest_of
 from planner.identity.plain import plain_fields
 from planner.identity.resolve_request import Promise, promised
 from planner.inspection_options import InspectionOptions
-from planner.request.defaults import check_count, check_fraction
 
 _LIMITS = (
     "stand_off_mm",

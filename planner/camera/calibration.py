@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.camera.checks import check_pair, check_positive, shown
+from planner.argument_kinds import shown
+from planner.camera.checks import check_pair, check_positive
 from planner.camera.distortion import Distortion
 from planner.exceptions import CameraError
 

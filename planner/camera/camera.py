@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from planner.argument_kinds import shown
 from planner.camera.calibration import opencv_fields
 from planner.camera.catalogue import check_lens, find_camera
 from planner.camera.checks import (
@@ -34,7 +35,6 @@ from planner.camera.checks import (
     check_positive,
     line_of,
     read_toml,
-    shown,
 )
 from planner.camera.distortion import Distortion
 from planner.camera.field import Field, field_of

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from planner.argument_kinds import shown
 from planner.exceptions import CameraError
 
 try:
@@ -104,11 +104,3 @@ def check_count(field: str, value: object) -> int:
     if number != int(number):
         raise CameraError.of_rule(field, "must be whole pixels", shown(value))
     return int(number)
-
-
-def shown(value: object, text: Callable[[Any], str] = repr) -> str:
-    """Return a value as Python writes it, shortened to a readable length."""
-    if isinstance(value, int) and value.bit_length() > 240:
-        return f"an integer of {value.bit_length()} bits"
-    told = text(value)
-    return told if len(told) <= 80 else f"{told[:77]}..."

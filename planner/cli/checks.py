@@ -5,10 +5,17 @@ An error names the option as it was typed.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
+from planner.argument_kinds import (
+    ABOVE_0_TO_1,
+    BETWEEN_0_AND_1,
+    FROM_0_BELOW_1,
+    NOT_NEGATIVE,
+    POSITIVE_SECONDS,
+    NumberRule,
+)
 from planner.exceptions import RequestError
 
 _COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "graph_limit": 0, "rows": 1}
@@ -16,19 +23,34 @@ _COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "graph_limit": 0, "r
 _MOST = 10**9
 # as `planner.request.defaults.MOST_SEED`, which takes a second to load
 _MOST_SEED = 10**300
-_NOT_NEGATIVE = (
-    "sigma_mm",
-    "sigma_rad",
-    "stand_off",
-    "min_length",
-    "min_length_px",
-    "field_margin_px",
-    "focus_margin_mm",
-    "visibility_radius_mm",
-    "separation_px",
-    "surround_px",
-    "min_corner_deg",
-)
+_PROMISES = ("accuracy", "probability")
+# a share close to 1 needs all its digits
+_IN_FULL = (*_PROMISES, "contrast", "share")
+_RULES = {
+    **dict.fromkeys(
+        (
+            "sigma_mm",
+            "sigma_rad",
+            "stand_off",
+            "min_length",
+            "min_length_px",
+            "field_margin_px",
+            "focus_margin_mm",
+            "visibility_radius_mm",
+            "separation_px",
+            "surround_px",
+            "min_corner_deg",
+            "surfaces_mm",
+        ),
+        NOT_NEGATIVE,
+    ),
+    **dict.fromkeys(_PROMISES, BETWEEN_0_AND_1),
+    "contrast": NumberRule("must lie strictly between 0 and 1", BETWEEN_0_AND_1.holds),
+    "share": ABOVE_0_TO_1,
+    "time_limit": POSITIVE_SECONDS,
+    "gap": FROM_0_BELOW_1,
+    "give_up": FROM_0_BELOW_1,
+}
 
 
 def check_numbers(options: Any) -> None:
@@ -55,30 +77,13 @@ def check_numbers(options: Any) -> None:
         if value > most:
             got = f"a number of {len(str(value))} digits"
             raise RequestError.of_rule(name, f"must be at most {most:g}", got)
-    for name in _NOT_NEGATIVE:
+    for name, rule in _RULES.items():
         value = given.get(name)
-        if value is not None and not (math.isfinite(value) and value >= 0):
-            raise RequestError.of_rule(name, "must be finite and not negative", f"{value:g}")
-    for name in ("accuracy", "probability"):
-        value = given.get(name)
-        if value is not None and not 0 < value < 1:
-            hint = f"write {value:g}%" if 2 <= value < 100 else ""
-            raise RequestError.of_rule(name, "must be in (0, 1)", repr(value), hint=hint)
-    contrast = given.get("contrast")
-    share = given.get("share")
-    if contrast is not None and not 0 < contrast < 1:
-        rule = "must lie strictly between 0 and 1"
-        raise RequestError.of_rule("contrast", rule, repr(contrast))
-    if share is not None and not 0 < share <= 1:
-        raise RequestError.of_rule("share", "must be in (0, 1]", repr(share))
-    limit = given.get("time_limit")
-    if limit is not None and not 0 < limit < math.inf:
-        rule = "must be a positive number of seconds"
-        raise RequestError.of_rule("time_limit", rule, f"{limit:g}")
-    for name in ("gap", "give_up"):
-        value = given.get(name)
-        if value is not None and not 0 <= value < 1:
-            raise RequestError.of_rule(name, "must be in [0, 1)", f"{value:g}")
+        if value is None or rule.accepts(value):
+            continue
+        hint = f"write {value:g}%" if name in _PROMISES and 2 <= value < 100 else ""
+        got = repr(value) if name in _IN_FULL else f"{value:g}"
+        raise RequestError.of_rule(name, rule.text, got, hint=hint)
 
 
 def check_inputs(options: Any) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, fields
 
-import numpy as np
-
+from planner.argument_kinds import NOT_NEGATIVE, check_number
 from planner.exceptions import RequestError
 
 
@@ -61,10 +59,7 @@ class Detectability:
 
     def __post_init__(self) -> None:
         for one in fields(self):
-            value = getattr(self, one.name)
-            right = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-            if not (right and math.isfinite(value) and value >= 0):
-                raise RequestError.of_rule(one.name, "must be finite and not negative", repr(value))
+            check_number(one.name, getattr(self, one.name), NOT_NEGATIVE)
         if self.min_corner_deg >= 90:
             raise RequestError.of_rule(
                 "min_corner_deg", "must be below 90", repr(self.min_corner_deg)

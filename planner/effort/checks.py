@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import is_dataclass
 from functools import cache
-from numbers import Real
 from typing import Any, get_type_hints
 
-from planner.exceptions import RequestError
-from planner.request.defaults import check_count
+from planner.argument_kinds import NOT_NEGATIVE, NumberRule, check_count, check_number
 
 # types of fields that hold floats
 _FLOATS = (float, tuple[float, ...])
+_NOT_NEGATIVE = NumberRule("must be a finite number, 0 or more", NOT_NEGATIVE.holds)
 # numbers of things of which there may be none
 _MAY_BE_NONE = {
     "around",
@@ -63,15 +61,9 @@ def check_record(owner: str, record: Any) -> None:
             continue
         for number in value if isinstance(value, tuple) else (value,):
             if is_float:
-                _check_finite(full, number)
+                check_number(full, number, _NOT_NEGATIVE)
             else:
                 check_count(full, number, 0 if name in _MAY_BE_NONE else 1)
-
-
-def _check_finite(name: str, number: Any) -> None:
-    real = isinstance(number, Real) and not isinstance(number, bool)
-    if not real or not math.isfinite(number) or number < 0:
-        raise RequestError.of_rule(name, "must be a finite number, 0 or more", repr(number))
 
 
 def with_floats(record: Any) -> Any:

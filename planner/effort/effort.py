@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from numbers import Real
 
+from planner.argument_kinds import check_count
 from planner.effort.bound import BoundEffort
 from planner.effort.checks import check_record
 from planner.effort.columns import Nearness, Pricing, Support
@@ -12,7 +13,6 @@ from planner.effort.cover import Covering
 from planner.effort.poses import Centring, Search
 from planner.effort.stages import StageEffort
 from planner.exceptions import RequestError
-from planner.request.defaults import check_count
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from planner.argument_kinds import check_count
 from planner.effort.checks import check_record
 from planner.exceptions import RequestError
-from planner.request.defaults import check_count
 
 _STARTS = ("refine_starts", "spread_starts", "turned_starts")
 

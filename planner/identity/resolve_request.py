@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from errors.measurands.localisation import Localisation
+from planner.argument_kinds import check_fraction
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.effort.effort import Effort
 from planner.identity.inspection_request import InspectionRequest, PartRecord, RingRecord
 from planner.identity.target_record import target_records
 from planner.inspection_options import InspectionOptions
-from planner.request.defaults import check_fraction, check_seed, default_workspace
+from planner.request.defaults import check_seed, default_workspace
 from planner.wanted.assumed import localisation_or_default, surfaces_or_default
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import Target, check_is_edge, edge_targets

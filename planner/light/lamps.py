@@ -12,6 +12,7 @@ from scipy.optimize import linprog
 from scipy.stats import qmc
 
 from aspectgraph.cells.cell_set import Cell
+from planner.argument_kinds import NOT_NEGATIVE, POSITIVE, check_number
 from planner.exceptions import RequestError
 from planner.request.reach import Reach, check_reach, reach_margin
 
@@ -90,7 +91,7 @@ class LampBox:
             raise RequestError.of_rule(
                 "low", "must be below high in every coordinate", f"{self.low!r} and {self.high!r}"
             )
-        _check_clearance(self.clearance_mm)
+        check_number("clearance_mm", self.clearance_mm, NOT_NEGATIVE)
         check_reach(self.reach)
 
     def __str__(self) -> str:
@@ -232,13 +233,12 @@ class LampDome:
     def __post_init__(self) -> None:
         _numbers("the centre of a dome of lamps", self.centre, (3,))
         _numbers("radius_mm and lowest_mm", (self.radius_mm, self.lowest_mm), (2,))
-        if not self.radius_mm > 0:
-            raise RequestError.of_rule("radius_mm", "must be positive", repr(self.radius_mm))
+        check_number("radius_mm", self.radius_mm, POSITIVE)
         if not self.lowest_mm < self.radius_mm:
             raise RequestError.of_rule(
                 "lowest_mm", f"must be below radius_mm, {self.radius_mm:g}", repr(self.lowest_mm)
             )
-        _check_clearance(self.clearance_mm)
+        check_number("clearance_mm", self.clearance_mm, NOT_NEGATIVE)
 
     def __str__(self) -> str:
         """Return what a sentence calls it."""
@@ -350,11 +350,6 @@ def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
             "lamps", f"must be positions, a LampBox, a LampDome or {RING!r}", repr(lamps)
         )
     return _numbers("lamps", lamps, (-1, 3))
-
-
-def _check_clearance(value: float) -> None:
-    if not (isinstance(value, int | float) and 0 <= value < np.inf):
-        raise RequestError.of_rule("clearance_mm", "must be finite and not negative", repr(value))
 
 
 def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from aspectgraph.light.contrast import check_contrast, check_lamps
 from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions, compute_light
 from aspectgraph.solid.ray_scene import RayScene
+from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, check_number
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
 from planner.light.corner_light import corners_of
@@ -79,10 +80,7 @@ class Lighting:
             raise RequestError.of_rule(
                 "ground", f"must be one of {', '.join(GROUNDS)}", repr(self.ground)
             )
-        if not (isinstance(self.tolerance_mm, int | float) and 0 <= self.tolerance_mm < np.inf):
-            raise RequestError.of_rule(
-                "tolerance_mm", "must be finite and not negative", repr(self.tolerance_mm)
-            )
+        check_number("tolerance_mm", self.tolerance_mm, NOT_NEGATIVE)
         check_step(self.step)
 
     def __repr__(self) -> str:
@@ -176,9 +174,7 @@ def eyes_of(plan: PlanToLight) -> NDArray[np.float64]:
 
 def check_step(step: float) -> float:
     """Return the step of grey values; RequestError if it is not in [0, 1)."""
-    if not (isinstance(step, int | float) and 0 <= step < 1):
-        raise RequestError.of_rule("step", "must be in [0, 1)", repr(step))
-    return step
+    return check_number("step", step, FROM_0_BELOW_1)
 
 
 def _workspace(solid: Solid, places: ArrayLike, tolerance_mm: float) -> NDArray[np.float64]:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.ray_scene import RayScene
+from planner.argument_kinds import FROM_0_BELOW_1, check_number
 from planner.camera.camera import Camera
-from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP, SHARES, rays_beside, sure_contrast
 
 if TYPE_CHECKING:
@@ -58,8 +58,7 @@ class RingSpace:
     """
 
     def __init__(self, light: LightRegions, camera: Camera, step: float = DEFAULT_STEP) -> None:
-        if not 0 <= step < 1:
-            raise RequestError.of_rule("step", "must be in [0, 1)", repr(step))
+        check_number("step", step, FROM_0_BELOW_1)
         self.light = light
         self.camera = camera
         self.step = step

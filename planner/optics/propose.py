@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.argument_kinds import MAPPING, check_kinds
+from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_parts
 from planner.camera.pose import look_at, world_to_cam
@@ -27,7 +27,7 @@ from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
 from planner.optics.proposal import OpticsProposal
 from planner.request.constraints import Constraints, Requirements
-from planner.request.defaults import check_fraction, position_margin_mm
+from planner.request.defaults import position_margin_mm
 from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
 from planner.request.target_space import TargetSpace
 from planner.wanted.assumed import localisation_or_default, surfaces_or_default

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.argument_kinds import NOT_NEGATIVE, check_count, check_number
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import Detectability
@@ -115,38 +116,14 @@ def check_focus_margin(margin_mm: float, camera: Camera) -> float:
         If it is negative, not finite, or at least half the depth of field.
     """
     nearest, farthest = camera.depth_of_field_mm
-    if (
-        isinstance(margin_mm, bool)
-        or not isinstance(margin_mm, int | float | np.number)
-        or not margin_mm >= 0
-    ):
-        raise RequestError.of_rule(
-            "focus_margin_mm", "must be finite and not negative", repr(margin_mm)
-        )
-    if not (math.isfinite(margin_mm) and 2 * margin_mm < farthest - nearest):
+    check_number("focus_margin_mm", margin_mm, NOT_NEGATIVE)
+    if not 2 * margin_mm < farthest - nearest:
         raise RequestError.of_rule(
             "focus_margin_mm",
             f"must be less than half the depth of field, {farthest - nearest:.4g} mm",
             f"{margin_mm:g}",
         )
     return float(margin_mm)
-
-
-def check_fraction(name: str, value: object) -> float:
-    """Return a number in (0, 1) or raise `RequestError`."""
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float | np.number)
-        or not 0 < value < 1
-    ):
-        raise RequestError.of_rule(name, "must be in (0, 1)", repr(value))
-    return float(value)
-
-
-def check_count(name: str, value: object, least: int) -> None:
-    """Raise `RequestError` unless a value is an integer of at least so much."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
-        raise RequestError.of_rule(name, f"must be an integer of at least {least}", repr(value))
 
 
 def check_seed(rng: object) -> int:
@@ -157,10 +134,8 @@ def check_seed(rng: object) -> int:
         raise RequestError.of_rule(
             "rng", "must be a non-negative integer or a numpy Generator", repr(rng)
         )
-    seed = int(rng)
-    if seed > MOST_SEED:
-        raise RequestError.of_rule("rng", f"must be at most {MOST_SEED:g}", "a longer integer")
-    return seed
+    check_count("rng", rng, 0, MOST_SEED)
+    return int(rng)
 
 
 def pose_margin_px(camera: Camera, pose_uncertainty: PoseUncertainty) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from planner.argument_kinds import check_fraction
 from planner.exceptions import RequestError
 from planner.wanted.models import Means
 from planner.wanted.targets import Target, edge_target
@@ -30,8 +31,7 @@ class Objective:
     """
 
     def __init__(self, targets: Sequence[Target], means: Means, kind: str = "sum"):
-        if not 0 < means.accuracy < 1:
-            raise RequestError.of_rule("accuracy", "must be in (0, 1)", repr(means.accuracy))
+        check_fraction("accuracy", means.accuracy)
         if kind not in ("sum", "min"):
             raise RequestError.of_rule("objective", "must be 'sum' or 'min'", repr(kind))
         self.n_targets = len(targets)

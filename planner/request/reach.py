@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from aspectgraph.solid import RayScene
+from planner.argument_kinds import POSITIVE, check_number
 from planner.exceptions import RequestError
 
 
@@ -129,8 +130,7 @@ class SphereRegion:
     radius_mm: float
 
     def __post_init__(self) -> None:
-        if not self.radius_mm > 0:
-            raise RequestError.of_rule("radius_mm", "must be positive", repr(self.radius_mm))
+        check_number("radius_mm", self.radius_mm, POSITIVE)
 
     def margin(self, positions: np.ndarray) -> np.ndarray:
         """Return the distance to the sphere, positive inside.

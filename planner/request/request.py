@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.argument_kinds import check_fraction
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.constraints import Constraints, Requirements
-from planner.request.defaults import check_fraction
 from planner.request.objective import Objective
 from planner.request.space import Space
 from planner.wanted.models import Means

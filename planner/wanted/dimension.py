@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from planner.argument_kinds import (
+    ABOVE_0_TO_1,
+    POSITIVE,
+    NumberRule,
+    check_fraction,
+    check_number,
+)
 from planner.exceptions import RequestError
 
 QUARTER = 0.25
 """Share of a tolerance's half width that a measurement error may take: the usual 4 : 1 test uncertainty ratio."""
+
+_POSITIVE = NumberRule("must be a positive number", POSITIVE.holds)
 
 Target = Any
 """What stands for an entity: an id (17, "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
@@ -81,14 +89,11 @@ class Dimension:
             )
         if self.tolerance is not None:
             object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
-        if self.max_error is not None and not (_is_number(self.max_error) and self.max_error > 0):
-            raise RequestError.of_rule(
-                "max_error", "must be a positive number", repr(self.max_error)
-            )
-        if self.accuracy is not None and not (_is_number(self.accuracy) and 0 < self.accuracy < 1):
-            raise RequestError.of_rule("accuracy", "must be in (0, 1)", repr(self.accuracy))
-        if not (_is_number(self.share) and 0 < self.share <= 1):
-            raise RequestError.of_rule("share", "must be in (0, 1]", repr(self.share))
+        if self.max_error is not None:
+            check_number("max_error", self.max_error, _POSITIVE)
+        if self.accuracy is not None:
+            check_fraction("accuracy", self.accuracy)
+        check_number("share", self.share, ABOVE_0_TO_1)
         if self.direction is not None:
             object.__setattr__(self, "direction", _checked_direction(self.direction))
         whole = isinstance(self.n_features, int) and not isinstance(self.n_features, bool)
@@ -298,14 +303,6 @@ def _renamed(asked: dict[str, Any], unit: str) -> dict[str, Any]:
             f"what is asked of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
         )
     return {names[name]: value for name, value in asked.items()}
-
-
-def _is_number(value: object) -> bool:
-    return (
-        isinstance(value, int | float)
-        and not isinstance(value, bool)
-        and abs(value) <= sys.float_info.max
-    )
 
 
 def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.argument_kinds import shown
 from planner.camera.calibration import opencv_fields
-from planner.camera.checks import check_positive, shown
+from planner.camera.checks import check_positive
 from planner.camera.readers import key_names as names
 from planner.camera.readers.calibration import (
     Calibration,

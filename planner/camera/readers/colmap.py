@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from planner.camera.checks import shown
+from planner.argument_kinds import shown
 from planner.camera.readers.calibration import (
     Calibration,
     camera_matrix,

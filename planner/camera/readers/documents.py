@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from planner.camera.checks import shown
+from planner.argument_kinds import shown
 from planner.exceptions import CameraError
 
 # calibrations have some kilobytes, or some hundred with the points of all images

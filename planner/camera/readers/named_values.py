@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from planner.camera.checks import shown
+from planner.argument_kinds import shown
 from planner.camera.readers.calibration import check_finite
 from planner.camera.readers.key_names import HARMLESS, READ, plain
 from planner.exceptions import CameraError

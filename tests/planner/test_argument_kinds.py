@@ -1,0 +1,73 @@
+"""Numbers out of their range, or no numbers at all, are refused by name."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from planner import (
+    Camera,
+    Detectability,
+    Dimension,
+    LampBox,
+    LampDome,
+    Lighting,
+    PoseUncertainty,
+    RequestError,
+    SphereRegion,
+)
+from planner.argument_kinds import ABOVE_0_TO_1, FROM_0_BELOW_1, NOT_NEGATIVE, check_number
+from planner.callbacks import Deadline
+from planner.request.objective import Objective
+from planner.wanted.models import Means
+
+CAMERA = Camera.named("basler-acA2440-20gm-8mm")
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.001)
+NO_NUMBERS = (True, np.True_, "0.5", None, math.nan, math.inf, -math.inf, 1j, [0.5], 10**400)
+
+
+@pytest.mark.parametrize("value", NO_NUMBERS)
+def test_what_is_no_finite_number_is_refused(value):
+    with pytest.raises(
+        RequestError, match=r"^width must be finite and not negative\. Got "
+    ) as info:
+        check_number("width", value, NOT_NEGATIVE)
+    assert info.value.parameter == "width"
+
+
+@pytest.mark.parametrize("value", [1, 0.5, np.float32(0.5), np.int64(1), Fraction(1, 2)])
+def test_numbers_of_all_kinds_are_numbers(value):
+    number = check_number("width", value, NOT_NEGATIVE)
+    assert type(number) is float
+    assert number == value
+
+
+def test_the_ends_of_a_range_belong_to_it_or_not():
+    assert [FROM_0_BELOW_1.accepts(end) for end in (0, 1)] == [True, False]
+    assert [ABOVE_0_TO_1.accepts(end) for end in (0, 1)] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("make", "parameter"),
+    [
+        (lambda value: Deadline(value), "time_limit_s"),
+        (lambda value: Deadline(gap=value), "gap"),
+        (lambda value: Detectability(surround_px=value), "surround_px"),
+        (lambda value: Dimension.diameter("r0", max_error_mm=value), "max_error"),
+        (lambda value: Dimension.diameter("r0", accuracy=value), "accuracy"),
+        (lambda value: Dimension.diameter("r0", share=value), "share"),
+        (lambda value: LampBox((0, 0, 0), (1, 1, 1), clearance_mm=value), "clearance_mm"),
+        (lambda value: LampDome((0, 0, 0), 9.0, clearance_mm=value), "clearance_mm"),
+        (lambda value: Lighting("ring", tolerance_mm=value), "tolerance_mm"),
+        (lambda value: Lighting("ring", step=value), "step"),
+        (lambda value: SphereRegion((0, 0, 0), value), "radius_mm"),
+        (lambda value: Objective([], Means(CAMERA, UNCERTAINTY, value)), "accuracy"),
+    ],
+)
+@pytest.mark.parametrize("value", ["0.5", -1.0, math.nan, True])
+def test_every_record_refuses_what_is_no_number_by_its_name(make, parameter, value):
+    with pytest.raises(RequestError) as info:
+        make(value)
+    assert info.value.parameter == parameter
+    assert info.value.got == repr(value)
