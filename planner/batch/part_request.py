@@ -9,7 +9,14 @@ from typing import Any
 
 from aspectgraph.entities.entity_rules import check_selection
 from aspectgraph.read.mesh import check_units
-from planner.argument_kinds import MAPPING, check_count, check_fraction, check_kinds
+from planner.argument_kinds import (
+    MAPPING,
+    NOT_NEGATIVE,
+    check_count,
+    check_fraction,
+    check_kinds,
+    check_number,
+)
 from planner.callbacks import Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
@@ -19,17 +26,18 @@ from planner.identity.inspection_request import InspectionRequest, digest_of
 from planner.identity.plain import plain_fields
 from planner.identity.resolve_request import Promise, promised
 from planner.inspection_options import InspectionOptions
+from planner.request.defaults import MOST_SEED
 
-_LIMITS = (
+_LENGTHS = (
     "stand_off_mm",
     "min_length_px",
     "field_margin_px",
     "visibility_radius_mm",
     "focus_margin_mm",
-    "showing",
-    "time_limit_s",
-    "gap",
 )
+_LIMITS = (*_LENGTHS, "showing", "time_limit_s", "gap")
+# least and most of what is counted
+_COUNTS = {"seed": (0, MOST_SEED), "simulate": (1, 10**9), "graph_limit": (0, 10**9)}
 
 
 @dataclass(frozen=True)
@@ -102,15 +110,19 @@ class PartRequest:
         )
         check_fraction("accuracy", self.accuracy)
         check_fraction("probability", self.probability)
-        for name, least in (("seed", 0), ("simulate", 1), ("graph_limit", 0)):
-            check_count(name, getattr(self, name), least)
+        for name, (least, most) in _COUNTS.items():
+            check_count(name, getattr(self, name), least, most)
         if self.select is not None:
+            check_kinds(select=(self.select, "str"))
             check_selection(self.select)
         if self.units is not None:
+            check_kinds(units=(self.units, "str"))
             check_units(self.units)
-        for name in self.limits:
+        for name, value in self.limits.items():
             if name not in _LIMITS:
                 raise RequestError.of_rule("limits", f"must be of {', '.join(_LIMITS)}", repr(name))
+            if name in _LENGTHS and value is not None:
+                check_number(name, value, NOT_NEGATIVE)
         # what would be refused with every part is refused before the first one
         Deadline(self.options.time_limit_s, self.options.gap)
         self.options.requirements(self.camera, self.pose_uncertainty)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import multiprocessing
 import os
 import signal
@@ -198,11 +199,35 @@ def test_bad_input(parts, request_, tmp_path):
         ({"limits": 3}, "limits must be a mapping"),
         ({"effort": "quick"}, r"effort must be an Effort. Got 'quick'\. Effort\.named"),
         ({"camera": "basler"}, "camera must be a Camera"),
+        ({"accuracy": 95}, r"accuracy must be in \(0, 1\)\. Got 95\."),
+        ({"probability": True}, r"probability must be in \(0, 1\)\. Got True\."),
+        ({"seed": -1}, "seed must be an integer of at least 0"),
+        ({"seed": 10**400}, r"seed must be at most 1e\+300\. Got an integer of 1329 bits\."),
+        ({"simulate": 0}, "simulate must be an integer of at least 1"),
+        ({"simulate": 10**12}, r"simulate must be at most 1e\+09"),
+        ({"graph_limit": 1.5}, "graph_limit must be an integer of at least 0"),
+        ({"select": 5}, r"select must be a str\. Got 5\."),
+        ({"units": ["mm"]}, r"units must be a str\. Got a list\."),
+        ({"limits": {"stand_off_mm": True}}, "stand_off_mm must be finite and not negative"),
+        ({"limits": {"min_length_px": 10**400}}, r"min_length_px must be finite .* 1329 bits"),
+        ({"limits": {"field_margin_px": "8"}}, "field_margin_px must be finite and not negative"),
+        ({"limits": {"visibility_radius_mm": math.nan}}, "visibility_radius_mm must be finite"),
+        ({"limits": {"focus_margin_mm": 1e6}}, "focus_margin_mm must be less than half the depth"),
+        ({"limits": {"showing": Detectability(surround_px=2000)}}, "surround_px must be less than"),
     ],
 )
 def test_a_bad_option_is_refused_before_any_part(request_, fields_, rule):
-    with pytest.raises(RequestError, match=rule):
+    with pytest.raises(RequestError, match=f"^{rule}"):
         replace(request_, **fields_)
+
+
+def test_swapped_arguments_are_told_their_order(request_):
+    rule = (
+        r"^camera must be a Camera\. Got a PoseUncertainty; "
+        "the order of the arguments is camera, pose_uncertainty"
+    )
+    with pytest.raises(RequestError, match=rule):
+        PartRequest(request_.pose_uncertainty, request_.camera)
 
 
 def test_the_time_limit_ends_the_visible_regions_of_a_part(parts, request_, tmp_path, monkeypatch):
