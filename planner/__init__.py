@@ -1,7 +1,7 @@
 """Planning of sensor settings for active visual inspection.
 
 Names are imported from their modules when they are first used: the command line's ``--help`` should not wait for ray
-casters and compilers.
+casters and compilers. A public name stands twice: with the imports for type checkers, and in `_NAMES`.
 """
 
 from __future__ import annotations
@@ -10,79 +10,82 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from errors.measurands import Localisation
-    from planner.batch.folder_of_parts import plan_folder
-    from planner.batch.part_request import PartRequest
-    from planner.batch.part_result import PartResult
-    from planner.camera.camera import Camera
-    from planner.camera.catalogue import camera_names
-    from planner.camera.distortion import Distortion
-    from planner.camera.pose import look_at
-    from planner.camera.pose_uncertainty import PoseUncertainty
-    from planner.cover.set_cover import Cover, is_cover, min_cover
-    from planner.detectability.conditions import Detectability, Showing
-    from planner.effort.effort import Effort
-    from planner.effort.poses import Search
-    from planner.exceptions import (
-        CameraError,
-        CoverError,
-        InfeasibleError,
-        OutputError,
-        PlanFileError,
-        PlannerError,
-        RequestError,
-        UncertaintyError,
-    )
-    from planner.inspection import plan_inspection
-    from planner.inspection_options import InspectionOptions
-    from planner.light.lamps import LampBox, LampDome, LampsTogether
-    from planner.light.light_plan import LightPlan, LitImage
-    from planner.light.lighting import Lighting
-    from planner.light.plan_light import plan_light
-    from planner.light.ring_space import RingSpace
-    from planner.optics.proposal import OpticsProposal, optics_table
-    from planner.optics.propose import propose_optics
-    from planner.output.pose_files import write_poses
-    from planner.plan import InspectionPlan, read_plan
-    from planner.pose_prediction import PosePrediction, predict
-    from planner.report.figure import plan_figure
-    from planner.report.page import report_html
-    from planner.report.predicted_image import predicted_image
-    from planner.request.constraints import Requirements
-    from planner.request.defaults import default_workspace
-    from planner.request.reach import BoxRegion, MeshRegion, SphereRegion
-    from planner.setting.plan_setting import plan_setting
-    from planner.setting.reason import Reason, ReasonKind
-    from planner.setting.sensor_setting import SensorSetting
-    from planner.travel import travel_order
-    from planner.verify.simulate_plan import SimulationResult, simulate_plan
-    from planner.verify.simulate_setting import SuccessRate, simulate_setting
-    from planner.wanted.dimension import Dimension
-    from planner.wanted.planned import PlannedDimension
+    from errors.measurands import Localisation as Localisation
+    from planner.batch.folder_of_parts import plan_folder as plan_folder
+    from planner.batch.part_request import PartRequest as PartRequest
+    from planner.batch.part_result import PartResult as PartResult
+    from planner.camera.camera import Camera as Camera
+    from planner.camera.catalogue import camera_names as camera_names
+    from planner.camera.distortion import Distortion as Distortion
+    from planner.camera.pose import look_at as look_at
+    from planner.camera.pose_uncertainty import PoseUncertainty as PoseUncertainty
+    from planner.cover.set_cover import Cover as Cover
+    from planner.cover.set_cover import is_cover as is_cover
+    from planner.cover.set_cover import min_cover as min_cover
+    from planner.detectability.conditions import Detectability as Detectability
+    from planner.detectability.conditions import Showing as Showing
+    from planner.effort.effort import Effort as Effort
+    from planner.effort.poses import Search as Search
+    from planner.exceptions import CameraError as CameraError
+    from planner.exceptions import CoverError as CoverError
+    from planner.exceptions import InfeasibleError as InfeasibleError
+    from planner.exceptions import OutputError as OutputError
+    from planner.exceptions import PlanFileError as PlanFileError
+    from planner.exceptions import PlannerError as PlannerError
+    from planner.exceptions import RequestError as RequestError
+    from planner.exceptions import UncertaintyError as UncertaintyError
+    from planner.inspection import plan_inspection as plan_inspection
+    from planner.inspection_options import InspectionOptions as InspectionOptions
+    from planner.light.lamps import LampBox as LampBox
+    from planner.light.lamps import LampDome as LampDome
+    from planner.light.lamps import LampsTogether as LampsTogether
+    from planner.light.light_plan import LightPlan as LightPlan
+    from planner.light.light_plan import LitImage as LitImage
+    from planner.light.lighting import Lighting as Lighting
+    from planner.light.plan_light import plan_light as plan_light
+    from planner.light.ring_space import RingSpace as RingSpace
+    from planner.optics.proposal import OpticsProposal as OpticsProposal
+    from planner.optics.proposal import optics_table as optics_table
+    from planner.optics.propose import propose_optics as propose_optics
+    from planner.output.pose_files import write_poses as write_poses
+    from planner.plan import InspectionPlan as InspectionPlan
+    from planner.plan import read_plan as read_plan
+    from planner.pose_prediction import PosePrediction as PosePrediction
+    from planner.pose_prediction import predict as predict
+    from planner.report.figure import plan_figure as plan_figure
+    from planner.report.page import report_html as report_html
+    from planner.report.predicted_image import predicted_image as predicted_image
+    from planner.request.constraints import Requirements as Requirements
+    from planner.request.defaults import default_workspace as default_workspace
+    from planner.request.reach import BoxRegion as BoxRegion
+    from planner.request.reach import MeshRegion as MeshRegion
+    from planner.request.reach import SphereRegion as SphereRegion
+    from planner.setting.plan_setting import plan_setting as plan_setting
+    from planner.setting.reason import Reason as Reason
+    from planner.setting.reason import ReasonKind as ReasonKind
+    from planner.setting.sensor_setting import SensorSetting as SensorSetting
+    from planner.travel import travel_order as travel_order
+    from planner.verify.simulate_plan import SimulationResult as SimulationResult
+    from planner.verify.simulate_plan import simulate_plan as simulate_plan
+    from planner.verify.simulate_setting import SuccessRate as SuccessRate
+    from planner.verify.simulate_setting import simulate_setting as simulate_setting
+    from planner.wanted.dimension import Dimension as Dimension
+    from planner.wanted.planned import PlannedDimension as PlannedDimension
 
 _NAMES = {
+    "errors.measurands": ("Localisation",),
+    "planner.batch.folder_of_parts": ("plan_folder",),
     "planner.batch.part_request": ("PartRequest",),
     "planner.batch.part_result": ("PartResult",),
-    "planner.batch.folder_of_parts": ("plan_folder",),
-    "errors.measurands": ("Localisation",),
-    "planner.pose_prediction": ("PosePrediction", "predict"),
-    "planner.wanted.dimension": ("Dimension",),
-    "planner.wanted.planned": ("PlannedDimension",),
     "planner.camera.camera": ("Camera",),
     "planner.camera.catalogue": ("camera_names",),
     "planner.camera.distortion": ("Distortion",),
-    "planner.optics.proposal": (
-        "OpticsProposal",
-        "optics_table",
-    ),
-    "planner.optics.propose": ("propose_optics",),
     "planner.camera.pose": ("look_at",),
     "planner.camera.pose_uncertainty": ("PoseUncertainty",),
-    "planner.cover.set_cover": (
-        "Cover",
-        "is_cover",
-        "min_cover",
-    ),
+    "planner.cover.set_cover": ("Cover", "is_cover", "min_cover"),
+    "planner.detectability.conditions": ("Detectability", "Showing"),
+    "planner.effort.effort": ("Effort",),
+    "planner.effort.poses": ("Search",),
     "planner.exceptions": (
         "CameraError",
         "CoverError",
@@ -95,114 +98,34 @@ _NAMES = {
     ),
     "planner.inspection": ("plan_inspection",),
     "planner.inspection_options": ("InspectionOptions",),
-    "planner.light.lamps": (
-        "LampBox",
-        "LampDome",
-        "LampsTogether",
-    ),
-    "planner.light.light_plan": (
-        "LightPlan",
-        "LitImage",
-    ),
+    "planner.light.lamps": ("LampBox", "LampDome", "LampsTogether"),
+    "planner.light.light_plan": ("LightPlan", "LitImage"),
     "planner.light.lighting": ("Lighting",),
     "planner.light.plan_light": ("plan_light",),
     "planner.light.ring_space": ("RingSpace",),
-    "planner.report.figure": ("plan_figure",),
+    "planner.optics.proposal": ("OpticsProposal", "optics_table"),
+    "planner.optics.propose": ("propose_optics",),
     "planner.output.pose_files": ("write_poses",),
-    "planner.report.predicted_image": ("predicted_image",),
+    "planner.plan": ("InspectionPlan", "read_plan"),
+    "planner.pose_prediction": ("PosePrediction", "predict"),
+    "planner.report.figure": ("plan_figure",),
     "planner.report.page": ("report_html",),
-    "planner.plan": (
-        "InspectionPlan",
-        "read_plan",
-    ),
+    "planner.report.predicted_image": ("predicted_image",),
     "planner.request.constraints": ("Requirements",),
     "planner.request.defaults": ("default_workspace",),
-    "planner.effort.effort": ("Effort",),
-    "planner.request.reach": (
-        "BoxRegion",
-        "MeshRegion",
-        "SphereRegion",
-    ),
+    "planner.request.reach": ("BoxRegion", "MeshRegion", "SphereRegion"),
     "planner.setting.plan_setting": ("plan_setting",),
-    "planner.detectability.conditions": ("Detectability", "Showing"),
-    "planner.effort.poses": ("Search",),
     "planner.setting.reason": ("Reason", "ReasonKind"),
     "planner.setting.sensor_setting": ("SensorSetting",),
     "planner.travel": ("travel_order",),
-    "planner.verify.simulate_plan": (
-        "SimulationResult",
-        "simulate_plan",
-    ),
-    "planner.verify.simulate_setting": (
-        "SuccessRate",
-        "simulate_setting",
-    ),
+    "planner.verify.simulate_plan": ("SimulationResult", "simulate_plan"),
+    "planner.verify.simulate_setting": ("SuccessRate", "simulate_setting"),
+    "planner.wanted.dimension": ("Dimension",),
+    "planner.wanted.planned": ("PlannedDimension",),
 }
 _HOMES = {name: home for home, names in _NAMES.items() for name in names}
 
-__all__ = [
-    "BoxRegion",
-    "Camera",
-    "CameraError",
-    "Cover",
-    "CoverError",
-    "Detectability",
-    "Dimension",
-    "Distortion",
-    "Effort",
-    "InfeasibleError",
-    "InspectionOptions",
-    "InspectionPlan",
-    "LampBox",
-    "LampDome",
-    "LampsTogether",
-    "LightPlan",
-    "Lighting",
-    "LitImage",
-    "Localisation",
-    "MeshRegion",
-    "OpticsProposal",
-    "OutputError",
-    "PartRequest",
-    "PartResult",
-    "PlanFileError",
-    "PlannedDimension",
-    "PlannerError",
-    "PosePrediction",
-    "PoseUncertainty",
-    "Reason",
-    "ReasonKind",
-    "RequestError",
-    "Requirements",
-    "RingSpace",
-    "Search",
-    "SensorSetting",
-    "Showing",
-    "SimulationResult",
-    "SphereRegion",
-    "SuccessRate",
-    "UncertaintyError",
-    "camera_names",
-    "default_workspace",
-    "is_cover",
-    "look_at",
-    "min_cover",
-    "optics_table",
-    "plan_figure",
-    "plan_folder",
-    "plan_inspection",
-    "plan_light",
-    "plan_setting",
-    "predict",
-    "predicted_image",
-    "propose_optics",
-    "read_plan",
-    "report_html",
-    "simulate_plan",
-    "simulate_setting",
-    "travel_order",
-    "write_poses",
-]
+__all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import builtins
 import json
 import sys
@@ -60,6 +61,14 @@ def test_every_package_has_its_version_and_a_clean_dir(package):
     assert all(hasattr(package, name) for name in dir(package))
     with pytest.raises(AttributeError, match="has no attribute 'colour'"):
         package.colour  # noqa: B018
+
+
+def test_type_checkers_see_the_same_names_at_the_same_places():
+    """The imports for them are not run, so nothing else compares them with the names that are looked up."""
+    tree = ast.parse(Path(planner.__file__).read_text(encoding="utf-8"))
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    seen = {name.asname: node.module for node in block.body for name in node.names}
+    assert seen == planner._HOMES
 
 
 def test_a_plan_is_written_to_a_folder_or_a_file_and_read_from_both(tmp_path):
