@@ -33,17 +33,38 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         If the folder does not exist or cannot be written.
     """
     path = Path(path)
-    if _is_device(path):
-        _write_to_device(path, text)
-        return
-    try:
+    with _writing(path):
+        if _is_device(path):
+            path.write_text(text, encoding="utf-8")
+            return
         _check_replaceable(path)
+        handle, temporary = _made_beside(path)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                stream.write(text)
+            os.chmod(temporary, 0o666 & ~_umask())
+            os.replace(temporary, path)
+        finally:
+            Path(temporary).unlink(missing_ok=True)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Raise `OutputError` where the system does not let a file be written."""
+    try:
+        yield
+    except OutputError:
+        raise
     except OSError as error:
         raise OutputError(
             f"{path} must be a file that can be written. Got: {error.strerror}."
         ) from None
+
+
+def _made_beside(path: Path) -> tuple[int, str]:
+    """Return descriptor and name of a new file in the folder of a file."""
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+        return tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
     except UnicodeEncodeError:
         raise OutputError.of_rule(
             "path", "must be the name of a file", f"{str(path)!r} with half a character"
@@ -52,17 +73,6 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         raise OutputError(
             f"{path} must be in a folder that can be written. Got: {error.strerror}."
         ) from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(
-            f"{path} must be a file that can be written. Got: {error.strerror}."
-        ) from None
-    finally:
-        Path(temporary).unlink(missing_ok=True)
 
 
 def _is_device(path: Path) -> bool:
@@ -76,16 +86,6 @@ def _check_replaceable(path: Path) -> None:
     from aspectgraph.files import check_replaceable
 
     check_replaceable(path)
-
-
-def _write_to_device(path: Path, text: str) -> None:
-    try:
-        with open(path, "w", encoding="utf-8") as stream:
-            stream.write(text)
-    except OSError as error:
-        raise OutputError(
-            f"{path} must be a file that can be written. Got: {error.strerror}."
-        ) from None
 
 
 def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> None:

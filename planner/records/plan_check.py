@@ -215,10 +215,7 @@ def _check_bound(data: Mapping[str, Any]) -> None:
 
 
 def _check_simulation(simulation: Mapping[str, Any], settings: Sequence[Any]) -> None:
-    if len(simulation["rates"]) != len(settings):
-        raise PlanFileError(
-            f"simulation.rates must hold one object per setting, {len(settings)}. Got {len(simulation['rates'])}."
-        )
+    _check_one_each("simulation.rates", simulation["rates"], settings)
     for k, (rates, setting) in enumerate(zip(simulation["rates"], settings, strict=True)):
         _check_keys(rates, setting["entities"], "simulation", "rates", k)
         for name, rate in rates.items():
@@ -235,10 +232,7 @@ def _check_images(images: Mapping[str, Any], settings: Sequence[Any]) -> None:
     """Check that the counts of images are those of each setting's names, and no more than there are."""
     counts = images["counts"]
     n = images["n"]
-    if len(counts) != len(settings):
-        raise PlanFileError(
-            f"simulation.shown.counts must hold one object per setting, {len(settings)}. Got {len(counts)}."
-        )
+    _check_one_each("simulation.shown.counts", counts, settings)
     for k, (own, setting) in enumerate(zip(counts, settings, strict=True)):
         for name, found in own.items():
             where = field_name("simulation", "shown", "counts", k, name)
@@ -255,10 +249,7 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
         _refuse(
             "light.lower_bound", f"must be at most {n}, the number of lamps", light["lower_bound"]
         )
-    if len(light["settings"]) != len(settings):
-        raise PlanFileError(
-            f"light.settings must hold one object per setting, {len(settings)}. Got {len(light['settings'])}."
-        )
+    _check_one_each("light.settings", light["settings"], settings)
     for k, (lit, setting) in enumerate(zip(light["settings"], settings, strict=True)):
         where = ("light", "settings", k)
         told = list(lit["unlit"])
@@ -299,6 +290,11 @@ def _check_rate(rate: Mapping[str, Any], simulation: Mapping[str, Any], *where: 
         found = f"{rate['low']:g} to {rate['high']:g}"
         rule = f"must be an interval, low to high, that contains successes / n, {rate['successes'] / n:g}"
         raise PlanFileError(f"{field_name(*where)} {rule}. Got {found}.")
+
+
+def _check_one_each(name: str, values: Sequence[Any], settings: Sequence[Any]) -> None:
+    if len(values) != len(settings):
+        _refuse(name, f"must hold one object per setting, {len(settings)}", len(values))
 
 
 def _check_keys(values: Mapping[str, Any], names: Sequence[str], *where: object) -> None:
