@@ -156,21 +156,21 @@ def _conditions(rule: str) -> list[str]:
 
 def _candidates(solid: Solid) -> list[_Candidate]:
     """Return all that can be measured."""
-    found = []
+    candidates = []
     for edge in solid.straight_edges():
         ends = np.asarray(solid.edge_points(edge.id), dtype=np.float64)
         along = ends[1] - ends[0]
-        found.append(
+        candidates.append(
             _Candidate(edge.id, "edge", float(np.linalg.norm(along)), edge.turn_deg, ends, along)
         )
     for curve in (*solid.rims(), *solid.arcs()):
         kind = "rim" if isinstance(curve, Rim) else "arc"
         turn = solid.edges[curve.edge_ids[0]].turn_deg
         points = np.asarray(solid.vertices[list(curve.vertices)], dtype=np.float64)
-        found.append(
+        candidates.append(
             _Candidate(curve.id, kind, float(curve.radius_mm), turn, points, np.asarray(curve.axis))
         )
-    return found
+    return candidates
 
 
 def _test(text: str, solid: Solid | None) -> _Test:
@@ -178,26 +178,26 @@ def _test(text: str, solid: Solid | None) -> _Test:
     lower = text.lower()
     if lower in ("convex", "reentrant", "re-entrant"):
         sign = 1 if lower == "convex" else -1
-        return lambda one: sign * one.turn_deg > 0
-    if found := _SIZE.fullmatch(lower):
-        compare = _COMPARE[found[2]]
-        limit = float(found[3])
-        return lambda one: compare(one.size_mm, limit)
-    if found := re.fullmatch(rf"turn\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:deg|°)?", lower):
-        compare = _COMPARE[found[1]]
-        limit = float(found[2])
-        return lambda one: compare(abs(one.turn_deg), limit)
+        return lambda item: sign * item.turn_deg > 0
+    if match := _SIZE.fullmatch(lower):
+        compare = _COMPARE[match[2]]
+        limit = float(match[3])
+        return lambda item: compare(item.size_mm, limit)
+    if match := re.fullmatch(rf"turn\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:deg|°)?", lower):
+        compare = _COMPARE[match[1]]
+        limit = float(match[2])
+        return lambda item: compare(abs(item.turn_deg), limit)
     if _KIND.fullmatch(lower):
         # see `_selected_kinds`
-        return lambda one: True
-    if found := re.fullmatch(rf"direction\s*=\s*([xyz]|{_POINT})", lower):
-        return _parallel(np.array(_AXES.get(found[1]) or _numbers(found[1])), text)
-    if found := re.fullmatch(rf"face\s*=\s*({'|'.join(_SIDES)})", lower):
-        return _on_side(solid, *_SIDES[found[1]]) if solid is not None else lambda one: True
-    if found := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})\s*(?:mm)?", lower):
-        point = np.array(_numbers(found[1]))
-        radius = float(found[2])
-        return lambda one: _distance(one, point) < radius
+        return lambda item: True
+    if match := re.fullmatch(rf"direction\s*=\s*([xyz]|{_POINT})", lower):
+        return _parallel(np.array(_AXES.get(match[1]) or _numbers(match[1])), text)
+    if match := re.fullmatch(rf"face\s*=\s*({'|'.join(_SIDES)})", lower):
+        return _on_side(solid, *_SIDES[match[1]]) if solid is not None else lambda item: True
+    if match := re.fullmatch(rf"near\s+({_POINT})\s*<\s*({_NUMBER})\s*(?:mm)?", lower):
+        point = np.array(_numbers(match[1]))
+        radius = float(match[2])
+        return lambda item: _distance(item, point) < radius
     raise EntityError.of_rule(
         "select",
         "must be conditions joined by 'and': length > 20, radius > 5, turn < 100, convex, "
@@ -237,19 +237,19 @@ def _parallel(direction: NDArray[np.float64], text: str) -> _Test:
         raise EntityError.of_rule("direction", "must have a length", repr(text))
     unit = direction / np.linalg.norm(direction)
     least = np.cos(np.radians(PARALLEL_DEG))
-    return lambda one: bool(abs(one.along @ unit) >= least * np.linalg.norm(one.along))
+    return lambda item: bool(abs(item.along @ unit) >= least * np.linalg.norm(item.along))
 
 
 def _on_side(solid: Solid, which: int, axis: int) -> _Test:
     low_high = np.asarray(solid.bounds, dtype=np.float64)
     near = ON_SIDE * float(np.linalg.norm(low_high[1] - low_high[0]))
     place = low_high[which, axis]
-    return lambda one: bool((abs(one.points[:, axis] - place) <= near).all())
+    return lambda item: bool((abs(item.points[:, axis] - place) <= near).all())
 
 
-def _distance(one: _Candidate, point: NDArray[np.float64]) -> float:
+def _distance(item: _Candidate, point: NDArray[np.float64]) -> float:
     """Return the distance of a point from the nearest chord, mm."""
-    start = one.points if one.kind == "rim" else one.points[:-1]
-    step = (np.roll(one.points, -1, axis=0) if one.kind == "rim" else one.points[1:]) - start
+    start = item.points if item.kind == "rim" else item.points[:-1]
+    step = (np.roll(item.points, -1, axis=0) if item.kind == "rim" else item.points[1:]) - start
     share = np.clip(((point - start) * step).sum(axis=1) / (step**2).sum(axis=1), 0.0, 1.0)
     return float(np.linalg.norm(start + share[:, None] * step - point, axis=1).min())

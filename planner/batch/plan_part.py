@@ -130,18 +130,18 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     return found
 
 
-def _described(blank: PartResult, found: InspectionPlan, folder: Path) -> PartResult:
+def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartResult:
     """Return the result of a plan that is written."""
-    reasons = [f"{name}: {reason}" for name, reason in found.uninspectable.items()]
-    simulation = found.simulation
+    reasons = [f"{name}: {reason}" for name, reason in plan.uninspectable.items()]
+    simulation = plan.simulation
     if simulation is not None and not simulation.confirmed:
         reasons.append("the simulation contradicts the plan")
     return replace(
         blank,
         status=INCOMPLETE if reasons else PLANNED,
         reason="; ".join(reasons),
-        entities=len(found.entities),
-        settings=len(found.settings),
-        lower_bound=int(found.lower_bound),
+        entities=len(plan.entities),
+        settings=len(plan.settings),
+        lower_bound=int(plan.lower_bound),
         plan_sha256=digest_of(folder / PLAN),
     )

@@ -192,8 +192,8 @@ class LinearBound:
         while at.bound < at.target:
             # weights prove no more than their sum, and hardly that
             hopeless = at.limit <= at.least or at.undecided
-            asked = None if hopeless else parts.next_ones(int(at.allowed) - self.made)
-            if asked is None:
+            chosen = None if hopeless else parts.next_ones(int(at.allowed) - self.made)
+            if chosen is None:
                 # what is proven for a smaller limit is proven for this one; what is to spare must not make it smaller
                 parts.ease()
                 at.target = at.target - 1
@@ -201,11 +201,11 @@ class LinearBound:
                 at.allowed = self._share(max_nodes, at.target - at.bound)
                 at.limit = max(at.limit, limit_for(at.y, at.target, self.effort))
                 continue
-            outcomes, made, sets, doubts = self._sweep(at, *asked, max_nodes)
-            hard = parts.learn(asked[0], outcomes, made)
+            outcomes, made, sets, doubts = self._sweep(at, *chosen, max_nodes)
+            hard = parts.learn(chosen[0], outcomes, made)
             if hard.any() and not self._leaves_hope(at, np.concatenate([sets, doubts[hard]])):
                 # that such sets can be inspected is not known: it takes more boxes to tell
-                parts.insist(asked[0][hard], made[hard])
+                parts.insist(chosen[0][hard], made[hard])
                 hard[:] = False
             sets = np.concatenate([sets, doubts[hard]])
             if len(sets):
@@ -298,25 +298,27 @@ class LinearBound:
         tell = self._teller(at)
         done = self._swept
         self._swept = []
-        self.made += sum(found.made for found in done)
+        self.made += sum(part_result.made for part_result in done)
         left = slice(len(done), None)
         most_found = self.effort.bound.sweeping.found
         search = self.space.search(
             at.y, at.limit, most[left], tick, parts=parts[left], most=most_found
         )
         with closing(search) as results:
-            for found in results:
-                done.append(found)
-                self.made += found.made
+            for part_result in results:
+                done.append(part_result)
+                self.made += part_result.made
                 tell(tuple(done))
                 tick()
-        self._poses.extend(found.poses for found in done if len(found.poses))
-        outcomes, made = np.array([(found.outcome, found.made) for found in done]).T
+        self._poses.extend(part_result.poses for part_result in done if len(part_result.poses))
+        outcomes, made = np.array(
+            [(part_result.outcome, part_result.made) for part_result in done]
+        ).T
         return (
             outcomes,
             made,
-            np.concatenate([found.sets for found in done]),
-            np.array([found.doubt for found in done]),
+            np.concatenate([part_result.sets for part_result in done]),
+            np.array([part_result.doubt for part_result in done]),
         )
 
     def _teller(self, at: _Course) -> Callable[[tuple[Found, ...]], None]:

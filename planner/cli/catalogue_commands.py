@@ -23,18 +23,18 @@ def cameras(options: argparse.Namespace) -> int:
             # JSON knows no infinity: an iris that closes fully has no narrowest aperture
             print_json(
                 {
-                    kind: {name: _finite(one) for name, one in of.items()}
+                    kind: {name: _finite(facts) for name, facts in of.items()}
                     for kind, of in parts.items()
                 }
             )
         else:
             _print_sources(parts)
         return DONE
-    found = [Camera.named(name) for name in camera_names()]
+    known = [Camera.named(name) for name in camera_names()]
     if options.json:
-        print_json([one.to_dict() for one in found])
+        print_json([camera.to_dict() for camera in known])
     else:
-        _print_cameras(found)
+        _print_cameras(known)
     return DONE
 
 
@@ -55,19 +55,20 @@ def _print_cameras(cameras: Sequence[Camera]) -> None:
         Column("field at focus (mm)", right=True),
     )
     rows = []
-    for one in cameras:
+    for camera in cameras:
         # similar triangles: the sensor's size by how many times farther the object is than the image
         field = [
-            side * one.focus_distance_mm / one.image_distance_mm for side in one.sensor_size_mm
+            side * camera.focus_distance_mm / camera.image_distance_mm
+            for side in camera.sensor_size_mm
         ]
         row = (
-            one.name,
-            f"{one.resolution[0]} x {one.resolution[1]}",
-            " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in one.pixel_pitch_mm)),
-            f"{one.focal_length_mm:g}",
-            f"{one.f_number:g}",
-            f"{one.focus_distance_mm:g}",
-            one.depth_of_field_text,
+            camera.name,
+            f"{camera.resolution[0]} x {camera.resolution[1]}",
+            " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in camera.pixel_pitch_mm)),
+            f"{camera.focal_length_mm:g}",
+            f"{camera.f_number:g}",
+            f"{camera.focus_distance_mm:g}",
+            camera.depth_of_field_text,
             " x ".join(f"{side:.0f}" for side in field),
         )
         rows.append(row)
@@ -79,24 +80,24 @@ def _print_cameras(cameras: Sequence[Camera]) -> None:
 def _print_sources(parts: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
     """Print bodies and lenses: their facts, and where these were read."""
     for kind, facts in (("body", _body_facts), ("lens", _lens_facts)):
-        for name, one in parts[kind].items():
-            text = words(f"{kind} {name}: {facts(one)}", [f"{kind} {name}:"])
+        for name, record in parts[kind].items():
+            text = words(f"{kind} {name}: {facts(record)}", [f"{kind} {name}:"])
             print_text(text, indent="    ")
-            whose = "" if one["maker"] else " (not the maker's page on it)"
+            whose = "" if record["maker"] else " (not the maker's page on it)"
             # an address is never broken
-            print(f"    {visible(one['source'])}{whose}")
+            print(f"    {visible(record['source'])}{whose}")
 
 
-def _body_facts(one: Mapping[str, Any]) -> str:
-    pitch = " x ".join(dict.fromkeys(f"{1000 * side:g}" for side in one["pixel_pitch_mm"]))
-    return f"{one['resolution'][0]} x {one['resolution'][1]} px of {pitch} um; {one['sensor']}"
+def _body_facts(body: Mapping[str, Any]) -> str:
+    pitch = " x ".join(dict.fromkeys(f"{1000 * side:g}" for side in body["pixel_pitch_mm"]))
+    return f"{body['resolution'][0]} x {body['resolution'][1]} px of {pitch} um; {body['sensor']}"
 
 
-def _lens_facts(one: Mapping[str, Any]) -> str:
+def _lens_facts(lens: Mapping[str, Any]) -> str:
     narrowest = (
-        "closed" if one["narrowest_f_number"] == math.inf else f"f/{one['narrowest_f_number']:g}"
+        "closed" if lens["narrowest_f_number"] == math.inf else f"f/{lens['narrowest_f_number']:g}"
     )
     return (
-        f"{one['focal_length_mm']:g} mm, f/{one['widest_f_number']:g} to {narrowest}, "
-        f"from {one['closest_object_mm']:g} mm on, image circle {one['image_circle_mm']:g} mm"
+        f"{lens['focal_length_mm']:g} mm, f/{lens['widest_f_number']:g} to {narrowest}, "
+        f"from {lens['closest_object_mm']:g} mm on, image circle {lens['image_circle_mm']:g} mm"
     )

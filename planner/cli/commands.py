@@ -148,15 +148,15 @@ def _graph(
 
 def dimensions(options: argparse.Namespace) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
-    found = read_dimensions(options.part, read_part(options))
-    if not found:
+    stated = read_dimensions(options.part, read_part(options))
+    if not stated:
         raise ReadError(
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
         )
     if options.json:
-        print_json([one.to_dict() for one in found])
+        print_json([one.to_dict() for one in stated])
     else:
-        terminal_tables.print_dimensions(found)
+        terminal_tables.print_dimensions(stated)
     return DONE
 
 
@@ -178,18 +178,18 @@ def plan(options: argparse.Namespace) -> int:
             job.request, resume=options.resume, force=options.force, quiet=options.quiet
         )
         with leftovers.forgotten_if_refused():
-            found, written, interrupted = _planned(options, job, leftovers)
-        _print_planned(options, found, job, written, leftovers)
+            result, written, interrupted = _planned(options, job, leftovers)
+        _print_planned(options, result, job, written, leftovers)
         if interrupted:
             raise KeyboardInterrupt
-    lit = found.light is None or found.light.complete
-    confirmed = found.simulation is not None and found.simulation.confirmed
-    return DONE if found.complete and confirmed and lit else INCOMPLETE
+    lit = result.light is None or result.light.complete
+    confirmed = result.simulation is not None and result.simulation.confirmed
+    return DONE if result.complete and confirmed and lit else INCOMPLETE
 
 
 def _print_planned(
     options: argparse.Namespace,
-    found: InspectionPlan,
+    result: InspectionPlan,
     job: Job,
     written: Written,
     leftovers: Leftovers,
@@ -197,15 +197,15 @@ def _print_planned(
     """Print a plan, and the files it is in."""
     files = [path_text(path) for path in written.files]
     if options.json:
-        print_json(plan_record(found, files, job.wanted.left_out))
+        print_json(plan_record(result, files, job.wanted.left_out))
         return
-    terminal_tables.print_plan(found)
+    terminal_tables.print_plan(result)
     _print_unit(job.part, job.reading.get("units"))
     for name, reason in job.wanted.left_out.items():
         print_text(words(f"{name} is not planned: {reason}", [name]))
     if text := localisation_text(options):
         print_text(text)
-    if found.unfinished and leftovers:
+    if result.unfinished and leftovers:
         print("The same command with --resume continues from here.")
     for text in written.notes:
         print_text(text)
@@ -236,7 +236,7 @@ def _planned(
             deadline=deadline.of_regions(),
         )
         try:
-            found = job.plan(
+            result = job.plan(
                 time_limit_s=deadline.seconds_left(SEARCH_SHARE),
                 on_incumbent=best,
                 space=space_of(request, regions),
@@ -245,14 +245,16 @@ def _planned(
                 progress=progress,
             )
         except KeyboardInterrupt:
-            found = best.instead()
-        found = found.simulated(options.simulate, rng=request.seed, progress=progress, solid=solid)
-        found = with_light(found, solid, request.lighting, progress)
-        found = with_source(found, leftovers.folder, job.part, job.reading)
+            result = best.instead()
+        result = result.simulated(
+            options.simulate, rng=request.seed, progress=progress, solid=solid
+        )
+        result = with_light(result, solid, request.lighting, progress)
+        result = with_source(result, leftovers.folder, job.part, job.reading)
         try:
             folder = Path(path_text(leftovers.folder))
             written = write_outputs(
-                found,
+                result,
                 regions,
                 folder,
                 progress,
@@ -260,10 +262,10 @@ def _planned(
                 deadline=deadline.at(),
             )
         except OutputError as error:
-            raise OutputError(f"{error} {rescue(found, state)}") from None
-    if not found.unfinished:
+            raise OutputError(f"{error} {rescue(result, state)}") from None
+    if not result.unfinished:
         leftovers.remove()
-    return found, written, best.interrupted
+    return result, written, best.interrupted
 
 
 def batch(options: argparse.Namespace) -> int:
@@ -304,29 +306,29 @@ def batch(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         raise KeyboardInterrupt("the same command continues with the remaining parts") from None
     if options.json:
-        print_json([asdict(one) for one in results])
+        print_json([asdict(part_result) for part_result in results])
     else:
         terminal_tables.print_batch(results)
         files = [path_text(out / name) for name in TABLES]
         terminal_tables.print_written(files, path_text(out), files[-1])
-    return DONE if all(one.status == PLANNED for one in results) else INCOMPLETE
+    return DONE if all(part_result.status == PLANNED for part_result in results) else INCOMPLETE
 
 
 def simulate(options: argparse.Namespace) -> int:
     """Check a plan by simulation."""
     if options.part is None:
         check_nothing_read(options)
-    found = read_plan(options.plan)
+    loaded = read_plan(options.plan)
     solid = None if options.part is None else read_part(options)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = simulate_plan(
-            found, options.poses, rng=options.seed, progress=progress, solid=solid
+            loaded, options.poses, rng=options.seed, progress=progress, solid=solid
         )
     if options.json:
         print_json(result.to_dict())
     else:
-        terminal_tables.print_simulation(found, result)
-    return DONE if found.complete and result.confirmed else INCOMPLETE
+        terminal_tables.print_simulation(loaded, result)
+    return DONE if loaded.complete and result.confirmed else INCOMPLETE
 
 
 def optics(options: argparse.Namespace) -> int:

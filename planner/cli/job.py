@@ -68,13 +68,13 @@ class Job:
 
     def plan(self, **more: Any) -> InspectionPlan:
         """Plan it; ``more`` replaces some of the options."""
-        asked = self.request
+        request = self.request
         return plan_by_options(
             self.solid,
             self.wanted.items,
-            asked.camera,
-            asked.pose_uncertainty,
-            Promise(asked.accuracy, asked.probability, asked.seed),
+            request.camera,
+            request.pose_uncertainty,
+            Promise(request.accuracy, request.probability, request.seed),
             replace(self.options, **more),
         )
 
@@ -116,7 +116,7 @@ def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOp
 
     An option that has the same name there is taken over as it is; ``more`` holds what is not.
     """
-    names = {one.name for one in fields(InspectionOptions)}
+    names = {field.name for field in fields(InspectionOptions)}
     same = {name: value for name, value in vars(options).items() if name in names}
     effort = getattr(options, "effort", None)
     given = {
@@ -150,21 +150,23 @@ def _job_again(options: argparse.Namespace) -> Job:
             f"{path}: plan file must hold its request. Got one of an earlier version. Plan the part again."
         )
     try:
-        asked = restored_request(plan.request)
+        request = restored_request(plan.request)
         part, reading = _part_again(options, path, plan.request)
     except PlanFileError as error:
         raise PlanFileError(f"{path}: {error}") from None
     solid = _read(part, reading, options)
-    if asked.part is None or asked.part.digest != PartRecord.of(solid).digest:
+    if request.part is None or request.part.digest != PartRecord.of(solid).digest:
         raise RequestError(
             f"the part must be the one that was planned. Got {part}, which has another shape: "
             "plan it from its options."
         )
-    items = {record.name: record.item_of(solid) for record in asked.targets or ()}
-    given = restored_options(asked)
-    promise = Promise(asked.accuracy, asked.probability, asked.seed)
-    resolved = resolve_request(solid, items, asked.camera, asked.pose_uncertainty, promise, given)
-    wanted = Wanted(items, resolved.entities, asked.localisation)
+    items = {record.name: record.item_of(solid) for record in request.targets or ()}
+    given = restored_options(request)
+    promise = Promise(request.accuracy, request.probability, request.seed)
+    resolved = resolve_request(
+        solid, items, request.camera, request.pose_uncertainty, promise, given
+    )
+    wanted = Wanted(items, resolved.entities, request.localisation)
     return Job(resolved.request, solid, wanted, given, part, reading)
 
 

@@ -64,7 +64,7 @@ def realise(
     """
     judge: Judge = shared.value
     request = judge.request.restricted_to(names)
-    found = None
+    x = None
     for objective in ("sum", "min"):
         try:
             # only of a single entity it is told why it is not inspected
@@ -72,11 +72,11 @@ def realise(
             setting = best_setting(request, seed, objective=objective, search=search, start=start)
         except InfeasibleError as error:
             return Outcome(reason=Reason.of(meaning(error), error))
-        if found is None or min(setting.probability.values()) > min(found.probability.values()):
-            found = setting
-        if min(found.probability.values()) >= request.probability or len(names) == 1:
+        if x is None or min(setting.probability.values()) > min(x.probability.values()):
+            x = setting
+        if min(x.probability.values()) >= request.probability or len(names) == 1:
             break
-    return Outcome(found)
+    return Outcome(x)
 
 
 def without_corners(judge: Judge) -> dict[str, Reason]:
@@ -112,7 +112,7 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
     """
     support = judge.effort.support
     rng = np.random.default_rng([seed, support.trial_poses])
-    found: SensorSetting | PosedOnly = options[0]
+    best: SensorSetting | PosedOnly = options[0]
     least = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
         options, _near(judge, options[0], rng)
@@ -123,14 +123,14 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
             short = shortfalls(judge, pose.cam2world, pose.entities, seed)
             too_much = max([too_much, *(support.too_high + miss for miss in short.values())])
         if too_much < least:
-            found = pose
+            best = pose
             least = too_much
         if least <= support.too_high:
             break
-    if isinstance(found, SensorSetting):
-        return found
+    if isinstance(best, SensorSetting):
+        return best
     message = "pose near the best, supported by simulation"
-    return setting_at(judge.request, found.cam2world, found.entities, message, seed=options[0].seed)
+    return setting_at(judge.request, best.cam2world, best.entities, message, seed=options[0].seed)
 
 
 def without_contradicted(
@@ -171,11 +171,11 @@ def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, floa
     suspected = tuple(name for name, too_much in excess.items() if too_much > support.too_high)
     if not suspected:
         return {}
-    some = PosedOnly(
+    posed = PosedOnly(
         setting.cam2world, suspected, {name: setting.probability[name] for name in suspected}
     )
     rng = np.random.default_rng([seed, support.sure_poses])
-    excess = _excess(judge, some, rng, support.sure_poses)
+    excess = _excess(judge, posed, rng, support.sure_poses)
     return {name: too_much for name, too_much in excess.items() if too_much > support.too_high}
 
 
@@ -285,16 +285,18 @@ def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Ite
         judge.camera.focus_distance_mm,
         rng,
     )
-    own = np.isin(judge.names, setting.entities)
+    is_wanted = np.isin(judge.names, setting.entities)
     tried = 0
     # worth more than 1 is only what nearly inspects all of them: no more is looked at of the others
-    prices = own / (own.sum() - 0.5)
+    prices = is_wanted / (is_wanted.sum() - 0.5)
     for first in range(0, len(poses), support.batch):
-        some = poses[first : first + support.batch]
-        judged = judge(some, prices)
-        for k in np.flatnonzero(judged.inspects[:, own].all(axis=1))[: support.most_trials - tried]:
+        neighbours = poses[first : first + support.batch]
+        judged = judge(neighbours, prices)
+        for k in np.flatnonzero(judged.inspects[:, is_wanted].all(axis=1))[
+            : support.most_trials - tried
+        ]:
             tried += 1
             stated = dict(zip(judge.names, judged.probability[k].tolist(), strict=True))
             yield PosedOnly(
-                some[k], setting.entities, {name: stated[name] for name in setting.entities}
+                neighbours[k], setting.entities, {name: stated[name] for name in setting.entities}
             )

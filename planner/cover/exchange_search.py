@@ -70,19 +70,19 @@ def exchange_columns(
     for step in range(steps + 1):
         count = membership[chosen].sum(axis=0)
         missing = np.flatnonzero(count == 0)
-        own = membership[chosen] & (count == 1)
+        alone = membership[chosen] & (count == 1)
         if len(missing) < best.missing:
             best = best._replace(chosen=chosen.copy(), missing=len(missing))
             wanted = []
         if not missing.size or step == steps:
             break
         if len(missing) == best.missing:
-            wanted.append(_one_more(own, missing))
+            wanted.append(_one_more(alone, missing))
         weights[missing] += 1.0
         comes = np.flatnonzero(membership[:, rng.choice(missing)])
         comes = _free(comes, free_from[comes], step)
         leaves = _free(np.arange(len(chosen)), free_from[chosen], step)
-        i, k = _least(own[leaves], count == 0, contains[comes], weights, rng)
+        i, k = _least(alone[leaves], count == 0, contains[comes], weights, rng)
         free_from[chosen[leaves[i]]] = step + rng.integers(2, _LEFT)
         free_from[comes[k]] = step + rng.integers(1, _CAME)
         chosen[leaves[i]] = comes[k]
@@ -92,10 +92,10 @@ def exchange_columns(
     return best
 
 
-def _one_more(own: np.ndarray, missing: np.ndarray) -> np.ndarray:
+def _one_more(alone: np.ndarray, missing: np.ndarray) -> np.ndarray:
     """Return what each column alone contains (k, e), together with each of the missing entities."""
-    sets = np.repeat(own, len(missing), axis=0)
-    sets[np.arange(len(sets)), np.tile(missing, len(own))] = True
+    sets = np.repeat(alone, len(missing), axis=0)
+    sets[np.arange(len(sets)), np.tile(missing, len(alone))] = True
     return sets
 
 
@@ -106,14 +106,14 @@ def _free(columns: np.ndarray, free_from: np.ndarray, step: int) -> np.ndarray:
 
 
 def _least(
-    own: np.ndarray,
+    alone: np.ndarray,
     missing: np.ndarray,
     contains: np.ndarray,
     weights: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[int, int]:
     """Return which of the chosen columns (k, e) to exchange for which other one (c, e); equal ones at random."""
-    to_cover = (own | missing) * weights
+    to_cover = (alone | missing) * weights
     left = to_cover.sum(axis=1)[:, None] - to_cover @ contains.T
     least = np.argwhere(left <= left.min() + 0.5)
     return tuple(least[rng.integers(len(least))])

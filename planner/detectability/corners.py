@@ -62,7 +62,7 @@ def arms_of(
     at: Meeting,
     relations: NDArray[np.uint8],
     ends: Array,
-    asked: NDArray[np.bool_],
+    has_ends: NDArray[np.bool_],
 ) -> Arms:
     """Return the edges that leave the ends of entities.
 
@@ -76,16 +76,16 @@ def arms_of(
         See `relation_to`.
     ends : array (k, 2, 3)
         Ends of the entities, mm.
-    asked : array of bool (k,)
+    has_ends : array of bool (k,)
         Entities that have corners.
     """
     rows = []
     sharp = (contours.kinds & SHARP) > 0
-    for k in np.flatnonzero(asked):
-        own = np.unique(contours.ends[relations[k] == OWN])
+    for k in np.flatnonzero(has_ends):
+        of_entity = np.unique(contours.ends[relations[k] == OWN])
         for end in range(2):
-            distance = np.linalg.norm(contours.vertices[own] - ends[k, end], axis=1)
-            vertex = int(own[distance.argmin()])
+            distance = np.linalg.norm(contours.vertices[of_entity] - ends[k, end], axis=1)
+            vertex = int(of_entity[distance.argmin()])
             for e in at[vertex]:
                 if sharp[e] and relations[k, e] != OWN:
                     rows.append((k, end, e, vertex, int(contours.ends[e].sum()) - vertex))
@@ -98,13 +98,13 @@ def arms_of(
     length = np.linalg.norm(along, axis=1) * np.linalg.norm(edge, axis=1)
     wide = np.abs((along * edge).sum(axis=1)) <= np.cos(np.radians(CORNER_DEG)) * length
     others = [
-        [e for e in at[tip] if e != own]
-        for own, tip in zip(contour.tolist(), stop.tolist(), strict=True)
+        [edge for edge in at[tip] if edge != line]
+        for line, tip in zip(contour.tolist(), stop.tolist(), strict=True)
     ]
     beyond = np.full((len(rows), max(map(len, others), default=0)), -1)
-    for a, one in enumerate(others):
-        beyond[a, : len(one)] = one
-    first = np.searchsorted(entity, np.arange(len(asked) + 1))
+    for a, edges in enumerate(others):
+        beyond[a, : len(edges)] = edges
+    first = np.searchsorted(entity, np.arange(len(has_ends) + 1))
     return Arms(entity, which, contour, corner, tips, inward, wide, beyond, first)
 
 
@@ -150,7 +150,7 @@ class SeenArms(NamedTuple):
 
     def chosen(self, which: NDArray[Any]) -> SeenArms:
         """Return some of them."""
-        return SeenArms(*(one[which] for one in self))
+        return SeenArms(*(field[which] for field in self))
 
     def fork_deg(self) -> Array:
         """Return the least angle (q,) of each arm with the edge's line or another arm at its end, 0 to 90 degrees.
@@ -159,12 +159,12 @@ class SeenArms(NamedTuple):
         """
         least = self.bend
         for apart in range(1, int(np.bincount(self.of).max(initial=0))):
-            one = np.flatnonzero(self.of[apart:] == self.of[:-apart])
+            near = np.flatnonzero(self.of[apart:] == self.of[:-apart])
             between = np.abs(
-                (self.direction[one + apart] - self.direction[one] + 180.0) % 360.0 - 180.0
+                (self.direction[near + apart] - self.direction[near] + 180.0) % 360.0 - 180.0
             )
-            np.minimum.at(least, one, between)
-            np.minimum.at(least, one + apart, between)
+            np.minimum.at(least, near, between)
+            np.minimum.at(least, near + apart, between)
         return least
 
     def long_enough(self, fork_deg: Array, separation_px: float) -> NDArray[np.bool_]:
@@ -217,12 +217,14 @@ def corner_arms(
     pairs = np.ascontiguousarray(pairs)
     most = int((arms.first[pairs[:, 1] + 1] - arms.first[pairs[:, 1]]).sum())
     numbers = np.empty((most, 2), np.int64)
-    found = np.empty((3, most, 3))
+    points_found = np.empty((3, most, 3))
     points = np.stack([arms.corner, arms.tip, arms.inward])
-    n = arm_images(poses, pairs, scale, lines, (arms.first, arms.contour, points), (numbers, found))
+    n = arm_images(
+        poses, pairs, scale, lines, (arms.first, arms.contour, points), (numbers, points_found)
+    )
     pair = numbers[:n, 0]
     arm = numbers[:n, 1]
-    (corner, tip, inward) = found[:, :n]
+    (corner, tip, inward) = points_found[:, :n]
     along = tip[:, :2] - corner[:, :2]
     edge = inward[:, :2] - corner[:, :2]
     length = np.linalg.norm(along, axis=1)

@@ -91,24 +91,24 @@ class ImageCheck:
         matrix = camera.matrix
         (near, far) = camera.depth_of_field_mm
         self._scale = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
-        self._asked = np.array([one is not None for one in edge_ids])
+        self._asked = np.array([ids is not None for ids in edge_ids])
         self._part = PartLines.of(solid)
         self.contours = self._part.contours
         self.scene = self._part.scene
         self._near_own_px = near_own_px(showing)
         radius = 2.0 * self._near_own_px * min(far, _FAR * near) / float(self._scale[:2].min())
-        edges = [[] if one is None else list(one) for one in edge_ids]
+        edges = [[] if ids is None else list(ids) for ids in edge_ids]
         self._entities = _ImageLines.of(
-            self.contours, [self._part.relation(one, radius) for one in edges]
+            self.contours, [self._part.relation(ids, radius) for ids in edges]
         )
         self.arms = arms_of(
             self.contours, self._part.at, self._entities.relations, self._ends, self._asked
         )
         # the same line may leave several entities
         lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
-        own = [[int(self.contours.ids[line])] for line in lines]
+        ids_of_lines = [[int(self.contours.ids[line])] for line in lines]
         self._lines = _ImageLines.of(
-            self.contours, [self._part.relation(one, radius) for one in own]
+            self.contours, [self._part.relation(ids, radius) for ids in ids_of_lines]
         )
 
     def separations(
@@ -151,13 +151,13 @@ class ImageCheck:
 
     def shown(self, cam2world: Array, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which of the wanted entities (n, k) meet both conditions in the images of poses (n, 4, 4)."""
-        found = wanted & (self.corners(cam2world, wanted) >= 0)
+        meets = wanted & (self.corners(cam2world, wanted) >= 0)
         if self.showing.separation_px > 0:
-            for pairs in self._batches(found):
-                found[tuple(pairs.T)] = ~self._has_near(
+            for pairs in self._batches(meets):
+                meets[tuple(pairs.T)] = ~self._has_near(
                     cam2world, pairs, self._all_entities, self.showing.separation_px
                 )
-        return found
+        return meets
 
     def show_all(self, cam2world: Array) -> NDArray[np.bool_]:
         """Return in the images of which poses (n, 4, 4) all entities meet both conditions; (n,).
@@ -167,18 +167,18 @@ class ImageCheck:
         left = np.arange(len(cam2world))
         entities = np.arange(len(self._ends))
         first = entities < _FIRST if len(cam2world) >= _MANY else np.zeros(len(entities), bool)
-        for asked in (first, ~first):
-            if left.size and asked.any():
-                wanted = np.repeat(asked[None], left.size, axis=0)
-                left = left[(self.shown(cam2world[left], wanted) | ~wanted).all(axis=1)]
+        for part in (first, ~first):
+            if left.size and part.any():
+                mask = np.repeat(part[None], left.size, axis=0)
+                left = left[(self.shown(cam2world[left], mask) | ~mask).all(axis=1)]
         return np.isin(np.arange(len(cam2world)), left)
 
     def without_corner(self, k: int) -> Array | None:
         """Return an end (3,) of an entity where no edge of the part makes a corner with it, mm; None without one."""
         if self.showing.min_corner_deg > 0 and self._asked[k]:
-            own = (self.arms.entity == k) & self.arms.wide
+            arms = (self.arms.entity == k) & self.arms.wide
             for end in range(2):
-                if not (own & (self.arms.end == end)).any():
+                if not (arms & (self.arms.end == end)).any():
                     return self._ends[k, end]
         return None
 
@@ -206,10 +206,10 @@ class ImageCheck:
         has = np.zeros(len(pairs), bool)
         near = distance < reach
         first = np.arange(len(pair)) % _EVERY == 0
-        for some in (first, ~first):
-            asked = np.flatnonzero(near & some & ~has[pair])
-            visible = self._visible(cam2world[pairs[pair[asked], 0], :3, 3], place[asked])
-            has[pair[asked[visible]]] = True
+        for batch in (first, ~first):
+            tested = np.flatnonzero(near & batch & ~has[pair])
+            visible = self._visible(cam2world[pairs[pair[tested], 0], :3, 3], place[tested])
+            has[pair[tested[visible]]] = True
         return has
 
     def _near(
@@ -221,13 +221,13 @@ class ImageCheck:
         poses = np.array(cam2world, np.float64, order="C")
         pairs = np.ascontiguousarray(pairs)
         while True:
-            found = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
+            rows = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
             limits = reach, self._near_own_px
             n = near_contours(
-                poses, pairs, self._scale, self._part.compiled, entities, limits, found
+                poses, pairs, self._scale, self._part.compiled, entities, limits, rows
             )
             if n <= room:
-                return found[0][:n], found[1][:n], found[2][:n]
+                return rows[0][:n], rows[1][:n], rows[2][:n]
             room = n
 
     def corner_lines(self, cam2world: Array, pairs: Pairs) -> SeenArms:
@@ -248,11 +248,11 @@ class ImageCheck:
         return seen.chosen(self._visible(cam2world[pairs[seen.of // 2, 0], :3, 3], seen.place))
 
     def _find_tips(
-        self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]
+        self, cam2world: Array, pairs: Pairs, seen: SeenArms, arms: NDArray[np.int64]
     ) -> None:
         """Find the angles at which other lines come back from the tips of some of the arms."""
         # what comes back from a tip farther away is not beside what is fitted, or too near anyway
-        short = asked[seen.length_px[asked] < FITTED_PX + self._near_own_px]
+        short = arms[seen.length_px[arms] < FITTED_PX + self._near_own_px]
         if len(short):
             poses = cam2world[pairs[seen.of[short] // 2, 0]]
             of, angle, place = tip_lines(
@@ -273,10 +273,10 @@ class ImageCheck:
         """Return which edges leave two separations between what other lines at their ends are beside of."""
         poses = cam2world[pairs[:, 0]]
         ends = self._ends[pairs[:, 1]]
-        one, other = (images(poses, self._scale, ends[:, end])[:, :2] for end in range(2))
+        first, last = (images(poses, self._scale, ends[:, end])[:, :2] for end in range(2))
         beside = mixed_px(sharpest, self.showing.separation_px).reshape(-1, 2).sum(axis=1)
         return np.asarray(
-            np.linalg.norm(other - one, axis=1) - beside >= 2.0 * self.showing.separation_px
+            np.linalg.norm(last - first, axis=1) - beside >= 2.0 * self.showing.separation_px
         )
 
     def _making_corners(
@@ -296,19 +296,19 @@ class ImageCheck:
         if separation > 0:
             self._find_tips(cam2world, pairs, seen, self._hopeful(seen, sharpest))
             seen = seen.chosen(seen.long_enough(fork, separation))
-            asked = self._hopeful(seen, sharpest)
+            hopeful = self._hopeful(seen, sharpest)
             far = np.ones(len(seen.of), bool)
-            far[asked] = self._far(cam2world, pairs, seen, asked)
+            far[hopeful] = self._far(cam2world, pairs, seen, hopeful)
             seen = seen.chosen(far)
         return seen, sharpest
 
     def _far(
-        self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]
+        self, cam2world: Array, pairs: Pairs, seen: SeenArms, arms: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
         """Return which arms are as far from other lines as is asked of edges, as long as they are fitted to."""
-        ends = np.stack([self.arms.corner[seen.arm[asked]], seen.last[asked]], axis=1)
-        entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[asked]], *self._lines
-        each = np.column_stack([pairs[seen.of[asked] // 2, 0], np.arange(len(asked))])
+        ends = np.stack([self.arms.corner[seen.arm[arms]], seen.last[arms]], axis=1)
+        entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[arms]], *self._lines
+        each = np.column_stack([pairs[seen.of[arms] // 2, 0], np.arange(len(arms))])
         return ~self._has_near(cam2world, each, entities, self.showing.separation_px)
 
     def _hopeful(self, seen: SeenArms, sharpest: Array) -> NDArray[np.int64]:

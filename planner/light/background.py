@@ -83,7 +83,7 @@ def backdrops(
     list of Backdrop
         None for points in front of the ground.
     """
-    found = []
+    places_behind = []
     for edge_id, face in silhouettes.items():
         edge = solid.edges[edge_id]
         start, end = solid.vertices[list(edge.vertices)]
@@ -91,8 +91,8 @@ def backdrops(
         points = start + SHARES[:, None] * (end - start)
         places, normals = seen_beside(scene, eye, points, (end - start, hidden), pixel_rad)
         for i in np.flatnonzero(np.isfinite(places[:, 0])):
-            found.append(Backdrop(points[i], solid.normals[face], places[i], normals[i]))
-    return found
+            places_behind.append(Backdrop(points[i], solid.normals[face], places[i], normals[i]))
+    return places_behind
 
 
 def seen_beside(
@@ -126,8 +126,8 @@ def seen_beside(
 
 def across(sight: Array, along: Array) -> Array:
     """Return unit vectors (..., 3) that are square to lines of sight (..., 3) and to a direction (3,)."""
-    found = np.cross(sight, along)
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
+    direction = np.cross(sight, along)
+    return np.asarray(direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 
 
 def rays_beside(sight: Array, along: Array, hidden: Array, pixel_rad: float) -> Array:
@@ -162,9 +162,9 @@ def backdrop_contrasts(
     """
     contrast = np.ones(len(lamps))
     step = np.ones(len(lamps))
-    for one in backdrop:
-        (seen, near), (behind, far) = (incidence(*side, lamps) for side in one.sides)
-        behind[shadowed(scene, one.behind, lamps)] = 0.0
+    for place in backdrop:
+        (seen, near), (behind, far) = (incidence(*side, lamps) for side in place.sides)
+        behind[shadowed(scene, place.behind, lamps)] = 0.0
         contrast = np.minimum(contrast, sure_contrast((seen, near), (behind, far)))
         step = np.minimum(step, np.abs(seen - behind))
     return contrast, step
@@ -216,8 +216,10 @@ def shadowed(scene: RayScene, point: Array, lamps: Array) -> NDArray[np.bool_]:
 
 def shadowed_each(scene: RayScene, points: Array, lamps: Array) -> NDArray[np.bool_]:
     """Return which points (n, 3) are in the shadow of the part, each under its own lamp (n, 3)."""
-    found = np.zeros(len(lamps), dtype=bool)
+    hidden = np.zeros(len(lamps), dtype=bool)
     for first in range(0, len(lamps), _BLOCK):
-        some = slice(first, first + _BLOCK)
-        found[some] = scene.cast(lamps[some], points[some] - lamps[some])["t_hit"] < 1.0 - _SHORT
-    return found
+        block = slice(first, first + _BLOCK)
+        hidden[block] = (
+            scene.cast(lamps[block], points[block] - lamps[block])["t_hit"] < 1.0 - _SHORT
+        )
+    return hidden

@@ -83,21 +83,21 @@ class Corners:
         wanted : array of bool (s, n)
             Pairs that are asked for.
         """
-        found = wanted.copy()
+        shown = wanted.copy()
         if self.beside_edges is not None:
-            found &= _clear(self.beside_edges, scene, places, sets, found)
+            shown &= _clear(self.beside_edges, scene, places, sets, shown)
         if not len(self.pair):
-            return found
+            return shown
         contrast, step = LampSets(scene, self.sites, places, np.zeros((1, 3))).shown(sets)
-        shows = (contrast >= limits[0]) & (step >= limits[1]) & found[:, self.pair[self.end]]
+        shows = (contrast >= limits[0]) & (step >= limits[1]) & shown[:, self.pair[self.end]]
         if self.beside is not None:
             shows &= _clear(self.beside, scene, places, sets, shows)
         ends = np.zeros((len(sets), len(self.pair)), dtype=bool)
         for line, end in enumerate(self.end.tolist()):
             ends[:, end] |= shows[:, line]
         for end, pair in enumerate(self.pair.tolist()):
-            found[:, pair] &= ends[:, end]
-        return found
+            shown[:, pair] &= ends[:, end]
+        return shown
 
 
 def _clear(
@@ -108,10 +108,10 @@ def _clear(
     wanted: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
     """Return whether no lamp of a set (sets, lines) ends a shadow beside lines, for those that are wanted."""
-    asked = np.zeros((len(places), beside.n_lines), dtype=bool)
+    asked_of_lamps = np.zeros((len(places), beside.n_lines), dtype=bool)
     for lamps in sets.T:
-        np.logical_or.at(asked, lamps, wanted)
-    return np.asarray(beside.clear(scene, places, asked)[sets].all(axis=1))
+        np.logical_or.at(asked_of_lamps, lamps, wanted)
+    return np.asarray(beside.clear(scene, places, asked_of_lamps)[sets].all(axis=1))
 
 
 def corners_of(
@@ -141,17 +141,17 @@ def corners_of(
     Corners
         With the lines that a corner may be fitted with; an end that has none is left out.
     """
-    asked = plan.requirements
+    required = plan.requirements
     camera = plan.camera
-    separation = asked.get("separation_px", 0.0)
-    least = asked.get("min_corner_deg", 0.0)
-    poses = np.array([np.asarray(one.cam2world) for one in plan.settings], np.float64).reshape(
-        -1, 4, 4
-    )
+    separation = required.get("separation_px", 0.0)
+    least = required.get("min_corner_deg", 0.0)
+    poses = np.array(
+        [np.asarray(setting.cam2world) for setting in plan.settings], np.float64
+    ).reshape(-1, 4, 4)
     pixel = max(camera.pixel_pitch_mm) / camera.image_distance_mm
     edges = _seen_edges(solid, poses, names, edge_ids, separation > 0)
     beside_edges = beside_lines(scene, edges, separation, pixel)
-    numbers = np.flatnonzero([bool(one) and least > 0 for one in edge_ids])
+    numbers = np.flatnonzero([bool(ids) and least > 0 for ids in edge_ids])
     ends = np.array(
         [plan.targets[names[k][1]].points for k in numbers.tolist()], np.float64
     ).reshape(-1, 2, 3)
@@ -189,7 +189,7 @@ def _seen_edges(
     asked: bool,
 ) -> list[SeenLine]:
     """Return a line for each pair, all of whose edges are in one line; without points where there is none."""
-    found = []
+    lines = []
     for (setting, _), edges in zip(names, edge_ids, strict=True):
         points = np.empty((0, 3))
         along = np.array([1.0, 0.0, 0.0])
@@ -197,8 +197,8 @@ def _seen_edges(
             start, end = solid.vertices[list(solid.edges[edge].vertices)]
             points = np.concatenate([points, start + SHARES[:, None] * (end - start)])
             along = end - start
-        found.append(SeenLine(poses[setting, :3, 3], points, along))
-    return found
+        lines.append(SeenLine(poses[setting, :3, 3], points, along))
+    return lines
 
 
 _Pair = tuple[tuple[Array, Array], tuple[Array, Array] | None]
@@ -237,17 +237,17 @@ def _joined(arms: Sequence[Sequence[_Pair]]) -> Sites:
     compared = []
     owner = []
     for k, arm in enumerate(arms):
-        for one, other in arm:
+        for first_side, second_side in arm:
             first = len(places)
-            places.append(np.concatenate(one))
-            if other is not None:
-                places.append(np.concatenate(other))
-            compared.append((first, -1 if other is None else first + 1))
+            places.append(np.concatenate(first_side))
+            if second_side is not None:
+                places.append(np.concatenate(second_side))
+            compared.append((first, -1 if second_side is None else first + 1))
             owner.append(k)
-    found = np.array(places).reshape(-1, 6)
+    sides = np.array(places).reshape(-1, 6)
     return Sites(
-        found[:, :3],
-        found[:, 3:],
+        sides[:, :3],
+        sides[:, 3:],
         np.array(compared, int).reshape(-1, 2),
         np.array(owner, int),
         len(arms),

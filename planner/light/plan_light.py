@@ -155,24 +155,24 @@ class _Work:
 
     def jobs(self, shown: NDArray[np.bool_]) -> list[tuple[int, ...]]:
         """Return the pairs each lamp has to show at once: all of a setting where some place does, else each alone."""
-        found: list[tuple[int, ...]] = []
+        result: list[tuple[int, ...]] = []
         for k in range(self.n_settings):
-            own = [
+            pairs = [
                 i
                 for i, pair in enumerate(self.served.pairs)
                 if pair.setting == k and shown[:, i].any()
             ]
-            together = bool(own) and bool(shown[:, own].all(axis=1).any())
-            found += [tuple(own)] if together else [(i,) for i in own]
-        return found
+            together = bool(pairs) and bool(shown[:, pairs].all(axis=1).any())
+            result += [tuple(pairs)] if together else [(i,) for i in pairs]
+        return result
 
     def image(
         self, lamps: Sequence[int], pairs: Sequence[int], contrast: NDArray[np.float64]
     ) -> LitImage:
         """Return an image of some pairs under lamps, with contrasts (pairs,) of all."""
-        own = [self.served.pairs[i] for i in pairs]
-        values = {pair.name: float(contrast[i]) for i, pair in zip(pairs, own, strict=True)}
-        return LitImage(tuple(lamps), values, tuple(pair.name for pair in own if pair.silhouette))
+        shown = [self.served.pairs[i] for i in pairs]
+        values = {pair.name: float(contrast[i]) for i, pair in zip(pairs, shown, strict=True)}
+        return LitImage(tuple(lamps), values, tuple(pair.name for pair in shown if pair.silhouette))
 
     def result(
         self, kind: str, chosen: Sequence[int], images: Any, bound: int, proof: str, reasons: Any
@@ -214,14 +214,14 @@ def _ring(work: _Work, eyes: NDArray[np.float64]) -> LightPlan:
     """The lamp of each setting is at its camera."""
     served = work.served
     served.keep_own(eyes)
-    own = [
+    by_setting = [
         [i for i, pair in enumerate(served.pairs) if pair.setting == k]
         for k in range(work.n_settings)
     ]
-    lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(own)]
+    lit = [[i for i in pairs if served.contrast[k, i] > 0] for k, pairs in enumerate(by_setting)]
     dark = {
         i: f"the ring light, at the camera or nearby, {_too_little(served, i)}."
-        for pairs, shown in zip(own, lit, strict=True)
+        for pairs, shown in zip(by_setting, lit, strict=True)
         for i in pairs
         if i not in shown
     }
@@ -257,14 +257,14 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
     served.add(space.places(_FIRST_PLACES))
     dark = {}
     for k in range(work.n_settings):
-        own = [i for i, pair in enumerate(served.pairs) if pair.setting == k]
-        if not (served.contrast[:, own] > 0).all(axis=1).any():
-            served.search(space, own)
+        pairs = [i for i, pair in enumerate(served.pairs) if pair.setting == k]
+        if not (served.contrast[:, pairs] > 0).all(axis=1).any():
+            served.search(space, pairs)
     for i in range(len(served.pairs)):
         if not (served.contrast[:, i] > 0).any():
             none = served.search(space, [i])
             if not (served.contrast[:, i] > 0).any():
-                told = (
+                lights = (
                     "lights all of it"
                     if not served.pairs[i].silhouette
                     else "lights its visible face"
@@ -272,15 +272,15 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
                 proven = "no position in" if none else "no position found in"
                 beside = ", and another line at each end" if served.needs_corners(i) else ""
                 beside += ", and no shadow next to it" if served.clear_beside(i) else ""
-                dark[i] = f"{proven} {space} {told} with enough contrast and step{beside}."
+                dark[i] = f"{proven} {space} {lights} with enough contrast and step{beside}."
     for k in {served.pairs[i].setting for i in dark}:
         rest = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
         if rest and not (served.contrast[:, rest] > 0).all(axis=1).any():
             served.search(space, rest)
     jobs = work.jobs(served.contrast > 0)
 
-    def decide(some: Jobs) -> bool:
-        return served.search(space, [i for j in some for i in jobs[j]])
+    def decide(numbers: Jobs) -> bool:
+        return served.search(space, [i for j in numbers for i in jobs[j]])
 
     bound = (
         LampSearch(len(jobs), lambda: _columns(served, jobs), decide).bound()
@@ -315,17 +315,17 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
         served.offsets,
         served.corners_under,
     )
-    found = fewest_together(sets, served.least, served.least_step)
-    lit = [i for i in every if found.contrast[i] > 0]
-    told = "of the given lamps" if fixed else f"of {len(places)} positions in {given}"
+    fewest = fewest_together(sets, served.least, served.least_step)
+    lit = [i for i in every if fewest.contrast[i] > 0]
+    which = "of the given lamps" if fixed else f"of {len(places)} positions in {given}"
     dark = {
-        i: f"of the sets tried {told}, the one that shows the most targets does not show it."
+        i: f"of the sets tried {which}, the one that shows the most targets does not show it."
         for i in every
         if i not in lit
     }
-    n = len(found.chosen)
-    bound = min(n, found.listed + 1)
-    proof = f"All sets of fewer than {min(n, found.listed + 1)} {told} were tried."
+    n = len(fewest.chosen)
+    bound = min(n, fewest.listed + 1)
+    proof = f"All sets of fewer than {min(n, fewest.listed + 1)} {which} were tried."
     if not isinstance(given, np.ndarray):
         alone = n > 1 and served.search(given, lit)
         bound = min(n, 1 + alone)
@@ -337,11 +337,11 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
             )
     shots: list[list[LitImage]] = [[] for _ in range(work.n_settings)]
     for k in range(work.n_settings):
-        if own := [i for i in lit if served.pairs[i].setting == k]:
-            shots[k].append(work.image(range(n), own, found.contrast))
+        if pairs := [i for i in lit if served.pairs[i].setting == k]:
+            shots[k].append(work.image(range(n), pairs, fewest.contrast))
     kind = "fixed" if fixed else "placed"
     return replace(
-        work.plan(kind, places[list(found.chosen)], shots, (bound, proof), dark), together=True
+        work.plan(kind, places[list(fewest.chosen)], shots, (bound, proof), dark), together=True
     )
 
 

@@ -97,10 +97,10 @@ def sites_of(light: LightRegions | None, pairs: Sequence[Pair]) -> Sites:
         for one, other in both:
             compared.append((number(*one), -1 if other is None else number(*other)))
             owner.append(k)
-    found = np.array(places).reshape(-1, 6)
+    sides = np.array(places).reshape(-1, 6)
     return Sites(
-        found[:, :3],
-        found[:, 3:],
+        sides[:, :3],
+        sides[:, 3:],
         np.array(compared, int).reshape(-1, 2),
         np.array(owner, int),
         len(pairs),
@@ -169,8 +169,8 @@ class LampSets:
         contrast, step = np.ones((2, n, self.n_pairs))
         block = max(1, _BLOCK // max(1, size * len(self._sites.compared)))
         for first in range(0, n, block):
-            some = slice(first, first + block)
-            contrast[some], step[some] = self._shown(sets[some])
+            block_of_sets = slice(first, first + block)
+            contrast[block_of_sets], step[block_of_sets] = self._shown(sets[block_of_sets])
         if self._besides is not None:
             rows = np.flatnonzero((contrast > 0).any(axis=1))
             contrast[rows] *= self._besides(self._places, sets[rows])

@@ -136,21 +136,21 @@ def propose_optics(
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     distances = _checked(distances_mm)
     fitting = _fitting(bodies)
-    how = options or InspectionOptions()
-    found_by = localisation_or_default(how.localisation, wanted.values())
-    how = replace(how, localisation=found_by)
+    options = options or InspectionOptions()
+    found_by = localisation_or_default(options.localisation, wanted.values())
+    options = replace(options, localisation=found_by)
     entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
-    space = _space(solid, entities, targets, max(distances), how)
-    views = _views(space, targets, distances, _limits(how, pose_uncertainty))
-    found: dict[tuple[str, str], OpticsProposal] = {}
+    space = _space(solid, entities, targets, max(distances), options)
+    views = _views(space, targets, distances, _limits(options, pose_uncertainty))
+    best: dict[tuple[str, str], OpticsProposal] = {}
     for (body, lens), distance in itertools.product(fitting, distances):
         camera = _set(body, lens, distance)
         if camera is None:
             continue
-        one = _judged((body, lens), camera, views, (pose_uncertainty, probability, how))
-        if (body, lens) not in found or _rank(one) < _rank(found[body, lens]):
-            found[body, lens] = one
-    return tuple(sorted(found.values(), key=_rank))
+        proposal = _judged((body, lens), camera, views, (pose_uncertainty, probability, options))
+        if (body, lens) not in best or _rank(proposal) < _rank(best[body, lens]):
+            best[body, lens] = proposal
+    return tuple(sorted(best.values(), key=_rank))
 
 
 def _checked(distances_mm: Sequence[float]) -> list[float]:
@@ -214,30 +214,30 @@ def _space(
     entities: Mapping[str, Any],
     targets: Sequence[Target],
     farthest: float,
-    how: InspectionOptions,
+    options: InspectionOptions,
 ) -> TargetSpace:
     from aspectgraph import compute_regions
 
     size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
     box = solid.bounds + np.array([[-1.0], [1.0]]) * (farthest + size)
-    regions = how.space or compute_regions(
+    regions = options.space or compute_regions(
         solid,
         entities,
-        workspace=box if how.workspace is None else how.workspace,
-        executor=how.executor,
+        workspace=box if options.workspace is None else options.workspace,
+        executor=options.executor,
     )
     return TargetSpace.of(regions, targets)
 
 
-def _limits(how: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
+def _limits(options: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
     """Return the limits that do not depend on the camera; it stands in for all."""
     camera = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
     return InspectionOptions(
-        stand_off_mm=how.stand_off_mm,
-        min_length_px=how.min_length_px,
+        stand_off_mm=options.stand_off_mm,
+        min_length_px=options.min_length_px,
         field_margin_px=0.0,
-        visibility_radius_mm=how.visibility_radius_mm,
-        reach=how.reach,
+        visibility_radius_mm=options.visibility_radius_mm,
+        reach=options.reach,
     ).requirements(camera, pose_uncertainty)
 
 
@@ -263,7 +263,7 @@ def _views(
             tried = _around(constraints.sphere_centre, distance)
             slacks = constraints.slacks(tried, others)
             poses[distance] = tried[
-                np.all([one.min(axis=(1, 2)) >= 0 for one in slacks.values()], axis=0)
+                np.all([margins.min(axis=(1, 2)) >= 0 for margins in slacks.values()], axis=0)
             ]
         views.append(_View(target, constraints, poses))
     return views
@@ -286,17 +286,17 @@ def _judged(
     names: tuple[str, str],
     camera: Camera,
     views: Sequence[_View],
-    asked: tuple[PoseUncertainty, float, InspectionOptions],
+    required_of: tuple[PoseUncertainty, float, InspectionOptions],
 ) -> OpticsProposal:
-    pose_uncertainty, required, how = asked
+    pose_uncertainty, required, options = required_of
     near, far = camera.depth_of_field_mm
-    margin = max(how.focus_margin_mm or 0.0, position_margin_mm(pose_uncertainty))
+    margin = max(options.focus_margin_mm or 0.0, position_margin_mm(pose_uncertainty))
     if 2 * margin >= far - near:
         nothing = {view.target.name: 0.0 for view in views}
         return OpticsProposal(*names, camera, required, nothing, {}, {})
     # what is said holds for all points; otherwise each keeps more the farther it is from the axis
-    reserve = how.requirements(camera, pose_uncertainty).focus_reserve
-    need = replace(how, focus_margin_mm=margin).requirements(camera, pose_uncertainty)
+    reserve = options.requirements(camera, pose_uncertainty).focus_reserve
+    need = replace(options, focus_margin_mm=margin).requirements(camera, pose_uncertainty)
     lens = Lens.of(
         camera,
         need.min_length_px * max(camera.pixel_pitch_mm),
@@ -334,10 +334,21 @@ def _best(view: _View, lens: Lens, means: Means) -> tuple[float, float, NDArray[
     inverse = np.linalg.inv(poses)
     probability = model.probability(inverse)
     best = int(np.argmax(probability))
-    told = model.describe(inverse[best])
-    return float(probability[best]), told.expanded_uncertainty / told.permitted_error, poses[best]
+    described = model.describe(inverse[best])
+    return (
+        float(probability[best]),
+        described.expanded_uncertainty / described.permitted_error,
+        poses[best],
+    )
 
 
-def _rank(one: OpticsProposal) -> tuple[Any, ...]:
-    least = min(one.probability.values())
-    return -len(one.able), one.worst_share, -least, one.working_distance_mm, one.body, one.lens
+def _rank(proposal: OpticsProposal) -> tuple[Any, ...]:
+    least = min(proposal.probability.values())
+    return (
+        -len(proposal.able),
+        proposal.worst_share,
+        -least,
+        proposal.working_distance_mm,
+        proposal.body,
+        proposal.lens,
+    )

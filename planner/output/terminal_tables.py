@@ -70,7 +70,7 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
     for edge in edges:
         start, end = solid.edge_points(edge.id)
         ends = solid.edge_ends(edge)
-        n_tangent += any(one.kind == "tangent" for one in ends)
+        n_tangent += any(at.kind == "tangent" for at in ends)
         length = f"{np.linalg.norm(end - start):.3f}"
         turn = f"{edge.turn_deg:+.1f}"
         row = (str(edge.id), _vector(start), _vector(end), length, turn, words(_ends_text(ends)))
@@ -82,7 +82,9 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
             "is undefined; distances and angles are not affected"
         )
     for kind in ("rim", "arc"):
-        _print_curves(kind, [one for one in curves if isinstance(one, Rim) == (kind == "rim")])
+        _print_curves(
+            kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")]
+        )
 
 
 _EDGE_COLUMNS = (
@@ -105,7 +107,7 @@ def _print_curves(kind: str, curves: Sequence[Any]) -> None:
     """Print the rims or arcs of a part, if it has any."""
     if not curves:
         return
-    n_chords = sum(len(one.edge_ids) for one in curves)
+    n_chords = sum(len(curve.edge_ids) for curve in curves)
     print(f"{count(len(curves), kind)}, {count(n_chords, 'chord')}")
     columns = (
         Column("id", right=True),
@@ -155,12 +157,14 @@ def print_graph(graph: EntityAspectGraph) -> None:
 
 def print_dimensions(dimensions: Sequence[Any]) -> None:
     """Print the dimensions of a model: values, and the entities that measure them or why none do."""
-    n_able = sum(one.entities is not None for one in dimensions)
-    n_stated = sum(one.tolerance is not None for one in dimensions)
+    n_able = sum(dimension.entities is not None for dimension in dimensions)
+    n_stated = sum(dimension.tolerance is not None for dimension in dimensions)
     print_text(
         f"{count(len(dimensions), 'dimension')}, {n_stated} with a tolerance, {n_able} measurable"
     )
-    features = features_text([one.n_features for one in dimensions if one.entities is not None])
+    features = features_text(
+        [dimension.n_features for dimension in dimensions if dimension.entities is not None]
+    )
     if features:
         print_text(f"{features}; a plan measures one feature of each dimension")
     columns = (
@@ -171,20 +175,24 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
         Column("features", right=True),
         Column("entities or reason"),
     )
-    print_table(columns, [_dimension_row(one) for one in dimensions])
-    for one in dimensions:
-        if one.note:
-            print_text(words(f"note: {one.name}: {one.note}", [f"{one.name}:"]))
+    print_table(columns, [_dimension_row(dimension) for dimension in dimensions])
+    for dimension in dimensions:
+        if dimension.note:
+            print_text(words(f"note: {dimension.name}: {dimension.note}", [f"{dimension.name}:"]))
 
 
-def _dimension_row(one: Any) -> tuple[Cell, ...]:
-    nominal = "" if one.nominal is None else f"{one.nominal:.6g} {one.unit}"
-    tolerance = " ".join(f"{deviation:+.4g}" for deviation in one.tolerance or ())
+def _dimension_row(dimension: Any) -> tuple[Cell, ...]:
+    nominal = "" if dimension.nominal is None else f"{dimension.nominal:.6g} {dimension.unit}"
+    tolerance = " ".join(f"{deviation:+.4g}" for deviation in dimension.tolerance or ())
     if tolerance:
-        tolerance += f" {one.unit}"
-    entities = words(one.reason or "") if one.entities is None else listed(map(str, one.entities))
-    kind = one.kind.replace("_", " ")
-    return (one.name, kind, nominal, tolerance, str(one.n_features), entities)
+        tolerance += f" {dimension.unit}"
+    entities = (
+        words(dimension.reason or "")
+        if dimension.entities is None
+        else listed(map(str, dimension.entities))
+    )
+    kind = dimension.kind.replace("_", " ")
+    return (dimension.name, kind, nominal, tolerance, str(dimension.n_features), entities)
 
 
 def print_plan(plan: InspectionPlan) -> None:
@@ -326,13 +334,13 @@ def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> s
 
 def print_batch(results: Sequence[Any]) -> None:
     """Print how many parts are planned, and of the others the reasons (`PartResult`)."""
-    counts = {status: sum(one.status == status for one in results) for status in _STATUSES}
+    counts = {status: sum(result.status == status for result in results) for status in _STATUSES}
     texts = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
     print_text(f"{count(len(results), 'part')}: {texts}")
-    lacking = [one for one in results if one.status != _STATUSES[0]]
-    for one in lacking[:_MOST_ROWS]:
-        text = f"{one.part} is {one.status}: {one.reason}"
-        print_text(words(text, [one.part]), indent="  ")
+    lacking = [result for result in results if result.status != _STATUSES[0]]
+    for result in lacking[:_MOST_ROWS]:
+        text = f"{result.part} is {result.status}: {result.reason}"
+        print_text(words(text, [result.part]), indent="  ")
     if len(lacking) > _MOST_ROWS:
         print(f"and {len(lacking) - _MOST_ROWS} more, see the tables")
 

@@ -36,8 +36,10 @@ def check_plan(data: Mapping[str, Any]) -> None:
     for k, setting in enumerate(data["settings"]):
         check_setting(setting, "settings", k)
         if "measurements" in setting:
-            own = [name for name in setting["entities"] if name in data.get("dimensions", {})]
-            _check_keys(setting["measurements"], own, "settings", k, "measurements")
+            dimensions = [
+                name for name in setting["entities"] if name in data.get("dimensions", {})
+            ]
+            _check_keys(setting["measurements"], dimensions, "settings", k, "measurements")
         _check_windows(setting, k)
         _check_promises(setting, data, k)
     _check_everyone_once(data)
@@ -57,10 +59,10 @@ def check_state(data: Mapping[str, Any]) -> None:
         Names the first wrong field by its path, the rule and the value.
     """
     for key, outcome in data["outcomes"].items():
-        own = _names_of(key)
+        names = _names_of(key)
         if "setting" in outcome:
             check_setting(outcome["setting"], "outcomes", key, "setting")
-            if sorted(outcome["setting"]["entities"]) != own:
+            if sorted(outcome["setting"]["entities"]) != names:
                 where = field_name("outcomes", key, "setting", "entities")
                 _refuse(where, "must be those of the key", outcome["setting"]["entities"])
     if data["plan"] is not None:
@@ -108,14 +110,14 @@ def _check_geometry(data: Mapping[str, Any]) -> None:
 
 def _check_dimensions(data: Mapping[str, Any]) -> None:
     """Check that dimensions are entities of the plan, and that its version says whether there are any."""
-    found = data.get("dimensions", {})
-    if bool(found) != (data["version"] == _WITH_DIMENSIONS):
+    dimensions = data.get("dimensions", {})
+    if bool(dimensions) != (data["version"] == _WITH_DIMENSIONS):
         rule = "must be 2 in a plan that holds dimensions, and 1 in another"
         _refuse("version", rule, data["version"])
-    for name in found:
+    for name in dimensions:
         if name not in data["entities"]:
             _refuse(field_name("dimensions", name), "must be one of the plan's entities", name)
-    counts = [one.get("n_features", 1) for one in found.values()]
+    counts = [dimension.get("n_features", 1) for dimension in dimensions.values()]
     expected = {"n": sum(counts), "not_planned": sum(counts) - len(counts)}
     for key, value in data.get("features", {}).items():
         if value != expected[key]:
@@ -192,9 +194,9 @@ def _check_everyone_once(data: Mapping[str, Any]) -> None:
             _refuse(path, "must be a name that has a reason", name)
     for name in data["entities"]:
         if (name in inspected) == (name in data["uninspectable"]):
-            found = "both" if name in inspected else "neither"
+            place = "both" if name in inspected else "neither"
             raise PlanFileError(
-                f"{field_name('entities', name)} must be in a setting or uninspectable. Got {found}."
+                f"{field_name('entities', name)} must be in a setting or uninspectable. Got {place}."
             )
 
 
@@ -233,13 +235,13 @@ def _check_images(images: Mapping[str, Any], settings: Sequence[Any]) -> None:
     counts = images["counts"]
     n = images["n"]
     _check_one_each("simulation.shown.counts", counts, settings)
-    for k, (own, setting) in enumerate(zip(counts, settings, strict=True)):
-        for name, found in own.items():
+    for k, (shown_counts, setting) in enumerate(zip(counts, settings, strict=True)):
+        for name, n_shown in shown_counts.items():
             where = field_name("simulation", "shown", "counts", k, name)
             if name not in setting["entities"]:
                 _refuse(where, "must be of a name that the setting measures", name)
-            if found > n:
-                _refuse(where, f"must be at most {n}, the number of images", found)
+            if n_shown > n:
+                _refuse(where, f"must be at most {n}, the number of images", n_shown)
 
 
 def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
@@ -252,26 +254,28 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
     _check_one_each("light.settings", light["settings"], settings)
     for k, (lit, setting) in enumerate(zip(light["settings"], settings, strict=True)):
         where = ("light", "settings", k)
-        told = list(lit["unlit"])
+        reported = list(lit["unlit"])
         for i, image in enumerate(lit["images"]):
-            told += image["contrast"]
-            own = (*where, "images", i)
+            reported += image["contrast"]
+            path = (*where, "images", i)
             on = image["lamps"]
             if not on or on != sorted(set(on)) or on[-1] >= n or (len(on) > 1) > light["together"]:
                 rule = f"must be numbers of lamps below {n} in rising order, more than one only if they are on together"
-                _refuse(field_name(*own, "lamps"), rule, on)
+                _refuse(field_name(*path, "lamps"), rule, on)
             for name, value in image["contrast"].items():
                 if value < light["contrast"] - _SAME:
                     rule = f"must be at least light.contrast, {light['contrast']:g}"
-                    _refuse(field_name(*own, "contrast", name), rule, value)
+                    _refuse(field_name(*path, "contrast", name), rule, value)
             for name in image["silhouettes"]:
                 if name not in image["contrast"]:
                     _refuse(
-                        field_name(*own, "silhouettes"), "must be names that the image shows", name
+                        field_name(*path, "silhouettes"), "must be names that the image shows", name
                     )
-        if sorted(told) != sorted(setting["entities"]):
+        if sorted(reported) != sorted(setting["entities"]):
             _refuse(
-                field_name(*where), "must tell of each of the setting's entities once", sorted(told)
+                field_name(*where),
+                "must tell of each of the setting's entities once",
+                sorted(reported),
             )
 
 
@@ -287,9 +291,9 @@ def _check_rate(rate: Mapping[str, Any], simulation: Mapping[str, Any], *where: 
         if rate[field] > n:
             _refuse(field_name(*where, field), f"must be at most n, {n}", rate[field])
     if not rate["low"] <= rate["successes"] / n <= rate["high"]:
-        found = f"{rate['low']:g} to {rate['high']:g}"
+        interval = f"{rate['low']:g} to {rate['high']:g}"
         rule = f"must be an interval, low to high, that contains successes / n, {rate['successes'] / n:g}"
-        raise PlanFileError(f"{field_name(*where)} {rule}. Got {found}.")
+        raise PlanFileError(f"{field_name(*where)} {rule}. Got {interval}.")
 
 
 def _check_one_each(name: str, values: Sequence[Any], settings: Sequence[Any]) -> None:

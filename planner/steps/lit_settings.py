@@ -58,19 +58,19 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
     draft : InspectionPlan
         The settings chosen without them.
     """
-    found = replace(
+    lit = replace(
         draft,
         light=chosen_lamps(lighting, draft, run.request.space.solid, run.callbacks.silent.report),
     )
-    assert found.light is not None
-    if found.light.complete or lighting.together:
-        return found
-    dark = unlit(found)
-    places = _places(run, lighting, found)
-    others = _shown_from_elsewhere(run, lighting, found, (dark, places)) if dark else []
-    settings = _chosen_among(run, found, others)
-    if settings == list(found.settings):
-        return found
+    assert lit.light is not None
+    if lit.light.complete or lighting.together:
+        return lit
+    dark = unlit(lit)
+    places = _places(run, lighting, lit)
+    others = _shown_from_elsewhere(run, lighting, lit, dark, places) if dark else []
+    settings = _chosen_among(run, lit, others)
+    if settings == list(lit.settings):
+        return lit
     plan = assembled(
         run,
         settings,
@@ -84,7 +84,7 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
             lighting, plan, run.request.space.solid, run.callbacks.silent.report, places
         ),
     )
-    return better if set(unlit(better)) <= set(dark) else found
+    return better if set(unlit(better)) <= set(dark) else lit
 
 
 def unlit(plan: InspectionPlan) -> list[str]:
@@ -92,8 +92,8 @@ def unlit(plan: InspectionPlan) -> list[str]:
     assert plan.light is not None
     lit = {
         n
-        for one, dark in zip(plan.settings, plan.light.unlit, strict=True)
-        for n in one.entities
+        for setting, dark in zip(plan.settings, plan.light.unlit, strict=True)
+        for n in setting.entities
         if n not in dark
     }
     return [name for name in plan.entities if name in plan.inspected and name not in lit]
@@ -114,31 +114,30 @@ def _shown_from_elsewhere(
     run: Run,
     lighting: Lighting,
     plan: InspectionPlan,
-    wanted: tuple[Sequence[str], NDArray[np.float64]],
+    dark: Sequence[str],
+    places: NDArray[np.float64],
 ) -> list[SensorSetting]:
     """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
-    names, places = wanted
     kept: list[SensorSetting] = []
-    for k, name in enumerate(names):
+    for k, name in enumerate(dark):
         poses = _poses_that_inspect(run, plan, name)
         settings = [
             setting_at(run.request, pose, [name], "pose in which a lamp shows it") for pose in poses
         ]
         lit = _shown(run, lighting, plan, settings, places)
-        seen = [setting for setting, some in zip(settings, lit, strict=True) if name in some]
-        more = run.judge(np.array([one.cam2world for one in seen]).reshape(-1, 4, 4)).inspects.sum(
-            axis=1
-        )
+        seen = [setting for setting, names in zip(settings, lit, strict=True) if name in names]
+        seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
+        more = run.judge(seen_from).inspects.sum(axis=1)
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
         kept += [seen[i] for i in order[: run.effort.stages.looking.kept]]
-        report(run.callbacks.progress, k + 1, len(names), "poses in the light")
-    full = [one for one in map(_with_all(run), kept) if one.entities]
+        report(run.callbacks.progress, k + 1, len(dark), "poses in the light")
+    full = [setting for setting in map(_with_all(run), kept) if setting.entities]
     lit = _shown(run, lighting, plan, full, places)
     cut = [
-        without(run.request, one, [n for n in one.entities if n not in some])
-        for one, some in zip(full, lit, strict=True)
+        without(run.request, setting, [name for name in setting.entities if name not in names])
+        for setting, names in zip(full, lit, strict=True)
     ]
-    return [one for one in cut if one.entities]
+    return [setting for setting in cut if setting.entities]
 
 
 def _with_all(run: Run) -> Any:
@@ -159,17 +158,17 @@ def _with_all(run: Run) -> Any:
 def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
     """Return poses (n, 4, 4) that inspect an entity, `Looking.tried` at most: half inspect most, half are spread."""
     looking = run.effort.stages.looking
-    own = run.names.index(name)
+    column = run.names.index(name)
     seed = derive_seed(run.seed, ["light", name])
-    known = run.pool.poses[run.pool.membership[:, own]]
+    known = run.pool.poses[run.pool.membership[:, column]]
     drawn = entity_poses(run.judge, name, looking.viewpoints, seed)
-    planned = np.array([one.cam2world for one in plan.settings if name in one.entities])
+    planned = np.array([setting.cam2world for setting in plan.settings if name in setting.entities])
     near = np.repeat(planned, looking.around, axis=0)
     near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
     poses = np.concatenate([known, drawn, near])
     inspects = run.judge(poses).inspects
-    poses = poses[inspects[:, own]]
-    more = inspects[inspects[:, own]].sum(axis=1)
+    poses = poses[inspects[:, column]]
+    more = inspects[inspects[:, column]].sum(axis=1)
     if len(poses) <= looking.tried:
         return poses
     # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
@@ -188,9 +187,9 @@ def _shown(
     places: NDArray[np.float64],
 ) -> list[set[str]]:
     """Return what lamps at some places, or the ring on the camera, show in each setting, whichever lamp it takes."""
-    found: list[set[str]] = [set() for _ in settings]
+    names_shown: list[set[str]] = [set() for _ in settings]
     if not settings:
-        return found
+        return names_shown
     posed = _Posed(settings, plan.targets, plan.camera, plan.requirements)
     served = lighting.served(posed, run.request.space.solid, run.callbacks.silent.report)
     if lighting.is_ring:
@@ -200,10 +199,10 @@ def _shown(
     else:
         served.add(places)
     lit = np.asarray((served.contrast > 0).any(axis=0))
-    for pair, one in zip(served.pairs, lit, strict=True):
-        if one:
-            found[pair.setting].add(pair.name)
-    return found
+    for pair, is_lit in zip(served.pairs, lit, strict=True):
+        if is_lit:
+            names_shown[pair.setting].add(pair.name)
+    return names_shown
 
 
 def _chosen_among(

@@ -103,14 +103,14 @@ class Dimension:
             )
 
     @classmethod
-    def length(cls, edge: Target, **asked: Any) -> Dimension:
+    def length(cls, edge: Target, **requirement: Any) -> Dimension:
         """Return the length of an edge, as in the paper.
 
         Parameters
         ----------
         edge : int, str, Edge, Entity or end points
             The edge.
-        **asked
+        **requirement
             ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
 
         Returns
@@ -118,17 +118,17 @@ class Dimension:
         Dimension
             The new dimension.
         """
-        return cls("length", (edge,), **_in_mm(asked))
+        return cls("length", (edge,), **_in_mm(requirement))
 
     @classmethod
-    def distance(cls, first: Target, second: Target, **asked: Any) -> Dimension:
+    def distance(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
         """Return the distance of two parallel edges.
 
         Parameters
         ----------
         first, second : int, str, Edge, Entity or end points
             The edges.
-        **asked
+        **requirement
             ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; ``share``, ``direction``: `Dimension`.
 
         Returns
@@ -136,17 +136,17 @@ class Dimension:
         Dimension
             The new dimension.
         """
-        return cls("distance", (first, second), **_in_mm(asked))
+        return cls("distance", (first, second), **_in_mm(requirement))
 
     @classmethod
-    def angle(cls, first: Target, second: Target, **asked: Any) -> Dimension:
+    def angle(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
         """Return the angle of two edges.
 
         Parameters
         ----------
         first, second : int, str, Edge, Entity or end points
             The edges.
-        **asked
+        **requirement
             ``tolerance_deg`` (lower, upper), ``max_error_deg`` or ``accuracy``; and ``share``, see `Dimension`.
 
         Returns
@@ -154,17 +154,17 @@ class Dimension:
         Dimension
             The new dimension.
         """
-        return cls("angle", (first, second), **_renamed(asked, "deg"))
+        return cls("angle", (first, second), **_renamed(requirement, "deg"))
 
     @classmethod
-    def diameter(cls, rim: Target, **asked: Any) -> Dimension:
+    def diameter(cls, rim: Target, **requirement: Any) -> Dimension:
         """Return the diameter of a rim or arc.
 
         Parameters
         ----------
         rim : str, Rim, Arc or Entity
             The rim or arc.
-        **asked
+        **requirement
             ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
 
         Returns
@@ -177,17 +177,17 @@ class Dimension:
         RequestError
             If a value breaks its rule.
         """
-        return cls("diameter", (rim,), **_in_mm(asked))
+        return cls("diameter", (rim,), **_in_mm(requirement))
 
     @classmethod
-    def radius(cls, rim: Target, **asked: Any) -> Dimension:
+    def radius(cls, rim: Target, **requirement: Any) -> Dimension:
         """Return the radius of a rim or arc.
 
         Parameters
         ----------
         rim : str, Rim, Arc or Entity
             The rim or arc.
-        **asked
+        **requirement
             ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
 
         Returns
@@ -195,17 +195,17 @@ class Dimension:
         Dimension
             The new dimension.
         """
-        return cls("radius", (rim,), **_in_mm(asked))
+        return cls("radius", (rim,), **_in_mm(requirement))
 
     @classmethod
-    def centre_distance(cls, first: Target, second: Target, **asked: Any) -> Dimension:
+    def centre_distance(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
         """Return the distance of the centres of two rims or arcs.
 
         Parameters
         ----------
         first, second : str, Rim, Arc or Entity
             The rims or arcs.
-        **asked
+        **requirement
             ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; ``share``, ``direction``: `Dimension`.
 
         Returns
@@ -213,10 +213,10 @@ class Dimension:
         Dimension
             The new dimension.
         """
-        return cls("centre_distance", (first, second), **_in_mm(asked))
+        return cls("centre_distance", (first, second), **_in_mm(requirement))
 
     @classmethod
-    def centre_to_edge(cls, rim: Target, edge: Target, **asked: Any) -> Dimension:
+    def centre_to_edge(cls, rim: Target, edge: Target, **requirement: Any) -> Dimension:
         """Return the distance from a rim's centre to the line of an edge.
 
         Parameters
@@ -225,7 +225,7 @@ class Dimension:
             The rim or arc.
         edge : int, str, Edge, Entity or end points
             The edge.
-        **asked
+        **requirement
             ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
 
         Returns
@@ -233,7 +233,7 @@ class Dimension:
         Dimension
             The new dimension.
         """
-        return cls("centre_to_edge", (rim, edge), **_in_mm(asked))
+        return cls("centre_to_edge", (rim, edge), **_in_mm(requirement))
 
     def with_accuracy(self, accuracy: float) -> Dimension:
         """Return the dimension with an accuracy, where it has no requirement of its own.
@@ -272,13 +272,13 @@ class Dimension:
         RequestError
             If there is no requirement, or the permitted error is not smaller than the nominal value.
         """
-        own = self.with_accuracy(accuracy) if accuracy is not None else self
-        if own.tolerance is not None:
-            error = own.share * (own.tolerance[1] - own.tolerance[0]) / 2
-        elif own.max_error is not None:
-            error = float(own.max_error)
-        elif own.accuracy is not None:
-            return (1 - own.accuracy) * nominal
+        dimension = self.with_accuracy(accuracy) if accuracy is not None else self
+        if dimension.tolerance is not None:
+            error = dimension.share * (dimension.tolerance[1] - dimension.tolerance[0]) / 2
+        elif dimension.max_error is not None:
+            error = float(dimension.max_error)
+        elif dimension.accuracy is not None:
+            return (1 - dimension.accuracy) * nominal
         else:
             raise RequestError(f"a {self.kind} needs a tolerance, max_error or accuracy. Got none.")
         if error >= nominal:
@@ -289,20 +289,20 @@ class Dimension:
         return error
 
 
-def _in_mm(asked: dict[str, Any]) -> dict[str, Any]:
-    return _renamed(asked, "mm")
+def _in_mm(requirement: dict[str, Any]) -> dict[str, Any]:
+    return _renamed(requirement, "mm")
 
 
-def _renamed(asked: dict[str, Any], unit: str) -> dict[str, Any]:
+def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     """Take the unit off the names of what is asked; refuse names and units that are not known."""
     names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
     names |= {name: name for name in ("accuracy", "share", "direction")}
-    unknown = [name for name in asked if name not in names]
+    unknown = [name for name in requirement if name not in names]
     if unknown:
         raise RequestError(
             f"what is asked of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
         )
-    return {names[name]: value for name, value in asked.items()}
+    return {names[name]: value for name, value in requirement.items()}
 
 
 def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:

@@ -98,8 +98,8 @@ class PlannedTarget(ABC):
     @property
     def points(self) -> NDArray[np.float64]:
         """Points (n, 3) of its entities, among them the ends of lines; mm."""
-        ends = [np.array([one.p, one.q]) for one in self.geometry if isinstance(one, Line)]
-        return np.concatenate([*(sample_points(one, _POINTS) for one in self.geometry), *ends])
+        ends = [np.array([item.p, item.q]) for item in self.geometry if isinstance(item, Line)]
+        return np.concatenate([*(sample_points(item, _POINTS) for item in self.geometry), *ends])
 
     @abstractmethod
     def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float | None:
@@ -296,7 +296,7 @@ class PlannedDimension(PlannedTarget):
             "tolerance": None if self.tolerance is None else list(self.tolerance),
             "permitted_error": self.permitted_error,
             "entities": list(self.entities),
-            "geometry": [to_dict(one) for one in self.geometry],
+            "geometry": [to_dict(item) for item in self.geometry],
             "direction": None if self.direction is None else list(self.direction),
             "localisation": self.localisation.to_dict(),
             "n_features": self.n_features,
@@ -323,10 +323,10 @@ class PlannedDimension(PlannedTarget):
             If fields contradict each other.
         """
         try:
-            found = cls(
+            made = cls(
                 data["kind"],
                 tuple(data["entities"]),
-                tuple(from_dict(one) for one in data["geometry"]),
+                tuple(from_dict(item) for item in data["geometry"]),
                 data["permitted_error"],
                 Localisation.from_dict(data["localisation"]),
                 None if data["tolerance"] is None else (data["tolerance"][0], data["tolerance"][1]),
@@ -335,14 +335,14 @@ class PlannedDimension(PlannedTarget):
                 data.get("n_features", 1),
                 data.get("surfaces_mm", 0.0),
             )
-            nominal = found.nominal
+            nominal = made.nominal
         except (MeasurandError, ValueError, TypeError, KeyError) as error:
             raise PlanFileError(f"must be a dimension that can be measured. Got: {error}") from None
         if abs(nominal - data["nominal"]) > 1e-6 * max(1.0, abs(nominal)):
             raise PlanFileError(
                 f"nominal must be that of the geometry, {nominal:.9g}. Got {data['nominal']!r}."
             )
-        return found
+        return made
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PlannedDimension):
@@ -367,9 +367,9 @@ def words_of(targets: Mapping[str, PlannedTarget]) -> TargetWords:
     return kinds.pop() if kinds else EDGES
 
 
-def sample_points(one: Geometry, n: int) -> NDArray[np.float64]:
+def sample_points(geometry: Geometry, n: int) -> NDArray[np.float64]:
     """Return n points at the middles of equal parts of a line or circle; (n, 3) mm."""
     shares = (np.arange(n) + 0.5) / n
-    if isinstance(one, Circle):
-        return one.points(shares * one.span_rad)
-    return np.asarray(one.p + shares[:, None] * (one.q - one.p))
+    if isinstance(geometry, Circle):
+        return geometry.points(shares * geometry.span_rad)
+    return np.asarray(geometry.p + shares[:, None] * (geometry.q - geometry.p))

@@ -81,8 +81,8 @@ def resolve_wanted(
         if entity.kind == "edge" and not as_lengths:
             targets.append(edge_target(name, entity.endpoints))
             continue
-        own = Dimension(_MEASURED_OF[entity.kind], (name,), accuracy=accuracy)
-        targets.append(_dimension_target(solid, name, own, [entity], accuracy))
+        dimension = Dimension(_MEASURED_OF[entity.kind], (name,), accuracy=accuracy)
+        targets.append(_dimension_target(solid, name, dimension, [entity], accuracy))
     return entities, tuple(targets)
 
 
@@ -97,10 +97,10 @@ def _entity_of(
     from aspectgraph import EntityError, resolve_entities
 
     try:
-        found = resolve_entities(solid, {_label(given): given})
+        resolved = resolve_entities(solid, {_label(given): given})
     except EntityError as error:
         raise RequestError(f"dimension {name!r}: {error}") from error
-    label, entity = next(iter(found.items()))
+    label, entity = next(iter(resolved.items()))
     key = frozenset(entity.edge_ids)
     if key not in known:
         # an item may have the name that an id would give
@@ -117,21 +117,21 @@ def _labels(label: str) -> Iterator[str]:
 
 def _label(given: Any) -> str:
     """Return a name for an entity that has none: its id."""
-    own = getattr(given, "id", getattr(given, "name", given))
-    if isinstance(own, bool):
+    known_as = getattr(given, "id", getattr(given, "name", given))
+    if isinstance(known_as, bool):
         raise RequestError(
             f"an entity must be an id, an edge, a rim or two end points. Got {given!r}."
         )
-    if isinstance(own, int | np.integer):
-        return f"e{own}"
-    if isinstance(own, str):
-        return own
+    if isinstance(known_as, int | np.integer):
+        return f"e{known_as}"
+    if isinstance(known_as, str):
+        return known_as
     try:
         return "edge from " + " to ".join(
-            "(" + ", ".join(f"{x:.6g}" for x in point) + ")" for point in own
+            "(" + ", ".join(f"{x:.6g}" for x in point) + ")" for point in known_as
         )
     except (TypeError, ValueError):
-        return repr(own)
+        return repr(known_as)
 
 
 def _dimension_target(
@@ -146,12 +146,12 @@ def _dimension_target(
         raise RequestError(f"dimension {name!r}: {error}") from error
     for entity in parts:
         _check_chords(name, entity, curves, permitted)
-    pieces = [_segments(one) for one in geometry]
+    pieces = [_segments(item) for item in geometry]
     witness = Witness(
         tuple(dict.fromkeys(entity.name for entity in parts)),
         np.concatenate([segments for segments, _ in pieces]),
         np.concatenate([resolved for _, resolved in pieces]),
-        _farthest(np.concatenate([_own_points(one) for one in geometry])),
+        _farthest(np.concatenate([_own_points(item) for item in geometry])),
         value,
     )
     return DimensionTarget(name, (witness,), dimension, permitted)
@@ -190,30 +190,33 @@ def _check_chords(
     )
 
 
-def _segments(one: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _segments(geometry: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return pairs of points (s, 2, 3) that hold an entity in the picture, and which must be long enough; (s,)."""
-    if isinstance(one, Line):
-        return np.array([[one.p, one.q]]), np.ones(1, bool)
-    if one.is_closed:
-        points = one.points(np.arange(2 * _DIAMETERS) * (math.pi / _DIAMETERS))
-        outer = one.centre + (points - one.centre) / math.cos(math.pi / (2 * _DIAMETERS))
+    if isinstance(geometry, Line):
+        return np.array([[geometry.p, geometry.q]]), np.ones(1, bool)
+    if geometry.is_closed:
+        points = geometry.points(np.arange(2 * _DIAMETERS) * (math.pi / _DIAMETERS))
+        outer = geometry.centre + (points - geometry.centre) / math.cos(math.pi / (2 * _DIAMETERS))
         return np.stack([outer[:_DIAMETERS], outer[_DIAMETERS:]], axis=1), np.ones(_DIAMETERS, bool)
     # the ends, and corners of a polygon around the arc in pairs, of which only the ends tell how long the image is
-    step = one.span_rad / (2 * _DIAMETERS)
-    middles = one.points((np.arange(2 * _DIAMETERS) + 0.5) * step)
-    outer = one.centre + (middles - one.centre) / math.cos(step / 2)
+    step = geometry.span_rad / (2 * _DIAMETERS)
+    middles = geometry.points((np.arange(2 * _DIAMETERS) + 0.5) * step)
+    outer = geometry.centre + (middles - geometry.centre) / math.cos(step / 2)
     pairs = np.concatenate(
-        [one.points(np.array([0.0, one.span_rad], dtype=np.float64))[None], outer.reshape(-1, 2, 3)]
+        [
+            geometry.points(np.array([0.0, geometry.span_rad], dtype=np.float64))[None],
+            outer.reshape(-1, 2, 3),
+        ]
     )
     return pairs, np.arange(len(pairs)) == 0
 
 
-def _own_points(one: Line | Circle) -> NDArray[np.float64]:
+def _own_points(geometry: Line | Circle) -> NDArray[np.float64]:
     """Return points that lie on an entity itself; (m, 3)."""
-    if isinstance(one, Line):
-        return np.array([one.p, one.q])
-    span = 2 * math.pi if one.is_closed else one.span_rad
-    return one.points(np.linspace(0.0, span, 2 * _DIAMETERS + 1))
+    if isinstance(geometry, Line):
+        return np.array([geometry.p, geometry.q])
+    span = 2 * math.pi if geometry.is_closed else geometry.span_rad
+    return geometry.points(np.linspace(0.0, span, 2 * _DIAMETERS + 1))
 
 
 def _farthest(points: NDArray[np.float64]) -> NDArray[np.float64]:
