@@ -53,7 +53,7 @@ class Progress(NamedTuple):
 
 
 @dataclass
-class Run:
+class AheadRun:
     """Processes that compile ahead.
 
     Attributes
@@ -157,13 +157,13 @@ class Run:
 class _Process:
     """The run this process waits for."""
 
-    run: Run | None = None
+    run: AheadRun | None = None
 
 
 _process = _Process()
 
 
-def current_run() -> Run | None:
+def current_run() -> AheadRun | None:
     """Return the processes that compile ahead for this one, if there are any."""
     return _process.run
 
@@ -174,7 +174,7 @@ def is_awaited(function: Callable[..., Any], signature: Any) -> bool:
     Parameters
     ----------
     function, signature
-        See `Run.expects`.
+        See `AheadRun.expects`.
     """
     run = _process.run
     if run is None:
@@ -206,7 +206,7 @@ def compiling_ahead(processes: int) -> Iterator[None]:
         _process.run = None
 
 
-def _begun(processes: int) -> Run | None:
+def _begun(processes: int) -> AheadRun | None:
     """Start a run, or join the one that another program has started; None where neither is of use."""
     files = state_files()
     if files is None:
@@ -218,7 +218,7 @@ def _begun(processes: int) -> Run | None:
         # a file system without locks
         return None
     if handle is None:
-        return Run(state)
+        return AheadRun(state)
     try:
         if processes < 2:
             state.unlink(missing_ok=True)
@@ -235,7 +235,7 @@ def _begun(processes: int) -> Run | None:
             # an interruption from the keyboard is for the program that started it
             start_new_session=True,
         )
-        return Run(state, process)
+        return AheadRun(state, process)
     except OSError:
         return None
     finally:
@@ -318,7 +318,7 @@ def list_entry(function: Callable[..., Any], signature: Any) -> list[Any] | None
     Parameters
     ----------
     function, signature
-        See `Run.expects`.
+        See `AheadRun.expects`.
     """
     from compiled.signatures import address_of, encoded
 

@@ -15,7 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from compiled.ahead import MOST_PROCESSES, PREFIX, Run, read_list, state_files, taken
+from compiled.ahead import MOST_PROCESSES, PREFIX, AheadRun, read_list, state_files, taken
 from compiled.dependencies import plain_function, reachable
 from compiled.signatures import decoded, named
 
@@ -199,7 +199,7 @@ def compile_all(processes: int) -> None:
     if files is None:
         return
     state, done = files
-    other = Run(state)
+    other = AheadRun(state)
     while not done.exists():
         handle = taken(state)
         if handle is not None:

@@ -14,7 +14,7 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from compiled.ahead import Run, current_run
+from compiled.ahead import AheadRun, current_run
 from compiled.cache import keeps_loops
 from compiled.folders import can_keep
 
@@ -81,7 +81,7 @@ def ahead_told(
 
 
 def _watch(
-    run: Run,
+    run: AheadRun,
     ended: threading.Event,
     say: Callable[[str], object],
     report: Callable[[int, int], object],

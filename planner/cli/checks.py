@@ -104,7 +104,7 @@ def check_inputs(options: Any) -> None:
     part = given.get("part")
     if camera is not None:
         # here, because it loads numpy
-        from planner.cli.parsing.camera import read_camera
+        from planner.cli.parsing.camera_option import read_camera
 
         read_camera(camera)
     if part is not None and not Path(part).exists():

@@ -43,7 +43,7 @@ from planner.cli.job import (
 )
 from planner.cli.light import with_light
 from planner.cli.optics_ranking import rank_optics
-from planner.cli.parsing.camera import read_camera
+from planner.cli.parsing.camera_option import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.cli.wanted import chosen_entities, localisation_text, read_request
 from planner.effort.effort import Effort

@@ -14,7 +14,7 @@ from aspectgraph import AspectGraphError, PartFileNotFoundError, SolidChoice, re
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell
-from planner.cli.parsing.camera import read_camera
+from planner.cli.parsing.camera_option import read_camera
 from planner.cli.wanted import Wanted, read_request
 from planner.detectability.conditions import Detectability
 from planner.effort.effort import Effort

@@ -13,7 +13,7 @@ from planner.progress.terminal_text import visible
 from planner.progress.text_table import (
     Cell,
     Column,
-    Pieces,
+    WholePieces,
     listed,
     print_table,
     print_text,
@@ -309,7 +309,7 @@ def _measured(target: PlannedTarget) -> Cell:
     """Return a cell that says what is measured and how wrong it may be."""
     nominal, error = target.requirement_texts
     texts = (f"{nominal},", *_split(error), features_cell(target) and f"({features_cell(target)})")
-    return Pieces(tuple(filter(None, texts)))
+    return WholePieces(tuple(filter(None, texts)))
 
 
 def _split(error: str) -> tuple[str, ...]:
@@ -325,7 +325,7 @@ def _interval(rate: SuccessRate | None) -> Cell:
     verdict_text = "" if rate.verdict == CONFIRMED else rate.verdict
     frequency = frequency_text(rate.successes, rate.n)
     interval = f"({interval_text(rate.low, rate.high, ' .. ')})"
-    return Pieces((frequency, interval, *verdict_text.split()))
+    return WholePieces((frequency, interval, *verdict_text.split()))
 
 
 def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> str:

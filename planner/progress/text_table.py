@@ -33,7 +33,7 @@ class Column(NamedTuple):
     right: bool = False
 
 
-class Pieces(NamedTuple):
+class WholePieces(NamedTuple):
     """Text that may be broken between its pieces only.
 
     Attributes
@@ -51,10 +51,10 @@ class Pieces(NamedTuple):
         return self.separator.join(self.pieces)
 
 
-Cell = str | Pieces
+Cell = str | WholePieces
 
 
-def listed(names: Iterable[str]) -> Pieces:
+def listed(names: Iterable[str]) -> WholePieces:
     """Return a list of names that stay whole.
 
     Parameters
@@ -62,10 +62,10 @@ def listed(names: Iterable[str]) -> Pieces:
     names : iterable of str
         The names.
     """
-    return Pieces(tuple(names), ", ")
+    return WholePieces(tuple(names), ", ")
 
 
-def words(text: str, names: Iterable[str] = ()) -> Pieces:
+def words(text: str, names: Iterable[str] = ()) -> WholePieces:
     """Return a sentence that may be broken between its words, but not in a name.
 
     Parameters
@@ -77,7 +77,7 @@ def words(text: str, names: Iterable[str] = ()) -> Pieces:
     """
     spaced = sorted((name for name in names if " " in name), key=len, reverse=True)
     either = "".join(f"(?:{re.escape(name)})\\S*|" for name in spaced)
-    return Pieces(tuple(re.findall(rf"{either}\S+", text)))
+    return WholePieces(tuple(re.findall(rf"{either}\S+", text)))
 
 
 def terminal_width() -> int | None:
@@ -105,7 +105,7 @@ def print_text(text: Cell, indent: str = "") -> None:
 
     Parameters
     ----------
-    text : str or Pieces
+    text : str or WholePieces
         The sentence.
     indent : str
         Stands in front of all lines but the first.
@@ -123,7 +123,7 @@ def print_table(columns: Sequence[Column], rows: Sequence[Sequence[Cell]]) -> No
     ----------
     columns : sequence of Column
         The first holds what names a row.
-    rows : sequence of sequence of str or Pieces
+    rows : sequence of sequence of str or WholePieces
         A cell per column. A `str` is never broken.
     """
     if rows:
@@ -178,7 +178,7 @@ def _value_lines(column: Column, cell: Cell, width: int | None) -> list[str]:
     if not str(cell):
         return []
     title = f"{column.title}: " if column.title else ""
-    pieces = cell if isinstance(cell, Pieces) else Pieces((cell,))
+    pieces = cell if isinstance(cell, WholePieces) else WholePieces((cell,))
     if width is None or _cells(title) + _least(pieces) <= width:
         lines = _wrapped(pieces, None if width is None else width - _cells(title))
         lines[1:] = [" " * _cells(title) + line for line in lines[1:]]

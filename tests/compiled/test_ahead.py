@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from compiled import ahead, leader
-from compiled.ahead import Run, list_entry, read_list, taken
+from compiled.ahead import AheadRun, list_entry, read_list, taken
 from compiled.cache import LoopCache
 from compiled.dependencies import plain_function, reachable
 from compiled.leader import Agenda
@@ -213,7 +213,7 @@ def test_a_loop_is_waited_for_until_it_is_done(folder, monkeypatch):
     state = folder / "ahead.state"
     handle = taken(state)
     assert taken(state) is None
-    waited = Run(state)
+    waited = AheadRun(state)
     monkeypatch.setattr(ahead._process, "run", waited)
     assert waited.is_active()
     assert waited.progress() is None

@@ -15,15 +15,15 @@ from planner.argument_kinds import shown
 from planner.camera.calibration import opencv_fields
 from planner.camera.checks import check_positive
 from planner.camera.readers import key_names as names
-from planner.camera.readers.calibration import (
+from planner.camera.readers.colmap import is_colmap, read_colmap
+from planner.camera.readers.documents import tree_of
+from planner.camera.readers.named_values import NamedValues
+from planner.camera.readers.stated_calibration import (
     Calibration,
     camera_matrix,
     check_pixels,
     is_in_image,
 )
-from planner.camera.readers.colmap import is_colmap, read_colmap
-from planner.camera.readers.documents import tree_of
-from planner.camera.readers.named_values import NamedValues
 from planner.exceptions import CameraError
 
 _KNOWN = (

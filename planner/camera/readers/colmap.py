@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from planner.argument_kinds import shown
-from planner.camera.readers.calibration import (
+from planner.camera.readers.stated_calibration import (
     Calibration,
     camera_matrix,
     check_finite,

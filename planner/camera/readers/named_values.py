@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from planner.argument_kinds import shown
-from planner.camera.readers.calibration import check_finite
 from planner.camera.readers.key_names import HARMLESS, READ, plain
+from planner.camera.readers.stated_calibration import check_finite
 from planner.exceptions import CameraError
 
 _MATRIX_KEYS = {"rows", "cols", "dt", "data", "typeid"}

@@ -13,7 +13,7 @@ from errors.measurands import Line, Localisation
 from planner.output import terminal_tables
 from planner.progress.text_table import (
     Column,
-    Pieces,
+    WholePieces,
     listed,
     print_text,
     table_lines,
@@ -67,7 +67,7 @@ def test_a_sentence_keeps_names_with_blanks_together(monkeypatch, capsys):
 
 
 def test_nothing_obeyed_by_a_terminal_comes_through(capsys):
-    lines = table_lines((Column("n"), Column("x")), [("a\x1b[2J", Pieces(("b\n", "c")))], 80)
+    lines = table_lines((Column("n"), Column("x")), [("a\x1b[2J", WholePieces(("b\n", "c")))], 80)
     assert "\x1b" not in "".join(lines)
     assert len(lines) == 3
 
