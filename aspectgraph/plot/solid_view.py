@@ -215,10 +215,10 @@ def _entity_text(entity: Entity) -> str:
 def _domain_traces(
     eag: EntityAspectGraph, node: Any, box: np.ndarray, color: str, opacity: float, shown: bool
 ) -> list[Any]:
-    data = eag.graph.nodes[node]
+    listed = eag.graph.nodes[node][eag.regions.listed_as]
     cells = list(eag.cells(node))
     facets = domain_facets(cells, eag.solid, box)
-    title = f"{node}: {list_text(data['observable'], eag.entity_names, width=30, newline='<br>')}"
+    title = f"{node}: {list_text(listed, eag.entity_names, width=30, newline='<br>')}"
     together: dict[str, Any] = {
         "legendgroup": f"domain {node}",
         "visible": True if shown else "legendonly",

@@ -22,6 +22,7 @@ from aspectgraph import (
     AspectGraphError,
     WorkspaceError,
     build_aspect_graph,
+    build_light_graph,
     compute_regions,
     plot_domains,
     plot_solid,
@@ -231,6 +232,17 @@ def test_the_legend_lists_every_domain_once(slotted):
     assert shown == {"domain 0", "domain 1", "domain 2"}
     chosen = plot_domains(slotted, [5, 7])
     assert {trace.legendgroup for trace in chosen.data if trace.visible} >= {"domain 5", "domain 7"}
+
+
+def test_light_domains_are_drawn_with_what_they_light():
+    """Their nodes hold lists of what shows, and none of what is observable."""
+    graph = build_light_graph(cube(), {"top": 1, "side": 2}, contrast=0.2)
+    figure = plot_domains(graph, [0])
+    names = graph.graph.nodes[0]["showing"]
+    (surface,) = [trace for trace in figure.data if trace.legendgroup == "domain 0"][:1]
+    assert surface.name == f"0: {' '.join(names)}"
+    (marker,) = named(figure, "viewpoint 0")
+    assert f"showing: {', '.join(names)}" in marker.hovertext[0]
 
 
 def test_a_domain_outside_the_box_says_so(slotted):
