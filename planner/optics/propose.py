@@ -307,8 +307,8 @@ def _judged(
     means = Means(
         camera,
         pose_uncertainty,
-        localisation=how.localisation,
-        surfaces_mm=surfaces_or_default(how.surfaces_mm, how.localisation),
+        localisation=options.localisation,
+        surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
     )
     probability = {}
     share = {}
