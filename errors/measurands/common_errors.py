@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from compiled.cache import njit
-from errors.measurands.fit_expansion import plane_of, point_row
+from errors.measurands.fit_expansion import plane_of
 
 
 @njit(error_model="numpy")
@@ -27,21 +27,19 @@ def line_floor(at, half, of_value, points, common):
     Arguments as of `errors.measurands.fit_expansion.line_noise`; ``common`` holds s_x and s_y.
     """
     n = np.empty(3)
-    w = np.empty(3)
     p = np.empty(3)
     shift = np.empty(2)
-    row = np.empty(6)
     c = plane_of(at, n)
     spread = half * half * (1.0 - 1.0 / (points * points)) / 3.0
+    # the image of a line has one direction
+    _across(at[0], at[1], common, shift)
     total = 0.0
     for k in range(points):
         x = half * ((2 * k + 1.0) / points - 1.0)
         for i in range(3):
             p[i] = at[0, i] + x * at[1, i]
-        point_row(at[2], n, c, p, w, row)
-        _across(p, at[1], common, shift)
         share = (of_value[0] + of_value[1] * x / spread) / points
-        total += share * p[2] * (w[0] * shift[0] + w[1] * shift[1])
+        total += share * _moved(at[2], n, c, p, shift)
     return total
 
 
@@ -49,12 +47,10 @@ def line_floor(at, half, of_value, points, common):
 def circle_floor(at, radius, angles, solve, of_value, common):
     """Return the same for a circle, all of whose points are found farther out."""
     n = np.empty(3)
-    w = np.empty(3)
     p = np.empty(3)
     e = np.empty(3)
     along = np.empty(3)
     shift = np.empty(2)
-    row = np.empty(6)
     c = plane_of(at, n)
     total = 0.0
     for k in range(len(angles)):
@@ -64,11 +60,17 @@ def circle_floor(at, radius, angles, solve, of_value, common):
             e[i] = co * at[1, i] + si * at[2, i]
             along[i] = co * at[2, i] - si * at[1, i]
             p[i] = at[0, i] + radius * e[i]
-        point_row(e, n, c, p, w, row)
         _across(p, along, common, shift)
         weight = of_value[0] * solve[0, k] + of_value[1] * solve[1, k] + of_value[2] * solve[2, k]
-        total += weight * p[2] * (w[0] * shift[0] + w[1] * shift[1])
+        total += weight * _moved(e, n, c, p, shift)
     return total
+
+
+@njit(error_model="numpy")
+def _moved(e, n, c, p, shift):
+    """Return how far along e a point of the plane n.X = c is carried back when its image is shifted."""
+    part = (e[0] * p[0] + e[1] * p[1] + e[2] * p[2]) / c
+    return p[2] * ((e[0] - n[0] * part) * shift[0] + (e[1] - n[1] * part) * shift[1])
 
 
 @njit(error_model="numpy")

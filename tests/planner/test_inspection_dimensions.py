@@ -29,6 +29,7 @@ from planner import (
     predict,
     read_plan,
 )
+from planner.bound.least_image import least_images_mm
 from planner.request.request import Request
 from planner.request.target_space import TargetSpace
 from planner.wanted.resolve import resolve_wanted
@@ -141,6 +142,21 @@ def test_the_default_of_dimensions_is_that_of_sub_pixel_work(solid, wanted):
     # the paper's rule of an entity without a kind stays: whole pixels, and faces where they are
     rim = predict(solid, {"bore": wanted["bore"].entities[0]}, pose, CAMERA, UNCERTAINTY)["bore"]
     assert rim.budget["localisation_floor"] == rim.budget["surfaces"] == 0.0
+
+
+@pytest.mark.parametrize("how", [Localisation.gaussian(0.0, floor_px=0.0), FINE, None])
+def test_the_bound_asks_no_length_of_an_image_whatever_its_errors(solid, wanted, how):
+    """What it uses is necessary without any error, so a floor or a face that is off cannot break it."""
+    from aspectgraph import compute_regions
+
+    entities, targets = resolve_wanted(solid, wanted, 0.98, as_lengths=True)
+    regions = compute_regions(solid, entities, workspace=[[-400] * 3, [500] * 3])
+    space = TargetSpace.of(regions, targets)
+    names = tuple(target.name for target in targets)
+    request = Request(
+        space, names, CAMERA, UNCERTAINTY, targets=targets, localisation=how, surfaces_mm=0.5
+    )
+    assert least_images_mm(request).tolist() == [0.0] * len(targets)
 
 
 def test_edges_alone_are_planned_as_before(solid):

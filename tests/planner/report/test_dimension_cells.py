@@ -11,6 +11,7 @@ from planner.exceptions import PlanFileError
 from planner.report.dimension_report import (
     _accepted,
     _budget,
+    _images_text,
     _nominal,
     budget_percents,
     localisation_text,
@@ -55,6 +56,17 @@ def test_shares_sum_to_a_hundred_percent_or_are_none():
     assert budget_percents({"a": 1.0, "b": 1.0, "c": 1.0}) == {"a": 33.4, "b": 33.3, "c": 33.3}
     assert budget_percents({"a": 0.0, "b": 0.0}) == {"a": 0.0, "b": 0.0}
     assert budget_percents({"a": float("inf"), "b": 1.0}) == {"a": 0.0, "b": 0.0}
+
+
+def test_a_report_says_what_does_not_average_out_and_where_that_comes_from():
+    how = Localisation.gaussian(0.1, floor_px=0.08)
+    with_both = SimpleNamespace(localisation=how, surfaces_mm=0.02)
+    (text,) = _images_text(SimpleNamespace(dimensions={"bore": with_both}))
+    assert "an error of 0.08 px across it" in text
+    assert "30 path-traced images" in text
+    assert "by 0.02 mm (surfaces)" in text
+    without = SimpleNamespace(localisation=Localisation.rounding(), surfaces_mm=0.0)
+    assert _images_text(SimpleNamespace(dimensions={"bore": without})) == []
 
 
 def test_a_short_arc_has_no_budget():
