@@ -56,7 +56,7 @@ def add_asked(parser: Options, out: str | None = None) -> None:
         metavar="G",
         help="20%%: end the search when at most 20%% of the settings are unproven",
     )
-    search.add_argument("--seed", type=whole, default=0, metavar="N", help="same seed, same plan")
+    add_seed(search, "same seed, same plan")
     search.add_argument(
         "--simulate",
         type=whole,
@@ -65,6 +65,22 @@ def add_asked(parser: Options, out: str | None = None) -> None:
         help="check the plan with this many displaced poses per setting",
     )
     add_limits(parser)
+
+
+def add_seed(parser: Options, what: str) -> None:
+    """Add the seed of random numbers."""
+    parser.add_argument("--seed", type=whole, default=0, metavar="N", help=what)
+
+
+def add_graph_limit(parser: Options, what: str, default: str) -> None:
+    """Add the largest number of entities whose joint graph is written; the default is in words."""
+    parser.add_argument(
+        "--graph-limit",
+        type=whole,
+        default=int(default) if default.isdigit() else None,
+        metavar="N",
+        help=f"write {what} for up to this many entities (default: {default})",
+    )
 
 
 def add_camera(parser: Options) -> None:
@@ -221,9 +237,8 @@ def add_limits(plan: Options) -> None:
         type=MM,
         metavar="MM",
         help="distance from both ends of the depth of field (default: for each end of an edge "
-        "three "
-        "standard deviations of its depth, at most an eighth of the depth of field but at least "
-        "1.645 of them)",
+        "three standard deviations of its depth, at most an eighth of the depth of field but at "
+        "least 1.645 of them)",
     )
     limits.add_argument(
         "--visibility-radius-mm",
@@ -280,13 +295,7 @@ def add_light(plan: Options) -> None:
         "dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps at:X,Y,Z[;X,Y,Z...] or a TOML file with "
         "lamps = [[X, Y, Z], ...]; in mm (default: no lamps)",
     )
-    light.add_argument(
-        "--contrast",
-        type=SHARE,
-        default=0.1,
-        metavar="C",
-        help="least contrast of an edge, (I1 - I2) / (I1 + I2)",
-    )
+    add_contrast(light, "least contrast of an edge")
     light.add_argument(
         "--grey-step",
         type=SHARE,
@@ -308,6 +317,17 @@ def add_light(plan: Options) -> None:
     )
 
 
+def add_contrast(parser: Options, what: str) -> None:
+    """Add the least contrast of an edge."""
+    parser.add_argument(
+        "--contrast",
+        type=SHARE,
+        default=0.1,
+        metavar="C",
+        help=f"{what}, (I1 - I2) / (I1 + I2)",
+    )
+
+
 def add_part(parser: Options) -> None:
     """Add the part."""
     parser.add_argument("part", metavar="PART", help=".step .stp .stl .obj .ply .off .glb")
@@ -316,11 +336,7 @@ def add_part(parser: Options) -> None:
 def add_reading(parser: Options) -> None:
     """Add how the file of a part is read."""
     group = parser.add_argument_group("reading the part")
-    group.add_argument(
-        "--units",
-        metavar="UNIT",
-        help="unit of a mesh: mm, inch, m, ... (default: mm, m for .glb)",
-    )
+    add_units(group)
     group.add_argument(
         "--solids",
         type=indices,
@@ -338,6 +354,24 @@ def add_reading(parser: Options) -> None:
         type=MM,
         metavar="MM",
         help="widest gap between the edges and faces of a STEP file",
+    )
+
+
+def add_units(parser: Options) -> None:
+    """Add the unit of meshes."""
+    parser.add_argument(
+        "--units",
+        metavar="UNIT",
+        help="unit of a mesh: mm, cm, m, um, inch or ft (default: mm, m for .glb)",
+    )
+
+
+def add_select(parser: Options, what: str, default: str) -> None:
+    """Add a rule that selects entities, of a command where it is not required."""
+    parser.add_argument(
+        "--select",
+        metavar="RULE",
+        help=f"{what}; see plan --help (default: {default})",
     )
 
 
@@ -392,6 +426,5 @@ def add_workspace(parser: Options) -> None:
         nargs=6,
         metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"),
         help="opposite corners of the box the camera may be in, mm (default: as far around the "
-        "part "
-        "as the lens focuses)",
+        "part as the lens focuses)",
     )

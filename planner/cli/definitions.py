@@ -8,7 +8,9 @@ from typing import Any, NoReturn
 from planner.cli.arguments import (
     add_again,
     add_asked,
+    add_contrast,
     add_entities,
+    add_graph_limit,
     add_jobs,
     add_light,
     add_limits,
@@ -16,11 +18,14 @@ from planner.cli.arguments import (
     add_part,
     add_promise,
     add_reading,
+    add_seed,
+    add_select,
+    add_units,
     add_wanted,
     add_workspace,
 )
 from planner.cli.parsing.parser import Help, Parser
-from planner.cli.parsing.quantities import MM, SHARE, lengths, memory, whole
+from planner.cli.parsing.quantities import MM, lengths, memory, whole
 from planner.executors import usable_cores
 
 _DESCRIPTION = """\
@@ -132,14 +137,7 @@ def _add_plan(commands: Any) -> None:
         "--resume", action="store_true", help="continue an interrupted plan from its state in DIR"
     )
     add_again(output)
-    output.add_argument(
-        "--graph-limit",
-        type=whole,
-        metavar="N",
-        help="write graph.graphml, the joint graph, for up to this many entities (default: 24; "
-        "more if "
-        "it is small)",
-    )
+    add_graph_limit(output, "graph.graphml, the joint graph,", "24; more if it is small")
     add_jobs(_group(plan, "search"), "processes to use, at most one per core", usable_cores())
     add_workspace(_group(plan, "limits"))
     add_light(plan)
@@ -165,11 +163,7 @@ def _add_info(commands: Any) -> None:
         help="draw the edges with their ids: .png, or .html to pick edges from and save them for "
         "--entities or --dimensions",
     )
-    choice.add_argument(
-        "--select",
-        metavar="RULE",
-        help="list only edges, rims and arcs for which the rule holds; see plan --help",
-    )
+    add_select(choice, "list only edges, rims and arcs for which the rule holds", "all")
     choice.add_argument(
         "--min-length", type=MM, default=0.0, metavar="MM", help="leave out shorter edges"
     )
@@ -204,20 +198,13 @@ def _add_graph(commands: Any) -> None:
         help="build the graph of lamp positions instead of viewpoints: which lamps make edges "
         "visible",
     )
-    output.add_argument(
-        "--contrast",
-        type=SHARE,
-        default=0.1,
-        metavar="C",
-        help="with --lamps: least contrast, (I1 - I2) / (I1 + I2)",
-    )
+    add_contrast(output, "with --lamps: least contrast")
     output.add_argument(
         "--memory-limit",
         type=memory,
         metavar="GIB",
-        help="stop with an estimate if the graph takes more than about this much memory; like "
-        "8, 8GB "
-        "or 500MB (default: what is free)",
+        help="stop with an estimate if the graph takes more than about this much memory; "
+        "like 8, 8GB or 500MB (default: what is free)",
     )
     add_reading(graph)
     add_messages(graph)
@@ -247,21 +234,10 @@ def _add_batch(commands: Any) -> None:
     )
     what = batch.add_argument_group("what to measure")
     which = what.add_mutually_exclusive_group()
-    which.add_argument(
-        "--select",
-        metavar="RULE",
-        help="entities for which the rule holds, see plan --help (default: all sharp straight "
-        "edges)",
-    )
+    add_select(which, "entities for which the rule holds", "all sharp straight edges")
     which.add_argument("--all", action="store_true", help="all sharp straight edges, the default")
     add_asked(batch)
-    _group(batch, "output").add_argument(
-        "--graph-limit",
-        type=whole,
-        default=0,
-        metavar="N",
-        help="write the joint graph for up to this many entities",
-    )
+    add_graph_limit(_group(batch, "output"), "the joint graph of each part", "0")
     search = _group(batch, "search")
     add_jobs(search, "parts to plan at a time, at most one per core", usable_cores())
     search.add_argument(
@@ -269,12 +245,7 @@ def _add_batch(commands: Any) -> None:
         metavar="ADDRESS",
         help="work on a Dask scheduler, like tcp://host:8786 (default: on this machine)",
     )
-    reading = batch.add_argument_group("reading the parts")
-    reading.add_argument(
-        "--units",
-        metavar="UNIT",
-        help="unit of meshes: mm, inch, m, ... (default: mm, m for .glb)",
-    )
+    add_units(batch.add_argument_group("reading the parts"))
     add_messages(batch)
 
 
@@ -287,7 +258,7 @@ def _add_simulate(commands: Any) -> None:
     drawing.add_argument(
         "--poses", type=whole, default=100_000, metavar="N", help="displaced poses per setting"
     )
-    drawing.add_argument("--seed", type=whole, default=0, metavar="N", help="same seed, same poses")
+    add_seed(drawing, "same seed, same poses")
     drawing.add_argument(
         "--part",
         metavar="PART",
