@@ -26,6 +26,7 @@ from planner.report.wording import (
     features_sentence,
     lamp_texts,
     margin_texts,
+    names_by_reason,
     percent,
     promise_sentence,
     share_text,
@@ -216,12 +217,17 @@ def print_plan(plan: InspectionPlan) -> None:
     if rows:
         print()
     print_table(*_measurements(plan))
-    for name, reason in plan.uninspectable.items():
-        print_text(words(f"not inspected: {name}: {reason}", [f"{name}:", *names]))
+    _print_not_inspected(plan)
     for k in range(len(plan.settings)):
         for text in [*window_texts(plan, k), *lamp_texts(plan, k)]:
             print_text(words(f"setting {k + 1}: {text}", names), indent="  ")
     print_text(words(verdict(plan), names))
+
+
+def _print_not_inspected(plan: InspectionPlan) -> None:
+    """Print which targets are not inspected, and why; a reason of several once."""
+    for reason, names in names_by_reason(plan.uninspectable).items():
+        print_text(words(f"not inspected: {', '.join(names)}: {reason}", plan.entities))
 
 
 def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, ...]]]:
@@ -261,12 +267,11 @@ def tightest_margin(plan: InspectionPlan, setting: SensorSetting) -> str:
     str
         Like ``focus: 9 % left (+0.51 mm)``. The probability is not a margin; empty if no margin is a number.
     """
-    keys = {key.rpartition("_")[0].replace("_", " "): key for key in setting.margins}
     for limit in nearest_limits(plan, setting):
-        key = keys.get(limit.name)
-        if key is not None:
-            margin = margin_texts({key: setting.margins[key]})[0].removeprefix(limit.name).strip()
-            return f"{limit.name}: {share_text(limit.share)} left ({margin})"
+        if limit.key is not None:
+            margin = margin_texts({limit.key: setting.margins[limit.key]})[0]
+            value = margin.removeprefix(limit.name).strip()
+            return f"{limit.name}: {share_text(limit.share)} left ({value})"
     return ""
 
 
@@ -289,8 +294,7 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
             frequency = frequency_text(rate.successes, rate.n)
             rows.append((name, str(k + 1), predicted, frequency, interval, words(rate.verdict)))
     print_table(columns, rows)
-    for name, reason in plan.uninspectable.items():
-        print_text(words(f"not inspected: {name}: {reason}", [f"{name}:", *names]))
+    _print_not_inspected(plan)
     if plan.features_text:
         print_text(features_sentence(plan))
     print_text(words(simulation_sentence(result), names))

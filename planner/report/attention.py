@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from planner.report.tables import setting_link
+from planner.report.tables import setting_link, unbroken
+from planner.report.wording import names_by_reason
 from planner.setting.reason import ReasonKind, kind_of
 
 if TYPE_CHECKING:
@@ -103,7 +104,8 @@ def reasons_section(reasons: Mapping[str, str], noun: str) -> str:
 
 def _table(reasons: Mapping[str, str], noun: str) -> str:
     rows = "".join(
-        f"<tr><td>{escape(name)}</td><td>{escape(why)}</td></tr>" for name, why in reasons.items()
+        f"<tr><td>{', '.join(map(unbroken, names))}</td><td>{escape(why)}</td></tr>"
+        for why, names in names_by_reason(reasons).items()
     )
     head = f"<thead><tr><th>{noun.capitalize()}</th><th>Reason</th></tr></thead>"
     return f'<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>'

@@ -26,11 +26,24 @@ _MEANS = {
 
 
 class LimitShare(NamedTuple):
-    """A constraint: its name, which share of its room is left (0: at its limit), and what that means."""
+    """How near a setting is to a constraint.
+
+    Attributes
+    ----------
+    name : str
+        The constraint in words.
+    share : float
+        Share of its room that is left; 0: at its limit.
+    meaning : str
+        What a small share means.
+    key : str or None
+        Its margin's key in the setting's margins; None of the probability, which is no margin.
+    """
 
     name: str
     share: float
     meaning: str
+    key: str | None = None
 
 
 def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[LimitShare]:
@@ -55,11 +68,10 @@ def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[LimitSh
     if plan.requirements.get("focus_sigmas", 0.0) > 0.0:
         reserve_mm = FocusReserve.of(plan.camera, plan.pose_uncertainty).on_axis_mm
     room = rooms(plan.camera, plan.workspace, plan.requirements, reserve_mm)
-    found = {
-        "probability": float(probability_share(min(setting.promise.values()), plan.probability))
-    }
+    least = probability_share(min(setting.promise.values()), plan.probability)
+    found = [LimitShare("probability", float(least), _MEANS["probability"])]
     finite = {key: margin for key, margin in setting.margins.items() if np.isfinite(margin)}
     for key, share in shares(finite, room).items():
-        found[key.rpartition("_")[0].replace("_", " ")] = float(share)
-    order = sorted(found, key=lambda name: found[name])
-    return [LimitShare(name, found[name], _MEANS[name]) for name in order]
+        name = key.rpartition("_")[0].replace("_", " ")
+        found.append(LimitShare(name, float(share), _MEANS[name], key))
+    return sorted(found, key=lambda one: one.share)

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 from errors.formatting import interval_text, probability_text
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
-from planner.report.tables import COLOURS, source_text
-from planner.report.wording import features_cell, tolerance_share
+from planner.report.tables import COLOURS, cells, heads, setting_link, source_text, unbroken
+from planner.report.wording import features_cell
 from planner.verify.measurements import Measurement, measurements
+from planner.wanted.planned import deviation_text
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.wanted.planned import PlannedDimension
 
-_HEAD = (
-    "<th>Dimension</th><th>Nominal, tolerance</th><th>U (k = 2)</th><th>U/T</th>"
-    "<th>Permitted error</th><th>Setting</th><th>P</th>"
-    "<th>u</th><th>Budget of the variance</th><th>Accept between</th><th>Binding</th>"
+_NAMES = (
+    *("Dimension", "Nominal, tolerance", "U (k = 2)", "U/T", "Permitted error", "Setting", "P"),
+    *("u", "Budget of the variance", "Accept between", "Binding"),
 )
 
 
@@ -49,8 +49,8 @@ def dimension_section(plan: InspectionPlan) -> str:
     rows.sort(key=lambda row: order.index(row[0]))
     return (
         '<h3 id="tolerances">Dimensions and their tolerances</h3>'
-        f'<div class="scroll"><table id="dimensions"><tr>{_HEAD}</tr>'
-        f"{''.join(html for _, html in rows)}</table></div>"
+        f'<div class="scroll"><table id="dimensions" class="stack">{heads(_NAMES)}<tbody>'
+        f"{''.join(html for _, html in rows)}</tbody></table></div>"
         + "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(plan))
     )
 
@@ -109,34 +109,41 @@ def localisation_text(how: Localisation) -> str:
 
 def _row(plan: InspectionPlan, k: int, name: str, one: Measurement) -> tuple[str, str]:
     dimension = plan.dimensions[name]
-    px = "" if one.permitted_error_px is None else f"<br>{one.permitted_error_px:.3g} px"
+    unit = dimension.unit
     ratio = "none stated"
     if dimension.tolerance is not None:
-        ratio = f"{uncertainty_ratio(one.expanded_uncertainty, dimension.tolerance):.3f}"
-    share = tolerance_share(dimension)
-    if share:
-        share = f"<br><span class='note'>{share}</span>"
-    cells = (
-        f"{escape(name)}<br><span class='note'>{escape(dimension.kind.replace('_', ' '))} of "
-        f"{escape(', '.join(dimension.entities))}{_share(dimension)}</span>",
-        _nominal(dimension),
-        f"{one.expanded_uncertainty:.3g} {dimension.unit}",
-        f"<b>{ratio}</b>" if dimension.tolerance is not None else ratio,
-        f"±{dimension.permitted_error:.4g} {dimension.unit}{px}{share}",
-        f'<a href="#setting-{k + 1}">{k + 1}</a>',
-        _probability(plan, k, name),
-        f"{one.standard_uncertainty:.3g}",
-        _budget(dimension, one),
-        _accepted(dimension, one),
-        escape(one.binding),
-    )
-    return name, f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+        ratio = f"<b>{uncertainty_ratio(one.expanded_uncertainty, dimension.tolerance):.3f}</b>"
+    values = {
+        "": f"{escape(name)}<br> <span class='note'>{escape(_what(dimension))}</span>",
+        "Nominal, tolerance": _nominal(dimension),
+        "U (k = 2)": unbroken(f"{one.expanded_uncertainty:.3g} {unit}"),
+        "U/T": ratio,
+        "Permitted error": _permitted(dimension, one),
+        "Setting": setting_link(k + 1),
+        "P": _probability(plan, k, name),
+        "u": f"{one.standard_uncertainty:.3g}",
+        "Budget of the variance": _budget(dimension, one),
+        "Accept between": _accepted(dimension, one),
+        "Binding": escape(one.binding),
+    }
+    return name, cells(values)
 
 
-def _share(dimension: PlannedDimension) -> str:
-    """Return on how many of its features a dimension is measured, if it applies to several."""
+def _what(dimension: PlannedDimension) -> str:
+    """Return what a dimension is, and on how many of its features it is measured if not on all."""
+    what = f"{dimension.kind.replace('_', ' ')} of {', '.join(dimension.entities)}"
     features = features_cell(dimension)
-    return f"; {features}" if features else ""
+    return f"{what}; {features}" if features else what
+
+
+def _permitted(dimension: PlannedDimension, one: Measurement) -> str:
+    """Return the permitted error, in the image too, and its share of the tolerance."""
+    lines = [unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}")]
+    if one.permitted_error_px is not None:
+        lines.append(unbroken(f"{one.permitted_error_px:.3g} px"))
+    if dimension.share_text:
+        lines.append(f"<span class='note'>{unbroken(dimension.share_text)}</span>")
+    return "<br> ".join(lines)
 
 
 def _nominal(dimension: PlannedDimension) -> str:
@@ -144,7 +151,8 @@ def _nominal(dimension: PlannedDimension) -> str:
     if dimension.tolerance is None:
         return text
     lower, upper = dimension.tolerance
-    return f"{text}<br>{upper:+.4g}<br>{lower:+.4g}"
+    # pages too narrow for a table show no breaks
+    return f"{text}<br> {deviation_text(upper)}<br> {deviation_text(lower)}"
 
 
 def _probability(plan: InspectionPlan, k: int, name: str) -> str:
@@ -153,7 +161,7 @@ def _probability(plan: InspectionPlan, k: int, name: str) -> str:
     if name not in rates:
         return text
     rate = rates[name]
-    return f"{text}<br><span class='note'>simulated {interval_text(rate.low, rate.high)}</span>"
+    return f"{text}<br> <span class='note'>simulated {interval_text(rate.low, rate.high)}</span>"
 
 
 def _budget(dimension: PlannedDimension, one: Measurement) -> str:
@@ -165,10 +173,10 @@ def _budget(dimension: PlannedDimension, one: Measurement) -> str:
         "</i>"
         for source, value in percents.items()
     )
-    texts = "<br>".join(
-        f"{source_text(source)} {value:.1f} %" for source, value in percents.items()
+    texts = "<br> ".join(
+        unbroken(f"{source_text(source)} {value:.1f} %") for source, value in percents.items()
     )
-    return f'<span style="white-space:nowrap">{bars}</span><br><span class="note">{texts}</span>'
+    return f'<span style="white-space:nowrap">{bars}</span><br> <span class="note">{texts}</span>'
 
 
 def _accepted(dimension: PlannedDimension, one: Measurement) -> str:
@@ -177,7 +185,9 @@ def _accepted(dimension: PlannedDimension, one: Measurement) -> str:
     limits = acceptance_limits(dimension.tolerance, one.expanded_uncertainty)
     if limits is None:
         return '<span class="bad">nothing: U takes the whole tolerance</span>'
-    return f"{dimension.nominal + limits[0]:.6g} and {dimension.nominal + limits[1]:.6g} {dimension.unit}"
+    low = dimension.nominal + limits[0]
+    high = dimension.nominal + limits[1]
+    return f"{low:.6g} and {unbroken(f'{high:.6g} {dimension.unit}')}"
 
 
 def _images_text(plan: InspectionPlan) -> list[str]:
@@ -204,9 +214,6 @@ def _notes(plan: InspectionPlan) -> list[str]:
     )
     rounded = any(one.localisation.model == "rounding" for one in plan.dimensions.values())
     return [
-        "P is the probability that the measurement error is at most the permitted error, given a registered image in "
-        "which the targets are found. It is not the probability that a part conforms: that also depends on how parts "
-        "vary (JCGM 106).",
         f"Localisation of points in the image: {'; '.join(models)}."
         + (
             " The model assumes that points of one line or circle on whole pixels have independent errors."
@@ -219,7 +226,7 @@ def _notes(plan: InspectionPlan) -> list[str]:
         "budget sum to u². T is the whole width of the tolerance. Accept a part if its measured value lies between "
         "the limits: the tolerance less a guard band of U on either side (ISO 14253-1).",
         "The permitted error in px is the one in mm at the scale of the image, at the mean depth of the targets and "
-        "square to the optical axis. The last column names the constraint with the smallest relative margin: "
+        "square to the optical axis. Binding names the constraint with the smallest relative margin: "
         "probability (of 1 less the required one), focus (of half the depth of field) or field of view (of half the "
         "sensor's shorter side).",
     ]

@@ -194,7 +194,11 @@ def _named(plan: InspectionPlan) -> tuple[str, str]:
 
 def _meaning(plan: InspectionPlan) -> str:
     """Explain P and the search window."""
-    return f"{promise_sentence(plan)} {window_sentence()}"
+    conforms = (
+        "P is not the probability that a part conforms, which also depends on how parts vary "
+        "(JCGM 106)."
+    )
+    return f"{promise_sentence(plan)} {conforms} {window_sentence()}"
 
 
 def _lead(plan: InspectionPlan) -> str:
@@ -214,18 +218,23 @@ def _lead(plan: InspectionPlan) -> str:
         simulated = f"{simulation_sentence(plan.simulation)} {shown_sentence(plan.simulation.shown)}".rstrip()
     return (
         f"{inspected} of {count(asked, *_named(plan))} {verb} measured from {count(n, _POSE)} "
-        f"(setting{f's 1 to {n}' if n > 1 else ' 1'}). {features}{' ' if features else ''}"
+        f"({_numbers(n)}). {features}{' ' if features else ''}"
         f"{bound_sentence(plan, _named(plan), _POSE)} {simulated} {unfinished_sentence(plan)} {light_sentence(plan)}"
     ).rstrip()
+
+
+def _numbers(n: int) -> str:
+    """Return the numbers of n settings."""
+    if n == 1:
+        return "setting 1"
+    return f"settings 1 {'and' if n == 2 else 'to'} {n}"
 
 
 def _figures(plan: InspectionPlan) -> str:
     n = len(plan.settings)
     cells = [(str(n), "camera pose" if n == 1 else "camera poses")]
     if n:
-        cells.append(
-            (str(plan.lower_bound), "proven minimum" if plan.minimal else "proven lower bound")
-        )
+        cells.append((str(plan.lower_bound), _bound_label(plan)))
     cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", f"{_named(plan)[1]} inspected"))
     if plan.n_features_not_planned:
         measured = sum(name in plan.dimensions for name in plan.inspected)
@@ -250,6 +259,14 @@ def _figures(plan: InspectionPlan) -> str:
     return "".join(
         f"<div><b>{escape(value)}</b><span>{escape(what)}</span></div>" for value, what in cells
     )
+
+
+def _bound_label(plan: InspectionPlan) -> str:
+    """Name the lower bound; of an incomplete plan with the targets it is about."""
+    label = "proven minimum" if plan.minimal else "proven lower bound"
+    if plan.complete:
+        return label
+    return f"{label} for the inspected {_named(plan)[len(plan.inspected) > 1]}"
 
 
 def _request(plan: InspectionPlan) -> str:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from scipy.spatial.transform import Rotation
 
 from errors.formatting import is_nearly_one, probability_text
-from planner.report.wording import tolerance_share
 from planner.rows.measured_rows import SOURCES, Row
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ def _result(plan: InspectionPlan, row: Row, where: Sequence[int], *, with_probab
             "n:Nominal": f"{row.nominal:.6g} {row.unit}",
             "n:Permitted error": permitted(row, plan.targets[row.name]),
             "n:U": f"{expanded:.3g} {row.unit}",
-            "n:U / permitted": f"{100 * expanded / row.permitted_error:.2g} %",
+            "n:U / permitted": _percent(expanded / row.permitted_error),
             "Setting": links,
             **(
                 {"n:P": probability_text(row.probability, plan.probability)}
@@ -89,6 +88,23 @@ def _result(plan: InspectionPlan, row: Row, where: Sequence[int], *, with_probab
             "Budget": budget_bar(row),
         }
     )
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent with two digits, or all that stand before the point."""
+    text = f"{100 * share:.2g}" if share < 0.995 else f"{100 * share:.0f}"
+    return f"{text} %"
+
+
+def unbroken(text: str) -> str:
+    """Return a text whose words stay on one line, such as a number and its unit.
+
+    Parameters
+    ----------
+    text : str
+        Without markup.
+    """
+    return escape(text).replace(" ", "&nbsp;")
 
 
 def heads(names: Sequence[str]) -> str:
@@ -122,8 +138,7 @@ def warned(row: Row) -> str:
 def permitted(row: Row, target: PlannedTarget) -> str:
     """Return the permitted error, its size in the image, and its share of the tolerance if there is one."""
     more = [] if row.permitted_error_px is None else [f"{row.permitted_error_px:.3g} px"]
-    share = tolerance_share(target)
-    more += [share] if share else []
+    more += [target.share_text] if target.share_text else []
     text = f"±{row.permitted_error:.3g} {row.unit}"
     return f"{text} ({', '.join(more)})" if more else text
 

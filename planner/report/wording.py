@@ -53,39 +53,44 @@ def features_cell(target: PlannedTarget) -> str:
     return f"1 of {target.n_features} features" if target.n_features > 1 else ""
 
 
-def tolerance_share(target: PlannedTarget) -> str:
-    """Say which share of the tolerance the permitted error is; empty without a tolerance.
+def names_by_reason(reasons: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the targets of each reason, so that a reason of many is written once.
 
-    Such as "25 % of ±0.05", and of an uneven tolerance of width T "25 % of T/2".
+    Parameters
+    ----------
+    reasons : mapping of str to str
+        Of targets that are not inspected, by name.
     """
-    if target.tolerance is None:
-        return ""
-    lower, upper = target.tolerance
-    half = (upper - lower) / 2
-    width = f"±{half:.4g}" if lower == -upper else "T/2"
-    return f"{100 * target.permitted_error / half:.3g} % of {width}"
+    found: dict[str, list[str]] = {}
+    for name, reason in reasons.items():
+        found.setdefault(str(reason), []).append(name)
+    return found
 
 
 def bound_sentence(
     plan: InspectionPlan, what: Sequence[str] = ("entity", "entities"), place: str = "setting"
 ) -> str:
-    """Say how many settings are proven to be needed, and for what; nothing of a plan without settings."""
+    """Say how many settings are proven to be needed, and for what; nothing of a plan without settings.
+
+    Of an incomplete plan the proof is about the targets that it inspects.
+    """
     n = len(plan.settings)
     bound = plan.lower_bound
     inspected = len(plan.inspected)
     if not n:
         return ""
-    these = f"these {count(inspected, *what)}" if inspected > 1 else f"this {what[0]}"
-    if plan.complete:
-        these = f"all {count(inspected, *what)}" if inspected > 1 else f"the {what[0]}"
+    these = f"all {inspected} {what[1]}" if inspected > 1 else f"the {what[0]}"
+    scope = ""
+    if not plan.complete:
+        these = "them" if inspected > 1 else "it"
+        scope = f" for the {count(inspected, f'inspected {what[0]}', f'inspected {what[1]}')}"
     if plan.minimal:
-        return (
-            f"Proven minimal: no plan that inspects {these} under this request has fewer {place}s."
-        )
-    return (
-        f"Proven lower bound: {bound}. Every plan that inspects {these} under this request has at least "
-        + (f"{count(bound, place)}.")
+        least = f"no plan that inspects {these} under this request has fewer {place}s"
+        return f"Proven minimal{scope}: {least}."
+    least = (
+        f"Every plan that inspects {these} under this request has at least {count(bound, place)}"
     )
+    return f"Proven lower bound{scope}: {bound}. {least}."
 
 
 def incumbent_line(plan: InspectionPlan, seconds: float) -> str:

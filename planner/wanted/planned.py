@@ -35,6 +35,17 @@ if TYPE_CHECKING:
 _POINTS = 72
 
 
+def deviation_text(deviation: float) -> str:
+    """Return a deviation that a tolerance allows, with its sign; 0 has none.
+
+    Parameters
+    ----------
+    deviation : float
+        mm (angles: degrees).
+    """
+    return f"{deviation:+.4g}" if deviation else "0"
+
+
 @dataclass(frozen=True)
 class PlannedTarget(ABC):
     """The fields of every target of a plan: kind, value and permitted error.
@@ -89,6 +100,11 @@ class PlannedTarget(ABC):
     @abstractmethod
     def requirement_texts(self) -> tuple[str, str]:
         """What is measured, its tolerance if it has one, and the permitted error."""
+
+    @property
+    def share_text(self) -> str:
+        """Share of its tolerance that the permitted error is; empty without a tolerance."""
+        return ""
 
     @property
     def value_text(self) -> str:
@@ -274,12 +290,27 @@ class PlannedDimension(PlannedTarget):
         if self.tolerance is None:
             return nominal, error
         lower, upper = self.tolerance
-        half = (upper - lower) / 2
-        if lower == -upper:
-            tolerance = f"±{upper:.4g}"
-        else:
-            tolerance = "/".join(f"{limit:+.4g}" if limit else "0" for limit in (upper, lower))
-        return f"{nominal} {tolerance}", f"{error} ({100 * self.permitted_error / half:.3g} %)"
+        tolerance = f"±{upper:.4g}"
+        if lower != -upper:
+            tolerance = "/".join(deviation_text(limit) for limit in (upper, lower))
+        return f"{nominal} {tolerance}", f"{error} ({self._share(self.tolerance)})"
+
+    @property
+    def share_text(self) -> str:
+        """Share of its tolerance that the permitted error is, such as "25 % of ±0.05".
+
+        Of an uneven tolerance of width T "25 % of T/2"; empty without a tolerance.
+        """
+        if self.tolerance is None:
+            return ""
+        lower, upper = self.tolerance
+        width = f"±{upper:.4g}" if lower == -upper else "T/2"
+        return f"{self._share(self.tolerance)} of {width}"
+
+    def _share(self, tolerance: tuple[float, float]) -> str:
+        """Return the permitted error in percent of half the width of a tolerance."""
+        half = (tolerance[1] - tolerance[0]) / 2
+        return f"{100 * self.permitted_error / half:.3g} %"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain values, ready for JSON, with the nominal value and its unit.

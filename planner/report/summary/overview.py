@@ -1,7 +1,9 @@
 """The part with all targets called out: the first picture of a report.
 
 A picture shows the part from outside, hidden lines removed. Targets that the first one hides are
-called out in a second one, from another side. Only what both hide is dashed.
+called out in a second one, from another side. Only what both hide is dashed. A thin line joins the
+two entities of a dimension, and carries its name. The names are laid out twice: for a desktop, and
+for a phone.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.plot.callouts import Spot, label_layout
+from aspectgraph.plot.callouts import LabelLayout, Spot, label_layout
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.report.figure import color_of
@@ -45,6 +47,10 @@ _SAMPLES = 9
 _VISIBLE = 0.5
 # larger side of the first picture and of the second one, pt
 _SIZES_PT = (800.0, 480.0)
+# on a phone, whose page is 370 px wide
+_PHONE_PT = 266.0
+# smaller names on a phone are left out
+_LEAST_FONT_PT = 5.0
 
 
 class OverviewView(NamedTuple):
@@ -56,10 +62,11 @@ class OverviewView(NamedTuple):
 
 @dataclass(frozen=True)
 class _Target:
-    """A target: its lines, mm, and points along them."""
+    """A target: its lines, mm, points along them, and the line (2, 3) that joins two entities."""
 
     lines: list[_Array]
     samples: _Array
+    span: _Array | None = None
 
 
 def overview(plan: InspectionPlan, solid: Solid) -> str:
@@ -82,9 +89,9 @@ def overview(plan: InspectionPlan, solid: Solid) -> str:
     pictures = []
     for k, view in enumerate(views):
         hidden = [name for name in targets if name not in seen] if k == 0 else []
-        size_pt = _SIZES_PT[k]
-        pictures.append(_picture(maker, view, hidden, targets, colors, size_pt))
-    figures = "".join(f'<div class="scroll">{picture}</div>' for picture in pictures)
+        drawing = _drawing(maker, view, hidden, targets, colors)
+        pictures.append(_pictures(maker, drawing, k, len(targets) <= MOST_NAMES))
+    figures = "".join(f"<div>{picture}</div>" for picture in pictures)
     return (
         f'<figure id="targets">{figures}'
         f"<figcaption>{escape(_caption(plan, len(seen) < len(targets)))}</figcaption></figure>"
@@ -171,46 +178,92 @@ def _eye_camera(solid: Solid) -> Camera:
 
 
 def _target(lines: list[_Array]) -> _Target:
-    share = (np.arange(_SAMPLES) + 0.5)[:, None] / _SAMPLES
     pieces = []
     for line in lines:
-        if len(line) == 2:
-            pieces.append((1 - share) * line[0] + share * line[1])
-        else:
-            pieces.append((line[:-1] + line[1:]) / 2)
-    return _Target(lines, np.concatenate(pieces))
+        pieces.append(_along(line) if len(line) == 2 else (line[:-1] + line[1:]) / 2)
+    middles = [piece.mean(axis=0) for piece in pieces]
+    span = np.array(middles) if len(middles) == 2 else None
+    return _Target(lines, np.concatenate(pieces), span)
 
 
-def _picture(
+def _along(line: _Array) -> _Array:
+    """Return points along a line (2, 3)."""
+    share = (np.arange(_SAMPLES) + 0.5)[:, None] / _SAMPLES
+    return np.asarray((1 - share) * line[0] + share * line[1])
+
+
+class _Drawing(NamedTuple):
+    """What a view shows: pose (4, 4), corners of the part in the image, targets and their spots."""
+
+    pose: _Array
+    low: _Array
+    high: _Array
+    paths: str
+    spots: list[Spot]
+
+
+def _drawing(
     maker: PictureMaker,
     view: OverviewView,
     hidden: Sequence[str],
     targets: Mapping[str, _Target],
     colors: Mapping[str, str],
-    size_pt: float,
-) -> str:
-    """Return the picture of a view; its labels lie beside their targets or at the frame."""
+) -> _Drawing:
+    """Return the targets of a view, and where their names may be."""
     pose = view.cam2world
-    drawn = [*view.names, *hidden]
-    corners = maker.project(world_to_cam(maker.solid.vertices, pose))
-    low = corners.min(axis=0)
-    high = corners.max(axis=0)
+
+    def seen(points: _Array) -> _Array:
+        return np.asarray(maker.project(world_to_cam(points, pose)))
+
+    corners = seen(maker.solid.vertices)
     spots = []
     paths = []
-    for name in drawn:
-        lines = [maker.project(world_to_cam(line, pose)) for line in targets[name].lines]
+    for name in [*view.names, *hidden]:
+        one = targets[name]
+        colour = colors[name]
         dash = ' stroke-dasharray="4 8"' if name in hidden else ""
-        d = "".join("M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in line) for line in lines)
-        paths.append(f'<path class="entity" stroke="{colors[name]}"{dash} d="{d}"/>')
-        samples = maker.project(world_to_cam(targets[name].samples, pose))
-        spots.append(Spot(name, colors[name], samples))
-    size = (high - low) / (high - low).max() * size_pt
-    named = spots if len(targets) <= MOST_NAMES else []
-    layout = label_layout(named, low, high, size)
-    unit = float((layout.high - layout.low)[0] / size[0])
+        d = _path([seen(line) for line in one.lines])
+        paths.append(f'<path class="entity" stroke="{colour}"{dash} d="{d}"/>')
+        if one.span is None:
+            spots.append(Spot(name, colour, seen(one.samples)))
+            continue
+        paths.append(f'<path class="leader" stroke="{colour}" d="{_path([seen(one.span)])}"/>')
+        spots.append(Spot(name, colour, seen(_along(one.span))))
+    return _Drawing(pose, corners.min(axis=0), corners.max(axis=0), "".join(paths), spots)
+
+
+def _path(lines: Sequence[_Array]) -> str:
+    """Return lines (n, 2) as the data of an SVG path."""
+    return "".join("M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in line) for line in lines)
+
+
+def _pictures(maker: PictureMaker, drawing: _Drawing, number: int, is_named: bool) -> str:
+    """Return a view for a desktop, and for a phone with the same drawing and names of its own."""
+    extent = (drawing.high - drawing.low) / (drawing.high - drawing.low).max()
+    spots = drawing.spots if is_named else []
+    wide = label_layout(spots, drawing.low, drawing.high, extent * _SIZES_PT[number])
+    narrow = label_layout(spots, drawing.low, drawing.high, extent * _PHONE_PT)
+    if narrow.font_pt < _LEAST_FONT_PT:
+        narrow = label_layout([], drawing.low, drawing.high, extent * _PHONE_PT)
+    low = np.floor(np.minimum(wide.low, narrow.low)).astype(int).tolist()
+    high = np.ceil(np.maximum(wide.high, narrow.high)).astype(int).tolist()
+    window = (low[0], low[1], high[0] - low[0], high[1] - low[1])
+    shades, edges = maker.background(drawing.pose, window)
+    name = f"targets-{number + 1}"
+    drawn = f'<g id="{name}">{shades}{edges}{drawing.paths}</g>'
+    used = f'<use href="#{name}"/>'
+    return _svg("wide", drawn, wide, spots, _SIZES_PT[number]) + _svg(
+        "narrow", used, narrow, spots, _PHONE_PT
+    )
+
+
+def _svg(kind: str, drawn: str, layout: LabelLayout, spots: Sequence[Spot], size_pt: float) -> str:
+    """Return a picture with its names; they lie on their targets, beside them or at the frame."""
+    unit = float((layout.high - layout.low).max() / size_pt)
+    font = layout.font_pt * unit
     labels = []
     for n, (x, y) in layout.places.items():
-        spot = named[n]
+        spot = spots[n]
         if n not in layout.carried:
             u, v = spot.middle
             labels.append(
@@ -218,7 +271,6 @@ def _picture(
                 f'd="M{u:.1f} {v:.1f}L{x:.1f} {y:.1f}"/>'
                 f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{2 * unit:.1f}" fill="{spot.colour}"/>'
             )
-        font = layout.font_pt * unit
         labels.append(
             f'<text x="{x:.1f}" y="{y:.1f}" dy="0.35em" font-size="{font:.1f}" '
             f'text-anchor="middle" style="stroke-width:{0.3 * font:.1f}px" '
@@ -226,11 +278,9 @@ def _picture(
         )
     x0, y0 = np.floor(layout.low).astype(int).tolist()
     width, height = np.ceil(layout.high - layout.low).astype(int).tolist()
-    shades, edges = maker.background(pose, (x0, y0, width, height))
     return (
-        f'<svg class="shot overview" viewBox="{x0} {y0} {width} {height}" role="img" '
-        f'aria-label="the part with its targets">{shades}{edges}'
-        f"{''.join(paths)}{''.join(labels)}</svg>"
+        f'<svg class="shot overview {kind}" viewBox="{x0} {y0} {width} {height}" role="img" '
+        f'aria-label="the part with its targets">{drawn}{"".join(labels)}</svg>'
     )
 
 

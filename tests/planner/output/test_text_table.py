@@ -112,6 +112,15 @@ def test_a_plan_fits_80_columns_with_its_tightest_margin_only(monkeypatch, capsy
         assert name in out
 
 
+def test_a_reason_of_several_targets_is_printed_once(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    left = dict.fromkeys(list(ENTITIES)[:3], "no view found yet")
+    terminal_tables.print_plan(plan(settings=[], lower_bound=0, uninspectable=left))
+    out = " ".join(capsys.readouterr().out.split())
+    assert f"not inspected: {', '.join(left)}: no view found yet" in out
+    assert out.count("no view found yet") == 1
+
+
 @pytest.mark.parametrize(
     ("tolerance", "error", "texts"),
     [

@@ -16,8 +16,8 @@ from planner.report.dimension_report import (
     budget_percents,
     localisation_text,
 )
-from planner.report.wording import tolerance_share
 from planner.verify.setting_record import _check_same
+from planner.wanted.planned import PlannedDimension
 
 
 def dimension(**fields):
@@ -27,22 +27,26 @@ def dimension(**fields):
 
 
 def test_tolerances_are_told_with_their_signs():
-    assert _nominal(dimension()) == "20 mm<br>+0.3<br>-0.1"
+    assert _nominal(dimension()) == "20 mm<br> +0.3<br> -0.1"
+    assert _nominal(dimension(tolerance=(-0.1, 0.0))) == "20 mm<br> 0<br> -0.1"
     assert _nominal(dimension(tolerance=None)) == "20 mm"
 
 
 def test_the_permitted_error_is_a_share_of_the_tolerance():
-    half = dimension(tolerance=(-0.05, 0.05), permitted_error=0.0125)
-    assert tolerance_share(half) == "25 % of ±0.05"
-    # half the width of -0.1 to +0.3 is 0.2
-    uneven = dimension(permitted_error=0.05)
-    assert tolerance_share(uneven) == "25 % of T/2"
-    assert tolerance_share(dimension(tolerance=None)) == ""
+    circle = Circle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0))
+    given = ("diameter", ("r1",), (circle,), 0.0125, Localisation.gaussian())
+    assert PlannedDimension(*given, (-0.05, 0.05)).share_text == "25 % of ±0.05"
+    # half the width of -0.1 to +0.0 is 0.05
+    uneven = PlannedDimension(*given, (-0.1, 0.0))
+    assert uneven.share_text == "25 % of T/2"
+    assert uneven.requirement_texts[0].endswith(" 0/-0.1")
+    assert PlannedDimension(*given).share_text == ""
 
 
 def test_what_is_accepted_is_the_tolerance_less_the_uncertainty_on_both_sides():
     assert (
-        _accepted(dimension(), SimpleNamespace(expanded_uncertainty=0.05)) == "19.95 and 20.25 mm"
+        _accepted(dimension(), SimpleNamespace(expanded_uncertainty=0.05))
+        == "19.95 and 20.25&nbsp;mm"
     )
     assert "nothing" in _accepted(dimension(), SimpleNamespace(expanded_uncertainty=0.25))
     assert (

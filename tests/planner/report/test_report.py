@@ -79,8 +79,8 @@ def test_page_is_well_formed_and_needs_nothing_from_outside(page):
     assert structure.open == []
     assert structure.references
     assert all(ref.startswith(("#", "data:")) for ref in structure.references)
-    # image and edge map of two settings, whole and enlarged; and the part with its targets
-    assert structure.counts["svg"] == 8 + 1
+    # image and edge map of two settings, whole and enlarged; and the part for desktop and phone
+    assert structure.counts["svg"] == 8 + 2
     assert page.count("<figcaption>Predicted image: the frame enlarged") == 2
     assert page.count('<rect class="frame"') == 2
     assert "url(http" not in page
@@ -88,11 +88,8 @@ def test_page_is_well_formed_and_needs_nothing_from_outside(page):
 
 def test_page_says_what_matters(page):
     text = re.sub(r"<script.*?</script>", "", page, flags=re.S)
-    assert "2 of 3 edges are measured from 2 camera poses (settings 1 to 2)." in text
-    assert (
-        "Every plan that inspects these 2 edges under this request has at least 1 camera pose."
-        in text
-    )
+    assert "2 of 3 edges are measured from 2 camera poses (settings 1 and 2)." in text
+    assert "Every plan that inspects them under this request has at least 1 camera pose." in text
     assert "unobservable: &lt;hidden&gt; &amp; gone" in text
     assert '<span class="good">confirmed</span>' in text
     assert "0.9500" in text
@@ -357,8 +354,8 @@ def test_margins_are_told_with_their_units():
 
 def test_verdict_names_bound_and_simulation():
     assert verdict(box_plan()) == (
-        "2 of 3 entities inspected from 2 settings. Proven lower bound: 1. Every plan that inspects these 2 entities "
-        "under this request has at least 1 setting. Not simulated. P is the probability that the error is at most "
-        "2 % of the edge's image length, given a registered image in which the edge is found."
+        "2 of 3 entities inspected from 2 settings. Proven lower bound for the 2 inspected entities: 1. Every plan "
+        "that inspects them under this request has at least 1 setting. Not simulated. P is the probability that the "
+        "error is at most 2 % of the edge's image length, given a registered image in which the edge is found."
     )
     assert "Proven minimal" in verdict(box_plan(lower_bound=2))

@@ -205,6 +205,21 @@ def test_a_phone_shows_it_without_scrolling_aside(browser, file):
     phone = browser.page(file, 400, 800)
     phone.wait("document.body.dataset.ready === 'yes'")
     assert phone.run("document.documentElement.scrollWidth") == 400
+    # the whole picture of the targets, drawn as on a desktop but with names of its own
+    shown = "[...document.querySelectorAll('#targets svg')].filter((one) => one.clientWidth)"
+    assert all(
+        kind.endswith("narrow")
+        for kind in phone.run(f"{shown}.map((one) => one.getAttribute('class'))")
+    )
+    right = phone.run(f"Math.max(...{shown}.map((one) => one.getBoundingClientRect().right))")
+    assert 300 < right <= 400
+    fill = "getComputedStyle(document.querySelector('#targets .edge')).fill"
+    assert phone.run(fill) == "none"
+    least = phone.run(
+        "Math.min(...[...document.querySelectorAll('#targets .narrow text')]"
+        ".map((one) => one.getBoundingClientRect().height))"
+    )
+    assert least > 7
     # a row of results tells its columns
     label = (
         "getComputedStyle(document.querySelector('.results td:nth-child(8)'), '::before').content"

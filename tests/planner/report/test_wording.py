@@ -184,7 +184,8 @@ def test_verdict_is_true_of_every_plan():
         (
             1,
             2,
-            "Proven minimal: no plan that inspects these 2 entities under this request has fewer settings.",
+            "Proven minimal for the 2 inspected entities: "
+            "no plan that inspects them under this request has fewer settings.",
         ),
         (
             0,

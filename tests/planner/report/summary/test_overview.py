@@ -12,6 +12,7 @@ from planner.report.figure import color_of
 from planner.report.predicted_image import PictureMaker
 from planner.report.summary.overview import (
     NOT_INSPECTED,
+    _target,
     choose_views,
     overview,
     target_colors,
@@ -38,10 +39,15 @@ def test_a_target_has_the_colour_of_the_setting_that_measures_it_best():
     assert list(colors.values()) == [color_of(0), color_of(1), NOT_INSPECTED]
 
 
-def test_every_target_is_named_once_and_drawn():
+def test_every_target_is_drawn_and_named_once_for_a_desktop_and_once_for_a_phone():
     page = overview(box_plan(NAMES), SPACE.solid)
-    assert sorted(re.findall(r">([^<]*)</text>", page)) == sorted(NAMES)
+    for kind in ("wide", "narrow"):
+        pictures = re.findall(rf'<svg class="shot overview {kind}".*?</svg>', page)
+        assert len(pictures) == 2
+        assert sorted(re.findall(r">([^<]*)</text>", "".join(pictures))) == sorted(NAMES)
     assert page.count('class="entity"') == len(NAMES) == 12
+    # a phone shows the drawing of the desktop
+    assert page.count("<use ") == 2
     assert "Red targets are not inspected." in page
     assert (
         overview(plan(entities={}, settings=(), uninspectable={}, lower_bound=0), SPACE.solid) == ""
@@ -67,6 +73,13 @@ def test_two_views_from_opposite_corners_show_all_edges_of_a_box():
         assert np.linalg.det(turn) == pytest.approx(1)
         assert turn[2, 1] < 0
         assert turn[2, 0] == pytest.approx(0)
+
+
+def test_a_line_joins_the_middles_of_both_entities_of_a_dimension():
+    above = np.array([[0.0, 0.0, 10.0], [20.0, 0.0, 10.0]])
+    below = above - (0.0, 0.0, 10.0)
+    assert _target([above, below]).span == pytest.approx(np.array([[10, 0, 10], [10, 0, 0]]))
+    assert _target([above]).span is None
 
 
 def test_names_cannot_smuggle_markup():
