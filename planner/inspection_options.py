@@ -15,6 +15,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
 from planner.effort.effort import Effort
+from planner.exceptions import RequestError
 from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
 from planner.request.defaults import (
@@ -145,7 +146,9 @@ class InspectionOptions:
         RequestError
             If a value breaks its rule.
         """
-        margin = self.field_margin_px
+        margin = corner_margin_px(camera, pose_uncertainty)
+        if self.field_margin_px is not None:
+            margin = _checked_field_margin(self.field_margin_px, camera)
         radius = self.visibility_radius_mm
         if self.focus_margin_mm is None:
             reserve = FocusReserve.of(camera, pose_uncertainty)
@@ -155,9 +158,7 @@ class InspectionOptions:
             focus = check_focus_margin(self.focus_margin_mm, camera)
         return Requirements(
             min_length_px=self.min_length_px,
-            field_margin_px=corner_margin_px(camera, pose_uncertainty)
-            if margin is None
-            else margin,
+            field_margin_px=margin,
             stand_off_mm=self.stand_off_mm,
             reach=self.reach,
             visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
@@ -165,3 +166,13 @@ class InspectionOptions:
             focus_reserve=reserve,
             showing=check_showing(self.showing, camera),
         )
+
+
+def _checked_field_margin(margin_px: float, camera: Camera) -> float:
+    """Return a margin of the field of view, unless it leaves nothing of the image."""
+    side = min(camera.resolution)
+    # what is no number is refused with the other numbers
+    if isinstance(margin_px, int | float) and 2 * margin_px >= side:
+        rule = f"must be less than half the image's smaller side, {side} px"
+        raise RequestError.of_rule("field_margin_px", rule, f"{margin_px:g}")
+    return margin_px

@@ -165,18 +165,35 @@ def parse_names(path: Path) -> Any:
     """
     try:
         text = read_text(path)
-        content = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
+        is_json = path.suffix.lower() == ".json"
+        content = json.loads(text, object_pairs_hook=_once) if is_json else tomllib.loads(text)
     except OSError as error:
         raise ValueError(error.strerror or str(error)) from error
     except RecursionError as error:
         raise ValueError("it is nested too deep") from error
     except (json.JSONDecodeError, tomllib.TOMLDecodeError, UnicodeDecodeError):
         raise
+    except _TwiceError:
+        raise
     except ValueError as error:
         # Python reads no integer of more than some thousand digits
         raise ValueError("it holds a number of too many digits") from error
     check_plain(content)
     return content
+
+
+class _TwiceError(ValueError):
+    """A name that stands twice, of which JSON would silently keep the last."""
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the names of a JSON object and what they stand for; TOML itself refuses a name twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise _TwiceError(f"the name {twice!r} stands in it twice")
+    return found
 
 
 def _read_file(path: Path) -> Any:

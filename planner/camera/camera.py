@@ -495,6 +495,6 @@ class Camera:
                 raise CameraError.of_rule(named, rule, "an unknown field")
         for key in known[:5]:
             if key not in data:
-                given = shown(", ".join(map(str, data)) or "nothing", str)
-                raise CameraError.of_rule(key, "must be given", given)
+                names = ", ".join(str(name) for name in data if name != "name")
+                raise CameraError.of_rule(key, "must be given", shown(names or "nothing", str))
         return cls(**data)

@@ -51,6 +51,8 @@ _RULES = {
     "gap": FROM_0_BELOW_1,
     "give_up": FROM_0_BELOW_1,
 }
+# options that say nothing without --light
+_OF_LIGHT = ("contrast", "grey-step", "ground")
 
 
 def check_numbers(options: Any) -> None:
@@ -87,7 +89,7 @@ def check_numbers(options: Any) -> None:
 
 
 def check_inputs(options: Any) -> None:
-    """Refuse a camera that nobody knows, and a part that is not there.
+    """Refuse an empty text, a camera that nobody knows, and a part or plan that is not there.
 
     Parameters
     ----------
@@ -100,6 +102,9 @@ def check_inputs(options: Any) -> None:
         Names the option.
     """
     given = vars(options)
+    for name, value in given.items():
+        if isinstance(value, str) and not value.strip():
+            raise RequestError.of_rule(name, "must not be empty", repr(value))
     camera = given.get("camera")
     part = given.get("part")
     if camera is not None:
@@ -107,5 +112,33 @@ def check_inputs(options: Any) -> None:
         from planner.cli.parsing.camera_option import read_camera
 
         read_camera(camera)
-    if part is not None and not Path(part).exists():
-        raise RequestError.of_rule("part", "must be an existing file", repr(str(Path(part))))
+    if part is not None and (Path(part).is_dir() or not Path(part).exists()):
+        rule = "must be an existing file"
+        raise RequestError.of_rule("part", rule, _place(part))
+    for name in ("plan", "again"):
+        if given.get(name) is not None:
+            _check_plan(name, given[name])
+    folder = given.get("folder")
+    if folder is not None and not Path(folder).is_dir():
+        raise RequestError.of_rule("folder", "must be an existing folder", _place(folder))
+    for name, other in (("contrast", "lamps"), *((one, "light") for one in _OF_LIGHT)):
+        if f"--{name}" in given["typed"] and other in given and not given[other]:
+            raise RequestError.of_rule(name, f"must be given with --{other}", "none")
+
+
+def _check_plan(name: str, path: str) -> None:
+    """Refuse a plan that is not there."""
+    place = Path(path)
+    if place.is_dir() and not (place / "plan.json").exists():
+        rule = "must be a plan file, or the folder it is in"
+        raise RequestError.of_rule(name, rule, f"{path!r}, a folder without plan.json")
+    if not place.exists():
+        rule = "must be an existing plan file, or its folder"
+        raise RequestError.of_rule(name, rule, repr(path))
+
+
+def _place(path: str) -> str:
+    """Return a path, and say if it is a file or a folder."""
+    if Path(path).is_dir():
+        return f"{path!r}, a folder"
+    return f"{path!r}, a file" if Path(path).is_file() else repr(path)

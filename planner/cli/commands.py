@@ -36,6 +36,7 @@ from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
 from planner.cli.job import (
     Job,
     check_nothing_read,
+    check_same_part,
     inspection_options,
     read_job,
     read_part,
@@ -320,6 +321,8 @@ def simulate(options: argparse.Namespace) -> int:
         check_nothing_read(options)
     loaded = read_plan(options.plan)
     solid = None if options.part is None else read_part(options)
+    if solid is not None:
+        check_same_part(solid, found, options.part)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = simulate_plan(
             loaded, options.poses, rng=options.seed, progress=progress, solid=solid

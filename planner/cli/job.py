@@ -13,7 +13,7 @@ import numpy as np
 from aspectgraph import AspectGraphError, PartFileNotFoundError, SolidChoice, read_solid
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.light import read_lighting
-from planner.cli.naming import in_words_of_shell
+from planner.cli.naming import in_words_of_shell, named_by
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.wanted import Wanted, read_request
 from planner.detectability.conditions import Detectability
@@ -31,6 +31,7 @@ from planner.request.defaults import default_workspace
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
+    from planner.light.lighting import Lighting
 
 # with --again, what else may be given
 _BESIDE_AGAIN = {
@@ -98,7 +99,7 @@ def read_job(options: argparse.Namespace) -> Job:
     box = workspace_of(options)
     given = inspection_options(
         options,
-        lamps=read_lighting(options),
+        lamps=_lighting(options),
         localisation=wanted.localisation,
         workspace=default_workspace(solid, camera) if box is None else box,
     )
@@ -109,6 +110,12 @@ def read_job(options: argparse.Namespace) -> Job:
         given = replace(given, effort=request.effort.giving_up(options.give_up))
         request = resolve_request(solid, wanted.items, camera, uncertainty, promise, given).request
     return Job(request, solid, wanted, given, options.part, reading_of(options))
+
+
+def _lighting(options: argparse.Namespace) -> Lighting | None:
+    """Return what is asked of lamps; an error names the option."""
+    with named_by("light", vars(options)):
+        return read_lighting(options)
 
 
 def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOptions:
@@ -139,12 +146,9 @@ def _job_again(options: argparse.Namespace) -> Job:
                 f"{name} must not be given with --again, which takes the request from the plan. "
                 f"Got {name}."
             )
-    path = Path(options.again)
-    if not path.exists():
-        rule = "must be an existing plan file, or its folder"
-        raise RequestError.of_rule("again", rule, repr(options.again))
-    path = plan_file(path)
-    plan = read_plan(path)
+    path = plan_file(options.again)
+    with named_by("again", vars(options)):
+        plan = read_plan(path)
     if not plan.request:
         raise PlanFileError(
             f"{path}: plan file must hold its request. Got one of an earlier version. Plan the part again."
@@ -154,12 +158,11 @@ def _job_again(options: argparse.Namespace) -> Job:
         part, reading = _part_again(options, path, plan.request)
     except PlanFileError as error:
         raise PlanFileError(f"{path}: {error}") from None
+    if options.part is None and not Path(part).exists():
+        hint = "give PART, too, if it was moved"
+        raise RequestError.of_rule("part", "must be an existing file", repr(part), hint=hint)
     solid = _read(part, reading, options)
-    if request.part is None or request.part.digest != PartRecord.of(solid).digest:
-        raise RequestError(
-            f"the part must be the one that was planned. Got {part}, which has another shape: "
-            "plan it from its options."
-        )
+    check_same_part(solid, plan, part, hint="plan it from its options")
     items = {record.name: record.item_of(solid) for record in request.targets or ()}
     given = restored_options(request)
     promise = Promise(request.accuracy, request.probability, request.seed)
@@ -168,6 +171,31 @@ def _job_again(options: argparse.Namespace) -> Job:
     )
     wanted = Wanted(items, resolved.entities, request.localisation)
     return Job(resolved.request, solid, wanted, given, part, reading)
+
+
+def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str = "") -> None:
+    """Refuse a part that is not the one of a plan; one of an earlier version does not know its part.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    plan : InspectionPlan
+        The plan.
+    path : str
+        The part's file, for the error.
+    hint : str
+        What to do about it.
+
+    Raises
+    ------
+    RequestError
+        If the part has another shape.
+    """
+    planned = plan.request.get("part")
+    if planned is not None and planned["digest"] != PartRecord.of(solid).digest:
+        got = f"{path!r}, which has another shape"
+        raise RequestError.of_rule("part", "must be the one that was planned", got, hint=hint)
 
 
 # how a part's file is read

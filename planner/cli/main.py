@@ -108,10 +108,14 @@ def _parsed(words: list[str]) -> argparse.Namespace:
     parser = build_parser()
     typed = check_names(parser, words)
     try:
-        return parser.parse_args(words, argparse.Namespace(typed=typed))
+        options, more = parser.parse_known_args(words, argparse.Namespace(typed=typed))
     except SystemExit:
         print(end="", flush=True)
         raise
+    if more:
+        program = f"aspectgraph {options.command}"
+        raise UsageError(f"{program}: unknown argument {more[0]!r}; see {program} --help")
+    return options
 
 
 def _help(options: argparse.Namespace) -> int:
@@ -153,8 +157,7 @@ def _known_as(name: str, options: argparse.Namespace) -> str:
     """Return the option that a path was given by."""
     for key, value in vars(options).items():
         if isinstance(value, str) and os.path.abspath(value) == os.path.abspath(name):
-            typed = as_typed(key, vars(options))
-            return f"the {key}" if key in ("plan", "folder") else typed
+            return as_typed(key, vars(options))
     return "path"
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 # options that are not named like the parameters they give
 _OPTIONS = {
     "part": "the part",
+    "plan": "the plan",
+    "folder": "the folder of parts",
     "covariance": "--sigma-mm or --sigma-rad",
     "pose_uncertainty": "--sigma-mm or --sigma-rad",
     "translation_mm": "--sigma-mm",
@@ -81,6 +85,35 @@ def in_words_of_shell(error: Exception, options: Mapping[str, Any]) -> str:
         # an argument that no option gives helps nobody at a shell
         worded.hint = "" if any(mention in hint for mention in mentions) else hint
     return str(worded)
+
+
+@contextmanager
+def named_by(name: str, options: Mapping[str, Any]) -> Iterator[None]:
+    """Let an error in the block begin with the option whose value it is about, unless it does.
+
+    Parameters
+    ----------
+    name : str
+        The option's name in `options`. A value that is a file is named, too.
+    options : mapping of str to value
+        The command's options, see `as_typed`.
+    """
+    from aspectgraph.exceptions import AspectGraphError
+    from planner.exceptions import PlannerError
+
+    try:
+        yield
+    except (AspectGraphError, PlannerError) as error:
+        text = in_words_of_shell(error, options)
+        if text.startswith(("--", "the part")):
+            raise
+        typed = as_typed(name, options)
+        value = str(options[name])
+        named = f"{typed} {value}" if os.path.isfile(value) else typed
+        # of a file with the place of the error in it
+        if text.startswith(value):
+            raise type(error)(f"{typed} {text}") from error
+        raise type(error)(f"{named}: {text}") from error
 
 
 def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ from aspectgraph import ReadError, read_dimensions, read_entities, resolve_entit
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation, kinds
 from errors.measurands.localisation import FLOOR_PX
+from planner.cli.naming import named_by
 from planner.exceptions import RequestError
 from planner.wanted.assumed import SURFACES_MM
 from planner.wanted.dimension import Dimension
@@ -53,11 +54,20 @@ def read_request(options: Any, solid: Solid) -> Wanted:
     """
     if options.dimensions is None:
         localisation = read_localisation(options.localisation or "rounding")
+        if "--share" in options.typed:
+            raise RequestError("--share must be given with --dimensions. Got none.")
         entities = chosen_entities(options, solid)
         # what cannot be measured is refused before the work
-        resolve_wanted(solid, entities, options.accuracy)
+        with named_by("entities" if options.select is None else "select", vars(options)):
+            resolve_wanted(solid, entities, options.accuracy)
         return Wanted(entities, entities, localisation)
     localisation = read_localisation(options.localisation or "gaussian")
+    with named_by("dimensions", vars(options)):
+        return _wanted_dimensions(options, solid, localisation)
+
+
+def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -> Wanted:
+    """Return the dimensions of the model, or those of a file."""
     left_out = {}
     if options.dimensions.strip().lower() == "all":
         stated = _stated(options.part, solid)
@@ -70,7 +80,7 @@ def read_request(options: Any, solid: Solid) -> Wanted:
                 f"--dimensions all needs a dimension that can be measured. Got none in {options.part}."
             )
     else:
-        items = read_wanted(Path(options.dimensions), kinds())
+        items = read_wanted(Path(options.dimensions), kinds(), options.share)
     rounded = localisation.model == "rounding"
     entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
     return Wanted(items, entities, localisation, left_out)
@@ -84,9 +94,10 @@ def chosen_entities(options: Any, solid: Solid) -> dict[str, Entity]:
     EntityError
         If there are none, or the text breaks a rule.
     """
-    if options.select is None:
-        return read_entities(options.entities, solid)
-    return resolve_entities(solid, select_entities(solid, options.select))
+    with named_by("entities" if options.select is None else "select", vars(options)):
+        if options.select is None:
+            return read_entities(options.entities, solid)
+        return resolve_entities(solid, select_entities(solid, options.select))
 
 
 def _stated(part: str, solid: Solid) -> tuple[ModelDimension, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from aspectgraph.entities.entity_files import parse_names
 from planner.exceptions import RequestError
-from planner.wanted.dimension import Dimension
+from planner.wanted.dimension import QUARTER, Dimension
 
 _OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "unit")
 # in the unit of the values, mm or degrees
@@ -17,7 +17,7 @@ _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.2957795130823
 _ANGLES = ("deg", "rad")
 
 
-def read_wanted(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
+def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER) -> dict[str, Any]:
     """Read what is to be inspected from a .toml or .json file.
 
     Each name stands for an edge (``rim = 17`` or two end points: its length at the call's accuracy), or for a table
@@ -31,6 +31,8 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
         The file; names stand at top level or in a table ``dimensions``.
     kinds : tuple of str
         Kinds of dimensions that are known.
+    share : float
+        Permitted error as a share of half the tolerance's width, of dimensions that state none.
 
     Returns
     -------
@@ -48,7 +50,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...]) -> dict[str, Any]:
         raise RequestError(
             f"a file of dimensions must hold one name at least. Got none in {Path(path).name}."
         )
-    return {name: _wanted(name, value, kinds) for name, value in content.items()}
+    return {name: _wanted(name, value, kinds, share) for name, value in content.items()}
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -69,7 +71,7 @@ def _content(path: Path) -> dict[str, Any]:
     return content
 
 
-def _wanted(name: str, value: Any, kinds: tuple[str, ...]) -> Any:
+def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float) -> Any:
     if not isinstance(value, Mapping):
         return value
     kind = [key for key in value if key in kinds or key == "edge"]
@@ -84,7 +86,8 @@ def _wanted(name: str, value: Any, kinds: tuple[str, ...]) -> Any:
             f"dimension {name!r} must have one kind. Got {', '.join(kind) or 'none'}."
         )
     try:
-        return _dimension("length" if kind[0] == "edge" else kind[0], value[kind[0]], value)
+        stated = {"share": share, **value}
+        return _dimension("length" if kind[0] == "edge" else kind[0], value[kind[0]], stated)
     except RequestError as error:
         raise RequestError(f"dimension {name!r}: {error}") from error
 

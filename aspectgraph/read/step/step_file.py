@@ -275,11 +275,13 @@ def _select(damage: list[str], wanted: SolidChoice, name: str) -> tuple[list[int
     n = len(damage)
     measured, occluders = wanted.split(n)
     chosen = measured + occluders
-    bad = [i for i in chosen if not 0 <= i < n]
-    if bad or not measured:
-        raise ReadError.of_rule(
-            "solids", f"must name some of 0..{n - 1} of {name}", str(chosen if bad else measured)
-        )
+    some = f"some of 0..{n - 1} of {name}" if n > 1 else f"0, the only solid of {name}"
+    for parameter, numbers in (("solids", measured), ("occluders", occluders)):
+        if any(not 0 <= i < n for i in numbers):
+            raise ReadError.of_rule(parameter, f"must name {some}", str(numbers))
+    if not measured:
+        parameter = "occluders" if occluders else "solids"
+        raise ReadError.of_rule(parameter, "must leave a solid to measure", str(occluders))
     if len(set(chosen)) < len(chosen):
         raise ReadError.of_rule("solids", "must name each solid once", str(chosen))
     for i in chosen:

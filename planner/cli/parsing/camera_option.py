@@ -12,7 +12,11 @@ def read_camera(text: str) -> Camera:
     """Return the camera of a TOML file, or the one with that name in the catalogue."""
     path = Path(text)
     if path.suffix.lower() == ".toml" or path.is_file():
-        return Camera.from_toml(path)
+        try:
+            return Camera.from_toml(path)
+        except CameraError as error:
+            # begins with the file, and the line that breaks a rule
+            raise CameraError(f"--camera {error}") from None
     try:
         return Camera.named(text)
     except CameraError as error:

@@ -9,7 +9,15 @@ from typing import Any, NoReturn
 
 # a number with its unit, too, where argparse takes "-5mm" for an option
 _NEGATIVE = re.compile(r"-\.?\d")
-_ARGUMENT = re.compile(r"argument (?P<name>--[\w-]+)(?:/-\w)?: (?P<text>.*)", re.DOTALL)
+_ARGUMENT = re.compile(r"argument (?P<name>(?:--)?[\w-]+)(?:/-\w)?: (?P<text>.*)", re.DOTALL)
+_CHOICE = re.compile(r"invalid choice: (.*) \(choose from (.*)\)", re.DOTALL)
+# what argparse says of an argument, as a rule
+_TEXTS = {
+    "expected one argument": "must have a value. Got none",
+    "not allowed with argument ": "must not be given with ",
+}
+_REQUIRED = "the following arguments are required: "
+_ONE_OF = re.compile(r"one of the arguments (.*) is required")
 
 
 class UsageError(Exception):
@@ -52,9 +60,24 @@ class Parser(argparse.ArgumentParser):
         """Raise the error of a command line that does not parse, in one line."""
         match = _ARGUMENT.fullmatch(message)
         if match is not None:
-            is_rule = match["text"].startswith("must ")
-            message = f"{match['name']}{' ' if is_rule else ': '}{match['text']}"
+            message = f"{match['name']} {_rule(match['text'])}"
+        if message.startswith(_REQUIRED):
+            message = f"{message.removeprefix(_REQUIRED)} must be given"
+        if match := _ONE_OF.fullmatch(message):
+            message = f"one of {', '.join(match[1].split())} must be given"
         raise UsageError(f"{self.prog}: {message.rstrip('.')}; see {self.prog} --help")
+
+
+def _rule(text: str) -> str:
+    """Return what argparse says of an argument as a rule."""
+    if match := _CHOICE.fullmatch(text):
+        return f"must be one of {match[2].replace(chr(39), '')}. Got {match[1]}"
+    if match := re.fullmatch(r"expected (\d+) arguments", text):
+        return f"must have {match[1]} values"
+    for start, words in _TEXTS.items():
+        if text.startswith(start):
+            return (words + text.removeprefix(start)).split("/")[0]
+    return text
 
 
 def command_parsers(parser: argparse.ArgumentParser) -> Mapping[str, argparse.ArgumentParser]:

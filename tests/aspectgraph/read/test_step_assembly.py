@@ -150,10 +150,10 @@ def test_choices_that_are_none(boss_on_plate):
     with pytest.raises(ReadError, match=r"measured or an occluder. Got solid 1 as both"):
         SolidChoice([0, 1], [1])
     with pytest.raises(
-        ReadError, match=r"solids must name some of 0..2 of assembly.step. Got \[0, 7\]"
+        ReadError, match=r"^occluders must name some of 0..2 of assembly.step. Got \[7\]"
     ):
         read_solid(boss_on_plate, solids=SolidChoice([0], [7]))
     with pytest.raises(
-        ReadError, match=r"solids must name some of 0..2 of assembly.step. Got \[\]"
+        ReadError, match=r"^occluders must leave a solid to measure. Got \[0, 1, 2\]"
     ):
         read_solid(boss_on_plate, solids=SolidChoice(None, [0, 1, 2]))

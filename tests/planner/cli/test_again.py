@@ -57,6 +57,18 @@ def test_the_folder_of_a_plan_stands_for_its_file(planned, tmp_path, monkeypatch
     assert read_plan("plan").settings == read_plan(planned / "plan").settings
 
 
+def test_a_simulation_refuses_another_part_than_that_of_the_plan(planned, tmp_path, capsys):
+    other = tmp_path / "other.off"
+    other.write_text((planned / "block.off").read_text().replace("60 ", "61 "))
+    command = ["simulate", str(planned / "plan"), "--poses", "10", "--quiet", "--part"]
+    assert main([*command, str(other)]) == BAD_INPUT
+    assert capsys.readouterr().err == (
+        "aspectgraph: --part must be the one that was planned. "
+        f"Got '{other}', which has another shape.\n"
+    )
+    assert main([*command, str(planned / "block.off")]) != BAD_INPUT
+
+
 def test_a_part_that_changed_or_is_gone_is_told(planned, tmp_path, capsys):
     moved = tmp_path / "moved"
     shutil.copytree(planned, moved)
@@ -65,10 +77,10 @@ def test_a_part_that_changed_or_is_gone_is_told(planned, tmp_path, capsys):
     (moved / "block.off").write_text(text.replace("60 ", "61 "))
     assert "the part must be the one that was planned. Got" in refusal(capsys, *again)
     (moved / "block.off").unlink()
-    assert "block.off" in refusal(capsys, *again)
+    assert "block.off'; give PART, too, if it was moved" in refusal(capsys, *again)
     (moved / "there.off").write_text(text.replace("60 ", "61 "))
     line = refusal(capsys, str(moved / "there.off"), *again)
-    assert f"Got {moved / 'there.off'}, which has another shape" in line
+    assert f"Got '{moved / 'there.off'}', which has another shape; plan it from" in line
     # of a plan without its request nothing can be planned
     data = json.loads((moved / "plan" / "plan.json").read_text())
     source = data["request"].pop("source")
@@ -94,8 +106,11 @@ def test_what_the_request_says_is_not_given_again(planned, tmp_path, capsys):
     line = refusal(capsys, *again, "--units", "inch")
     assert "the part must be given with options that say how to read it" in line
     for arguments, message in (
-        (["--out", "x"], "the following arguments are required: PART, --camera"),
-        (["p.off", "--camera", "c", "--out", "x"], "one of the arguments --entities --select"),
+        (["--out", "x"], "PART, --camera must be given"),
+        (
+            ["p.off", "--camera", "c", "--out", "x"],
+            "one of --entities, --select, --all, --dimensions must be given",
+        ),
         (["--again", "p.json"], "--again must be an existing plan file, or its folder"),
     ):
         assert message in refusal(capsys, *arguments)

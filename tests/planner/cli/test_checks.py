@@ -150,7 +150,7 @@ def test_a_rule_chooses_edges(tmp_path, capsys):
         "aspectgraph: --select must hold for at least one edge. Got none for 'length > 900'.\n"
     )
     assert main(["graph", BLOCK, "--select", "convex", "--all", "--graphml", graph]) == BAD_INPUT
-    assert "not allowed with" in capsys.readouterr().err
+    assert "must not be given with" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("wrong", ["nonsense", "", "-1", "1.5"])
@@ -181,7 +181,7 @@ def test_verbose_tells_where_an_error_arose(capsys):
     assert told.startswith("Traceback")
     assert told.endswith(line)
     assert main(["info", BLOCK, "--verbose", "--quiet"]) == BAD_INPUT
-    assert "not allowed with" in capsys.readouterr().err
+    assert "must not be given with" in capsys.readouterr().err
 
 
 def test_an_error_names_the_part_file_in_whatever_folder_it_is(tmp_path, monkeypatch, capsys):

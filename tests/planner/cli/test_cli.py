@@ -358,16 +358,16 @@ def test_incomplete_plan_is_written_and_told(folder, quick, capsys):
 
 
 BAD = {
-    "no command": ([], "required: COMMAND"),
+    "no command": ([], "COMMAND must be given"),
     "unknown command": (["fly"], "unknown command 'fly'; see aspectgraph --help"),
     "unknown option": (
         ["info", "block.off", "--colour"],
         "unknown option --colour; see aspectgraph info",
     ),
-    "missing option": (["plan", "block.off", "--all", "--out", "out"], "required: --camera"),
+    "missing option": (["plan", "block.off", "--all", "--out", "out"], "--camera must be given"),
     "two kinds of entities": (
         ["plan", "block.off", "--all", "--entities", "1", "--out", "o"],
-        "not allowed with",
+        "must not be given with",
     ),
     "not a number": ([*PLAN, "--accuracy", "high"], "--accuracy must be a number like 0.98, or a"),
     "accuracy": ([*PLAN, "--accuracy", "1.2"], "accuracy must be in (0, 1). Got 1.2."),
@@ -398,7 +398,7 @@ BAD = {
         "--picture must be a file that can be written. Got '.', a folder",
     ),
     "folder is a file": ([*PLAN[:-1], "block.off"], "--out must be a folder"),
-    "no plan": (["simulate", "plan.json"], "plan.json: plan file must be readable"),
+    "no plan": (["simulate", "plan.json"], "the plan must be an existing plan file, or its folder"),
     "workspace": ([*PLAN, "--workspace", "1", "1", "1", "0", "0", "0"], "workspace"),
     "picture": (
         ["info", "block.off", "--picture", "edges.bmp"],
@@ -476,6 +476,7 @@ def test_interrupted_simulation_does_not_speak_of_resuming(folder, capsys, monke
         raise KeyboardInterrupt
 
     monkeypatch.setattr(commands, "read_plan", interrupt)
+    (folder / "plan.json").touch()
     assert failure(capsys, ["simulate", "plan.json"], INCOMPLETE) == ["aspectgraph: interrupted"]
 
 

@@ -141,7 +141,10 @@ BAD = {
         "--separation-px must be less than half the image's smaller side, 2048 px.",
     ),
     "corner": (["--min-corner-deg", "95"], "--min-corner-deg must be below 90. Got 95.0."),
-    "ground": (["--light", "ring", "--ground", "grey"], "invalid choice: 'grey'"),
+    "ground": (
+        ["--light", "ring", "--ground", "grey"],
+        "--ground must be one of dark, bright. Got 'grey'",
+    ),
 }
 
 

@@ -80,7 +80,8 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(tmp_path, capsys, text
     assert planned(tmp_path, text) == BAD_INPUT
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.startswith(f"aspectgraph: {message}")
+    assert err.startswith("aspectgraph: --dimensions ")
+    assert f"wanted.toml: {message}" in err
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
 

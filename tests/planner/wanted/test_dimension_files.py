@@ -74,3 +74,13 @@ def test_json_and_a_missing_file(tmp_path):
     assert read_wanted(path, kinds()) == {"bore": Dimension.diameter("r3", accuracy=0.99)}
     with pytest.raises(RequestError, match="name an existing file"):
         read_wanted(tmp_path / "none.toml", kinds())
+
+
+def test_dimensions_without_a_share_of_their_own_take_the_given_one(tmp_path):
+    path = tmp_path / "d.toml"
+    path.write_text(
+        "a = { length = 17, tolerance = [-0.1, 0.1] }\n"
+        "b = { length = 18, tolerance = [-0.1, 0.1], share = 0.1 }\n"
+    )
+    assert [one.share for one in read_wanted(path, kinds(), 0.5).values()] == [0.5, 0.1]
+    assert [one.share for one in read_wanted(path, kinds()).values()] == [0.25, 0.1]
