@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from planner.exceptions import OutputError
+from planner.exceptions import OutputError, PlanFileError
 
 # hidden files and folders of a process that writes begin like this, then come its machine and its id
 _HIDDEN = ".aspectgraph-"
@@ -235,7 +235,15 @@ def plan_file(path: str | os.PathLike[str]) -> Path:
     ----------
     path : path
         The file, or the folder that `plan --out` writes.
+
+    Raises
+    ------
+    PlanFileError
+        If it is no path.
     """
+    if not isinstance(path, str | os.PathLike):
+        got = f"an object of type {type(path).__name__}"
+        raise PlanFileError.of_rule("path", "must be a path", got)
     path = Path(path)
     return path / "plan.json" if path.is_dir() else path
 

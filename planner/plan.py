@@ -143,7 +143,8 @@ class InspectionPlan(PlanTables):
         """Return a one-line summary."""
         from errors.formatting import probability_text
 
-        settings = f"{len(self.settings)} settings (at least {self.lower_bound} needed)"
+        n = len(self.settings)
+        settings = f"{n} setting{'' if n == 1 else 's'} (at least {self.lower_bound} needed)"
         inspected = self.inspected
         worst = (
             f", smallest probability {probability_text(min(inspected.values()))}"

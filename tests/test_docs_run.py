@@ -118,7 +118,7 @@ def tutorial(names):
     assert names["plan"].complete
     # one camera pose measures all twelve edges, and no plan has fewer
     assert len(names["plan"].settings) == names["plan"].lower_bound == 1
-    assert "1 settings (at least 1 needed), 12 of 12 entities inspected" in names["printed"]
+    assert "1 setting (at least 1 needed), 12 of 12 entities inspected" in names["printed"]
     assert len(names["plan"].entities) == 12
     assert Path("plan.csv").read_text().count("\n") >= 13
     assert "<svg" in Path("image.svg").read_text()

@@ -18,6 +18,7 @@ import errors
 import ga
 import planner
 from aspectgraph import (
+    ReadError,
     Solid,
     SolidError,
     build_aspect_graph,
@@ -33,6 +34,7 @@ from planner import (
     Camera,
     Distortion,
     InspectionPlan,
+    PlanFileError,
     PoseUncertainty,
     RequestError,
     plan_inspection,
@@ -41,6 +43,7 @@ from planner import (
     predict,
     propose_optics,
     read_plan,
+    report_html,
     write_poses,
 )
 
@@ -158,6 +161,8 @@ WRONG = [
     (lambda: plan_light(BLOCK, read_plan(PLAN), "ring"), "plan must be an InspectionPlan", ORDER),
     (lambda: write_poses("poses", read_plan(PLAN)), "Got 'poses'", "read_plan"),
     (lambda: read_plan(PLAN).plot("x"), "solid must be a Solid. Got 'x'", "read_solid"),
+    (lambda: report_html(BLOCK, BLOCK), "plan must be an InspectionPlan", "read_plan reads one"),
+    (lambda: report_html(read_plan(PLAN), BLOCK), "space must be VisibilityRegions", "regions"),
 ]
 
 
@@ -186,6 +191,13 @@ def test_wrong_and_swapped_arguments_are_one_line(call, message, hint):
 def test_what_is_no_solid_is_refused_in_one_line(call):
     with pytest.raises(SolidError, match=r"^solid must be a Solid\. Got .*; read_solid reads one"):
         call()
+
+
+def test_what_is_no_path_is_refused_in_one_line():
+    with pytest.raises(ReadError, match=r"^path must be a path\. Got an object of type int\.$"):
+        read_solid(5)
+    with pytest.raises(PlanFileError, match=r"^path must be a path\. Got an object of type Solid"):
+        read_plan(BLOCK)
 
 
 def test_the_stored_example_is_a_whole_plan():

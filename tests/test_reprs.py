@@ -110,7 +110,7 @@ def test_setting(eag):
 
 def test_plan_and_simulation(plan):
     worst = min(plan.inspected.values())
-    found = "1 settings (at least 1 needed), 2 of 2 entities inspected"
+    found = "1 setting (at least 1 needed), 2 of 2 entities inspected"
     # a bound with 99.9 % confidence, after 20,000 of 20,000 displaced poses
     assert worst == pytest.approx(0.001 ** (1 / 20_000), rel=1e-9)
     assert repr(plan) == f"<InspectionPlan of 'box': {found}, smallest probability 0.9996>"

@@ -81,6 +81,9 @@ def read_solid(
     >>> len(solid.straight_edges(min_length_mm=20))
     28
     """
+    if not isinstance(path, str | os.PathLike):
+        got = f"an object of type {type(path).__name__}"
+        raise ReadError.of_rule("path", "must be a path", got)
     path = Path(path)
     if not path.is_file():
         raise PartFileNotFoundError.of_rule(

@@ -54,7 +54,7 @@ def add_asked(parser: Options, out: str | None = None) -> None:
         type=SHARE,
         default=0.0,
         metavar="G",
-        help="20%%: end the search when at most 20%% of the settings are unproven",
+        help="end the search when at most this share of the settings is unproven, like 20%%",
     )
     add_seed(search, "same seed, same plan")
     search.add_argument(
@@ -202,7 +202,7 @@ def add_promise(parser: Options) -> None:
         type=RAD,
         default=0.002,
         metavar="RAD",
-        help="standard deviation of the camera's orientation; 0.1deg is understood, too",
+        help="standard deviation of the camera's orientation, in rad or like 0.1deg",
     )
 
 

@@ -322,7 +322,7 @@ def simulate(options: argparse.Namespace) -> int:
     loaded = read_plan(options.plan)
     solid = None if options.part is None else read_part(options)
     if solid is not None:
-        check_same_part(solid, found, options.part)
+        check_same_part(solid, loaded, options.part)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = simulate_plan(
             loaded, options.poses, rng=options.seed, progress=progress, solid=solid

@@ -61,7 +61,7 @@ _COLUMNS = """\
 columns:
   turn     angle by which the surface turns over an edge: positive where it is
            convex, negative where it is re-entrant
-  ends     corner: another sharp edge leaves; tangent: the edge ends in a
+  ends     corner: another sharp edge leaves; a3: the edge ends in this
            tangent arc, so its length is undefined
   chords   straight edges that stand for a circle
   off by   largest distance of the chords from that circle"""

@@ -11,10 +11,9 @@ from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.exceptions import OutputError, RequestError
 from planner.files import check_file_place
 from planner.inspection_options import InspectionOptions
-from planner.optics.proposal import OpticsProposal, optics_table
+from planner.optics.proposal import OPTICS_COLUMNS, OpticsProposal, optics_rows
 from planner.optics.propose import DISTANCES_MM, propose_optics
-from planner.progress.terminal_text import visible
-from planner.progress.text_table import print_text
+from planner.progress.text_table import print_table, print_text, words
 from planner.records.json_file import print_json
 from planner.wanted.dimension import Dimension
 from planner.wanted.feature_counts import features_text, n_not_planned
@@ -47,7 +46,7 @@ def rank_optics(
         shown = [one.to_dict() for one in found[: options.rows]]
         print_json([{**record, "features": features} if counts else record for record in shown])
     else:
-        print(optics_table(found, options.rows))
+        print_table(OPTICS_COLUMNS, optics_rows(found, options.rows))
         if features_text(counts):
             text = f"{features_text(counts)}; optics are ranked by one feature of each dimension"
             print_text(text)
@@ -75,4 +74,4 @@ def _write_best(found: Sequence[OpticsProposal], path: str, *, quiet: bool) -> N
         found[0].camera.write(path)
         text = f"wrote {found[0].camera.name} to {path}; give it to plan as --camera {path}"
     if not quiet:
-        print(visible(text))
+        print_text(words(text, [path]))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.camera.camera import Camera
+from planner.progress.text_table import Column, table_lines
 
 
 @dataclass(frozen=True, repr=False)
@@ -100,9 +101,9 @@ def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
     Returns
     -------
     str
-        A line per proposal. It lists how many targets it measures as required, and the largest
-        ratio of U to the permitted error among them. Then follow camera, lens, f-number, working
-        distance, depth of field and field of view.
+        A heading, and a line per proposal: camera, lens, f-number, working distance, depth of field
+        and field of view. Then follow how many targets it measures as required, and the largest
+        ratio of U to the permitted error among them.
 
     Examples
     --------
@@ -110,26 +111,48 @@ def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
     >>> camera = Camera.named("basler-acA2440-20gm-8mm")
     >>> able = OpticsProposal("a body", "a lens", camera, 0.9, {"rim": 0.97}, {"rim": 0.8}, {})
     >>> print(optics_table([able]))
-    items  U/error  body    lens    f/  distance  sharp (mm)  field (mm)
-    1/1    0.80     a body  a lens  8   300 mm    266 to 343  308 x 258
+    body    lens    f/  distance  sharp (mm)  field (mm)  targets  U / permitted
+    ----------------------------------------------------------------------------
+    a body  a lens   8    300 mm  266 to 343   308 x 258      1/1           80 %
     """
-    rows = [("items", "U/error", "body", "lens", "f/", "distance", "sharp (mm)", "field (mm)")]
+    return "\n".join(table_lines(OPTICS_COLUMNS, optics_rows(proposals, most), None))
+
+
+OPTICS_COLUMNS = (
+    Column("body"),
+    Column("lens"),
+    Column("f/", right=True),
+    Column("distance", right=True),
+    Column("sharp (mm)", right=True),
+    Column("field (mm)", right=True),
+    Column("targets", right=True),
+    Column("U / permitted", right=True),
+)
+"""Columns of the table of proposals."""
+
+
+def optics_rows(proposals: Sequence[OpticsProposal], most: int) -> list[tuple[str, ...]]:
+    """Return a row per proposal, in the columns of `OPTICS_COLUMNS`.
+
+    Parameters
+    ----------
+    proposals : sequence of OpticsProposal
+        In the order of `propose_optics`.
+    most : int
+        Largest number of rows.
+    """
+    rows: list[tuple[str, ...]] = []
     for one in proposals[:most]:
         width, height = one.field_mm
-        rows.append(
-            (
-                f"{len(one.able)}/{len(one.probability)}",
-                f"{one.worst_share:.2f}" if one.able else "-",
-                one.body,
-                one.lens,
-                f"{one.camera.f_number:g}",
-                f"{one.working_distance_mm:g} mm",
-                one.camera.depth_of_field_text,
-                f"{width:.0f} x {height:.0f}",
-            )
+        row = (
+            one.body,
+            one.lens,
+            f"{one.camera.f_number:g}",
+            f"{one.working_distance_mm:g} mm",
+            one.camera.depth_of_field_text,
+            f"{width:.0f} x {height:.0f}",
+            f"{len(one.able)}/{len(one.probability)}",
+            f"{100 * one.worst_share:.0f} %" if one.able else "-",
         )
-    sizes = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(cell.ljust(size) for cell, size in zip(row, sizes, strict=True)).rstrip()
-        for row in rows
-    )
+        rows.append(row)
+    return rows

@@ -38,7 +38,7 @@ from planner.report.wording import (
 )
 from planner.verify.simulate_setting import CONFIRMED
 from planner.wanted.feature_counts import features_text
-from planner.wanted.planned import words_of
+from planner.wanted.planned import tolerance_text, words_of
 
 if TYPE_CHECKING:
     from aspectgraph import Edge, EdgeEnd, EntityAspectGraph, Solid
@@ -99,9 +99,9 @@ _EDGE_COLUMNS = (
 
 
 def _ends_text(ends: Sequence[EdgeEnd]) -> str:
-    """Return both ends of an edge in words, one word if both are corners."""
-    words = [end.text for end in ends]
-    return words[0] if words[0] == words[1] == "corner" else ", ".join(words)
+    """Return both ends of an edge: "corner", the id of a tangent arc, or "tangent"; one if equal."""
+    texts = [end.arc or end.kind for end in ends]
+    return ", ".join(dict.fromkeys(texts))
 
 
 def _print_curves(kind: str, curves: Sequence[Any]) -> None:
@@ -184,9 +184,9 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
 
 def _dimension_row(dimension: Any) -> tuple[Cell, ...]:
     nominal = "" if dimension.nominal is None else f"{dimension.nominal:.6g} {dimension.unit}"
-    tolerance = " ".join(f"{deviation:+.4g}" for deviation in dimension.tolerance or ())
-    if tolerance:
-        tolerance += f" {dimension.unit}"
+    tolerance = ""
+    if dimension.tolerance is not None:
+        tolerance = f"{tolerance_text(dimension.tolerance)} {dimension.unit}"
     entities = (
         words(dimension.reason or "")
         if dimension.entities is None

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from errors.formatting import probability_text
+from planner.argument_kinds import check_kinds
+from planner.exceptions import RequestError
 from planner.report.attention import attention, not_inspected, reasons_section
 from planner.report.dimension_report import dimension_section, localisation_text
 from planner.report.figure import color_of, figure_views, plan_figure, scene_frame
@@ -87,6 +89,11 @@ def report_html(
     str
         A page without references to anything outside it. The same arguments give the same page.
 
+    Raises
+    ------
+    RequestError
+        If plan or space is another object.
+
     Examples
     --------
     >>> from planner import read_plan, report_html
@@ -101,6 +108,11 @@ def report_html(
     """
     from plotly.offline import get_plotlyjs
 
+    check_kinds(plan=(plan, "InspectionPlan"))
+    if not hasattr(space, "solid"):
+        rule = "must be VisibilityRegions or an EntityAspectGraph"
+        got = f"an object of type {type(space).__name__}"
+        raise RequestError.of_rule("space", rule, got, hint="compute_regions makes the former")
     figure = plan_figure(plan, space.solid, space)
     dimensions = dimension_section(plan)
     views = figure_views(plan, space.solid)

@@ -46,6 +46,20 @@ def deviation_text(deviation: float) -> str:
     return f"{deviation:+.4g}" if deviation else "0"
 
 
+def tolerance_text(tolerance: tuple[float, float]) -> str:
+    """Return a tolerance as a drawing has it, such as "±0.05" or "0/-0.2".
+
+    Parameters
+    ----------
+    tolerance : (float, float)
+        Lower and upper deviation, mm (angles: degrees).
+    """
+    lower, upper = tolerance
+    if lower == -upper:
+        return f"±{upper:.4g}"
+    return "/".join(deviation_text(limit) for limit in (upper, lower))
+
+
 @dataclass(frozen=True)
 class PlannedTarget(ABC):
     """The fields of every target of a plan: kind, value and permitted error.
@@ -289,11 +303,8 @@ class PlannedDimension(PlannedTarget):
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
         if self.tolerance is None:
             return nominal, error
-        lower, upper = self.tolerance
-        tolerance = f"±{upper:.4g}"
-        if lower != -upper:
-            tolerance = "/".join(deviation_text(limit) for limit in (upper, lower))
-        return f"{nominal} {tolerance}", f"{error} ({self._share(self.tolerance)})"
+        share = self._share(self.tolerance)
+        return f"{nominal} {tolerance_text(self.tolerance)}", f"{error} ({share})"
 
     @property
     def share_text(self) -> str:

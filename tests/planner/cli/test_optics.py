@@ -29,10 +29,20 @@ SURE = ["--sigma-mm", "0.05", "--sigma-rad", "0.001"]
 def test_table_of_optics(capsys):
     assert main([*OPTICS, *SURE, "--rows", "2"]) == DONE
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split()[:4] == ["items", "U/error", "body", "lens"]
-    assert [line.split()[0] for line in lines[1:3]] == ["1/1", "1/1"]
-    assert float(lines[1].split()[1]) <= float(lines[2].split()[1])
-    assert lines[3].startswith("note: OFF files state no unit")
+    assert lines[0].split()[:2] == ["body", "lens"]
+    assert lines[0].endswith("targets  U / permitted")
+    shares = [line.split()[-3:-1] for line in lines[2:4]]
+    assert [able for able, _ in shares] == ["1/1", "1/1"]
+    assert float(shares[0][1]) <= float(shares[1][1])
+    assert lines[4].startswith("note: OFF files state no unit")
+
+
+def test_the_table_of_optics_fits_the_terminal(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*OPTICS, *SURE, "--rows", "2"]) == DONE
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    assert "basler-acA2440-20gm" in out
 
 
 def test_records_of_optics(capsys):

@@ -96,9 +96,10 @@ def test_images_too_short_are_no_proposals():
 
 def test_table_and_records(proposals):
     lines = optics_table(proposals, most=3).splitlines()
-    assert len(lines) == 4
-    assert lines[1].split()[0] == f"{len(proposals[0].able)}/2"
-    assert proposals[0].lens in lines[1]
+    # heading, rule and three proposals
+    assert len(lines) == 5
+    assert f" {len(proposals[0].able)}/2 " in lines[2]
+    assert lines[2].split()[:2] == [proposals[0].body, proposals[0].lens]
     record = json.loads(json.dumps(proposals[0].to_dict()))
     assert record["able"] == list(proposals[0].able)
     assert record["camera"]["focus_distance_mm"] == proposals[0].working_distance_mm
