@@ -13,6 +13,7 @@ from planner.argument_kinds import check_fraction
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.effort.effort import Effort
+from planner.exceptions import RequestError
 from planner.identity.inspection_request import InspectionRequest, PartRecord, RingRecord
 from planner.identity.target_record import target_records
 from planner.inspection_options import InspectionOptions
@@ -24,6 +25,10 @@ from planner.wanted.targets import Target, check_is_edge, edge_targets
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from planner.light.lighting import Lighting
+
+
+MOST_MM = 1e7
+"""Largest coordinate of a part, mm: files hold distances of a hundred times that."""
 
 
 class Promise(NamedTuple):
@@ -84,12 +89,13 @@ def resolve_request(
     """
     lighting = options.lighting
     accuracy = check_fraction("accuracy", promise.accuracy)
+    space = options.space
+    part = solid if space is None else space.solid
+    _check_extent(part)
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
     found_by = localisation_or_default(options.localisation, items.values())
     options = replace(options, localisation=found_by)
     entities, targets = _resolved(solid, items, accuracy, options)
-    space = options.space
-    part = solid if space is None else space.solid
     known = {
         "part": PartRecord.of(part),
         "targets": target_records(entities, targets),
@@ -100,6 +106,15 @@ def resolve_request(
     if options.effort is None and not all(target.in_image for target in targets):
         known["effort"] = Effort.for_dimensions()
     return ResolvedRequest(InspectionRequest(**known), entities, targets)
+
+
+def _check_extent(part: Solid) -> None:
+    """Refuse a part so far out that numbers about its plan would be none for a file."""
+    if np.abs(part.bounds).max() > MOST_MM:
+        low, high = (" ".join(f"{x:g}" for x in corner) for corner in part.bounds)
+        rule = f"the part must lie within {MOST_MM:g} mm of the origin"
+        hint = "its unit may be another one"
+        raise RequestError.of_rule("", rule, f"one from {low} to {high} mm", hint=hint)
 
 
 def promised(

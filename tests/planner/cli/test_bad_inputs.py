@@ -25,6 +25,11 @@ FILES = {
 }
 
 BAD = {
+    "a part of another unit": (
+        ["plan", "huge.off", "--all", *CAMERA, "--time-limit", "1"],
+        "the part must lie within 1e+07 mm of the origin. "
+        "Got one from 0 0 0 to 6e+07 6e+07 4e+07 mm; its unit may be another one.",
+    ),
     "an empty folder to write to": ([*EDGES, "--out", ""], "--out must not be empty. Got ''."),
     "an empty part": (["info", " "], "the part must not be empty. Got ' '."),
     "an empty plan": (["simulate", ""], "the plan must not be empty. Got ''."),
@@ -108,6 +113,10 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     Path("here").mkdir()
     for name, text in FILES.items():
         Path(name).write_text(text)
+    head, _, sizes, *lines = Path(BLOCK).read_text().splitlines()
+    n = int(sizes.split()[0])
+    big = [" ".join(f"{float(x) * 1e6:g}" for x in line.split()) for line in lines[:n]]
+    Path("huge.off").write_text("\n".join([head, sizes, *big, *lines[n:]]))
     before = sorted(tmp_path.rglob("*"))
     assert main(arguments) == BAD_INPUT
     out, err = capsys.readouterr()
