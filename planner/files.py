@@ -107,10 +107,13 @@ def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> N
         raise OutputError.of_rule(
             parameter, "must be a file that can be written", f"'{path}', a folder"
         )
-    if _is_device(path):
+    # what is asked of a file that may be there takes a second to load
+    is_reachable = path.parent.is_dir()
+    if is_reachable and _is_device(path):
         return
     try:
-        _check_replaceable(path)
+        if is_reachable:
+            _check_replaceable(path)
     except OSError as error:
         raise OutputError.of_rule(
             parameter, "must be a file that can be written", f"'{path}': {error.strerror}"

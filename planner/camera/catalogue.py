@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from typing import Any
 
-from planner.exceptions import CameraError
+from planner.exceptions import CameraError, RequestError
 
 try:
     import tomllib
@@ -50,6 +50,15 @@ def camera_parts() -> dict[str, dict[str, dict[str, Any]]]:
         kind: {name: {"maker": True, **facts} for name, facts in data[kind].items()}
         for kind in ("body", "lens")
     }
+
+
+def check_bodies(names: Sequence[str]) -> None:
+    """Raise `RequestError` unless all names are bodies of the catalogue."""
+    known = _data()["body"]
+    for name in names:
+        if name not in known:
+            rule = f"must be of the catalogue: {', '.join(known)}"
+            raise RequestError.of_rule("bodies", rule, repr(name))
 
 
 @cache

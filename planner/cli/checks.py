@@ -5,6 +5,8 @@ An error names the option as it was typed.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,9 @@ from planner.argument_kinds import (
     POSITIVE_SECONDS,
     NumberRule,
 )
-from planner.exceptions import RequestError
+from planner.cli.parsing.quantities import localisation_words
+from planner.exceptions import OutputError, RequestError
+from planner.files import check_file_place
 
 _COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "graph_limit": 0, "rows": 1}
 # of what is counted
@@ -89,7 +93,7 @@ def check_numbers(options: Any) -> None:
 
 
 def check_inputs(options: Any) -> None:
-    """Refuse an empty text, a camera that nobody knows, and a part or plan that is not there.
+    """Refuse empty texts, files and names that are not there, and values that break a rule, before the part is read.
 
     Parameters
     ----------
@@ -98,20 +102,39 @@ def check_inputs(options: Any) -> None:
 
     Raises
     ------
-    CameraError, RequestError
+    CameraError, OutputError, RequestError
         Names the option.
     """
     given = vars(options)
     for name, value in given.items():
         if isinstance(value, str) and not value.strip():
             raise RequestError.of_rule(name, "must not be empty", repr(value))
+    _check_files(given)
+    if given.get("write") is not None:
+        _check_new_camera(given["write"])
+    if given.get("localisation") is not None:
+        localisation_words(given["localisation"])
+    _check_workspace(given.get("workspace"))
+    _check_optics(given)
+    _check_image(given)
+    for name, other in (("contrast", "lamps"), *((one, "light") for one in _OF_LIGHT)):
+        if f"--{name}" in given["typed"] and other in given and not given[other]:
+            raise RequestError.of_rule(name, f"must be given with --{other}", "none")
     camera = given.get("camera")
-    part = given.get("part")
     if camera is not None:
         # here, because it loads numpy
         from planner.cli.parsing.camera_option import read_camera
 
         read_camera(camera)
+    # last, because a file that can be written takes a second to check
+    for name in ("picture", "graphml", "write"):
+        if given.get(name):
+            check_file_place(given[name], f"--{name}")
+
+
+def _check_files(given: Mapping[str, Any]) -> None:
+    """Refuse a part, a plan, a folder, and a file of what is measured, that is not there."""
+    part = given.get("part")
     if part is not None and (Path(part).is_dir() or not Path(part).exists()):
         rule = "must be an existing file"
         raise RequestError.of_rule("part", rule, _place(part))
@@ -121,9 +144,14 @@ def check_inputs(options: Any) -> None:
     folder = given.get("folder")
     if folder is not None and not Path(folder).is_dir():
         raise RequestError.of_rule("folder", "must be an existing folder", _place(folder))
-    for name, other in (("contrast", "lamps"), *((one, "light") for one in _OF_LIGHT)):
-        if f"--{name}" in given["typed"] and other in given and not given[other]:
-            raise RequestError.of_rule(name, f"must be given with --{other}", "none")
+    entities = (given.get("entities") or "").strip()
+    is_file = Path(entities).suffix.lower() in (".toml", ".json", ".csv")
+    if is_file and not Path(entities).exists():
+        raise RequestError.of_rule("entities", "must name an existing file", repr(entities))
+    dimensions = given.get("dimensions") or "all"
+    if dimensions.strip().lower() != "all" and not Path(dimensions).exists():
+        rule = "must be 'all' or name an existing file"
+        raise RequestError.of_rule("dimensions", rule, repr(dimensions))
 
 
 def _check_plan(name: str, path: str) -> None:
@@ -142,3 +170,42 @@ def _place(path: str) -> str:
     if Path(path).is_dir():
         return f"{path!r}, a folder"
     return f"{path!r}, a file" if Path(path).is_file() else repr(path)
+
+
+def _check_new_camera(path: str) -> None:
+    """Refuse the place of a camera's file; a file that is there is kept."""
+    if Path(path).suffix.lower() != ".toml":
+        raise RequestError.of_rule("write", "must end in .toml", repr(path))
+    if Path(path).exists():
+        raise OutputError(f"--write must be a new file. Got {path!r}, which exists.")
+
+
+def _check_workspace(numbers: Sequence[float] | None) -> None:
+    """Refuse what is no box; whether it is around the part is known later."""
+    if numbers is None:
+        return
+    corners = [list(numbers[:3]), list(numbers[3:])]
+    ordered = all(low < high for low, high in zip(*corners, strict=True))
+    if not (ordered and all(map(math.isfinite, numbers))):
+        rule = "must be finite, lower corner first"
+        raise RequestError.of_rule("workspace", rule, str(corners))
+
+
+def _check_optics(given: Mapping[str, Any]) -> None:
+    """Refuse bodies and working distances that `optics` cannot try."""
+    distances = given.get("distances")
+    if distances is not None and not all(0 < one < math.inf for one in distances):
+        rule = "must be finite and positive, at least one"
+        raise RequestError.of_rule("distances", rule, repr(distances))
+    if given.get("body"):
+        # here, because it loads the catalogue
+        from planner.camera.catalogue import check_bodies
+
+        check_bodies(given["body"])
+
+
+def _check_image(given: Mapping[str, Any]) -> None:
+    """Refuse an angle that no corner has."""
+    corner = given.get("min_corner_deg")
+    if corner is not None and corner >= 90:
+        raise RequestError.of_rule("min_corner_deg", "must be below 90", repr(corner))

@@ -50,7 +50,7 @@ from planner.cli.wanted import chosen_entities, localisation_text, read_request
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
-from planner.files import absolute, check_file_place, output_folder, path_text
+from planner.files import absolute, output_folder, path_text
 from planner.inspection import space_of, visible_regions
 from planner.output import terminal_tables
 from planner.output.folder_lock import folder_lock
@@ -72,8 +72,6 @@ if TYPE_CHECKING:
 
 def info(options: argparse.Namespace) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
-    if options.picture:
-        check_file_place(options.picture, "--picture")
     solid = read_part(options)
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         edges = solid.straight_edges(min_length_mm=options.min_length)
@@ -112,7 +110,6 @@ def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list
 
 def graph(options: argparse.Namespace) -> int:
     """Build the entity-based aspect graph and write it."""
-    check_file_place(options.graphml, "--graphml")
     solid = read_part(options)
     entities = chosen_entities(options, solid)
     box = workspace_of(options)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
-from planner.exceptions import OutputError, RequestError
-from planner.files import check_file_place
 from planner.inspection_options import InspectionOptions
 from planner.optics.proposal import OPTICS_COLUMNS, OpticsProposal, optics_rows
 from planner.optics.propose import DISTANCES_MM, propose_optics
@@ -28,8 +25,6 @@ def rank_optics(
     options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
 ) -> int:
     """Print bodies and lenses, ranked by how well they measure what is wanted; return the exit code."""
-    if options.write is not None:
-        _check_new_file(options.write)
     found = propose_optics(
         solid,
         items,
@@ -53,15 +48,6 @@ def rank_optics(
     if options.write is not None:
         _write_best(found, options.write, quiet=options.json)
     return DONE if found and len(found[0].able) == len(items) else INCOMPLETE
-
-
-def _check_new_file(path: str) -> None:
-    """Refuse the place of the camera file before the work; a file that is there is kept."""
-    if Path(path).suffix.lower() != ".toml":
-        raise RequestError.of_rule("write", "must end in .toml", repr(path))
-    check_file_place(path, "--write")
-    if Path(path).exists():
-        raise OutputError(f"--write must be a new file. Got {path!r}, which exists.")
 
 
 def _write_best(found: Sequence[OpticsProposal], path: str, *, quiet: bool) -> None:

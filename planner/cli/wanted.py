@@ -12,6 +12,7 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation, kinds
 from errors.measurands.localisation import FLOOR_PX
 from planner.cli.naming import named_by
+from planner.cli.parsing.quantities import localisation_words
 from planner.exceptions import RequestError
 from planner.wanted.assumed import SURFACES_MM
 from planner.wanted.dimension import Dimension
@@ -174,22 +175,14 @@ def read_localisation(text: str) -> Localisation:
     RequestError
         If the model is unknown, or a number breaks its rule.
     """
-    name, *numbers = text.strip().split(":")
-    makers: dict[str, tuple[Any, int]] = {
-        "rounding": (Localisation.rounding, 0),
-        "gaussian": (_gaussian, 2),
-        "fit": (Localisation.fit, 3),
+    name, numbers = localisation_words(text)
+    makers: dict[str, Any] = {
+        "rounding": Localisation.rounding,
+        "gaussian": _gaussian,
+        "fit": Localisation.fit,
     }
-    if name not in makers or len(numbers) > makers[name][1]:
-        raise RequestError(
-            "--localisation must be rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px. "
-            f"Got {text!r}."
-        )
     try:
-        return makers[name][0](*map(float, numbers))
+        found: Localisation = makers[name](*numbers)
     except InvalidParameterError as error:
         raise RequestError(f"--localisation: {error}") from error
-    except ValueError:
-        raise RequestError(
-            f"--localisation must hold numbers of px after the model. Got {text!r}."
-        ) from None
+    return found

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera
-from planner.camera.catalogue import camera_parts
+from planner.camera.catalogue import camera_parts, check_bodies
 from planner.camera.pose import look_at, world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
@@ -166,11 +166,7 @@ def _fitting(bodies: Sequence[str] | None) -> list[tuple[str, str]]:
     """Return the pairs of body and lens whose image circle covers the sensor."""
     parts = camera_parts()
     chosen = list(parts["body"]) if bodies is None else list(bodies)
-    for name in chosen:
-        if name not in parts["body"]:
-            raise RequestError.of_rule(
-                "bodies", f"must be of the catalogue: {', '.join(parts['body'])}", repr(name)
-            )
+    check_bodies(chosen)
     return [
         (body, lens)
         for body, lens in itertools.product(chosen, parts["lens"])

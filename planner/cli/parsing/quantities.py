@@ -7,6 +7,8 @@ import math
 import re
 from collections.abc import Mapping
 
+from planner.exceptions import RequestError
+
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf(?:inity)?|nan)"
 _QUANTITY = re.compile(rf"({_NUMBER})\s*(.*)", re.ASCII | re.IGNORECASE | re.DOTALL)
 # how many of the unit that is meant a unit is; a text is multiplied without rounding
@@ -144,6 +146,37 @@ def all_or_indices(text: str) -> str | list[int]:
         ``all``, or like ``0,2``.
     """
     return text if text == "all" else indices(text)
+
+
+# models of errors in the image, and how many numbers may follow each
+_LOCALISATIONS = {"rounding": 0, "gaussian": 2, "fit": 3}
+
+
+def localisation_words(text: str) -> tuple[str, list[float]]:
+    """Return the name of a localisation model and its numbers, like ``gaussian:0.05``.
+
+    Parameters
+    ----------
+    text : str
+        As it was typed.
+
+    Raises
+    ------
+    RequestError
+        If the model is unknown, or what follows is no number.
+    """
+    name, *numbers = text.strip().split(":")
+    if name not in _LOCALISATIONS or len(numbers) > _LOCALISATIONS[name]:
+        raise RequestError(
+            "--localisation must be rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px. "
+            f"Got {text!r}."
+        )
+    try:
+        return name, [float(number) for number in numbers]
+    except ValueError:
+        raise RequestError(
+            f"--localisation must hold numbers of px after the model. Got {text!r}."
+        ) from None
 
 
 _BYTES = {"mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30, "tib": 2.0**40}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -191,3 +193,38 @@ def test_an_error_names_the_part_file_in_whatever_folder_it_is(tmp_path, monkeyp
     for part in ("torn.step", str(path)):
         assert main(["info", part]) == BAD_INPUT
         assert f"{part}: a STEP file must begin with" in capsys.readouterr().err
+
+
+# what loads only with a part, or with what is computed from one
+_HEAVY = ("aspectgraph.visibility", "scipy", "numba", "planner.optics.propose")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--body", "box"], "--body must be of the catalogue"),
+        (["--distances", "250,0"], "--distances must be finite and positive"),
+        (["--write", "camera.txt"], "--write must end in .toml"),
+        (["--write", "no/camera.toml"], "--write must be in a folder that exists"),
+        (["--write", "known.toml"], "--write must be a new file"),
+        (["--min-corner-deg", "90"], "--min-corner-deg must be below 90"),
+        (["--workspace", "0", "0", "0", "9", "9", "0"], "--workspace must be finite, lower corner"),
+        (["--localisation", "gauss"], "--localisation must be rounding, gaussian"),
+        (["--localisation", "gaussian:x"], "--localisation must hold numbers"),
+        (["--entities", "none.toml"], "--entities must name an existing file"),
+        (["--dimensions", "none.toml"], "--dimensions must be 'all' or name an existing file"),
+    ],
+)
+def test_a_bad_option_is_refused_before_anything_loads(tmp_path, arguments, message):
+    """Otherwise a typing error costs three seconds; modules are counted, as no clock is sure."""
+    (tmp_path / "known.toml").touch()
+    wanted = [] if arguments[0] in ("--entities", "--dimensions") else ["--all"]
+    program = (
+        "import sys; from planner.cli.main import main; code = main(sys.argv[1:]);"
+        f"print([name for name in {_HEAVY!r} if name in sys.modules]); sys.exit(code)"
+    )
+    command = [sys.executable, "-c", program, "optics", BLOCK, *wanted, *arguments]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.returncode == BAD_INPUT
+    assert f"aspectgraph: {message}" in ended.stderr
+    assert ended.stdout == "[]\n"
