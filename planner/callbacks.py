@@ -10,6 +10,8 @@ from typing import Any
 
 from planner.argument_kinds import FROM_0_BELOW_1, POSITIVE_SECONDS, check_number
 from planner.progress import Progress, report
+from planner.progress.time_left import TimeIsUpError as TimeIsUpError
+from planner.progress.time_left import TimeLeft
 
 REGIONS_SHARE = 0.5
 """Share of a time limit that the regions of visibility may take."""
@@ -20,9 +22,14 @@ LEAST_REGIONS_S = 10.0
 SEARCH_SHARE = 0.8
 """Share of a time limit after which the search ends, so that simulation, report and graph have the rest."""
 
+SIMULATION_SHARE = 0.88
+"""Share of a time limit after which the simulation ends."""
 
-class TimeIsUpError(Exception):
-    """The time limit has passed. It never leaves the package."""
+PICTURES_SHARE = 0.95
+"""Share of a time limit after which no more pictures are drawn, so that the page can be put together."""
+
+LEAST_SEARCH_S = 5.0
+"""Seconds that the search goes on after a first glance at the part, however short a time limit is."""
 
 
 class Deadline:
@@ -34,6 +41,8 @@ class Deadline:
         From now; None never ends it.
     gap : float
         Share of the settings that the bound may miss.
+    begun : float, optional
+        When the time began to run, as `time.monotonic` counts. Default: now.
 
     Raises
     ------
@@ -41,15 +50,19 @@ class Deadline:
         If the limit is not positive, or the gap not in [0, 1).
     """
 
-    def __init__(self, time_limit_s: float | None = None, gap: float = 0.0):
+    def __init__(
+        self, time_limit_s: float | None = None, gap: float = 0.0, begun: float | None = None
+    ):
         if time_limit_s is not None:
             check_number("time_limit_s", time_limit_s, POSITIVE_SECONDS)
         self.gap = check_number("gap", gap, FROM_0_BELOW_1)
         self._limit = math.inf if time_limit_s is None else float(time_limit_s)
-        self._begin = time.monotonic()
+        now = time.monotonic()
+        self._begin = now if begun is None else begun
         # of the clock that other processes share
-        self._wall_begin = time.time()
-        self._armed = False
+        self._wall_begin = time.time() - (now - self._begin)
+        # from when on there is something to end with
+        self._armed_at = math.inf
 
     @property
     def limited(self) -> bool:
@@ -58,7 +71,7 @@ class Deadline:
 
     def of_regions(self) -> float:
         """Return when the regions of visibility end, as `time.time` counts; infinity without a limit."""
-        return self._wall_begin + max(REGIONS_SHARE * self._limit, LEAST_REGIONS_S)
+        return max(self.at(REGIONS_SHARE), time.time() + LEAST_REGIONS_S)
 
     def at(self, share: float = 1.0) -> float:
         """Return when a share of the time limit has passed, as `time.time` counts; infinity without a limit."""
@@ -70,13 +83,25 @@ class Deadline:
             return None
         return max(share * self._limit - (time.monotonic() - self._begin), 1e-3)
 
+    def time_left(self, share: float = 1.0) -> TimeLeft:
+        """Return what tells whether another piece of work fits until a share of the limit has passed.
+
+        Work that comes late has half of the time that is left.
+        """
+        return TimeLeft(max(self.at(share), (time.time() + self.at()) / 2.0))
+
     def arm(self) -> None:
         """From now on there is something to end with."""
-        self._armed = True
+        self._armed_at = -math.inf
+
+    def arm_soon(self) -> None:
+        """There is a first plan; from `LEAST_SEARCH_S` on it is something to end with."""
+        self._armed_at = min(self._armed_at, time.monotonic() + LEAST_SEARCH_S)
 
     def check(self) -> None:
         """Raise `TimeIsUpError` if the time is up and there is something to end with."""
-        if self._armed and time.monotonic() - self._begin > self._limit:
+        now = time.monotonic()
+        if now >= self._armed_at and now - self._begin > self._limit:
             raise TimeIsUpError
 
     def wanted_bound(self, n_settings: int) -> int:

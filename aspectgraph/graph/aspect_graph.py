@@ -33,6 +33,8 @@ from aspectgraph.visibility.scene import own_order
 from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, compute_regions
 
 # cells to reserve room for at first, where the part is cut out of the joint cells, per cell of these
+# once the regions are joined: cut, found, described
+_STEPS = 3
 _ROOM_PER_CELL = 16
 
 
@@ -336,7 +338,8 @@ def graph_of(
     min_width_mm, memory_limit_bytes : float, optional
         As in `build_aspect_graph`.
     progress : callable, optional
-        ``progress(done, total, "joint graph")`` after each of the entities.
+        ``progress(done, total, "joint graph")`` after each of the entities, then
+        ``progress(done, total, "domains of the graph")``.
 
     Returns
     -------
@@ -395,13 +398,21 @@ def _joined(
     # facets take room, too, and a part may have many more of them than its regions have cells
     cx = cut_further(uncut, cut, _ROOM_PER_CELL * n_leaves(uncut) + len(facets.planes))
     del uncut
+    _report_step(memory.progress, 1)
     extent = largest_extent(grid.points * grid.scale)
     domains = find_domains(measured(cx, grid), Ruler(min_width_mm / grid.step_mm, 0.5 * extent))
+    _report_step(memory.progress, 2)
     provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
     graph = _networkx(chosen, cx, domains, provenance, at_limits(cx, len(shared.planes)))
     graph.graph["min_width_mm"] = min_width_mm
     confirm_nodes(chosen, graph)
+    _report_step(memory.progress, _STEPS)
     return EntityAspectGraph(chosen, graph, cx, domains)
+
+
+def _report_step(progress: Progress | None, done: int) -> None:
+    if progress is not None:
+        progress(done, _STEPS, "domains of the graph")
 
 
 def _networkx(

@@ -28,7 +28,7 @@ from planner.batch.part_result import (
     digest_of,
     found_again,
 )
-from planner.callbacks import SEARCH_SHARE, Deadline
+from planner.callbacks import SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.exceptions import PlanFileError, PlannerError
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.inspection import plan_by_options, visible_regions
@@ -36,6 +36,7 @@ from planner.output.folder_lock import folder_lock
 from planner.output.part_source import with_source
 from planner.output.plan_folder import write_outputs
 from planner.plan import InspectionPlan
+from planner.verify.in_time import simulate_in_time
 
 STATE = "planning-state.json"
 REGIONS = "planning-regions"
@@ -120,9 +121,18 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         # of another request, or damaged
         state.unlink(missing_ok=True)
         found = plan()
-    found = found.simulated(request.simulate, rng=request.seed, solid=solid)
+    simulation, notes = simulate_in_time(
+        found,
+        request.simulate,
+        request.seed,
+        None,
+        solid,
+        deadline.time_left(SIMULATION_SHARE),
+    )
+    found = replace(found, simulation=simulation)
     found = with_source(found, folder, path, {"units": request.units})
-    write_outputs(found, regions, folder, graph_limit=request.graph_limit, deadline=deadline.at())
+    limit = request.graph_limit
+    write_outputs(found, regions, folder, graph_limit=limit, deadline=deadline, notes=notes)
     if not found.unfinished:
         # a longer limit goes on from there
         state.unlink(missing_ok=True)

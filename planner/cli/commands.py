@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ from planner.batch.folder_of_parts import plan_folder
 from planner.batch.part_request import PartRequest, limits_of
 from planner.batch.part_result import PLANNED, TABLES
 from planner.batch.scheduler import dask_executor
-from planner.callbacks import SEARCH_SHARE, Deadline
+from planner.callbacks import SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
@@ -64,6 +64,7 @@ from planner.progress.text_table import print_text, words
 from planner.records.json_file import print_json
 from planner.report.wording import cost_sentence
 from planner.request.defaults import default_workspace
+from planner.verify.in_time import simulate_in_time
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
@@ -223,7 +224,7 @@ def _planned(
         _executor(options.jobs) as executor,
     ):
         best = BestSoFar(progress)
-        deadline = Deadline(options.time_limit)
+        deadline = Deadline(options.time_limit, begun=options.begun)
         regions = visible_regions(
             solid,
             job.wanted.entities,
@@ -244,9 +245,15 @@ def _planned(
             )
         except KeyboardInterrupt:
             result = best.instead()
-        result = result.simulated(
-            options.simulate, rng=request.seed, progress=progress, solid=solid
+        simulation, notes = simulate_in_time(
+            result,
+            options.simulate,
+            request.seed,
+            progress,
+            solid,
+            deadline.time_left(SIMULATION_SHARE),
         )
+        result = replace(result, simulation=simulation)
         result = with_light(result, solid, request.lighting, progress)
         result = with_source(result, leftovers.folder, job.part, job.reading)
         try:
@@ -257,7 +264,8 @@ def _planned(
                 folder,
                 progress,
                 graph_limit=options.graph_limit,
-                deadline=deadline.at(),
+                deadline=deadline,
+                notes=notes,
             )
         except OutputError as error:
             raise OutputError(f"{error} {rescue(result, state)}") from None

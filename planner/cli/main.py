@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import time
 import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -63,7 +64,10 @@ def _run(arguments: list[str] | None) -> int:
     try:
         if sys.stdout is None:
             return _fail("standard output must be open. Got a closed one.", BAD_INPUT)
+        begun = time.monotonic()
         options = _parsed(sys.argv[1:] if arguments is None else arguments)
+        # a time limit counts from here
+        options.begun = begun
         if options.command == "help":
             return _help(options)
         with termination_as_interruption():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,12 +14,14 @@ import numpy as np
 
 from aspectgraph import MemoryLimitError, graph_of, write_graphml
 from aspectgraph import OutputError as GraphOutputError
+from planner.callbacks import PICTURES_SHARE, Deadline
 from planner.exceptions import OutputError
 from planner.files import staged_folder
 from planner.output.pose_files import POSE_FILES, write_poses
 from planner.plan import InspectionPlan
 from planner.progress import report
-from planner.report.page import add_graph, add_notes, report_html
+from planner.progress.time_left import TimeIsUpError
+from planner.report.page import add_graph, add_notes, left_out_of, report_html
 from planner.report.summary.facts import report_date
 from planner.report.wording import graph_sentence, regions_sentence
 from planner.request.target_space import Seen, TargetSpace
@@ -35,12 +37,11 @@ PLAN_FILES = ("plan.json", "report.html", "measurements.csv", "graph.graphml", *
 # with more entities their joint graph is built where it can be afforded: no clock decides, so that machines agree
 FEW_GRAPH_ENTITIES = 24
 AFFORDABLE_BYTES = 64 * 2**20
+# what `graph_of` calls its first part
+JOINING = "joint graph"
+_AFTER_JOINING = 3.0
 # places drawn to tell how much is observable from where
 _PLACES = 10_000
-
-
-class _TimeIsUpError(Exception):
-    """The time limit has passed. It never leaves this module."""
 
 
 class Written(NamedTuple):
@@ -65,14 +66,15 @@ def write_outputs(
     progress: Progress | None = None,
     *,
     graph_limit: int | None = None,
-    deadline: float = math.inf,
+    deadline: Deadline | None = None,
+    notes: Sequence[str] = (),
 ) -> Written:
     """Write plan, report and poses, which appear in the folder together or not at all; then the joint graph.
 
     Files of an earlier plan do not stay. A link in the place of a file is replaced, not the file it leads to. The joint
     graph comes last because it takes the longest: with it the report is replaced by one that shows it. Beyond
-    ``graph_limit`` entities it is left out; if that is None, beyond 24 if it takes much memory, and so time. It is also
-    left out if it is not complete at the ``deadline``, a time as `time.time` gives it.
+    ``graph_limit`` entities it is left out; if that is None, beyond 24 if it takes much memory, and so time. What
+    is not complete at the ``deadline`` is left out, pictures and the graph. ``notes`` say what else is missing.
 
     Returns
     -------
@@ -84,23 +86,32 @@ def write_outputs(
     OutputError
         If they cannot be written. The folder is then as it was, or holds the whole plan without its graph.
     """
+    deadline = deadline or Deadline()
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         found.write(staging / "plan.json")
-        page = report_html(found, _space(found, regions), progress=progress, date=report_date())
+        page = report_html(
+            found,
+            _space(found, regions),
+            progress,
+            notes,
+            date=report_date(),
+            until=deadline.time_left(PICTURES_SHARE).until,
+        )
         (staging / "report.html").write_text(page, encoding="utf-8")
         # lines end as the format says, on every system
         (staging / "measurements.csv").write_bytes(found.to_csv().encode())
         written = ["plan.json", "report.html", "measurements.csv"]
         poses = [str(path.relative_to(staging)) for path in write_poses(found, staging)]
-    graph, notes = _joint_graph(regions, graph_limit, _ended_at(deadline, progress))
-    page = add_notes(page, notes)
+    graph, without = _joint_graph(regions, graph_limit, _ended_at(deadline.at(), progress))
+    page = add_notes(page, without)
     with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
         if graph is not None:
-            page = add_graph(page, found, graph)
+            page = add_graph(page, found, graph, progress, until=deadline.at())
             write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")
         (staging / "report.html").write_text(page, encoding="utf-8")
-    return Written([folder / name for name in (*written, *poses)], notes)
+    left_out = [*notes, *left_out_of(page), *without]
+    return Written([folder / name for name in (*written, *poses)], left_out)
 
 
 def _joint_graph(
@@ -112,9 +123,9 @@ def _joint_graph(
         return None, _instead(regions, graph_limit)
     limit = AFFORDABLE_BYTES if graph_limit is None and n > FEW_GRAPH_ENTITIES else None
     try:
-        report(progress, 0, n, "joint graph")
+        report(progress, 0, n, JOINING)
         return graph_of(regions, memory_limit_bytes=limit, progress=progress), []
-    except _TimeIsUpError:
+    except TimeIsUpError:
         return None, ["graph.graphml was not written: the time limit ended before it was complete."]
     except MemoryLimitError as error:
         # the plan does without it
@@ -128,10 +139,15 @@ def _ended_at(deadline: float, progress: Progress | None) -> Progress | None:
     if deadline == math.inf:
         return progress
 
+    begun = time.time()
+
     def ended(done: int, total: int, label: str) -> None:
         report(progress, done, total, label)
-        if time.time() > deadline:
-            raise _TimeIsUpError
+        now = time.time()
+        # what follows the joining cannot be ended, and takes some times as long
+        joined = label == JOINING and done == total
+        if now + (_AFTER_JOINING * (now - begun) if joined else 0.0) > deadline:
+            raise TimeIsUpError
 
     return ended
 

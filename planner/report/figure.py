@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ from aspectgraph.plot.traces import (
     xyz,
 )
 from errors.formatting import probability_text
+from planner.progress.time_left import TimeLeft
 from planner.report.outlines import polylines
 from planner.report.views import EVERYTHING, SceneFrame, box_around, plan_views
 
@@ -46,7 +48,11 @@ def color_of(setting_idx: int) -> str:
 
 
 def plan_figure(
-    plan: InspectionPlan, solid: Solid | None = None, space: Space | None = None
+    plan: InspectionPlan,
+    solid: Solid | None = None,
+    space: Space | None = None,
+    *,
+    until: float = math.inf,
 ) -> go.Figure:
     """Draw a plan in 3-D: part, entities, camera frusta, the robot's path and domains.
 
@@ -60,6 +66,8 @@ def plan_figure(
         Its part. Without it, the figure shows only the targets, cameras and path.
     space : VisibilityRegions or EntityAspectGraph, optional
         Gives the domains. Without it, the figure shows none.
+    until : float
+        Time, as `time.time` gives it, after which the figure omits the domains. Default: never.
 
     Returns
     -------
@@ -90,7 +98,10 @@ def plan_figure(
         traces.append(_lamp_trace(plan.light))
     frame = scene_frame(plan, solid)
     if space is not None and solid is not None:
+        time_left = TimeLeft(until)
         for k, setting in enumerate(plan.settings):
+            if not time_left.fits_another():
+                break
             facets = domain_facets(space.covering_cells(list(setting.entities)), solid, frame.box)
             name = f"domains of setting {k + 1}"
             traces.append(

@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 
 from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.node_places import layout
+from planner.progress import report
+from planner.progress.time_left import TimeLeft
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph
     from planner.plan import InspectionPlan
+    from planner.progress import Progress
     from planner.setting.sensor_setting import SensorSetting
 
 MOST_DOMAINS = 48
@@ -75,7 +78,13 @@ class _Shown:
 
 
 def graph_picture(
-    plan: InspectionPlan, graph: EntityAspectGraph, box: NDArray[np.float64], colors: Sequence[str]
+    plan: InspectionPlan,
+    graph: EntityAspectGraph,
+    box: NDArray[np.float64],
+    colors: Sequence[str],
+    progress: Progress | None = None,
+    *,
+    until: float = math.inf,
 ) -> GraphPicture:
     """Draw the aspect graph that a plan rests on.
 
@@ -89,6 +98,10 @@ def graph_picture(
         What the picture in 3-D shows, mm; domains are cut off there.
     colors : sequence of str
         One for each setting.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+    until : float
+        Time, as `time.time` gives it, after which no more surfaces are computed.
 
     Returns
     -------
@@ -96,12 +109,12 @@ def graph_picture(
         The picture and what belongs to it.
     """
     shown = _chosen(plan, graph, box)
-    surfaces = _surfaces(graph, shown, box)
+    surfaces, unseen = _surfaces(graph, shown, box, progress, TimeLeft(until))
     told = {
         str(node): {
-            "text": _text(plan, graph, node, shown) + _unseen(surfaces[node]),
+            "text": _text(plan, graph, node, shown) + unseen.get(node, ""),
             "color": _color(shown, node, colors),
-            **(surfaces[node] or _NOTHING),
+            **surfaces.get(node, _NOTHING),
         }
         for node in shown.nodes
     }
@@ -185,25 +198,31 @@ def _is_inside(data: dict[str, Any], box: NDArray[np.float64]) -> bool:
 
 
 def _surfaces(
-    graph: EntityAspectGraph, shown: _Shown, box: NDArray[np.float64]
-) -> dict[int, dict[str, Any] | None]:
-    """Return surfaces by domain, None of those for which there is no time: simple ones and those with cameras first."""
+    graph: EntityAspectGraph,
+    shown: _Shown,
+    box: NDArray[np.float64],
+    progress: Progress | None,
+    time_left: TimeLeft,
+) -> tuple[dict[int, dict[str, Any]], dict[int, str]]:
+    """Return surfaces by domain, simple ones and those with cameras first, and why nothing is shown of a domain."""
     cells = dict(graph.graph.nodes(data="n_cells"))
-    found: dict[int, dict[str, Any] | None] = {}
+    found: dict[int, dict[str, Any]] = {}
+    unseen: dict[int, str] = {}
     taken = 0
-    for node in sorted(
-        shown.nodes, key=lambda node: (node not in shown.standing, cells[node], node)
-    ):
+    order = sorted(shown.nodes, key=lambda node: (node not in shown.standing, cells[node], node))
+    for k, node in enumerate(order):
+        report(progress, k, len(order), "picture of the graph")
         taken += cells[node]
-        found[node] = _surface(graph, node, box) if taken <= MOST_CELLS else None
-    return found
-
-
-def _unseen(surface: dict[str, Any] | None) -> str:
-    """Say why nothing is shown of a domain."""
-    if surface is None:
-        return " It has too many cells to be drawn."
-    return "" if surface["i"] else " It lies outside the picture."
+        if taken > MOST_CELLS:
+            unseen[node] = " It has too many cells to be drawn."
+        elif not time_left.fits_another():
+            unseen[node] = " It is not drawn: the time limit ended."
+        else:
+            found[node] = _surface(graph, node, box)
+            if not found[node]["i"]:
+                unseen[node] = " It lies outside the picture."
+    report(progress, len(order), len(order), "picture of the graph")
+    return found, unseen
 
 
 def _surface(graph: EntityAspectGraph, node: int, box: NDArray[np.float64]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Sequence
 from html import escape
 from importlib import resources
@@ -18,7 +19,7 @@ from planner.report.attention import attention, not_inspected, reasons_section
 from planner.report.dimension_report import dimension_section, localisation_text
 from planner.report.figure import color_of, figure_views, plan_figure, scene_frame
 from planner.report.graph_picture import graph_picture
-from planner.report.setting_report import settings_section, settings_table
+from planner.report.setting_report import NO_PICTURES, settings_section, settings_table
 from planner.report.setting_table import may_be_unsharp
 from planner.report.summary.facts import facts, sigma_text
 from planner.report.summary.overview import overview
@@ -66,6 +67,7 @@ def report_html(
     *,
     graph: EntityAspectGraph | None = None,
     date: str | None = None,
+    until: float = math.inf,
 ) -> str:
     """Return the report of a plan as an HTML page.
 
@@ -83,6 +85,9 @@ def report_html(
         Joint graph of the entities that the plan needs. The report draws its domains, and shows one in 3-D on a click.
     date : str, optional
         Date of the plan for the head of the page, such as ``"2026-03-01"``. Default: no date.
+    until : float
+        Time, as `time.time` gives it, after which the page gets no more pictures. A sentence takes their place.
+        Default: never.
 
     Returns
     -------
@@ -113,7 +118,7 @@ def report_html(
         rule = "must be VisibilityRegions or an EntityAspectGraph"
         got = f"an object of type {type(space).__name__}"
         raise RequestError.of_rule("space", rule, got, hint="compute_regions makes the former")
-    figure = plan_figure(plan, space.solid, space)
+    figure = plan_figure(plan, space.solid, space, until=until)
     dimensions = dimension_section(plan)
     views = figure_views(plan, space.solid)
     rows = measured_rows(plan)
@@ -150,13 +155,13 @@ def report_html(
         singular=_named(plan)[0],
         plural=_named(plan)[1],
         summary=settings_table(plan, _named(plan)),
-        settings=settings_section(plan, space.solid, rows, progress),
+        settings=settings_section(plan, space.solid, rows, progress, until=until),
         request=_request(plan),
         method=_method(plan) + _NOTES,
         footer="Lengths are in millimetres, in the part's frame. Camera axes: x right, y down, z forward.",
     )
     page = add_notes(page, notes)
-    return page if graph is None else add_graph(page, plan, graph)
+    return page if graph is None else add_graph(page, plan, graph, progress, until=until)
 
 
 def add_notes(page: str, notes: Sequence[str]) -> str:
@@ -172,7 +177,31 @@ def add_notes(page: str, notes: Sequence[str]) -> str:
     return page.replace(_NOTES, "".join(f"<p>{escape(note)}</p>" for note in notes) + _NOTES)
 
 
-def add_graph(page: str, plan: InspectionPlan, graph: EntityAspectGraph) -> str:
+def left_out_of(page: str) -> list[str]:
+    """Return a sentence on the pictures that a page lacks, because there was no time; none if it has all.
+
+    Parameters
+    ----------
+    page : str
+        As of `report_html`.
+    """
+    n = page.count(NO_PICTURES)
+    if not n:
+        return []
+    return [
+        f"The report lacks the pictures of {count(n, 'setting')}: the time limit ended. A longer "
+        "--time-limit draws them."
+    ]
+
+
+def add_graph(
+    page: str,
+    plan: InspectionPlan,
+    graph: EntityAspectGraph,
+    progress: Progress | None = None,
+    *,
+    until: float = math.inf,
+) -> str:
     """Return a page with the picture of the joint graph, whose domains a click shows in 3-D.
 
     Parameters
@@ -183,9 +212,14 @@ def add_graph(page: str, plan: InspectionPlan, graph: EntityAspectGraph) -> str:
         The plan of the page.
     graph : EntityAspectGraph
         Joint graph of the entities that the plan needs.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+    until : float
+        Time, as `time.time` gives it, after which domains are not drawn in 3-D.
     """
     colors = [color_of(k) for k in range(len(plan.settings))]
-    picture = graph_picture(plan, graph, scene_frame(plan, graph.solid).box, colors)
+    box = scene_frame(plan, graph.solid).box
+    picture = graph_picture(plan, graph, box, colors, progress, until=until)
     text = '<p id="domain" class="note" aria-live="polite"></p>'
     figure = f"<figure>{picture.svg}{text}<figcaption>{picture.note}</figcaption></figure>"
     domains = _DOMAINS.format(picture.domains)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from errors.formatting import is_nearly_one, probability_text
 from planner.progress import report
+from planner.progress.time_left import TimeLeft
 from planner.report.figure import color_of
 from planner.report.outlines import drawn
 from planner.report.predicted_image import PictureMaker
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.rows.measured_rows import Row
+
+NO_PICTURES = '<p class="note">The pictures are left out: the time limit ended. A longer --time-limit draws them.</p>'
+"""What a setting has in the place of its pictures, if there was no time for them."""
 
 # what fills more of the image is shown once
 _WORTH_ENLARGING = 1.25
@@ -80,6 +85,8 @@ def settings_section(
     solid: Solid,
     rows: Sequence[Sequence[Row]],
     progress: Progress | None = None,
+    *,
+    until: float = math.inf,
 ) -> str:
     """Return each setting: pose, predicted images, probabilities, the binding constraint, margins and lamps.
 
@@ -93,16 +100,24 @@ def settings_section(
         As of `measured_rows`.
     progress : callable, optional
         ``progress(done, total, label)``.
+    until : float
+        Time, as `time.time` gives it, after which settings get a sentence instead of pictures.
     """
     maker = PictureMaker(solid, plan.camera)
+    time_left = TimeLeft(until)
     sections = []
     for k in range(len(plan.settings)):
-        sections.append(_setting(plan, k, setting_table(plan, rows[k]), maker))
+        shots = (
+            f'<div class="shots">{_shots(plan, k, maker)}</div>'
+            if time_left.fits_another()
+            else NO_PICTURES
+        )
+        sections.append(_setting(plan, k, setting_table(plan, rows[k]), shots))
         report(progress, k + 1, len(plan.settings), "predicted images")
     return "".join(sections)
 
 
-def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> str:
+def _setting(plan: InspectionPlan, k: int, table: str, shots: str) -> str:
     setting = plan.settings[k]
     x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
     position = ", ".join(f"{value:.3f}" for value in setting.position)
@@ -114,8 +129,7 @@ def _setting(plan: InspectionPlan, k: int, table: str, maker: PictureMaker) -> s
         f'<span class="note">{escape(stance(plan, setting).text)}; camera at ({position}) mm, '
         f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span>"
         f'<button data-view="setting-{k + 1}">Show in 3-D</button></div>'
-        f'<div class="shots">{_shots(plan, k, maker)}</div>'
-        f'<div class="scroll">{table}</div>'
+        f'{shots}<div class="scroll">{table}</div>'
         f"<p>{escape(binding_sentence(plan, setting))} {escape(focus_note(plan, setting))}</p>"
         f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p>{lamps}</section>'
     )

@@ -18,14 +18,17 @@ _AT_A_TIME = 8
 _FIRST_ROUNDS = 10
 
 
-def sample_poses(run: Run) -> None:
+def sample_poses(run: Run, incumbents: Incumbents) -> None:
     """Fill the pools from viewpoints of every entity, but for those that the state has."""
     done = run.state.entries.get("sampled", 0)
     names = [name for name in run.names if name not in run.state.uninspectable]
     arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in names[done:]]
-    for k, (poses, judged) in enumerate(in_order(run.executor, judged_poses, arguments), done + 1):
+    check = run.callbacks.check
+    found = in_order(run.executor, judged_poses, arguments, check)
+    for k, (poses, judged) in enumerate(found, done + 1):
         run.pools.add(poses, judged)
         run.save({"sampled": k})
+        incumbents.offer_on_the_way(run)
         run.callbacks.report(k, len(names), "candidate poses")
 
 

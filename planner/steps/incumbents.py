@@ -7,14 +7,16 @@ that is watched ends with the same plan as one that is not.
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.bound.lower_bound import exclusion_proof
-from planner.callbacks import Callbacks
+from planner.callbacks import LEAST_SEARCH_S, Callbacks
 from planner.columns.candidates import first_poses
+from planner.columns.judge import Judgement
 from planner.columns.pool import ColumnPool
 from planner.plan import InspectionPlan
 from planner.setting.sensor_setting import SensorSetting
@@ -22,6 +24,8 @@ from planner.steps.assemble import assembled
 from planner.steps.run import Run
 from planner.steps.supported_columns import SupportedColumns
 
+# between two offers on the way, in times of how long one takes
+_OFFERS_APART = 4.0
 _TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
 _SO_FAR = (
     "Covering by optimistic columns, boxes of camera poses checked against necessary conditions (visibility, focus, "
@@ -50,16 +54,49 @@ class Incumbents:
         # of which entities how many settings are proven, by what
         self._proofs: dict[str, tuple[int, NDArray[np.bool_]]] = {}
         self._columns = SupportedColumns()
+        self._offer_again = time.monotonic() + LEAST_SEARCH_S
 
     def glance(self, run: Run) -> None:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
-        improving = run.effort.stages.improving
-        for directions in improving.directions if self._callbacks.wants_plans else ():
+        deadline = self._callbacks.deadline
+        # how long a direction takes
+        each = 0.0
+        for directions in (
+            run.effort.stages.improving.directions if self._callbacks.wants_plans else ()
+        ):
+            begun = time.monotonic()
+            # candidate poses make more of the time than a second glance that would take most of it
+            left = deadline.seconds_left()
+            if left is not None and each * directions > max(LEAST_SEARCH_S, left / 2):
+                break
             pool = ColumnPool(len(run.names))
             poses = first_poses(run.judge, directions, run.seed)
-            judged = run.judge(poses)
+            judged = self._judged_in_parts(run, poses)
             pool.add(judged.inspects, poses, judged.probability)
             self._offer(run, pool, covers=1)
+            if self.best is not None:
+                deadline.arm_soon()
+            each = (time.monotonic() - begun) / directions
+        self._offer_again = time.monotonic() + LEAST_SEARCH_S
+
+    def _judged_in_parts(self, run: Run, poses: NDArray[np.float64]) -> Judgement:
+        """Judge poses as many at a time as the judge does itself, and report between."""
+        size = run.effort.nearness.batch
+        parts = [run.judge(poses[:0])]
+        for first in range(0, len(poses), size):
+            parts.append(run.judge(poses[first : first + size]))
+            self._callbacks.report(first + len(parts[-1].inspects), len(poses), "first poses")
+        return Judgement.joined(parts)
+
+    def offer_on_the_way(self, run: Run) -> None:
+        """Where the time is limited, see now and then what the columns of an unfinished stage are good for."""
+        if not self._callbacks.deadline.limited:
+            return
+        now = time.monotonic()
+        if now >= self._offer_again:
+            self.offer(run)
+            took = time.monotonic() - now
+            self._offer_again = now + took + max(LEAST_SEARCH_S, _OFFERS_APART * took)
 
     def offer(self, run: Run) -> None:
         """See whether the columns of a run make a better plan."""

@@ -66,7 +66,7 @@ class Stage(NamedTuple):
 
 
 def _sample(state: PlanState, tools: Tools) -> None:
-    sample_poses(tools.run)
+    sample_poses(tools.run, tools.incumbents)
     tools.incumbents.offer(tools.run)
 
 

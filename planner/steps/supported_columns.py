@@ -63,6 +63,7 @@ class SupportedColumns:
             if not new:
                 break
             for c in new:
+                run.callbacks.deadline.check()
                 membership[c] = self._supported(run, pool, c)
                 done[c] = True
             self._give_up(run, membership, done)

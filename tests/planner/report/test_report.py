@@ -19,7 +19,7 @@ import planner
 from planner import LightPlan, LitImage, look_at
 from planner.plan import InspectionPlan
 from planner.report.figure import color_of, plan_figure
-from planner.report.page import report_html
+from planner.report.page import left_out_of, report_html
 from planner.report.predicted_image import PictureMaker, png_grey
 from planner.report.setting_table import stance
 from planner.report.summary.facts import facts, report_date
@@ -359,3 +359,19 @@ def test_verdict_names_bound_and_simulation():
         "error is at most 2 % of the edge's image length, given a registered image in which the edge is found."
     )
     assert "Proven minimal" in verdict(box_plan(lower_bound=2))
+
+
+def test_pictures_that_had_no_time_are_replaced_by_a_sentence(page):
+    """All else is there, and the option that brings them is named."""
+    brief = report_html(box_plan(), SPACE, until=0.0)
+    edge_map = 'aria-label="edge map"'
+    assert brief.count(edge_map) == 0 < page.count(edge_map)
+    assert brief.count("A longer --time-limit draws them.") == 2
+    assert brief.count("Margins:") == page.count("Margins:")
+    (sentence,) = left_out_of(brief)
+    assert "2 settings" in sentence
+    assert "--time-limit" in sentence
+    assert left_out_of(page) == []
+    names = {one.name for one in plan_figure(box_plan(), SPACE.solid, SPACE, until=0.0).data}
+    every = {one.name for one in plan_figure(box_plan(), SPACE.solid, SPACE).data}
+    assert every - names == {"domains of setting 1", "domains of setting 2"}

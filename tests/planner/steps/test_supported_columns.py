@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from planner.callbacks import NOBODY
 from planner.columns.pool import ColumnPool
 from planner.effort.effort import NORMAL, Effort
 from planner.effort.stages import StageEffort, Trying
@@ -20,6 +21,7 @@ class World:
     """Columns as judged, and what of them simulation supports; a stand-in for a run that counts what is tried."""
 
     def __init__(self, promised, supported, monkeypatch, trying=NORMAL.stages.trying):
+        self.callbacks = NOBODY
         self.effort = Effort(stages=StageEffort(trying=trying))
         self.promised = np.array(promised, dtype=bool)
         self.truth = np.array(supported, dtype=bool)
