@@ -8,7 +8,7 @@ WORKERS ?= auto
 IN_PARALLEL := -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 setup-demo:
-	@VENV=$(VENV) .ci/setup step,plot
+	@VENV=$(VENV) .ci/setup step
 
 setup-test:
 	@VENV=$(VENV) .ci/setup test
