@@ -57,3 +57,13 @@ if "COVERAGE_PROCESS_CONFIG" in os.environ:
         _killed(self, *error)
 
     StepKernel.__exit__ = _ended
+
+# after what coverage needs
+from remembered_kernel import remember  # noqa: E402
+
+OF_THE_KERNEL = "tests/aspectgraph/read/"
+
+
+def pytest_runtest_setup(item):
+    """Let tests of the STEP kernel's process start one, and others use what it told an earlier test."""
+    remember(not item.nodeid.startswith(OF_THE_KERNEL))

@@ -8,6 +8,7 @@ import pytest
 
 from planner import read_plan
 from planner.cli.main import build_parser, main
+from planner.effort import effort
 
 ROOT = Path(__file__).parents[1]
 NAMED = ("tutorial", "dimensions", "cameras", "light", "showing")
@@ -20,6 +21,8 @@ CLUSTERS = ROOT / "docs/clusters.md"
 SNIPPET = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 TOML = re.compile(r"^```toml\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^    (aspectgraph .*)$", flags=re.MULTILINE)
+
+BRIEF = effort.Effort(viewpoints=20, pricing_rounds=3, refutations=1, bound_nodes=20_000)
 
 
 def shown(page):
@@ -40,6 +43,8 @@ def clone(tmp_path, monkeypatch):
     """A folder with the examples, to write to."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
+    # what a page says of the plan is true of a shorter search, too
+    monkeypatch.setitem(effort._PRESETS, "quick", BRIEF)
     return tmp_path
 
 

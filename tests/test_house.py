@@ -4,6 +4,7 @@ What breaks a rule is listed by name and size, exactly: a listed offender that i
 """
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -33,10 +34,16 @@ def sources():
     return [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
 
 
+@cache
+def nodes(text):
+    """All of a file's tree: several rules look at it."""
+    return list(ast.walk(ast.parse(text)))
+
+
 def functions(text):
     """All functions of a file, nested ones and methods too."""
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
-    return [node for node in ast.walk(ast.parse(text)) if isinstance(node, kinds)]
+    return [node for node in nodes(text) if isinstance(node, kinds)]
 
 
 def n_parameters(node):
@@ -123,7 +130,7 @@ def test_no_function_is_too_long():
 def parallel_assignments(text):
     """Assignments of several values at once, but for swaps and updates whose values depend on each other."""
     found = []
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes(text):
         if not isinstance(node, ast.Assign) or len(node.targets) != 1:
             continue
         pair = node.targets[0], node.value
@@ -167,7 +174,7 @@ def test_no_conditional_expression_holds_another():
     found = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in sources()
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path.read_text())
         if isinstance(node, ast.IfExp)
         and any(isinstance(part, ast.IfExp) for part in ast.iter_child_nodes(node))
     ]

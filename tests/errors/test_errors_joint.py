@@ -66,7 +66,7 @@ def test_against_diagonalisation_and_adaptive_quadrature(rotation_std, accuracy)
 )
 def test_accuracy_table_against_a_million_poses(rotation_std, bound):
     rng = np.random.default_rng(2001)
-    edges = random_edges(40, rng)
+    edges = random_edges(20, rng)
     covariance = np.array([random_covariance(rng, rotation_std) for _ in edges])
     joint = success_probability(edges, **CALL, pose_covariance=covariance)
     referee = simulate_success(edges, **CALL, pose_covariance=covariance, samples=1_000_000, rng=7)

@@ -219,7 +219,7 @@ def test_derivatives_are_those_of_the_exact_measurement(name):
 @pytest.mark.parametrize("name", GEOMETRY)
 def test_probability_agrees_with_exact_displaced_measurements(name, sigma, tolerance):
     rng = np.random.default_rng([17, len(name)])
-    n = 40_000
+    n = 20_000
     localisation = Localisation.gaussian(0.3, floor_px=0.0)
     for _ in range(2):
         pose = oblique(rng)

@@ -20,8 +20,8 @@ from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.scene import make_scene
 from aspectgraph.visibility.visibility_regions import compute_regions
 
-SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 6e-6, 1e-5, 2e-5, 5e-5, 1e-4, 3e-4, 1e-3)
-N_POINTS = 100
+SHARES = (1e-9, 1e-7, 1e-6, 3e-6, 6e-6, 1e-5, 2e-5, 5e-5, 3e-4)
+N_POINTS = 60
 N_EDGES = 12
 
 

@@ -16,7 +16,8 @@ from aspectgraph.read.part_file import read_solid
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
-N_SOLIDS = 200
+# a fault that one solid in thirty shows is missed by 3 % of such draws
+N_SOLIDS = 100
 N_POINTS = 150
 N_EDGES = 8
 
@@ -25,7 +26,7 @@ N_EDGES = 8
 def test_engine_never_disagrees_with_the_referee(first):
     compared = [compare(seed, N_POINTS, N_EDGES) for seed in range(first, first + 20)]
     assert [pair for comparison in compared for pair in comparison.disagreements()] == []
-    assert sum(comparison.engine.size for comparison in compared) * N_SOLIDS // 20 >= 200_000
+    assert sum(comparison.engine.size for comparison in compared) * N_SOLIDS // 20 >= 100_000
     shares = [comparison.referee.mean() for comparison in compared]
     assert 0.2 < np.mean(shares) < 0.8, "the comparison must see both answers"
 
@@ -45,7 +46,7 @@ def test_parts_of_the_mfcad_data_set(path):
     assert 0.1 < comparison.referee.mean() < 0.9
 
 
-@pytest.mark.parametrize("first", range(0, 40, 10))
+@pytest.mark.parametrize("first", range(0, 20, 10))
 def test_viewpoints_on_partition_planes(first):
     """On a grid of whole and half millimetres many viewpoints lie exactly on planes between domains."""
     for seed in range(first, first + 10):
@@ -54,7 +55,7 @@ def test_viewpoints_on_partition_planes(first):
         assert comparison.disagreements() == []
 
 
-@pytest.mark.parametrize("seed", range(0, 30))
+@pytest.mark.parametrize("seed", range(0, 30, 2))
 def test_engine_and_twin_find_the_same_graph(seed):
     """Lists, volumes and adjacencies of all domains of a few entities."""
     part = generated_solid(seed)

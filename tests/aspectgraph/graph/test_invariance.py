@@ -64,7 +64,7 @@ def reference():
 
 
 @pytest.mark.parametrize("name", KNOWN)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_any_rotation_scale_and_place(reference, name, seed):
     part, pairs = KNOWN[name]
     rng = np.random.default_rng(seed)
@@ -118,7 +118,7 @@ def test_turned_shifted_scaled_and_shuffled_copies(seed, turn):
     assert moved_parts.same_graph(*graphs)
 
 
-@pytest.mark.parametrize("first", range(500, 540, 10))
+@pytest.mark.parametrize("first", range(500, 520, 10))
 def test_copies_of_many_solids(first):
     for seed in range(first, first + 10):
         part = generated_solid(seed)

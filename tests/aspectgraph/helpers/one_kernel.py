@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from remembered_kernel import END, START
+
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.step.client import StepKernel
 
@@ -14,7 +16,7 @@ def one_kernel() -> Iterator[None]:
     """Let every read within ask the same process; it answers until its input ends."""
     start = StepKernel.__enter__
     end = StepKernel.__exit__
-    first = start(StepKernel("all files", ReadLimits()))
+    first = START(StepKernel("all files", ReadLimits()))
 
     def join(kernel: StepKernel) -> StepKernel:
         kernel.process = first.process
@@ -29,4 +31,4 @@ def one_kernel() -> Iterator[None]:
     finally:
         StepKernel.__enter__ = start
         StepKernel.__exit__ = end
-        end(first, None, None, None)
+        END(first, None, None, None)

@@ -5,7 +5,8 @@ import pytest
 from generated_solids import generated_solid
 from light_twin import compare_light
 
-N_SOLIDS = 200
+# a fault that one solid in thirty shows is missed by 3 % of such draws
+N_SOLIDS = 100
 N_POINTS = 150
 N_EDGES = 8
 CONTRASTS = ("0.1", "0.2", "0.05", "0.37")

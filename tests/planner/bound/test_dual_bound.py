@@ -63,7 +63,7 @@ def columns_of(rng, n=300, m=24):
 def test_what_is_proven_is_true_and_mostly_all_that_weights_can_prove():
     """Beginning with a tenth of the poses; the cover of all of them is known."""
     proven = possible = 0
-    for seed in range(40):
+    for seed in range(16):
         rng = np.random.default_rng(seed)
         columns = columns_of(rng)
         relaxation = fractional_cover(columns)[0]

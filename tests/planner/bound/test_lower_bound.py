@@ -48,7 +48,7 @@ def test_no_pose_exceeds_what_the_search_proves_of_its_box(size, small):
     rng = np.random.default_rng(3)
     y = rng.uniform(0.1, 1.0, len(EDGES))
     proven = tight = 0
-    for _ in range(120):
+    for _ in range(60):
         part, poses = box_around(rng, space.view, size, small)
         best = float((judge(poses).inspects @ y).max())
         # above the best of the poses tried, and below it
@@ -57,8 +57,8 @@ def test_no_pose_exceeds_what_the_search_proves_of_its_box(size, small):
         if best > 0:
             tight += 1
             assert found_in(space, part, y, 0.999 * best, 3000)[0] != PROVEN
-    assert proven > 20
-    assert tight > 10
+    assert proven > 10
+    assert tight > 5
 
 
 def test_the_pose_found_inspects_what_is_said():
@@ -79,7 +79,7 @@ def test_the_pose_found_inspects_what_is_said():
     space = space_for(judge, regions)
     y = np.random.default_rng(5).uniform(0.1, 1.0, len(EDGES))
     n_found = 0
-    for part in space.parts:
+    for part in space.parts[::2]:
         outcome, _, pose, inspected = found_in(space, part, y, 1.0, 2000)
         if outcome == FOUND:
             n_found += 1
@@ -89,7 +89,7 @@ def test_the_pose_found_inspects_what_is_said():
             )
             for slack in slacks.values():
                 assert slack[0, inspected].min() >= -1e-6
-    assert n_found > 10
+    assert n_found > 5
 
 
 @pytest.mark.uncompiled

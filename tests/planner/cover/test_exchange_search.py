@@ -88,7 +88,7 @@ def test_with_any_wanted_set_one_entity_fewer_is_missing(seed):
         assert least_missing(membership, 1, wanted) <= found.missing - 1
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_cover_is_found_where_there_is_one(seed):
     membership = windows(seed)
     smallest = len(min_cover(membership).chosen)
@@ -119,7 +119,7 @@ def test_entity_in_no_column_is_refused():
         exchange_columns(sets([[0], [2]], 3), 2, steps=1)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_few_columns_are_as_few_as_can_be_where_the_solver_is_stopped_at_once(seed):
     membership = windows(seed)
     chosen = few_columns(membership, 1, rng())

@@ -59,7 +59,7 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
     least = space.entities.length_ratio
     rng = np.random.default_rng(11)
     n_inspected = n_broken = n_out = 0
-    for _ in range(60):
+    for _ in range(30):
         (chart, box), poses = box_around(rng, view, SIZES[1], small)
         sides, look, _, _ = sides_of(space, chart, box)
         x = coordinates(poses, chart, look, box[2], view.middle)
@@ -76,7 +76,7 @@ def test_no_pose_breaks_a_side_of_what_it_inspects(small, ratio):
         n_inspected += seen.sum()
         n_out += (~seen).sum()
         n_broken += (~kept & ~seen).sum()
-    assert n_inspected > 500
+    assert n_inspected > 250
     # and little else keeps to them: the more so, the smaller the box
     assert n_broken > {0.4: 0.85, 0.1: 0.95, 0.01: 0.97}[small] * n_out
 
@@ -116,7 +116,7 @@ def test_no_thin_view_exceeds_what_the_search_proves_of_its_box():
     )
     y = rng.uniform(0.1, 1.0, len(EDGES))
     proven = tight = 0
-    for _ in range(200):
+    for _ in range(100):
         part, poses = box_around(rng, view, SIZES[1], 0.2)
         inspects = judge(poses).inspects
         depth = world_to_cam(space.entities.ends, poses)[..., 2]
@@ -126,13 +126,13 @@ def test_no_thin_view_exceeds_what_the_search_proves_of_its_box():
         if best > 0:
             tight += 1
             assert found_in(space, part, y, 0.999 * best, 3000)[0] != PROVEN
-    assert proven > 30
-    assert tight > 5
+    assert proven > 15
+    assert tight >= 2
 
 
 @pytest.mark.parametrize(
     ("grouped", "n_problems", "m"),
-    [(False, 80, 6), (True, 80, 6), pytest.param(True, 24, 4, marks=pytest.mark.uncompiled)],
+    [(False, 40, 6), (True, 40, 6), pytest.param(True, 24, 4, marks=pytest.mark.uncompiled)],
 )
 def test_the_answer_is_that_of_linear_programs(grouped, n_problems, m):
     """Random sides: every subset that is heavy enough is asked by linear programming."""
