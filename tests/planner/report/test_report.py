@@ -8,6 +8,7 @@ import struct
 import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,6 +96,18 @@ def test_page_says_what_matters(page):
     assert "0.9500" in text
     for name in ("+z-y", "+z+x"):
         assert f">{name}</text>" in text
+
+
+def test_page_says_what_rendered_images_gave_for_the_class_of_its_edges(page):
+    """The numbers are those of docs/showing.md."""
+    known = (Path(__file__).parents[3] / "docs/showing.md").read_text(encoding="utf-8")
+    assert "Rendered images, not photographs" in page
+    assert "137 measurements" in page
+    assert "137 clean measurements" in known
+    assert "none of 180 images" in page
+    assert "0 of 180, all three" in known
+    assert "in a third of the images" in page
+    assert ".333 / .213 / .143" in known
 
 
 def test_the_rows_can_be_saved_from_the_page(page):
