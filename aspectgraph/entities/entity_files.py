@@ -87,8 +87,10 @@ def read_entities(
             ".csv file",
             repr(bad[0] if bad else text),
         )
-    ids = list(dict.fromkeys(one for word in words for one in _ids(word)))
-    named: dict[str, Any] = {one if isinstance(one, str) else f"e{one}": one for one in ids}
+    ids = list(dict.fromkeys(entity_id for word in words for entity_id in _ids(word)))
+    named: dict[str, Any] = {
+        entity_id if isinstance(entity_id, str) else f"e{entity_id}": entity_id for entity_id in ids
+    }
     return resolve_entities(
         solid, {**named, **{f"p{k}": ends for k, ends in enumerate(points, start=1)}}, tolerance_mm
     )
@@ -128,26 +130,26 @@ def _read_csv(path: Path) -> dict[str, Any]:
         raise EntityError.of_rule(
             "entities", "must name a CSV file that can be read", f"{str(path)!r}: {error}"
         ) from None
-    found: dict[str, Any] = {}
+    entities: dict[str, Any] = {}
     for number, row in enumerate(rows, start=1):
         name, *values = (cell.strip() for cell in row)
         name = text_of_cell(name)
         if number == 1 and values and not any(character.isdigit() for character in values[0]):
             continue
-        if name in found:
+        if name in entities:
             raise EntityError(
                 f"a CSV file must name an entity once. Got {name!r} again in {path.name}, row {number}."
             )
         if len(values) == 1 and re.fullmatch(_ID, values[0], re.ASCII):
-            found[name] = _ids(values[0])[0]
+            entities[name] = _ids(values[0])[0]
         elif len(values) == 6:
-            found[name] = [_point(",".join(values[:3])), _point(",".join(values[3:]))]
+            entities[name] = [_point(",".join(values[:3])), _point(",".join(values[3:]))]
         else:
             raise EntityError(
                 "a CSV row must be a name and an id, or a name and six coordinates. "
                 f"Got {','.join(row)!r} in {path.name}, row {number}."
             )
-    return found
+    return entities
 
 
 def parse_names(path: Path) -> Any:

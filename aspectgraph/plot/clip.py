@@ -107,8 +107,8 @@ def _stacked(half_spaces: Sequence[np.ndarray]) -> np.ndarray:
     everything = np.zeros(half_spaces[0].shape[1])
     everything[-1] = -1.0
     rows = np.tile(everything, (len(half_spaces), most, 1))
-    for k, own in enumerate(half_spaces):
-        rows[k, : len(own)] = own
+    for k, sides in enumerate(half_spaces):
+        rows[k, : len(sides)] = sides
     return rows
 
 
@@ -147,8 +147,8 @@ def _some_facets(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the facets of so few cells that they are cut down together."""
     sides = box_half_spaces(box)
-    all_rows = _stacked([np.vstack([own, sides]) for own in cells])
-    n_rows = [len(own) + len(sides) for own in cells]
+    all_rows = _stacked([np.vstack([cell, sides]) for cell in cells])
+    n_rows = [len(cell) + len(sides) for cell in cells]
     cell = np.repeat(np.arange(len(cells)), n_rows)
     on = np.concatenate([np.arange(count) for count in n_rows])
     row = all_rows[cell, on]
@@ -156,7 +156,7 @@ def _some_facets(
     # a facet lies on its own half-space, which must not cut it
     others[np.arange(len(on)), on] = _EVERYTHING
     corners = clip_polygons(_squares(row, box), others)
-    return [(plane, own) for plane, own in zip(row, corners, strict=True) if len(own) > 2]
+    return [(plane, facet) for plane, facet in zip(row, corners, strict=True) if len(facet) > 2]
 
 
 def _squares(rows: np.ndarray, box: np.ndarray) -> np.ndarray:

@@ -100,15 +100,15 @@ def plan_folder(
             else:
                 results[name] = known
         total = len(results) + len(waiting)
-        told = time.monotonic()
+        reported = time.monotonic()
         report(progress, len(results), total, "parts")
         try:
             for result in _planned(waiting, jobs, executor):
                 results[result.part] = result
                 report(progress, len(results), total, "parts")
-                if time.monotonic() - told > _TABLE_S:
+                if time.monotonic() - reported > _TABLE_S:
                     write_tables(results.values(), target)
-                    told = time.monotonic()
+                    reported = time.monotonic()
         finally:
             write_tables(results.values(), target)
     return sorted(results.values(), key=lambda one: one.part)

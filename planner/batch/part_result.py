@@ -102,6 +102,8 @@ def digest_of(path: Path) -> str:
 
 def write_tables(results: Iterable[PartResult], out: Path) -> None:
     """Write ``results.json`` and ``results.csv``, a row per part, in the order of their names."""
-    rows: list[dict[str, Any]] = [asdict(one) for one in sorted(results, key=lambda one: one.part)]
+    rows: list[dict[str, Any]] = [
+        asdict(result) for result in sorted(results, key=lambda result: result.part)
+    ]
     write_text(out / TABLES[0], json.dumps(rows, indent=1) + "\n")
-    write_text(out / TABLES[1], csv_text([one.name for one in fields(PartResult)], rows))
+    write_text(out / TABLES[1], csv_text([field.name for field in fields(PartResult)], rows))

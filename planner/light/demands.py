@@ -132,17 +132,17 @@ def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) ->
     }
     radius = plan.requirements.get("visibility_radius_mm", 0.0)
     pixel = max(plan.camera.pixel_pitch_mm) / plan.camera.image_distance_mm
-    found = Demands()
+    demands = Demands()
     for k, setting in enumerate(plan.settings):
         eye = np.asarray(setting.cam2world, dtype=np.float64)[:3, 3]
         for name in setting.entities:
             regions = []
             behind = []
-            some = False
+            has_silhouette = False
             for entity in parts[name]:
                 for seen in seen_as(solid, entity, eye, radius):
                     own = backdrops(solid, scene, eye, entity, seen, pixel)
-                    some |= bool(seen)
+                    has_silhouette |= bool(seen)
                     if (
                         seen
                         and ground == "bright"
@@ -152,10 +152,12 @@ def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) ->
                         # all of it in front of the back light
                         continue
                     behind += own
-                    regions.append(found.region(name, entity, seen))
-            found.pairs.append(Pair(k, name, tuple(dict.fromkeys(regions)), some, tuple(behind)))
-            found.edge_ids.append(parts[name][0].edge_ids if plan.targets[name].in_image else ())
-    return found
+                    regions.append(demands.region(name, entity, seen))
+            demands.pairs.append(
+                Pair(k, name, tuple(dict.fromkeys(regions)), has_silhouette, tuple(behind))
+            )
+            demands.edge_ids.append(parts[name][0].edge_ids if plan.targets[name].in_image else ())
+    return demands
 
 
 def seen_as(

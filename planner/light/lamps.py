@@ -164,14 +164,14 @@ class LampBox:
         (normals, offsets) = self._planes(cell)
         rng = np.random.default_rng(0)
         low = self.bounds[0]
-        found = [place - low]
+        points = [place - low]
         for way in rng.normal(size=(_DRAWN, 3)):
             speed = normals @ way
-            room = offsets - normals @ found[-1]
+            room = offsets - normals @ points[-1]
             last = (room[speed > 0] / speed[speed > 0]).min()
             first = (room[speed < 0] / speed[speed < 0]).max()
-            found.append(found[-1] + way * rng.uniform(first, last))
-        return self._reached(low + np.array(found))
+            points.append(points[-1] + way * rng.uniform(first, last))
+        return self._reached(low + np.array(points))
 
     def _reached(self, places: Array) -> Array:
         return places if self.reach is None else places[reach_margin(self.reach, places) > 0]
@@ -180,21 +180,21 @@ class LampBox:
         """Return normals (k, 3) and offsets (k,) of box and cell about the box's lowest corner: n·x <= o inside."""
         low, high = self.bounds
         normals = np.concatenate([cell.half_spaces[:, :3], np.eye(3), -np.eye(3)])
-        own = -cell.half_spaces[:, 3] - cell.half_spaces[:, :3] @ low
-        return normals, np.concatenate([own, high - low, np.zeros(3)])
+        inside_cell = -cell.half_spaces[:, 3] - cell.half_spaces[:, :3] @ low
+        return normals, np.concatenate([inside_cell, high - low, np.zeros(3)])
 
     def _deepest(self, cell: Cell) -> tuple[Array, float]:
         """Return the point farthest from all planes of box and cell, and how far it is inside; a linear programme."""
         (normals, offsets) = self._planes(cell)
         low = self.bounds[0]
-        found = linprog(
+        ball = linprog(
             [0, 0, 0, -1],
             np.column_stack([normals, np.ones(len(normals))]),
             offsets,
             bounds=(None, None),
             method="highs",
         )
-        return low + found.x[:3], float(found.x[3])
+        return low + ball.x[:3], float(ball.x[3])
 
 
 @dataclass(frozen=True)
@@ -285,14 +285,14 @@ class LampDome:
         bool
             False if this is not certain.
         """
-        own = cell.vertices - np.array(self.centre)
+        local = cell.vertices - np.array(self.centre)
         apart = _APART * self.radius_mm
         beyond = cell.half_spaces[:, :3] @ np.array(self.centre) + cell.half_spaces[:, 3]
-        inside = np.linalg.norm(own, axis=1).max() < self.radius_mm - apart
+        inside = np.linalg.norm(local, axis=1).max() < self.radius_mm - apart
         return bool(
             inside
             or beyond.max() > self.radius_mm + apart
-            or own[:, 2].max() < self.lowest_mm - apart
+            or local[:, 2].max() < self.lowest_mm - apart
         )
 
     def places_in(self, cell: Cell) -> Array:
@@ -362,8 +362,8 @@ def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
         n == m or (m == -1 and n > 0) for n, m in zip(array.shape, shape, strict=True)
     )
     if not fits or not np.isfinite(array).all():
-        told = str(shape).replace("-1", "n")
+        expected = str(shape).replace("-1", "n")
         raise RequestError.of_rule(
-            name, f"must be finite numbers in mm, shape {told}", repr(values)
+            name, f"must be finite numbers in mm, shape {expected}", repr(values)
         )
     return array

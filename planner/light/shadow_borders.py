@@ -74,22 +74,22 @@ class Beside:
         wanted : array of bool (l, n_lines)
             What is asked for.
         """
-        found = np.ones((len(lamps), self.n_lines), dtype=bool)
+        is_clear = np.ones((len(lamps), self.n_lines), dtype=bool)
         begin = np.searchsorted(self.line, np.arange(self.n_lines + 1))
         for line in range(self.n_lines):
-            own = slice(begin[line], begin[line + 1])
+            of_line = slice(begin[line], begin[line + 1])
             rows = np.flatnonzero(wanted[:, line])
-            if rows.size and own.stop > own.start:
-                lit = self._lit(scene, lamps[rows], own)
-                starts = np.flatnonzero(np.diff(self.strip[own], prepend=-1))
+            if rows.size and of_line.stop > of_line.start:
+                lit = self._lit(scene, lamps[rows], of_line)
+                starts = np.flatnonzero(np.diff(self.strip[of_line], prepend=-1))
                 least = np.logical_and.reduceat(lit, starts, axis=1)
                 most = np.logical_or.reduceat(lit, starts, axis=1)
-                found[rows, line] = (least == most).all(axis=1)
-        return found
+                is_clear[rows, line] = (least == most).all(axis=1)
+        return is_clear
 
-    def _lit(self, scene: RayScene, lamps: Array, own: slice) -> NDArray[np.bool_]:
-        places = self.places[own]
-        normals = self.normals[own]
+    def _lit(self, scene: RayScene, lamps: Array, of_line: slice) -> NDArray[np.bool_]:
+        places = self.places[of_line]
+        normals = self.normals[of_line]
         lit = np.einsum("lpi,pi->lp", lamps[:, None] - places, normals) > 0
         lamp, place = np.nonzero(lit)
         lit[lamp, place] = ~shadowed_each(scene, places[place], lamps[lamp])
@@ -117,19 +117,19 @@ def beside_lines(
     Beside
         Of each strip those that are on the surface next to the line; without those in front of the ground.
     """
-    found: list[tuple[Array, Array, NDArray[np.int_]]] = []
+    strips_found: list[tuple[Array, Array, NDArray[np.int_]]] = []
     owner: list[NDArray[np.int_]] = []
     strips = 0
     for number, line in enumerate(lines if reach_px > 0 else ()):
         places, normals, strip = _strips(scene, line, reach_px * pixel_rad)
-        found.append((places, normals, strip + strips))
+        strips_found.append((places, normals, strip + strips))
         owner.append(np.full(len(places), number))
         strips += 2 * len(line.points)
-    if not found:
+    if not strips_found:
         return Beside(
             np.empty((0, 3)), np.empty((0, 3)), np.empty(0, int), np.empty(0, int), len(lines)
         )
-    places, normals, strip = (np.concatenate(one) for one in zip(*found, strict=True))
+    places, normals, strip = (np.concatenate(parts) for parts in zip(*strips_found, strict=True))
     return Beside(places, normals, strip, np.concatenate(owner), len(lines))
 
 

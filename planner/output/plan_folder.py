@@ -60,7 +60,7 @@ class Written(NamedTuple):
 
 
 def write_outputs(
-    found: InspectionPlan,
+    plan: InspectionPlan,
     regions: VisibilityRegions,
     folder: Path,
     progress: Progress | None = None,
@@ -88,10 +88,10 @@ def write_outputs(
     """
     deadline = deadline or Deadline()
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
-        found.write(staging / "plan.json")
+        plan.write(staging / "plan.json")
         page = report_html(
-            found,
-            _space(found, regions),
+            plan,
+            _space(plan, regions),
             progress,
             notes,
             date=report_date(),
@@ -99,14 +99,14 @@ def write_outputs(
         )
         (staging / "report.html").write_text(page, encoding="utf-8")
         # lines end as the format says, on every system
-        (staging / "measurements.csv").write_bytes(found.to_csv().encode())
+        (staging / "measurements.csv").write_bytes(plan.to_csv().encode())
         written = ["plan.json", "report.html", "measurements.csv"]
-        poses = [str(path.relative_to(staging)) for path in write_poses(found, staging)]
+        poses = [str(path.relative_to(staging)) for path in write_poses(plan, staging)]
     graph, without = _joint_graph(regions, graph_limit, _ended_at(deadline.at(), progress))
     page = add_notes(page, without)
     with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
         if graph is not None:
-            page = add_graph(page, found, graph, progress, until=deadline.at())
+            page = add_graph(page, plan, graph, progress, until=deadline.at())
             write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")
         (staging / "report.html").write_text(page, encoding="utf-8")
@@ -169,24 +169,24 @@ def _observable_shares(regions: VisibilityRegions) -> tuple[dict[str, float], in
     )
 
 
-def _space(found: InspectionPlan, regions: Space) -> Space:
+def _space(plan: InspectionPlan, regions: Space) -> Space:
     """Return where the targets of a plan are observable from, without those whose regions were late."""
     known = set(regions.entity_names)
     return TargetSpace(
         regions,
         {
-            name: Seen([target.entities], found.entities[name])
-            for name, target in found.targets.items()
+            name: Seen([target.entities], plan.entities[name])
+            for name, target in plan.targets.items()
             if known.issuperset(target.entities)
         },
     )
 
 
-def rescue(found: InspectionPlan, state: Path) -> str:
+def rescue(plan: InspectionPlan, state: Path) -> str:
     """See that a plan that cannot be written is not lost; return where it is, in one sentence."""
     if holds_plan(state):
         return f"The plan is saved in {state}. The same command with --resume writes it without planning again."
-    return _kept_elsewhere("plan", found.write, "plan.json")
+    return _kept_elsewhere("plan", plan.write, "plan.json")
 
 
 def write_graph(graph: EntityAspectGraph, path: str, parameter: str) -> None:

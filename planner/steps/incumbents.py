@@ -107,12 +107,12 @@ class Incumbents:
 
     def _offer(self, run: Run, pool: ColumnPool, covers: int | None = None) -> None:
         """See whether the columns of a pool make a better plan."""
-        found = self._columns.cover(
+        cover = self._columns.cover(
             run, pool, (0, 0) if self.best is None else _worth(self.best), covers
         )
-        if found:
-            bound, proof = self._proven(run, found)
-            plan = assembled(run, found, bound, proof, unfinished=True)
+        if cover:
+            bound, proof = self._proven(run, cover)
+            plan = assembled(run, cover, bound, proof, unfinished=True)
             if self.best is None or _worth(plan) > _worth(self.best):
                 self.publish(plan)
 
@@ -159,6 +159,6 @@ class Incumbents:
         return max(for_these, default=(1, _TRIVIAL), key=lambda one: one[0])
 
 
-def _worth(found: InspectionPlan) -> tuple[int, int]:
+def _worth(plan: InspectionPlan) -> tuple[int, int]:
     """Return what the better one has more of."""
-    return len(found.inspected), -len(found.settings)
+    return len(plan.inspected), -len(plan.settings)

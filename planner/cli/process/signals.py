@@ -25,17 +25,19 @@ def termination_as_interruption() -> Iterator[None]:
     before = {}
     # signals are the main thread's; one that is ignored, as after nohup, stays so
     if threading.current_thread() is threading.main_thread():
-        before = {one: signal.getsignal(one) for one in (signal.SIGINT, *TERMINATING)}
+        before = {number: signal.getsignal(number) for number in (signal.SIGINT, *TERMINATING)}
     ours = [
-        one for one, now in before.items() if now in (signal.SIG_DFL, signal.default_int_handler)
+        number
+        for number, now in before.items()
+        if now in (signal.SIG_DFL, signal.default_int_handler)
     ]
     try:
-        for one in ours:
-            signal.signal(one, _interrupt)
+        for number in ours:
+            signal.signal(number, _interrupt)
         yield
     finally:
-        for one in ours:
-            signal.signal(one, before[one])
+        for number in ours:
+            signal.signal(number, before[number])
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -34,7 +34,7 @@ def list_attached_items(entities: dict[int, StepEntity]) -> list[list[list[int]]
     """
     items = _items_of_aspects(entities)
     parts = _parts_of_aspects(entities)
-    found = []
+    sides = []
     for entity in entities.values():
         if not (SIZES | LOCATIONS) & entity.kinds:
             continue
@@ -44,28 +44,30 @@ def list_attached_items(entities: dict[int, StepEntity]) -> list[list[list[int]]
             for number in known_references(entities, entity)
             if entities[number].kind != "PRODUCT_DEFINITION_SHAPE"
         ]
-        found.append([list(dict.fromkeys(_below(one, items, parts))) for one in aspects[:n_sides]])
-    return found
+        sides.append(
+            [list(dict.fromkeys(_below(aspect, items, parts))) for aspect in aspects[:n_sides]]
+        )
+    return sides
 
 
 def _items_of_aspects(entities: dict[int, StepEntity]) -> dict[int, list[int]]:
     """Return the items of each aspect that has some, by its number."""
-    found: dict[int, list[int]] = {}
+    items_of: dict[int, list[int]] = {}
     for entity in entities.values():
         if entity.kind == _USAGE and len(entity.references) > 2:
             aspect, _, *items = entity.references
-            found.setdefault(aspect, []).extend(items)
-    return found
+            items_of.setdefault(aspect, []).extend(items)
+    return items_of
 
 
 def _parts_of_aspects(entities: dict[int, StepEntity]) -> dict[int, list[int]]:
     """Return the parts of each composite or derived aspect, by its number."""
-    found: dict[int, list[int]] = {}
+    parts_of: dict[int, list[int]] = {}
     for entity in entities.values():
         if entity.kind in _PARTS and len(entity.references) == 2:
             whole, part = entity.references
-            found.setdefault(whole, []).append(part)
-    return found
+            parts_of.setdefault(whole, []).append(part)
+    return parts_of
 
 
 def _below(start: int, items: dict[int, list[int]], parts: dict[int, list[int]]) -> Iterator[int]:

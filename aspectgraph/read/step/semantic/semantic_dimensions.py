@@ -105,13 +105,13 @@ def _instances(
     """Return the instances of parts, with the numbers that the solids have where the part is read."""
     listed = {solid.number: solid for solid in list_solids(entities)}
     shape = reader.OneShape()
-    found = number_solids(reader, shape, numbers)
-    slots = in_file_order(found, listed, name)
-    if len(slots) == len(found):
-        return Instances(shape, range(len(found)))
+    numbered = number_solids(reader, shape, numbers)
+    slots = in_file_order(numbered, listed, name)
+    if len(slots) == len(numbered):
+        return Instances(shape, range(len(numbered)))
     # without an assembly, every solid is there once
     place = {number: k for k, (_, number) in enumerate(slots)}
-    return Instances(shape, [place[number] for _, number in found])
+    return Instances(shape, [place[number] for _, number in numbered])
 
 
 def _stated(tool: Any, label: Any) -> tuple[dict[str, Any], list[list[Any]]]:
@@ -177,10 +177,10 @@ def _placed(sides: list[list[Any]], instances: Instances) -> dict[str, Any]:
 
 
 def _shapes(labels: Any) -> list[Any]:
-    found: list[Any] = []
+    shapes: list[Any] = []
     for k in range(1, labels.Length() + 1):
-        found += _simple_parts(XCAFDoc_ShapeTool.GetShape_s(labels.Value(k)))
-    return found
+        shapes += _simple_parts(XCAFDoc_ShapeTool.GetShape_s(labels.Value(k)))
+    return shapes
 
 
 def _simple_parts(shape: Any) -> list[Any]:
