@@ -66,11 +66,10 @@ def test_commands_run_as_printed(clone, capsys):
     out = capsys.readouterr().out
     assert "116 sharp straight edges" in out
     assert "12 dimensions, 8 with a tolerance, 12 measurable" in out
-    # the dimensions and the verdict that are quoted, whatever the width of the terminal
-    _, *quoted = PRINTED.split("\n\n")
-    assert len(quoted) == 2
-    for part in quoted:
-        assert " ".join(part.split()) in " ".join(out.split())
+    # what is quoted, row by row: the last column is left out there, as are lines between
+    settings, dimensions, verdict = PRINTED.split("\n\n")
+    for quoted in (*settings.splitlines(), *dimensions.splitlines(), verdict):
+        assert " ".join(quoted.split()) in " ".join(out.split())
     assert "Save TOML" in (clone / "edges.html").read_text(encoding="utf-8")
     assert len(read_graphml(clone / "graph.graphml")) > 1
     check_table(read_plan(clone / "plan" / "plan.json"))
