@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 from errors.formatting import interval_text, probability_text
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.fitted import is_short
-from planner.report.tables import COLOURS, cells, heads, setting_link, source_text, unbroken
+from planner.report.tables import (
+    COLOURS,
+    cells,
+    heads,
+    promise_name,
+    setting_link,
+    source_text,
+    unbroken,
+)
 from planner.report.wording import features_cell
 from planner.verify.measurements import Measurement, measurements
 from planner.wanted.planned import deviation_text
@@ -19,10 +27,9 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.wanted.planned import PlannedDimension
 
-_NAMES = (
-    *("Dimension", "Nominal, tolerance", "U (k = 2)", "U/T", "Permitted error", "Setting", "P"),
-    *("u", "Budget of the variance", "Accept between", "Binding"),
-)
+# before and after P_all, or P where that was not counted
+_FIRST = ("Dimension", "Nominal, tolerance", "U (k = 2)", "U/T", "Permitted error", "Setting")
+_LAST = ("u", "Budget of the variance", "Accept between", "Binding")
 
 
 def dimension_section(plan: InspectionPlan) -> str:
@@ -45,11 +52,12 @@ def dimension_section(plan: InspectionPlan) -> str:
     ]
     if not rows:
         return ""
+    names = [*_FIRST, promise_name(plan), *_LAST]
     order = list(plan.entities)
     rows.sort(key=lambda row: order.index(row[0]))
     return (
         '<h3 id="tolerances">Dimensions and their tolerances</h3>'
-        f'<div class="scroll"><table id="dimensions" class="stack">{heads(_NAMES)}<tbody>'
+        f'<div class="scroll"><table id="dimensions" class="stack">{heads(names)}<tbody>'
         f"{''.join(html for _, html in rows)}</tbody></table></div>"
         + "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(plan))
     )
@@ -120,7 +128,7 @@ def _row(plan: InspectionPlan, k: int, name: str, one: Measurement) -> tuple[str
         "U/T": ratio,
         "Permitted error": _permitted(dimension, one),
         "Setting": setting_link(k + 1),
-        "P": _probability(plan, k, name),
+        promise_name(plan): _probability(plan, k, name),
         "u": f"{one.standard_uncertainty:.3g}",
         "Budget of the variance": _budget(dimension, one),
         "Accept between": _accepted(dimension, one),
@@ -156,7 +164,11 @@ def _nominal(dimension: PlannedDimension) -> str:
 
 
 def _probability(plan: InspectionPlan, k: int, name: str) -> str:
-    text = probability_text(plan.settings[k].probability[name], plan.probability)
+    setting = plan.settings[k]
+    text = probability_text(setting.promise[name], plan.probability)
+    if setting.p_all:
+        alone = probability_text(setting.probability[name], plan.probability)
+        text = f"{text}<br> <span class='note'>{unbroken(f'P {alone}')}</span>"
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     if name not in rates:
         return text

@@ -23,7 +23,7 @@ from planner.report.setting_report import NO_PICTURES, settings_section, setting
 from planner.report.setting_table import may_be_unsharp
 from planner.report.summary.facts import facts, sigma_text
 from planner.report.summary.overview import overview
-from planner.report.tables import download, results, robot
+from planner.report.tables import download, promise_name, results, robot
 from planner.report.views import view_buttons
 from planner.report.wording import (
     bound_sentence,
@@ -290,7 +290,7 @@ def _figures(plan: InspectionPlan) -> str:
         cells.append(
             (
                 probability_text(worst, plan.probability),
-                f"smallest probability (required {plan.probability:g})",
+                f"smallest {promise_name(plan)} (required {plan.probability:g})",
             )
         )
     if n and plan.simulation is not None:

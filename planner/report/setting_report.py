@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
-from errors.formatting import is_nearly_one, probability_text
 from planner.progress import report
 from planner.progress.time_left import TimeLeft
 from planner.report.figure import color_of
@@ -21,7 +20,7 @@ from planner.report.setting_table import (
     setting_table,
     stance,
 )
-from planner.report.tables import cells, heads
+from planner.report.tables import Promised, cells, heads
 from planner.report.wording import lamp_texts, lamps_named, margin_texts
 from planner.wanted.planned import words_of
 
@@ -52,10 +51,11 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
         return '<p class="note">The plan has no settings.</p>'
     rows = []
     several = named[1].capitalize()
-    every = [p for setting in plan.settings for p in setting.probability.values()]
-    sure = all(is_nearly_one(p, plan.probability) for p in every)
+    least = [min(setting.promise.values()) for setting in plan.settings]
+    promised = Promised(plan, least, [])
+    head = f"n:Smallest {promised.name}"
+    columns = [head] if promised.heads else []
     for k, setting in enumerate(plan.settings):
-        least = probability_text(min(setting.probability.values()), plan.probability)
         stands = stance(plan, setting)
         position = " ".join(f"{x:.1f}" for x in setting.position)
         rows.append(
@@ -66,17 +66,18 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
                     "n:Distance (mm)": f"{stands.distance_mm:.0f}",
                     "n:Tilt (°)": f"{stands.tilt_deg:.1f}",
                     "n:µm/px": f"{stands.um_per_px:.3g}",
-                    **({} if sure else {"n:Smallest P": least}),
+                    **dict.fromkeys(columns, promised.text(least[k])),
                     several: escape(", ".join(setting.entities)),
                 }
             )
         )
     names = ["Setting", "n:Position (mm)", "n:Distance (mm)", "n:Tilt (°)", "n:µm/px"]
-    head = heads([*names, *([] if sure else ["n:Smallest P"]), several])
+    titles = heads([*names, *columns, several])
     return (
-        f'<div class="scroll"><table class="stack">{head}<tbody>{"".join(rows)}</tbody></table></div>'
+        f'<div class="scroll"><table class="stack">{titles}<tbody>{"".join(rows)}</tbody></table></div>'
         '<p class="note">Distance: from the front nodal point to the targets, along the optical axis. Tilt: angle '
-        "between the optical axis and the part's z axis. µm/px: size of a pixel at that distance.</p>"
+        "between the optical axis and the part's z axis. µm/px: size of a pixel at that distance. "
+        f"{escape(promised.sentence(len(plan.entities)))}</p>"
     )
 
 

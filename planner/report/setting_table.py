@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from errors.formatting import frequency_text, interval_text, is_nearly_one, probability_text
+from errors.formatting import frequency_text, interval_text
 from planner.camera.pose import world_to_cam
 from planner.report.binding import LimitShare, nearest_limits
-from planner.report.tables import budget_bar, cells, heads, permitted, warned
+from planner.report.tables import Promised, budget_bar, cells, heads, permitted, warned
 from planner.request.focus_reserve import SIGMAS, sigmas_left
 from planner.rows.measured_rows import Row
 from planner.verify.simulate_setting import (
@@ -95,34 +95,34 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> str:
         The rows of the setting.
     """
     simulated = any(one.rate is not None for one in measured)
-    sure = all(is_nearly_one(one.probability, plan.probability) for one in measured)
+    promised = Promised(
+        plan, [one.promise for one in measured], [one.probability for one in measured]
+    )
     words = words_of(plan.targets)
     names = [
         words.nouns[0].capitalize(),
         f"n:{words.value_head}",
         "n:Permitted error",
         "Budget",
-        *([] if sure else ["n:P"]),
+        *promised.heads,
     ]
     names += ["n:Simulated", "Interval", ""] if simulated else []
-    rows = "".join(_rows(plan, one, words, with_probability=not sure) for one in measured)
+    rows = "".join(_rows(plan, one, words, promised) for one in measured)
     windows = ", ".join(f"{one.name} ±{one.search_window_px:.3g} px" for one in measured)
-    least = probability_text(min(one.probability for one in measured), plan.probability)
-    sentence = f"P {least}{' for each target' if len(measured) > 1 else ''}. " if sure else ""
-    note = f'<p class="note">{escape(sentence)}Search windows: {escape(windows)}.</p>'
+    sentence = promised.sentence(len(measured))
+    note = f'<p class="note">{escape(sentence)} Search windows: {escape(windows)}.</p>'
     return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note}'
 
 
-def _rows(plan: InspectionPlan, one: Row, words: TargetWords, *, with_probability: bool) -> str:
+def _rows(plan: InspectionPlan, one: Row, words: TargetWords, promised: Promised) -> str:
     """Return the row of a target, and the one of its warnings."""
-    probability = probability_text(one.probability, plan.probability)
     target = plan.targets[one.name]
     values = {
         "": escape(one.name),
         f"n:{words.value_head}": words.value.format(target),
         "n:Permitted error": permitted(one, target),
         "Budget": budget_bar(one),
-        **({"n:P": probability} if with_probability else {}),
+        **promised.cells(one.promise, one.probability),
         **({} if one.rate is None else _rate(one.rate, plan.probability)),
     }
     below = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -27,11 +27,63 @@ COLOURS = {
 """Of the sources of variance, in every bar."""
 
 
+def promise_name(plan: InspectionPlan) -> str:
+    """Return "P_all", or "P" of a plan that did not count it."""
+    return "P_all" if any(setting.p_all for setting in plan.settings) else "P"
+
+
+class Promised:
+    """How tables show what is promised of targets: in columns, or in a sentence where it is the same for all.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    promises : iterable of float
+        P_all of each row of a table, or P where that was not counted.
+    probabilities : iterable of float
+        P of each row.
+    """
+
+    def __init__(
+        self, plan: InspectionPlan, promises: Iterable[float], probabilities: Iterable[float]
+    ):
+        self._required = plan.probability
+        self.name = promise_name(plan)
+        texts = {self.text(value) for value in promises}
+        self._own = len(texts) > 1
+        self._least = min(texts) if texts else ""
+        # beside P_all
+        self._error = self.name == "P_all" and not all(
+            is_nearly_one(value, self._required) for value in probabilities
+        )
+
+    def text(self, value: float) -> str:
+        """Return a probability."""
+        return probability_text(value, self._required)
+
+    @property
+    def heads(self) -> list[str]:
+        """Heads of the columns."""
+        return [*([f"n:{self.name}"] if self._own else []), *(["n:P"] if self._error else [])]
+
+    def cells(self, promise: float, probability: float) -> dict[str, str]:
+        """Return the cells of a row, by head."""
+        values = (promise, probability) if self._own else (probability,)
+        return {head: self.text(value) for head, value in zip(self.heads, values, strict=False)}
+
+    def sentence(self, n: int) -> str:
+        """Say what is the same for all n rows; nothing if a column shows it."""
+        if self._own or not n:
+            return ""
+        return f"{self.name} is {self._least} for {'each target' if n > 1 else 'the target'}."
+
+
 def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> str:
-    """Return a table with a row per target: its setting with the largest probability, in the order of the request."""
+    """Return a table with a row per target: its setting with the largest promise, in the order of the request."""
     best: dict[str, Row] = {}
     for row in (row for setting in rows for row in setting):
-        if row.name not in best or row.probability > best[row.name].probability:
+        if row.name not in best or row.promise > best[row.name].promise:
             best[row.name] = row
     if not best:
         return ""
@@ -39,14 +91,16 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> s
         name: [row.setting for setting in rows for row in setting if row.name == name]
         for name in best
     }
-    sure = all(is_nearly_one(row.probability, plan.probability) for row in best.values())
+    promised = Promised(
+        plan,
+        [row.promise for row in best.values()],
+        [row.probability for row in best.values()],
+    )
     lines = [
-        _result(plan, best[name], where[name], with_probability=not sure)
-        for name in plan.entities
-        if name in best
+        _result(plan, best[name], where[name], promised) for name in plan.entities if name in best
     ]
     names = [noun.capitalize(), "What", "n:Nominal", "n:Permitted error", "n:U (k = 2)"]
-    names += ["n:U / permitted", "Setting", *([] if sure else ["n:P"]), "Budget of the variance"]
+    names += ["n:U / permitted", "Setting", *promised.heads, "Budget of the variance"]
     legend = " ".join(
         f'<span class="source"><i style="background:{COLOURS[s]}"></i>{source_text(s)}</span>'
         for s in SOURCES
@@ -54,20 +108,13 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> s
     return (
         f'<div class="scroll"><table class="stack results">{heads(names)}<tbody>{"".join(lines)}</tbody>'
         f'</table></div><p class="note">{legend} &nbsp; U = 2u, where u is the standard uncertainty of the measured '
-        f"value. U / permitted is the share of the permitted error that U takes.{_best_text(best, plan, sure)}</p>"
+        f"value. U / permitted is the share of the permitted error that U takes. "
+        f"Values are those of the setting with the largest {promised.name}. "
+        f"{escape(promised.sentence(len(best)))}</p>"
     )
 
 
-def _best_text(best: Mapping[str, Row], plan: InspectionPlan, sure: bool) -> str:
-    """Say of which setting the numbers are, and how large P is where no column shows it."""
-    text = " Values are those of the setting with the largest P."
-    if not sure:
-        return text
-    least = probability_text(min(row.probability for row in best.values()), plan.probability)
-    return f"{text} P is {escape(least)} for {'each target' if len(best) > 1 else 'the target'}."
-
-
-def _result(plan: InspectionPlan, row: Row, where: Sequence[int], *, with_probability: bool) -> str:
+def _result(plan: InspectionPlan, row: Row, where: Sequence[int], promised: Promised) -> str:
     links = ", ".join(map(setting_link, where))
     expanded = 2 * row.standard_uncertainty
     mark = f' <span class="bad" title="{escape(warned(row))}">!</span>' if row.warnings else ""
@@ -80,11 +127,7 @@ def _result(plan: InspectionPlan, row: Row, where: Sequence[int], *, with_probab
             "n:U": f"{expanded:.3g} {row.unit}",
             "n:U / permitted": _percent(expanded / row.permitted_error),
             "Setting": links,
-            **(
-                {"n:P": probability_text(row.probability, plan.probability)}
-                if with_probability
-                else {}
-            ),
+            **promised.cells(row.promise, row.probability),
             "Budget": budget_bar(row),
         }
     )
