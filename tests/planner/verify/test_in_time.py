@@ -24,7 +24,7 @@ def plan():
     return read_plan("examples/two_pocket_block_plan.json")
 
 
-@pytest.mark.parametrize("until", [math.inf, time.time() + 1e6])
+@pytest.mark.parametrize("until", [math.inf, time.time() + 1e6], ids=["never", "late"])
 def test_time_enough_changes_nothing(plan, block, until):
     found, notes = simulate_in_time(plan, 500, 3, None, block, TimeLeft(until))
     assert found == simulate_plan(plan, 500, 3, solid=block)
