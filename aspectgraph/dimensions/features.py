@@ -13,7 +13,6 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from aspectgraph.dimensions.records import EntityId
 from aspectgraph.solid.places import describe_point
 from aspectgraph.solid.rims import Arc
 from aspectgraph.solid.solid import Solid
@@ -240,8 +239,3 @@ def describe_shape(shape: dict[str, Any]) -> str:
     if "point" in shape:
         return f"{kind} at {describe_point(np.array(shape['point']))}"
     return f"{kind} face or edge"
-
-
-def order_of(entity: EntityId) -> tuple[str, int]:
-    """Return a key that sorts ids: edges by number, then arcs and rims by theirs."""
-    return ("", entity) if isinstance(entity, int) else (entity[0], int(entity[1:]))

@@ -83,8 +83,7 @@ def read_entities(
         raise EntityError.of_rule(
             "entities",
             "must be 'all', ids such as 17,18 or r3,a0, ranges such as 17-21, end "
-            "points such as (0,0,10)-(25,0,10), or the path of a .toml, .json or "
-            ".csv file",
+            "points such as (0,0,10)-(25,0,10), or the path of a .toml, .json or .csv file",
             repr(bad[0] if bad else text),
         )
     ids = list(dict.fromkeys(entity_id for word in words for entity_id in _ids(word)))

@@ -39,7 +39,6 @@ Pairs = NDArray[np.int64]
 _SHORT = 1e-4
 # margins of separation are told up to so many px
 MOST_PX = 20.0
-_NEVER = 1e6
 # points at first, and pairs at a time
 _ROOM = 100_000
 _BATCH = 20_000

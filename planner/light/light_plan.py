@@ -30,6 +30,25 @@ class LitImage:
     silhouettes: tuple[str, ...] = ()
 
 
+def _image_dict(image: LitImage) -> dict[str, Any]:
+    return {
+        "lamps": list(image.lamps),
+        "contrast": dict(image.contrast),
+        "silhouettes": list(image.silhouettes),
+    }
+
+
+def _image_of(data: Mapping[str, Any]) -> LitImage:
+    return LitImage(tuple(data["lamps"]), dict(data["contrast"]), tuple(data["silhouettes"]))
+
+
+# fields that a file holds as they are, in its order
+_STORED = (
+    *("kind", "contrast", "step", "ground", "together"),
+    *("lamps", "lower_bound", "bound_proof"),
+)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LightPlan:
     """Lamps that light the targets of a plan.
@@ -99,30 +118,12 @@ class LightPlan:
         dict
             Lists, texts and numbers.
         """
-        return {
-            "kind": self.kind,
-            "contrast": self.contrast,
-            "step": self.step,
-            "ground": self.ground,
-            "together": self.together,
-            "lamps": self.lamps.tolist(),
-            "lower_bound": self.lower_bound,
-            "bound_proof": self.bound_proof,
-            "settings": [
-                {
-                    "images": [
-                        {
-                            "lamps": list(one.lamps),
-                            "contrast": dict(one.contrast),
-                            "silhouettes": list(one.silhouettes),
-                        }
-                        for one in images
-                    ],
-                    "unlit": dict(unlit),
-                }
-                for images, unlit in zip(self.images, self.unlit, strict=True)
-            ],
-        }
+        settings = [
+            {"images": [_image_dict(image) for image in images], "unlit": dict(unlit)}
+            for images, unlit in zip(self.images, self.unlit, strict=True)
+        ]
+        stored = {name: getattr(self, name) for name in _STORED}
+        return {**stored, "lamps": self.lamps.tolist(), "settings": settings}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> LightPlan:
@@ -138,28 +139,11 @@ class LightPlan:
         LightPlan
             Equal to the one written.
         """
-        names = (
-            "kind",
-            "contrast",
-            "step",
-            "ground",
-            "lamps",
-            "lower_bound",
-            "bound_proof",
-            "together",
-        )
-        plain = {name: data[name] for name in names}
-        images = tuple(
-            tuple(
-                LitImage(tuple(one["lamps"]), dict(one["contrast"]), tuple(one["silhouettes"]))
-                for one in setting["images"]
-            )
-            for setting in data["settings"]
-        )
+        settings = data["settings"]
         return cls(
-            **plain,
-            images=images,
-            unlit=tuple(dict(setting["unlit"]) for setting in data["settings"]),
+            **{name: data[name] for name in _STORED},
+            images=tuple(tuple(map(_image_of, setting["images"])) for setting in settings),
+            unlit=tuple(dict(setting["unlit"]) for setting in settings),
         )
 
     def __eq__(self, other: object) -> bool:

@@ -40,6 +40,5 @@ def check_format(data: Any) -> None:
         # of earlier programs; what they counted is false of an edge that is a tenth of a pixel longer
         raise PlanFileError(
             "on_grid must not be in a plan: its probabilities hold for a part of exactly "
-            "nominal size only. "
-            f"Plan again. Got {shown(data['on_grid'])}."
+            f"nominal size only. Plan again. Got {shown(data['on_grid'])}."
         )
