@@ -224,12 +224,12 @@ axes[1].set_title("points found")
 plt.show()
 
 # %% [markdown]
-# Each of three dimensions is measured in 60 images from displaced poses: points found to a fraction of a pixel,
+# Each of three dimensions is measured in 25 images from displaced poses: points found to a fraction of a pixel,
 # carried back with the planned pose, fitted. `benchmarks/images/dimension_images.py` does this for fifteen dimensions
 # of two parts, 300 poses and three models of localisation.
 
 # %%
-N = 60
+N = 25
 print(f"{'name':18}{'promised':>16}{'measured':>10}  95 % interval     points without contrast")
 for seed, (name, setting) in enumerate(settings.items()):
     outcome = measure(setting, renderer, N, seed)

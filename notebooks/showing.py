@@ -187,7 +187,7 @@ plt.show()
 # %% [markdown]
 # ## Stated against measured
 #
-# Every edge of this setting from ten displaced poses, then what `benchmarks/images/edge_images.py`
+# Every edge of this setting from four displaced poses, then what `benchmarks/images/edge_images.py`
 # stored for whole plans. A measurement is *clean* if both ends are corners with 40 px around them,
 # no other line is within 5 px, and the step is five grey levels or more. The stated probability is
 # for ends rounded to pixels. *Fit* counts the lines' crossings as they are, *rounded* those rounded
@@ -202,7 +202,7 @@ part_of_it = replace(
     settings=(setting,),
     light=replace(light, images=(light.images[k],), unlit=(light.unlit[k],)),
 )
-measured = list(pairs(part_of_it, solid, 10, 0))
+measured = list(pairs(part_of_it, solid, 4, 0))
 show(measured)
 assert {one.kind for one in measured} == {"clean"}
 assert all(one.worst <= 3 for one in measured)
