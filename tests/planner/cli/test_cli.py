@@ -533,8 +533,11 @@ def test_help_explains_and_is_quick():
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_solids_of_a_step_file_can_be_chosen(folder, capsys):
+def test_solids_of_a_step_file_can_be_chosen(folder, capsys, monkeypatch):
     pytest.importorskip("OCP")
+    from step_in_process import read_in_process
+
+    read_in_process(monkeypatch)
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
     from OCP.gp import gp_Pnt
     from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
