@@ -31,7 +31,7 @@ from scipy.stats import binom
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "errors" / "measurands"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "images"))
 
-from measured_exactly import measure, points_of
+from measured_exactly import measure, plane_of, points_of
 from rendered_images import Renderer
 from seen_lines import Lines
 
@@ -40,6 +40,7 @@ from errors.measurands import Circle
 from planner import read_plan
 
 DENSE = 24
+SHORT_MM = 0.3
 P_OVER = 1e-3
 
 
@@ -93,6 +94,14 @@ def accurate(plan, target, pose, moves, local, rng):
             max(3, round(along / how.correlation_px)) if how.model == "fit" else how.points
         )
     world_to_cam = np.linalg.inv(pose)
+    n = len(moves)
+    common = {}
+    if how.common_px > 0:
+        common["floor_px"] = rng.normal(0.0, how.common_px, (n, len(geometry)))
+    if target.surfaces_mm > 0:
+        of_plane = planes_shared(target, geometry)
+        offsets = rng.normal(0.0, target.surfaces_mm, (n, len(geometry)))
+        common["surfaces_mm"] = offsets[:, of_plane]
     error = measure(
         target.kind,
         geometry,
@@ -103,8 +112,28 @@ def accurate(plan, target, pose, moves, local, rng):
         rng=rng,
         direction=target.direction,
         points=counts,
+        pitch=tuple(pitch),
+        common=common,
     )
     return np.abs(error) <= target.permitted_error
+
+
+def planes_shared(target, geometry):
+    """Return for each entity the first one whose plane is the same: its face is off by the same offset."""
+    first = []
+    planes = []
+    for index in range(len(geometry)):
+        point, x, y = plane_of(target.kind, geometry, target.direction, index)
+        normal = np.cross(x, y)
+        normal *= np.sign(normal[np.argmax(np.abs(normal))])
+        same = (
+            k
+            for k, (other, at) in enumerate(planes)
+            if abs(normal @ other) > 1 - 1e-9 and abs(normal @ point - at) < 1e-6
+        )
+        first.append(next(same, index))
+        planes.append((normal, normal @ point))
+    return np.array(first)
 
 
 def target_points(target):
@@ -163,11 +192,16 @@ def judge_setting(plan, setting, lines, renderer, args, rng):
 
 
 def seen_from(lines, eyes, points):
-    """Return which points (m, 3) rays from eyes (m, 3) meet first."""
+    """Return which points (m, 3) rays from eyes (m, 3) meet first.
+
+    Points of a true circle lie beside the chords of the part, so a ray may end `SHORT_MM` before.
+    """
     import open3d as o3d
 
     rays = np.concatenate([eyes, points - eyes], axis=1).astype(np.float32)
-    return lines.scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy() >= 1 - 2e-4
+    return lines.scene.cast_rays(o3d.core.Tensor(rays))[
+        "t_hit"
+    ].numpy() >= 1 - SHORT_MM / np.linalg.norm(points - eyes, axis=1)
 
 
 def own_edges(solid, ends):
