@@ -20,7 +20,7 @@ from planner.report.setting_table import (
     setting_table,
     stance,
 )
-from planner.report.tables import Promised, cells, heads
+from planner.report.tables import Promised, cells, heads, unbroken
 from planner.report.wording import lamp_texts, lamps_named, margin_texts
 from planner.wanted.planned import words_of
 
@@ -67,7 +67,7 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
                     "n:Tilt (°)": f"{stands.tilt_deg:.1f}",
                     "n:µm/px": f"{stands.um_per_px:.3g}",
                     **dict.fromkeys(columns, promised.text(least[k])),
-                    several: escape(", ".join(setting.entities)),
+                    several: ", ".join(map(unbroken, setting.entities)),
                 }
             )
         )

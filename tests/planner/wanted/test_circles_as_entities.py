@@ -156,7 +156,7 @@ def test_the_command_line_refuses_at_once_and_leaves_nothing(tmp_path, capsys):
     command = ["plan", part, "--select", "kind = rim", *CLI, "--accuracy", "0.998"]
     assert main([*command, "--out", str(out)]) == BAD_INPUT
     error = capsys.readouterr().err
-    assert error.startswith("aspectgraph: dimension 'r0': rim r0 must have ")
+    assert error.startswith("aspectgraph: --select: dimension 'r0': rim r0 must have ")
     assert error.count("\n") == 1
     assert not out.exists()
     batch = ["batch", str(tmp_path), "--select", "kind = rim", *CLI[:-2], "--accuracy", "0.998"]
