@@ -13,6 +13,7 @@ os.environ.pop("COLUMNS", None)
 # in this order they come first: a file of long tests that begins last would leave the other workers without work
 LONG_FILES = (
     "tests/test_docs_run.py",
+    "tests/aspectgraph/graph/test_invariance.py",
     "tests/planner/cli/test_cli.py",
     "tests/planner/test_resume.py",
     "tests/planner/bound/test_lower_bound.py",
