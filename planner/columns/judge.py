@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from planner.effort.effort import NORMAL, Effort
-from planner.request.constraints import visibility_slacks
+from planner.request.constraints import visible_where
 from planner.request.request import Request
 
 
@@ -160,25 +160,20 @@ class Judge:
 
     def _mask_invisible(self, cam2world: np.ndarray, missed: np.ndarray) -> None:
         """Ask for visibility, the costly constraint, only where the others leave hope."""
-        positions = cam2world[:, :3, 3]
-        for k, name in enumerate(self.names):
-            rows = np.flatnonzero(missed[:, k] < self._nearness.hopeless)
-            if rows.size:
-                hidden = visibility_slacks(self.space, positions[rows], [name])[:, 0, 0] < 0
-                missed[rows[hidden], k] = np.inf
+        hopeful = missed < self._nearness.hopeless
+        seen = visible_where(self.space, cam2world[:, :3, 3], self.names, hopeful)
+        missed[hopeful & ~seen] = np.inf
 
     def _mask_invisible_around(
         self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray
     ) -> None:
         """Ask for visibility all around the positions, which costs most, only of what would otherwise be inspected."""
-        positions = cam2world[:, :3, 3]
         radius = self.requirements.visibility_radius_mm
-        for k, name in enumerate(self.names if radius > 0 else ()):
-            rows = np.flatnonzero(nearly[:, k])
-            if rows.size:
-                hidden = visibility_slacks(self.space, positions[rows], [name], radius)[:, 0, 0] < 0
-                nearly[rows[hidden], k] = False
-                probability[rows[hidden], k] = 0.0
+        if radius <= 0 or not nearly.any():
+            return
+        seen = visible_where(self.space, cam2world[:, :3, 3], self.names, nearly, radius)
+        probability[nearly & ~seen] = 0.0
+        nearly &= seen
 
     def _detectable(
         self,

@@ -39,8 +39,9 @@ Pairs = NDArray[np.int64]
 _SHORT = 1e-4
 # margins of separation are told up to so many px
 MOST_PX = 20.0
-# points at first, and pairs at a time
+# points at first, at least and for each pair, and pairs at a time
 _ROOM = 100_000
+_EACH = 24
 _BATCH = 20_000
 # of so many poses, so many entities are asked first whether they show
 _MANY = 32
@@ -216,7 +217,7 @@ class ImageCheck:
     ) -> tuple[Pairs, Array, Array]:
         """Return points of other lines, visible or not, that are near in the image; see `near_contours`."""
         # one kind of arrays, so that the loop is compiled once: in order of rows, and not read-only
-        room = _ROOM
+        room = max(_ROOM, _EACH * len(pairs))
         poses = np.array(cam2world, np.float64, order="C")
         pairs = np.ascontiguousarray(pairs)
         while True:

@@ -16,6 +16,8 @@ _SAMPLES = 12
 _MORE = 48
 # halvings on the way to where a line leaves the strip: a hundred-thousandth of its length
 _STEPS = 17
+# upright strips of the image, in which edges are looked up
+_BINS = 64
 # what is nearer than this to the plane of the nodal point is cut off, mm
 _NEAREST_MM = 1e-3
 
@@ -53,7 +55,10 @@ def near_contours(
     corners = np.empty((vertices.shape[1], 2))
     boxes = np.empty((4, len(edge_ends)))
     front = np.empty(contours[2].shape[1], np.uint8)
-    within = np.empty(len(edge_ends), np.uint8)
+    within = np.empty(len(edge_ends) + 1, np.int64)
+    of_bins = np.empty(_BINS + 1, np.int64)
+    # an edge is in all bins at most
+    in_bins = np.empty(_BINS * len(edge_ends), np.int64)
     n_active = 0
     last = -1
     count = 0
@@ -63,6 +68,7 @@ def near_contours(
         if pairs[p, 0] != last:
             last = pairs[p, 0]
             n_active = _project(pose, scale, contours, (active, image, boxes, front))
+            _sort_into_bins(boxes, n_active, scale, of_bins, in_bins)
         r = belongs[k]
         a = _seen(pose, scale, ends[k, 0])
         b = _seen(pose, scale, ends[k, 1])
@@ -74,10 +80,9 @@ def near_contours(
         high_y = max(a[1], b[1]) + reach
         n_corners = _corner_images(own_vertices, first[r], first[r + 1], image, corners)
         near = (corners[:n_corners], near_own)
-        _overlap(boxes, low_x, low_y, high_x, high_y, within[:n_active])
-        for i in range(n_active):
-            if not within[i]:
-                continue
+        window = (low_x, low_y, high_x, high_y)
+        n_within = _overlap(boxes, window, (of_bins, in_bins, scale), within)
+        for i in within[:n_within]:
             e = active[i]
             one = edge_ends[e, 0]
             other = edge_ends[e, 1]
@@ -228,16 +233,53 @@ def _front_faces(eye: Any, planes: Any, front: Any) -> None:
 
 
 @kernel_without_refcounts(error_model="numpy")
-def _overlap(
-    boxes: Any, low_x: float, low_y: float, high_x: float, high_y: float, within: Any
-) -> None:
-    """Write which boxes overlap with one; a loop without branches, so that several are compared at once."""
-    x0 = boxes[0]
-    y0 = boxes[1]
-    x1 = boxes[2]
-    y1 = boxes[3]
-    for i in range(len(within)):
-        within[i] = (x1[i] >= low_x) & (x0[i] <= high_x) & (y1[i] >= low_y) & (y0[i] <= high_y)
+def _bin(x: float, scale: Any) -> int:
+    """Return the upright strip of the image that holds a coordinate x; the outer ones have no end."""
+    width = max(2.0 * abs(scale[2]), 1.0) / _BINS
+    return int(min(max(x / width, 0.0), _BINS - 1.0))
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _sort_into_bins(boxes: Any, n: int, scale: Any, of_bins: Any, in_bins: Any) -> None:
+    """Write which of n boxes each strip of the image holds, and where those of each strip begin (bins + 1,)."""
+    of_bins[:] = 0
+    for i in range(n):
+        for s in range(_bin(boxes[0, i], scale), _bin(boxes[2, i], scale) + 1):
+            of_bins[s + 1] += 1
+    for s in range(_BINS):
+        of_bins[s + 1] += of_bins[s]
+    total = of_bins[_BINS]
+    for i in range(n - 1, -1, -1):
+        for s in range(_bin(boxes[0, i], scale), _bin(boxes[2, i], scale) + 1):
+            of_bins[s + 1] -= 1
+            in_bins[of_bins[s + 1]] = i
+    # each start is in the place of the next one
+    for s in range(_BINS):
+        of_bins[s] = of_bins[s + 1]
+    of_bins[_BINS] = total
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _overlap(boxes: Any, window: Any, bins: Any, within: Any) -> int:
+    """Write which boxes overlap with a window; return how many do."""
+    low_x, low_y, high_x, high_y = window
+    of_bins, in_bins, scale = bins
+    first = _bin(low_x, scale)
+    n = 0
+    for s in range(first, _bin(high_x, scale) + 1):
+        for q in range(of_bins[s], of_bins[s + 1]):
+            i = in_bins[q]
+            within[n] = i
+            # of several strips that hold both, the first one counts; no branch, as it would be guessed wrong too often
+            counts = (s == first) | (_bin(boxes[0, i], scale) == s)
+            n += (
+                counts
+                & (boxes[2, i] >= low_x)
+                & (boxes[0, i] <= high_x)
+                & (boxes[3, i] >= low_y)
+                & (boxes[1, i] <= high_y)
+            )
+    return n
 
 
 @kernel_without_refcounts(error_model="numpy")

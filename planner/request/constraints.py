@@ -34,7 +34,7 @@ from planner.request.image_constraints import (
     image_slacks,
 )
 from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
-from planner.request.space import Space
+from planner.request.space import Space, observable_where
 from planner.wanted.targets import Target, edge_targets
 
 # the axes, and the diagonals of a cube: around a position, an entity must be visible in these directions
@@ -43,6 +43,8 @@ AROUND = np.vstack([np.eye(3), -np.eye(3), _DIAGONALS])
 _AND_HERE = np.vstack([np.zeros(3), AROUND])
 # up to so many poses, one question for them and the points around them is cheaper than two
 _FEW = 40
+# pairs of viewpoint and entity that are asked for at a time
+_PAIRS = 10_000_000
 # Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
 _SURELY = 1.001
 # fields of `Requirements`
@@ -91,6 +93,38 @@ def _observable(space: Space, positions: np.ndarray, names: Sequence[str]) -> np
     inside = ((positions >= low) & (positions <= high)).all(axis=-1)
     visible = np.zeros((len(positions), len(names)), bool)
     visible[inside] = space.observable(positions[inside], names)
+    return visible
+
+
+def visible_where(
+    space: Space,
+    positions: np.ndarray,
+    names: Sequence[str],
+    wanted: np.ndarray,
+    radius_mm: float = 0.0,
+) -> np.ndarray:
+    """Return which of the wanted pairs (n, k) are observable, also from all around, as `visibility_slacks` finds it."""
+    visible = _observable_where(space, positions, names, wanted)
+    rows = np.flatnonzero(visible.any(axis=1)) if radius_mm > 0 else np.zeros(0, np.intp)
+    # so many rows at a time, for the memory
+    size = max(1, _PAIRS // (len(AROUND) * max(1, len(names))))
+    for first in range(0, len(rows), size):
+        some = rows[first : first + size]
+        eyes = (positions[some, None] + radius_mm * AROUND).reshape(-1, 3)
+        asked = np.repeat(visible[some], len(AROUND), axis=0)
+        around = _observable_where(space, eyes, names, asked)
+        visible[some] = around.reshape(len(some), len(AROUND), -1).all(axis=1)
+    return visible
+
+
+def _observable_where(
+    space: Space, positions: np.ndarray, names: Sequence[str], wanted: np.ndarray
+) -> np.ndarray:
+    low, high = (np.asarray(corner, dtype=float) for corner in space.workspace)
+    inside = ((positions >= low) & (positions <= high)).all(axis=-1)
+    rows = np.flatnonzero(inside & wanted.any(axis=1))
+    visible = np.zeros(wanted.shape, bool)
+    visible[rows] = observable_where(space, positions[rows], names, wanted[rows])
     return visible
 
 

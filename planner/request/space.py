@@ -47,6 +47,19 @@ class Space(Protocol):
         """Return from where all named entities are observable, as convex cells."""
 
 
+def observable_where(
+    space: Space, points: np.ndarray, names: Sequence[str], wanted: np.ndarray
+) -> np.ndarray:
+    """Return which of the wanted pairs of viewpoints (n, 3) and entities hold; (n, k), False where it is not asked."""
+    if hasattr(space, "observable_where"):
+        return np.asarray(space.observable_where(points, names, wanted))
+    result = np.zeros(wanted.shape, dtype=bool)
+    for column in np.flatnonzero(wanted.any(axis=0)).tolist():
+        rows = np.flatnonzero(wanted[:, column])
+        result[rows, column] = space.observable(points[rows], [names[column]])[:, 0]
+    return result
+
+
 def cells_of(space: Space, names: Sequence[str]) -> CellSet:
     """Return the covering cells of entities (`CellSet`) without leaving them in the space's memory.
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.request.space import observable_where
+
 if TYPE_CHECKING:
     from aspectgraph import CellSet, Solid
     from planner.request.space import Space
@@ -91,6 +93,25 @@ class TargetSpace:
             for witness in self.entities[name].witnesses:
                 result[:, k] |= seen[:, [column[entity] for entity in witness]].all(axis=1)
         return result
+
+    def observable_where(
+        self, points: NDArray[np.float64], names: Sequence[str], wanted: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Return which wanted pairs of viewpoints (n, 3) and targets hold; (n, k), False where it is not asked."""
+        entities = self.entities_of(names)
+        if all(self.entities[name].is_entity(name) for name in names):
+            return observable_where(self.space, points, entities, wanted)
+        column = {name: i for i, name in enumerate(entities)}
+        asked = np.zeros((len(wanted), len(entities)), dtype=bool)
+        for k, name in enumerate(names):
+            for entity in self.entities_of([name]):
+                asked[:, column[entity]] |= wanted[:, k]
+        seen = observable_where(self.space, points, entities, asked)
+        result = np.zeros_like(wanted)
+        for k, name in enumerate(names):
+            for witness in self.entities[name].witnesses:
+                result[:, k] |= seen[:, [column[entity] for entity in witness]].all(axis=1)
+        return result & wanted
 
     def covering_cells(self, names: Sequence[str]) -> CellSet:
         """Return from where all named targets are observable, as convex cells; each has one witness."""
