@@ -114,6 +114,8 @@ class _Compiling(event.Listener):
         self._begun = 0.0
         self._seconds = 0.0
         self._done: set[str] = set()
+        # `ahead_told` says it then
+        self._is_told = current_run() is not None
 
     def on_start(self, event: Any) -> None:
         """Take the start of a function; those it calls come before its end."""
@@ -122,7 +124,7 @@ class _Compiling(event.Listener):
             self._begun = time.monotonic()
             self._collecting = gc.isenabled()
             gc.disable()
-            if not self._told:
+            if not self._told and not self._is_told:
                 self._told = True
                 self._keeps = can_keep(Path(_function_of(event).__code__.co_filename))
                 self._say(_FIRST if self._keeps else _EVERY)
@@ -143,6 +145,7 @@ class _Compiling(event.Listener):
         """Tell how many there were, and how long they took: other work was done between them."""
         if self._done:
             self._report(len(self._done), len(self._done))
+        if self._done and not self._is_told:
             next_run = "finds them" if self._keeps and keeps_loops() else "compiles them again"
             self._say(
                 f"compiling {len(self._done)} loops took {self._seconds:.0f} s; "

@@ -74,14 +74,9 @@ def near_contours(
         b = _seen(pose, scale, ends[k, 1])
         if a[2] <= _NEAREST_MM or b[2] <= _NEAREST_MM:
             continue
-        low_x = min(a[0], b[0]) - reach
-        high_x = max(a[0], b[0]) + reach
-        low_y = min(a[1], b[1]) - reach
-        high_y = max(a[1], b[1]) + reach
         n_corners = _corner_images(own_vertices, first[r], first[r + 1], image, corners)
         near = (corners[:n_corners], near_own)
-        window = (low_x, low_y, high_x, high_y)
-        n_within = _overlap(boxes, window, (of_bins, in_bins, scale), within)
+        n_within = _overlap(boxes, _around(a, b, reach), (of_bins, in_bins, scale), within)
         for i in within[:n_within]:
             e = active[i]
             one = edge_ends[e, 0]
@@ -230,6 +225,17 @@ def _front_faces(eye: Any, planes: Any, front: Any) -> None:
     offset = planes[3]
     for f in range(len(nx)):
         front[f] = nx[f] * x + ny[f] * y + nz[f] * z > offset[f]
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _around(a: Any, b: Any, reach: float) -> tuple[float, float, float, float]:
+    """Return the left, upper, right and lower side of a window so far around a line ab."""
+    return (
+        min(a[0], b[0]) - reach,
+        min(a[1], b[1]) - reach,
+        max(a[0], b[0]) + reach,
+        max(a[1], b[1]) + reach,
+    )
 
 
 @kernel_without_refcounts(error_model="numpy")

@@ -15,6 +15,7 @@ import numpy as np
 from errors.formatting import probability_text
 from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
+from planner.progress import report
 from planner.report.attention import attention, not_inspected, reasons_section
 from planner.report.dimension_report import dimension_section, localisation_text
 from planner.report.figure import color_of, figure_views, plan_figure, scene_frame
@@ -118,6 +119,9 @@ def report_html(
         rule = "must be VisibilityRegions or an EntityAspectGraph"
         got = f"an object of type {type(space).__name__}"
         raise RequestError.of_rule("space", rule, got, hint="compute_regions makes the former")
+    if plan.settings:
+        # something shows while the figure and the tables are made
+        report(progress, 0, len(plan.settings), "predicted images")
     figure = plan_figure(plan, space.solid, space, until=until)
     dimensions = dimension_section(plan)
     views = figure_views(plan, space.solid)

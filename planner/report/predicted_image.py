@@ -127,6 +127,8 @@ class PictureMaker:
         self._edge_faces = np.array([edge.faces for edge in solid.edges])
         self._feature = np.array([is_feature(solid, edge) for edge in solid.edges])
         self._circles = chord_circles(solid)
+        # of the last pose; a setting has up to four pictures
+        self._drawn: tuple[bytes, str] | None = None
 
     def image_svg(
         self,
@@ -144,7 +146,7 @@ class PictureMaker:
         is outlined the whole, without names, as they are for the picture of that window.
         """
         x, y, width, height = window or (0, 0, *self.camera.resolution)
-        lines = _path(self.edge_lines(cam2world))
+        lines = self._edge_path(cam2world)
         names = self._highlights(cam2world, entities, color, window)
         if outlined:
             names = self._highlights(cam2world, entities, color, named=False) + _frame(outlined)
@@ -156,7 +158,7 @@ class PictureMaker:
 
     def background(self, cam2world: np.ndarray, window: Window) -> tuple[str, str]:
         """Return shaded faces and visible edges as parts of an SVG picture, of a window of any place and size."""
-        edges = f'<path class="edge" d="{_path(self.edge_lines(cam2world))}"/>'
+        edges = f'<path class="edge" d="{self._edge_path(cam2world)}"/>'
         return self._shades(cam2world, window), edges
 
     def _shades(self, cam2world: np.ndarray, window: Window, lamp: np.ndarray | None = None) -> str:
@@ -196,7 +198,7 @@ class PictureMaker:
             ]
         return (
             f'<svg class="shot map" viewBox="{left} {top} {width} {height}" role="img" aria-label="edge map">'
-            f'<path class="edge" d="{_path(self.edge_lines(cam2world))}"/>{"".join(marks)}</svg>'
+            f'<path class="edge" d="{self._edge_path(cam2world)}"/>{"".join(marks)}</svg>'
         )
 
     def _highlights(
@@ -260,6 +262,13 @@ class PictureMaker:
             )
         pixels = image_of(self.camera, points_cam / points_cam[..., 2:])
         return np.where(np.isnan(pixels), -_FAR_PX, pixels)
+
+    def _edge_path(self, cam2world: np.ndarray) -> str:
+        """Return the visible edges as the data of an SVG path."""
+        pose = np.asarray(cam2world, dtype=np.float64).tobytes()
+        if self._drawn is None or self._drawn[0] != pose:
+            self._drawn = (pose, _path(self.edge_lines(cam2world)))
+        return self._drawn[1]
 
     def edge_lines(self, cam2world: np.ndarray) -> list[np.ndarray]:
         """Return the visible pieces of the part's edges, each (2, 2) in px.

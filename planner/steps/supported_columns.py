@@ -8,6 +8,7 @@ cover makes use of it.
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterable
 
@@ -21,6 +22,9 @@ from planner.cover.set_cover import bound_columns, greedy_cover
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.run import Run
+
+# seconds after which the checking of poses is shown
+_SILENT_S = 1.0
 
 
 class SupportedColumns:
@@ -62,10 +66,14 @@ class SupportedColumns:
             new = [c for c in chosen.tolist() if not done[c]]
             if not new:
                 break
-            for c in new:
+            begun = time.monotonic()
+            for i, c in enumerate(new, 1):
                 run.callbacks.deadline.check()
                 membership[c] = self._supported(run, pool, c)
                 done[c] = True
+                # what is soon done needs no line
+                if time.monotonic() - begun > _SILENT_S:
+                    run.callbacks.report(i, len(new), "checked poses")
             self._give_up(run, membership, done)
             if k + 1 < covers:
                 chosen = _short_cover(membership, beaten, run.rng("incumbent"), trying.exchanges)
