@@ -130,9 +130,9 @@ class VisibilityRegions:
     def observable_where(
         self, points: ArrayLike, names: Sequence[str], wanted: np.ndarray
     ) -> np.ndarray:
-        """Whether entities are observable from viewpoints, only where it is asked.
+        """Whether entities are observable from viewpoints, for chosen pairs only.
 
-        For many entities of which each viewpoint asks for few, this is much faster than `observable`.
+        For many entities, of which each viewpoint needs few, this is much faster than `observable`.
 
         Parameters
         ----------
@@ -141,12 +141,12 @@ class VisibilityRegions:
         names : sequence of str
             The entities.
         wanted : ndarray of bool, shape (n, k)
-            Pairs of viewpoint and entity that are asked for.
+            Pairs of viewpoint and entity to answer.
 
         Returns
         -------
         ndarray of bool, shape (n, k)
-            As of `observable`; False where it is not asked.
+            As of `observable`. False for all other pairs.
 
         Raises
         ------

@@ -87,7 +87,7 @@ def report_html(
     date : str, optional
         Date of the plan for the head of the page, such as ``"2026-03-01"``. Default: no date.
     until : float
-        Time, as `time.time` gives it, after which the page gets no more pictures. A sentence takes their place.
+        Time, as `time.time` gives it, after which the page gets no more pictures but a sentence for each.
         Default: never.
 
     Returns
