@@ -25,6 +25,9 @@ SEARCH_SHARE = 0.8
 SIMULATION_SHARE = 0.88
 """Share of a time limit after which the simulation ends."""
 
+LEAST_SIMULATION_S = 2.0
+"""Seconds that the simulation may take, however short a time limit is: a plan that is not checked is worth less."""
+
 PICTURES_SHARE = 0.95
 """Share of a time limit after which no more pictures are drawn, so that the page can be put together."""
 
@@ -83,12 +86,13 @@ class Deadline:
             return None
         return max(share * self._limit - (time.monotonic() - self._begin), 1e-3)
 
-    def time_left(self, share: float = 1.0) -> TimeLeft:
+    def time_left(self, share: float = 1.0, least_s: float = 0.0) -> TimeLeft:
         """Return what tells whether another piece of work fits until a share of the limit has passed.
 
-        Work that comes late has half of the time that is left.
+        Work that comes late has half of the time that is left, and so many seconds in any case.
         """
-        return TimeLeft(max(self.at(share), (time.time() + self.at()) / 2.0))
+        now = time.time()
+        return TimeLeft(max(self.at(share), (now + self.at()) / 2.0, now + least_s))
 
     def arm(self) -> None:
         """From now on there is something to end with."""

@@ -28,7 +28,7 @@ from planner.batch.part_result import (
     digest_of,
     found_again,
 )
-from planner.callbacks import SEARCH_SHARE, SIMULATION_SHARE, Deadline
+from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.exceptions import PlanFileError, PlannerError
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.inspection import plan_by_options, visible_regions
@@ -127,7 +127,7 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         request.seed,
         None,
         solid,
-        deadline.time_left(SIMULATION_SHARE),
+        deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
     )
     found = replace(found, simulation=simulation)
     found = with_source(found, folder, path, {"units": request.units})

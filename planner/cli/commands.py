@@ -29,7 +29,7 @@ from planner.batch.folder_of_parts import plan_folder
 from planner.batch.part_request import PartRequest, limits_of
 from planner.batch.part_result import PLANNED, TABLES
 from planner.batch.scheduler import dask_executor
-from planner.callbacks import SEARCH_SHARE, SIMULATION_SHARE, Deadline
+from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.best_so_far import BestSoFar
 from planner.cli.folder_owner import STATE_FILE, Leftovers, check_owner
@@ -251,7 +251,7 @@ def _planned(
             request.seed,
             progress,
             solid,
-            deadline.time_left(SIMULATION_SHARE),
+            deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
         )
         result = replace(result, simulation=simulation)
         result = with_light(result, solid, request.lighting, progress)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
 
-from planner import Camera, Effort, PoseUncertainty, plan_inspection
+from planner import Camera, Effort, PoseUncertainty, callbacks, plan_inspection
 from planner.callbacks import Callbacks, Deadline, TimeIsUpError
 from planner.columns.candidates import Pools
 from planner.records.json_file import encoded
@@ -161,3 +162,33 @@ def test_every_stage_and_bound_is_passed_on(whole):
     assert json.dumps(found.to_dict()) == whole
     assert names == [stage.name for stage in stages.STAGES]
     assert max(bounds) == found.lower_bound
+
+
+def test_a_first_plan_is_something_to_end_with_only_some_seconds_later(monkeypatch):
+    """A better one may come at once; the limit counts from when the program began."""
+    clock = [1000.0]
+    monkeypatch.setattr(callbacks.time, "monotonic", lambda: clock[0])
+    deadline = Deadline(time_limit_s=3.0, begun=996.0)
+    deadline.check()
+    deadline.arm_soon()
+    clock[0] += callbacks.LEAST_SEARCH_S - 0.1
+    deadline.arm_soon()
+    deadline.check()
+    clock[0] += 0.2
+    with pytest.raises(TimeIsUpError):
+        deadline.check()
+    patient = Deadline(time_limit_s=100.0, begun=996.0)
+    patient.arm()
+    patient.check()
+
+
+def test_work_that_comes_late_has_half_of_what_is_left(monkeypatch):
+    clock = [50.0]
+    monkeypatch.setattr(callbacks.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(callbacks.time, "time", lambda: clock[0] + 7000.0)
+    deadline = Deadline(time_limit_s=100.0, begun=50.0)
+    assert deadline.time_left(0.8).until == pytest.approx(7130.0)
+    clock[0] = 140.0
+    assert deadline.time_left(0.8).until == pytest.approx(7145.0)
+    assert deadline.time_left(0.8, least_s=9.0).until == pytest.approx(7149.0)
+    assert Deadline().time_left(0.8).until == math.inf
