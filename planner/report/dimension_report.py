@@ -238,7 +238,6 @@ def _notes(plan: InspectionPlan) -> list[str]:
         "budget sum to u². T is the whole width of the tolerance. Accept a part if its measured value lies between "
         "the limits: the tolerance less a guard band of U on either side (ISO 14253-1).",
         "The permitted error in px is the one in mm at the scale of the image, at the mean depth of the targets and "
-        "square to the optical axis. Binding names the constraint with the smallest relative margin: "
-        "probability (of 1 less the required one), focus (of half the depth of field) or field of view (of half the "
-        "sensor's shorter side).",
+        "square to the optical axis. Binding names what has the smallest share of its margin left: probability, focus "
+        "or field of view.",
     ]

@@ -55,6 +55,11 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
     promised = Promised(plan, least, [])
     head = f"n:Smallest {promised.name}"
     columns = [head] if promised.heads else []
+    same = (
+        ""
+        if columns
+        else f"The smallest {promised.name} of every setting is {promised.text(min(least))}."
+    )
     for k, setting in enumerate(plan.settings):
         stands = stance(plan, setting)
         position = " ".join(f"{x:.1f}" for x in setting.position)
@@ -77,7 +82,7 @@ def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
         f'<div class="scroll"><table class="stack">{titles}<tbody>{"".join(rows)}</tbody></table></div>'
         '<p class="note">Distance: from the front nodal point to the targets, along the optical axis. Tilt: angle '
         "between the optical axis and the part's z axis. µm/px: size of a pixel at that distance. "
-        f"{escape(promised.sentence(len(plan.entities)))}</p>"
+        f"{escape(same)}</p>"
     )
 
 

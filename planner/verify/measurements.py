@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.camera.camera import Camera
 from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
+from planner.request.focus_reserve import NO_RESERVE, FocusReserve
+from planner.request.shares import probability_share, rooms, shares
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,8 @@ class Measurement:
         The permitted error times the image's scale d / (z r), with the mean depth z of the entities and the larger
         pixel pitch r; None of an angle.
     binding : str
-        What has the smallest relative margin: "probability" (P − p as a share of 1 − p), "focus" (the nearest limit
-        as a share of half the depth of field) or "field of view" (distance from the sensor's side as a share of half
-        the shorter side).
+        What has the smallest share of its room left (`planner.request.shares`): "probability", "focus" or
+        "field of view".
     """
 
     standard_uncertainty: float
@@ -88,8 +88,8 @@ def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
     described = target.describe(setting.cam2world, plan.means)
     points = world_to_cam(target.points, setting.cam2world)
     margins = {
-        "probability": (setting.probability[name] - plan.probability) / (1 - plan.probability),
-        **_image_margins(points, plan.camera),
+        "probability": float(probability_share(setting.promise[name], plan.probability)),
+        **_image_shares(plan, points),
     }
     return Measurement(
         described.standard_uncertainty,
@@ -101,15 +101,25 @@ def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
     )
 
 
-def _image_margins(points: NDArray[np.float64], camera: Camera) -> dict[str, float]:
-    """Return what is left of focus and field of view for points (n, 3) in the camera frame, as shares."""
+def _image_shares(plan: Any, points: NDArray[np.float64]) -> dict[str, float]:
+    """Return the shares of focus and field of view that are left for points (n, 3) in the camera frame."""
+    camera = plan.camera
+    need = plan.requirements
+    reserve = NO_RESERVE
+    if need.get("focus_sigmas", 0.0) > 0.0:
+        reserve = FocusReserve.of(camera, plan.pose_uncertainty)
+    room = rooms(camera, plan.workspace, need, reserve.on_axis_mm)
     near, far = camera.depth_of_field_mm
-    half_depth = (far - near) / 2 if np.isfinite(far) else camera.focus_distance_mm
     depth = points[:, 2]
+    kept = np.maximum(reserve.margin_mm(points), need.get("focus_margin_mm", 0.0))
+    focus = np.minimum(depth - near, far - depth) - kept
     pixels = image_of(camera, points / depth[:, None])
-    size = np.array(camera.resolution)
-    sides = np.minimum(pixels + 0.5, size - 0.5 - pixels)
+    sides = np.minimum(pixels + 0.5, np.array(camera.resolution) - 0.5 - pixels)
+    border = need.get("field_margin_px", 0.0) + need.get("surround_px", 0.0)
+    margins = {"focus_mm": focus.min(), "field_of_view_px": sides.min() - border}
+    found = shares(margins, room)
     return {
-        "focus": float(min((depth - near).min(), (far - depth).min()) / half_depth),
-        "field of view": float(sides.min() / (size.min() / 2)),
+        name: float(found[key])
+        for key, name in (("focus_mm", "focus"), ("field_of_view_px", "field of view"))
+        if key in found
     }

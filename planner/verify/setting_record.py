@@ -13,6 +13,8 @@ from planner.records.schema import field_name, shown
 
 # a plan may be read on another machine, whose last digits differ
 _SAME = 1e-6
+# earlier programs had another definition; the schema says what it may be
+_DEFINED_ANEW = ("binding",)
 _FOLLOWS = ("measurements", "search_window_px")
 # sources of variance that earlier programs did not know
 _LATER = ("localisation_floor", "surfaces")
@@ -112,6 +114,8 @@ def _what_follows(plan: Any, setting: Any) -> dict[str, Any]:
 def _check_same(where: str, given: Any, computed: Any) -> None:
     if isinstance(computed, dict) and isinstance(given, Mapping):
         for name in [*computed, *given]:
+            if name in _DEFINED_ANEW and name in given:
+                continue
             if name in _LATER and name not in given and computed[name] == 0.0:
                 continue
             if name not in computed or name not in given:
