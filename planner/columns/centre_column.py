@@ -17,7 +17,8 @@ from planner.setting.sensor_setting import SensorSetting
 from planner.verify.p_all import DisplacedChecks
 
 _MOVED = "moved off its limits"
-# poses displaced twice as far, in which a moved pose may not do worse
+# displaced poses in which a moved pose may not do worse, and those displaced twice as far
+_NEAR_POSES = 1000
 _FAR_POSES = 400
 _FAR_SIGMAS = 2.0
 _WORSE = 0.01
@@ -48,11 +49,16 @@ def centre_setting(
     """
     judge: Judge = shared.value
     request = judge.request.restricted_to(setting.entities)
-    pose = centred(request, setting.cam2world, centring, seed)
-    if (pose != setting.cam2world).any() and _inspects(judge, pose, setting.entities):
+    # a line may come into view beyond a cliff, so shorter moves come next
+    for first in range(min(2, len(centring.steps))):
+        shorter = replace(centring, steps=centring.steps[first:])
+        pose = centred(request, setting.cam2world, shorter, seed)
+        if not ((pose != setting.cam2world).any() and _inspects(judge, pose, setting.entities)):
+            continue
         own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
-        if not _worse_far_away(judge, setting, own, seed):
+        if not _loses(judge, setting, own, seed, centring.give_up):
             setting = best_supported(judge, [own, setting], seed)
+            break
     return with_p_all(judge, setting, seed, poses)
 
 
@@ -75,11 +81,19 @@ def _inspects(judge: Judge, pose: np.ndarray, names: Sequence[str]) -> bool:
     return bool(judged[np.isin(judge.names, names)].all())
 
 
-def _worse_far_away(judge: Judge, before: SensorSetting, after: SensorSetting, seed: int) -> bool:
-    """Tell whether more goes wrong than before where the camera is displaced twice as far."""
+def _loses(
+    judge: Judge, before: SensorSetting, after: SensorSetting, seed: int, give_up: float
+) -> bool:
+    """Tell whether a target is measured less often from a moved pose: by more than is given up, or far away.
+
+    Both poses are displaced by the same draws.
+    """
     own = judge.request
-    covariance = _FAR_SIGMAS**2 * own.pose_uncertainty.covariance
-    wide = replace(own, pose_uncertainty=type(own.pose_uncertainty)(covariance))
-    checks = DisplacedChecks(wide, before.entities)
-    was, now = (checks.count(one.cam2world, _FAR_POSES, seed).successes for one in (before, after))
-    return bool((np.array(was) - np.array(now) > _WORSE * _FAR_POSES).any())
+    for sigmas, poses, lost in ((1.0, _NEAR_POSES, give_up), (_FAR_SIGMAS, _FAR_POSES, _WORSE)):
+        covariance = sigmas**2 * own.pose_uncertainty.covariance
+        wide = replace(own, pose_uncertainty=type(own.pose_uncertainty)(covariance))
+        checks = DisplacedChecks(wide, before.entities)
+        was, now = (checks.count(one.cam2world, poses, seed).successes for one in (before, after))
+        if (np.array(was) - np.array(now) > lost * poses + 1).any():
+            return True
+    return False
