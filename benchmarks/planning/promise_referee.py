@@ -40,7 +40,7 @@ from errors.measurands import Circle
 from planner import read_plan
 
 DENSE = 24
-SHORT_MM = 0.3
+SHORT_MM = 0.05
 P_OVER = 1e-3
 
 
@@ -149,6 +149,32 @@ def target_points(target):
     return np.concatenate(points)
 
 
+def points_on_part(target, solid):
+    """Return points (m, 3) of a target on the part's own edges: of a circle the middles of its chords."""
+    if target.in_image:
+        return target_points(target)
+    found = []
+    ends = solid.vertices[[edge.vertices for edge in solid.edges]]
+    for one in target.geometry:
+        if not isinstance(one, Circle):
+            share = np.linspace(0, 1, DENSE)[:, None]
+            found.append(np.asarray(one.p) * (1 - share) + np.asarray(one.q) * share)
+            continue
+        off = ends - one.centre
+        along = off @ one.axis
+        radius = np.linalg.norm(off - along[..., None] * one.axis, axis=2)
+        on = (np.abs(along) < 1e-3) & (np.abs(radius - one.radius_mm) < 1e-3)
+        middles = ends[on.all(axis=1)].mean(axis=1)
+        if one.start is not None:
+            across = np.cross(one.axis, one.start)
+            way = middles - one.centre
+            turn = np.arctan2(way @ across, way @ one.start) % (2 * np.pi)
+            middles = middles[turn <= one.span_rad]
+        assert len(middles), "a circle of a plan has chords on the part"
+        found.append(middles)
+    return np.concatenate(found)
+
+
 def judge_setting(plan, setting, lines, renderer, args, rng):
     """Yield name, promise, successes and number of poses of each target; at last those of all together."""
     camera = plan.camera
@@ -174,8 +200,9 @@ def judge_setting(plan, setting, lines, renderer, args, rng):
             sharp = ((depth >= near) & (depth <= far)).all(axis=1)
             good[some] = inside & sharp
             if args.rays:
-                eyes = np.repeat(poses[some, :3, 3], len(points), axis=0)
-                seen = seen_from(lines, eyes, np.tile(points, (len(local), 1)))
+                solid_points = points_on_part(target, lines.solid)
+                eyes = np.repeat(poses[some, :3, 3], len(solid_points), axis=0)
+                seen = seen_from(lines, eyes, np.tile(solid_points, (len(local), 1)))
                 good[some] &= seen.reshape(len(local), -1).all(axis=1)
             good[some] &= accurate(plan, target, pose, moves[some], local, rng)
         if target.in_image and plan.requirements.get("separation_px", 0.0) > 0 and args.images:
@@ -194,7 +221,7 @@ def judge_setting(plan, setting, lines, renderer, args, rng):
 def seen_from(lines, eyes, points):
     """Return which points (m, 3) rays from eyes (m, 3) meet first.
 
-    Points of a true circle lie beside the chords of the part, so a ray may end `SHORT_MM` before.
+    A ray may end `SHORT_MM` before its point.
     """
     import open3d as o3d
 
