@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from planner.verify.simulate_setting import SuccessRate as SuccessRate
     from planner.verify.simulate_setting import simulate_setting as simulate_setting
     from planner.wanted.dimension import Dimension as Dimension
+    from planner.wanted.model_dimensions import dimensions_to_plan as dimensions_to_plan
     from planner.wanted.planned import PlannedDimension as PlannedDimension
 
 _NAMES = {
@@ -121,6 +122,7 @@ _NAMES = {
     "planner.verify.simulate_plan": ("SimulationResult", "simulate_plan"),
     "planner.verify.simulate_setting": ("SuccessRate", "simulate_setting"),
     "planner.wanted.dimension": ("Dimension",),
+    "planner.wanted.model_dimensions": ("dimensions_to_plan",),
     "planner.wanted.planned": ("PlannedDimension",),
 }
 _HOMES = {name: home for home, names in _NAMES.items() for name in names}

@@ -48,8 +48,8 @@ class InspectionPlan(PlanTables):
     **Guarantee.** A setting inspects each entity with a P_all of at least ``probability``, or
     ``uninspectable`` lists the entity with the reason: no view of it was found. No plan for the
     same request that inspects these entities, or more, has fewer than ``lower_bound`` settings.
-    Some dimensions apply to several features, such as the holes of a pattern. The plan then
-    inspects one feature, and `n_features_not_planned` counts the others.
+    A request can ask for one feature of a pattern only, such as one of its holes. Then
+    `n_features_not_planned` counts the others.
 
     Attributes
     ----------
@@ -157,25 +157,26 @@ class InspectionPlan(PlanTables):
 
     @property
     def complete(self) -> bool:
-        """Whether the plan inspects every entity, and one feature of every dimension.
+        """Whether the plan inspects every entity and dimension that it was asked for.
 
-        A complete plan may omit features of patterns. `n_features_not_planned` counts them.
+        A request for one feature of each pattern omits the others. `n_features_not_planned` counts
+        them.
         """
         return not self.uninspectable
 
     @property
     def n_features(self) -> int:
-        """Number of features to which the dimensions apply. Each hole of a pattern is one."""
+        """Number of characteristics: one dimension on one feature, such as a hole of a pattern."""
         return sum(dimension.n_features for dimension in self.dimensions.values())
 
     @property
     def n_features_not_planned(self) -> int:
-        """Number of these features without a setting; a plan measures one per dimension."""
+        """Number of characteristics that a request for one feature per pattern leaves out."""
         return self.n_features - len(self.dimensions)
 
     @property
     def features_text(self) -> str:
-        """Sentence on the features not planned; empty if each dimension has one feature."""
+        """Words on the characteristics that are left out; empty if there are none."""
         return features_text([dimension.n_features for dimension in self.dimensions.values()])
 
     def _features(self) -> dict[str, int]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import product
 from typing import Any, TypeAlias, cast
 
@@ -32,6 +33,8 @@ from aspectgraph.dimensions.features import (
 from aspectgraph.dimensions.records import Way
 from aspectgraph.solid.rims import Arc
 
+_NO_CIRCLE = "no sharp circular edge bounds this feature"
+_UNREAD = "the file attaches it to an item of this feature that could not be read"
 _Pair: TypeAlias = tuple[Arc, Arc | int]
 
 
@@ -55,6 +58,8 @@ class Measure:
         What to mind when the first entities are used.
     n_features : int
         How many features it applies to; of those of a pattern each is one.
+    missing : tuple of str or None
+        For each feature why nothing measures it; None where something does.
     """
 
     kind: str
@@ -64,6 +69,7 @@ class Measure:
     direction: FloatArray | None = field(default=None, compare=False)
     note: str = ""
     n_features: int = 1
+    missing: tuple[str | None, ...] = (None,)
 
 
 class Measurer:
@@ -103,11 +109,12 @@ class Measurer:
             reason = "it is attached to no cylinder and no circle"
             return Measure(kind, reason=reason, n_features=max(n_features, 1))
         factor = 2.0 if kind == "diameter" else 1.0
-        ways = tuple(tuple((arc.id,) for arc in self._sorted(axis.circles)) for axis in axes)
+        ways = tuple(tuple((arc.id,) for arc in circles) for circles in self._of_pattern(axes))
+        missing = tuple(None if found else _NO_CIRCLE for found in ways) + (_UNREAD,) * n_unread
         ways += ((),) * n_unread
         reason = "" if any(ways) else "no sharp circular edge bounds what it is attached to"
         values = tuple(factor * (axis.radius_mm or 0.0) for axis in axes)
-        return Measure(kind, values, ways, reason, n_features=n_features)
+        return Measure(kind, values, ways, reason, n_features=n_features, missing=missing)
 
     def between(self, one: Feature, other: Feature) -> Measure:
         """Return how the distance of two features is measured.
@@ -176,8 +183,27 @@ class Measurer:
         )
         return Measure("angle", (turn, 180.0 - turn), (tuple(pairs),), reason)
 
-    def _sorted(self, circles: Sequence[Arc]) -> list[Arc]:
-        return sorted(circles, key=lambda arc: arc_order(self.sight, arc))
+    def _of_pattern(self, axes: Sequence[Axis]) -> list[list[Arc]]:
+        """Return the circles of each feature, best first.
+
+        Among equally good ones, those that face like the first feature's best one come first: one
+        image can show many of them.
+        """
+        found: list[list[Arc]] = []
+        lead: FloatArray | None = None
+        for axis in axes:
+            circles = sorted(axis.circles, key=partial(self._order_beside, lead))
+            found.append(circles)
+            if lead is None and circles:
+                lead = circles[0].axis
+        return found
+
+    def _order_beside(
+        self, lead: FloatArray | None, arc: Arc
+    ) -> tuple[bool, bool, float, bool, int]:
+        is_open, hidden, span, number = arc_order(self.sight, arc)
+        faces_away = lead is not None and float(arc.axis @ lead) <= 0.0
+        return is_open, hidden, span, faces_away, number
 
     def _along(self, edge_id: int) -> FloatArray:
         start, end = self.ends[edge_id]

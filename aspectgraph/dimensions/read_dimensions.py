@@ -185,6 +185,7 @@ class _Reader:
             note=note,
             n_features=measure.n_features,
             solids=tuple(row["solids"]),
+            feature_reasons=() if reason else measure.missing,
         )
 
     def _unread(self, solids: Sequence[int]) -> str:

@@ -49,11 +49,13 @@ class ModelDimension:
     note : str
         Sentence on inferred or repaired values; empty if there are none.
     n_features : int
-        Number of features, measurable or not. Each hole of a pattern is one. A plan measures one of
-        them.
+        Number of features, measurable or not. Each hole of a pattern is one.
     solids : tuple of int
         The solids of the file that it refers to, counted from 0 in the order of the file. Empty if
         unknown.
+    feature_reasons : tuple of str or None
+        For each feature why it cannot be measured. None where it can be. Empty like ``features``
+        if no feature can be measured.
     """
 
     name: str
@@ -70,6 +72,7 @@ class ModelDimension:
     note: str = ""
     n_features: int = 1
     solids: tuple[int, ...] = ()
+    feature_reasons: tuple[str | None, ...] = ()
 
     @property
     def unit(self) -> str:

@@ -150,6 +150,12 @@ def add_wanted(parser: Options) -> None:
         help="TOML or JSON file of dimensions with tolerances, or all that the part (AP242) states",
     )
     group.add_argument(
+        "--one-per-pattern",
+        action="store_true",
+        help="with --dimensions all: measure each dimension on one of its features only, such as "
+        "one hole of a pattern (default: on each)",
+    )
+    group.add_argument(
         "--share",
         type=SHARE,
         default=0.25,

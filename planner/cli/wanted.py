@@ -15,8 +15,8 @@ from planner.cli.naming import named_by
 from planner.cli.parsing.quantities import localisation_words
 from planner.exceptions import RequestError
 from planner.wanted.assumed import SURFACES_MM
-from planner.wanted.dimension import Dimension
 from planner.wanted.dimension_files import read_wanted
+from planner.wanted.model_dimensions import dimensions_to_plan
 from planner.wanted.resolve import resolve_wanted
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Wanted:
     localisation : Localisation or None
         How well points are found in the image.
     left_out : dict of str to str
-        Dimensions of the model that cannot be planned, and why.
+        Characteristics of the model that cannot be planned, and why.
     """
 
     items: Mapping[str, Any]
@@ -53,6 +53,9 @@ def read_request(options: Any, solid: Solid) -> Wanted:
     RequestError, ReadError, EntityError
         If they ask for what is not there, or break a rule.
     """
+    if options.one_per_pattern and not _all_of_model(options):
+        got = "none" if options.dimensions is None else repr(options.dimensions)
+        raise RequestError(f"--one-per-pattern must be given with --dimensions all. Got {got}.")
     if options.dimensions is None:
         localisation = read_localisation(options.localisation or "rounding")
         if "--share" in options.typed:
@@ -67,15 +70,19 @@ def read_request(options: Any, solid: Solid) -> Wanted:
         return _wanted_dimensions(options, solid, localisation)
 
 
+def _all_of_model(options: Any) -> bool:
+    return options.dimensions is not None and options.dimensions.strip().lower() == "all"
+
+
 def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -> Wanted:
     """Return the dimensions of the model, or those of a file."""
-    left_out = {}
-    if options.dimensions.strip().lower() == "all":
+    left_out: dict[str, str] = {}
+    items: Mapping[str, Any]
+    if _all_of_model(options):
         stated = _stated(options.part, solid)
-        items: dict[str, Any] = {
-            one.name: _dimension(one, options.share) for one in stated if one.entities
-        }
-        left_out = {one.name: one.reason or "" for one in stated if not one.entities}
+        items, left_out = dimensions_to_plan(
+            stated, share=options.share, one_per_pattern=options.one_per_pattern
+        )
         if not items:
             raise RequestError(
                 f"--dimensions all needs a dimension that can be measured. Got none in {options.part}."
@@ -109,23 +116,6 @@ def _stated(part: str, solid: Solid) -> tuple[ModelDimension, ...]:
             "dimensions can be given instead."
         )
     return stated
-
-
-def _dimension(stated: ModelDimension, share: float) -> Dimension:
-    """Return a dimension of the model with its own tolerance."""
-    assert stated.entities is not None
-    along = stated.direction if stated.kind in ("distance", "centre_distance") else None
-    try:
-        return Dimension(
-            stated.kind,
-            stated.entities,
-            tolerance=stated.tolerance,
-            share=share,
-            direction=along,
-            n_features=stated.n_features,
-        )
-    except RequestError as error:
-        raise RequestError(f"dimension {stated.name!r}: {error}") from error
 
 
 def localisation_text(options: Any) -> str:

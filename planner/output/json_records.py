@@ -66,6 +66,6 @@ def plan_record(
 ) -> dict[str, Any]:
     """Return a plan as in its file, the files written, and what could not be planned, with the reason.
 
-    ``plan.features`` counts the features of the dimensions, and those that are not planned.
+    ``plan.features`` counts the characteristics, and those that are not planned.
     """
     return {"plan": plan.to_dict(), "files": list(files), "not_planned": dict(not_planned)}

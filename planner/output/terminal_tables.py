@@ -37,7 +37,6 @@ from planner.report.wording import (
     window_texts,
 )
 from planner.verify.simulate_setting import CONFIRMED
-from planner.wanted.feature_counts import features_text
 from planner.wanted.planned import tolerance_text, words_of
 
 if TYPE_CHECKING:
@@ -158,16 +157,13 @@ def print_graph(graph: EntityAspectGraph) -> None:
 
 def print_dimensions(dimensions: Sequence[Any]) -> None:
     """Print the dimensions of a model: values, and the entities that measure them or why none do."""
-    n_able = sum(dimension.entities is not None for dimension in dimensions)
+    able = [dimension for dimension in dimensions if dimension.entities is not None]
     n_stated = sum(dimension.tolerance is not None for dimension in dimensions)
+    n_characteristics = sum(bool(ways) for dimension in able for ways in dimension.features)
     print_text(
-        f"{count(len(dimensions), 'dimension')}, {n_stated} with a tolerance, {n_able} measurable"
+        f"{count(len(dimensions), 'dimension')}, {n_stated} with a tolerance, {len(able)} measurable: "
+        f"{count(n_characteristics, 'characteristic')}"
     )
-    features = features_text(
-        [dimension.n_features for dimension in dimensions if dimension.entities is not None]
-    )
-    if features:
-        print_text(f"{features}; a plan measures one feature of each dimension")
     columns = (
         Column("name"),
         Column("kind"),

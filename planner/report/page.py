@@ -288,7 +288,7 @@ def _figures(plan: InspectionPlan) -> str:
     cells.append((f"{len(plan.inspected)} / {len(plan.entities)}", f"{_named(plan)[1]} inspected"))
     if plan.n_features_not_planned:
         measured = sum(name in plan.dimensions for name in plan.inspected)
-        cells.append((f"{measured} / {plan.n_features}", "features of dimensions inspected"))
+        cells.append((f"{measured} / {plan.n_features}", "characteristics inspected"))
     if n:
         worst = min(plan.inspected.values())
         cells.append(

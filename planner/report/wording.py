@@ -42,10 +42,10 @@ def count(n: int, singular: str, plural: str | None = None) -> str:
 
 
 def features_sentence(plan: InspectionPlan) -> str:
-    """Say how many features of the dimensions are not planned, and why; empty if every one is."""
+    """Say how many characteristics are not planned, and why; empty if every one is."""
     if not plan.features_text:
         return ""
-    return f"{plan.features_text}; a plan measures one feature of each dimension."
+    return f"{plan.features_text}; the plan measures one feature of each dimension."
 
 
 def features_cell(target: PlannedTarget) -> str:

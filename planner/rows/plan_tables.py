@@ -60,7 +60,8 @@ class PlanTables:
         -------
         list of dict
             A row has ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and
-            ``unit``. ``n_features`` counts the features of the target, of which one is measured.
+            ``unit``. ``n_features`` counts the features of the target, of which one is measured; it is 1
+            unless the request asks for one feature per pattern.
             ``permitted_error_px`` is the error in the image (None for angles). ``p_all`` is the
             probability that the displaced camera measures the target, see `SensorSetting` (None if
             it was not counted). ``probability`` is that of the error alone. ``simulated``,

@@ -52,8 +52,9 @@ class Dimension:
     direction : (float, float, float), optional
         Direction of a distance in the part's frame. Default: across the two lines.
     n_features : int
-        Number of features to which the dimension applies, such as the holes of a pattern. The
-        entities measure one of them. Plans and reports count the others as not planned.
+        Number of features that the dimension stands for, such as the holes of a pattern. The
+        entities measure one of them. Plans and reports count the others as not planned. To measure
+        all of them, see `dimensions_to_plan`.
 
     Raises
     ------

@@ -1,15 +1,49 @@
-"""How many features dimensions apply to, and how many of them a plan leaves out.
+"""Characteristics: one dimension on one feature. Their names, and how many a plan leaves out.
 
-A dimension of a pattern applies to each of its holes. A plan measures one of them.
+A dimension of a pattern applies to each of its holes. A plan measures each of them, or one per
+pattern if the request says so.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+
+_NUMBERED = re.compile(r" \[\d+ of \d+\]( #\d+)?$")
+
+
+def characteristic_name(dimension: str, k: int, n: int) -> str:
+    """Return the name of a dimension on one feature of a pattern.
+
+    Parameters
+    ----------
+    dimension : str
+        Name of the dimension.
+    k, n : int
+        Number of the feature, from 1, and number of all features.
+
+    Examples
+    --------
+    >>> from planner.wanted.feature_counts import characteristic_name
+    >>> characteristic_name("Linear Size.11", 3, 30)
+    'Linear Size.11 [3 of 30]'
+    """
+    return f"{dimension} [{k} of {n}]"
+
+
+def is_characteristic(name: str) -> bool:
+    """Return whether a name is that of a dimension on one feature of a pattern.
+
+    Parameters
+    ----------
+    name : str
+        Name of a target.
+    """
+    return _NUMBERED.search(name) is not None
 
 
 def n_not_planned(counts: Sequence[int]) -> int:
-    """Return how many features no plan measures, given the number of features of each dimension.
+    """Return how many characteristics a plan leaves out that measures one feature of each dimension.
 
     Parameters
     ----------
@@ -20,7 +54,7 @@ def n_not_planned(counts: Sequence[int]) -> int:
 
 
 def features_text(counts: Sequence[int]) -> str:
-    """Say how many features are not planned; nothing if every dimension applies to one.
+    """Say how many characteristics are not planned; nothing if every dimension applies to one.
 
     Parameters
     ----------
@@ -31,10 +65,10 @@ def features_text(counts: Sequence[int]) -> str:
     --------
     >>> from planner.wanted.feature_counts import features_text
     >>> features_text([1, 6, 30, 4, 30, 1])
-    '6 dimensions, 72 features: 66 not planned'
+    '6 dimensions, 72 characteristics: 66 not planned'
     """
     missing = n_not_planned(counts)
     if not missing:
         return ""
     dimensions = "1 dimension" if len(counts) == 1 else f"{len(counts)} dimensions"
-    return f"{dimensions}, {sum(counts)} features: {missing} not planned"
+    return f"{dimensions}, {sum(counts)} characteristics: {missing} not planned"

@@ -24,8 +24,9 @@ from errors.measurands.geometry import from_dict, to_dict
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
+from planner.wanted.feature_counts import is_characteristic
 from planner.wanted.models import Means, measurand_model
-from planner.wanted.target_words import DIMENSIONS, EDGES, MIXED, TargetWords
+from planner.wanted.target_words import CHARACTERISTICS, DIMENSIONS, EDGES, MIXED, TargetWords
 from planner.wanted.targets import DimensionTarget, Target
 
 if TYPE_CHECKING:
@@ -223,7 +224,7 @@ class PlannedDimension(PlannedTarget):
     direction : (float, float, float) or None
         Direction of a distance.
     n_features : int
-        Number of features to which it applies. The entities measure one of them.
+        Number of features that it stands for. The entities measure one of them.
     surfaces_mm : float
         Standard deviation of a face's position along its normal, mm.
     """
@@ -406,6 +407,8 @@ def words_of(targets: Mapping[str, PlannedTarget]) -> TargetWords:
     kinds = {target.words for target in targets.values()}
     if len(kinds) > 1:
         return MIXED
+    if DIMENSIONS in kinds and any(map(is_characteristic, targets)):
+        return CHARACTERISTICS
     return kinds.pop() if kinds else EDGES
 
 

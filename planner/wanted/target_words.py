@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,9 @@ DIMENSIONS = TargetWords(
     "A point outside the image counts as a failure.",
     bold="measured lines and circles in bold",
 )
+_ONE_OR_MORE = ("characteristic", "characteristics")
+CHARACTERISTICS = replace(DIMENSIONS, items=_ONE_OR_MORE, nouns=_ONE_OR_MORE)
+"""Of a plan in which a dimension on several features is a target on each of them."""
 MIXED = TargetWords(
     items=("edge or dimension", "edges and dimensions"),
     nouns=("edge or dimension", "edges and dimensions"),

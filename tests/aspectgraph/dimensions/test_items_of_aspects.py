@@ -74,6 +74,10 @@ def test_an_item_that_no_shape_is_made_from_counts_and_is_told(tmp_path):
         assert dimension.note == (
             "1 item that it is attached to could not be read; 1 of its 2 features cannot be measured"
         )
+        assert dimension.feature_reasons == (
+            None,
+            "the file attaches it to an item of this feature that could not be read",
+        )
 
 
 def test_an_item_that_is_stated_twice_counts_once(tmp_path):

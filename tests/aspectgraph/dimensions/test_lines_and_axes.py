@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from solids import plain_box
@@ -262,6 +264,23 @@ def test_of_a_pattern_what_cannot_be_measured_is_counted(pins):
     assert found.entities is not None
     assert found.note == "1 of its 2 features cannot be measured"
     assert found.n_features == 2
+    assert found.feature_reasons == (None, "no sharp circular edge bounds this feature")
+
+
+def test_the_rims_of_a_pattern_face_alike_whatever_their_ids(pins):
+    """Each pin has a rim below and one above. The lower id of the second pin is that of its other rim."""
+    _, measurer = tools(pins)
+    of_pin = {}
+    for rim in pins.rims():
+        of_pin.setdefault(rim.radius_mm > 8, []).append(rim)
+    first, second = of_pin[True], of_pin[False]
+    (alike,) = (rim for rim in second if rim.axis @ first[0].axis > 0)
+    turned = [replace(rim, id="r90" if rim is alike else "r80") for rim in second]
+    axes = [
+        Axis(rims[0].centre, rims[0].axis, rims[0].radius_mm, tuple(rims))
+        for rims in (first, turned)
+    ]
+    assert measurer.size("diameter", axes).ways == ((("r0",), ("r1",)), (("r90",), ("r80",)))
 
 
 def test_balls_of_one_size_are_features_of_one_radius(box):

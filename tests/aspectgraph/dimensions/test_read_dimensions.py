@@ -25,6 +25,15 @@ COUNTS = {
     # 41 have entities where they are attached; 8 of them state another value than these have
     "nist_d2mi_827-9999-904.stp": (54, 9, 33),
 }
+# features of the measurable ones: as the drawings number their holes, such as 30 x and 4 x
+CHARACTERISTICS = {
+    "nist_ctc_01_ap242.stp": 12,
+    "nist_ctc_02_ap242.stp": 7,
+    "nist_ctc_03_ap242.stp": 14,
+    "nist_ctc_04_ap242.stp": 72,
+    "nist_ctc_05_ap242.stp": 2,
+    "nist_d2mi_827-9999-904.stp": 40,
+}
 REFUSED_IN_D2MI = [
     f"Perpendicular Dimension ({n})" for n in (179, 217, 224, 225, 231, 243, 262, 263)
 ]
@@ -77,6 +86,17 @@ def test_as_many_as_the_file_holds(name):
     )
     assert found == COUNTS[name]
     assert len({one.name for one in dimensions}) == len(dimensions)
+
+
+@pytest.mark.parametrize("name", CHARACTERISTICS)
+def test_every_feature_of_a_real_pattern_is_measured_by_entities_of_its_own(name):
+    _, dimensions = read(name)
+    able = [one for one in dimensions if one.entities]
+    assert sum(one.n_features for one in able) == CHARACTERISTICS[name]
+    for one in able:
+        first = [ways[0] for ways in one.features]
+        assert len(set(first)) == len(first) == one.n_features
+        assert one.feature_reasons == (None,) * one.n_features
 
 
 @pytest.mark.parametrize("name", COUNTS)

@@ -19,7 +19,7 @@ PART = str(EXAMPLES / "nist_ctc_01_ap242.stp")
 def test_the_table_names_value_tolerance_and_entities(capsys):
     assert main(["dimensions", PART]) == DONE
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "12 dimensions, 8 with a tolerance, 12 measurable"
+    assert lines[0] == "12 dimensions, 8 with a tolerance, 12 measurable: 12 characteristics"
     row = next(line for line in lines if "Linear Size.1 " in line)
     assert row.split()[2:9] == ["diameter", "35", "mm", "0/-0.2", "mm", "1", "r8"]
     assert "note: distance 1: the file states no nominal value; this is the geometry's" in lines

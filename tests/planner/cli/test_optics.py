@@ -55,7 +55,7 @@ def test_records_of_optics(capsys):
         assert [*one["probability"]] == one["able"]
 
 
-def test_optics_for_a_pattern_say_what_is_not_planned(tmp_path, capsys):
+def test_optics_for_a_pattern_rank_by_every_hole_or_say_what_is_not_planned(tmp_path, capsys):
     """The diameter applies to both holes of each of two instances of a plate."""
     pytest.importorskip("OCP")
     text = (CASES / "dim_two_instances.step").read_text()
@@ -65,13 +65,20 @@ def test_optics_for_a_pattern_say_what_is_not_planned(tmp_path, capsys):
     wanted = ["--dimensions", "all", "--body", "basler-acA2440-20gm", "--distances", "250"]
     request = ["optics", str(part), *wanted, *SURE, "--rows", "1"]
     with one_kernel():
-        main(request)
+        main([*request, "--one-per-pattern"])
         printed = capsys.readouterr().out
-        main([*request, "--json"])
+        main([*request, "--one-per-pattern", "--json"])
         (record,) = json.loads(capsys.readouterr().out)
-    sentence = "2 dimensions, 4 features: 2 not planned; optics are ranked by one feature of each"
+        main([*request, "--json"])
+        (of_all,) = json.loads(capsys.readouterr().out)
+    sentence = (
+        "2 dimensions, 4 characteristics: 2 not planned; optics are ranked by one feature of each"
+    )
     assert sentence in printed
     assert record["features"] == {"n": 4, "not_planned": 2}
+    assert of_all["features"] == {"n": 4, "not_planned": 0}
+    # every hole is as large as every other one
+    assert len(of_all["able"]) == 2 * len(record["able"]) == 4
 
 
 def test_nothing_can_do_it(capsys):

@@ -103,6 +103,18 @@ def test_localisation_is_checked(tmp_path, capsys, options, message):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("wanted", "got"), [(["--all"], "none"), (["--dimensions", BLOCK], repr(BLOCK))]
+)
+def test_one_per_pattern_is_for_the_dimensions_of_the_model(tmp_path, capsys, wanted, got):
+    request = ["plan", BLOCK, *wanted, "--one-per-pattern", *CAMERA, "--out", str(tmp_path / "out")]
+    assert main(request) == BAD_INPUT
+    assert capsys.readouterr().err == (
+        f"aspectgraph: --one-per-pattern must be given with --dimensions all. Got {got}.\n"
+    )
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_part_without_dimensions_says_so(tmp_path, capsys):
     pytest.importorskip("OCP")
     part = str(EXAMPLES / "mfcad_6-11-11-19.step")

@@ -20,11 +20,11 @@ BACK = [[0, 50, 10], [80, 50, 10]]
 LEFT = [[0, 0, 10], [0, 50, 10]]
 
 
-def holed_plate():
-    """The plate from the origin to (80, 50, 10)."""
+def holed_plate(holes=HOLES):
+    """The plate from the origin to (80, 50, 10), with holes by name: centre (x, y) and radius."""
     x, y = SIZE
     loops = [[(0, 0), (x, 0), (x, y), (0, y)]]
-    for (cx, cy), r in HOLES.values():
+    for (cx, cy), r in holes.values():
         angles = -2 * math.pi * np.arange(N) / N
         loops.append([(cx + r * math.cos(a), cy + r * math.sin(a)) for a in angles])
     vertices = []

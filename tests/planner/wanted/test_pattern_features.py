@@ -1,4 +1,4 @@
-"""Features of patterns: one is planned, and wherever a plan is counted the others are counted as not planned."""
+"""One feature of each pattern is planned, if asked so: every output counts the others as not planned."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from planner.report.wording import features_cell, verdict
 from planner.wanted.feature_counts import features_text, n_not_planned
 from planner.wanted.planned import PlannedDimension
 
-TEXT = "3 dimensions, 32 features: 29 not planned"
+TEXT = "3 dimensions, 32 characteristics: 29 not planned"
 
 
 def dimension(name, n_features):
@@ -40,8 +40,8 @@ def patterns():
 
 def test_ctc_04_in_words():
     """Its drawing: diameters on 6, 30, 4, 30 and 1 features, and one distance."""
-    assert features_text([1, 6, 30, 4, 30, 1]) == "6 dimensions, 72 features: 66 not planned"
-    assert features_text([4]) == "1 dimension, 4 features: 3 not planned"
+    assert features_text([1, 6, 30, 4, 30, 1]) == "6 dimensions, 72 characteristics: 66 not planned"
+    assert features_text([4]) == "1 dimension, 4 characteristics: 3 not planned"
     assert (features_text([1, 1]), features_text([]), n_not_planned([])) == ("", "", 0)
 
 
@@ -63,6 +63,7 @@ def test_a_plan_of_single_features_says_nothing_of_them():
     assert (found.n_features, found.n_features_not_planned) == (3, 0)
     for text in (repr(found), found._repr_html_(), verdict(found), _lead(found), _figures(found)):
         assert "feature" not in text
+        assert "characteristic" not in text
 
 
 def test_tables_and_report_name_the_pattern(patterns, capsys):
@@ -73,7 +74,7 @@ def test_tables_and_report_name_the_pattern(patterns, capsys):
     terminal_tables.print_simulation(patterns, patterns.simulate(20))
     assert TEXT in capsys.readouterr().out
     assert TEXT in _lead(patterns)
-    assert "<b>2 / 32</b><span>features of dimensions inspected</span>" in _figures(patterns)
+    assert "<b>2 / 32</b><span>characteristics inspected</span>" in _figures(patterns)
     assert features_cell(patterns.dimensions["top front"]) == "1 of 30 features"
     assert features_cell(patterns.dimensions["bottom"]) == ""
 

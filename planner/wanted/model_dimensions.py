@@ -1,0 +1,106 @@
+"""Dimensions of a CAD model as a request: one characteristic for each feature of a pattern."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from aspectgraph.dimensions.records import unique_names
+from planner.argument_kinds import check_kinds
+from planner.exceptions import RequestError
+from planner.wanted.dimension import QUARTER, Dimension
+from planner.wanted.feature_counts import characteristic_name
+
+if TYPE_CHECKING:
+    from aspectgraph import ModelDimension
+    from aspectgraph.dimensions.records import Way
+
+
+def dimensions_to_plan(
+    stated: Iterable[ModelDimension], *, share: float = QUARTER, one_per_pattern: bool = False
+) -> tuple[dict[str, Dimension], dict[str, str]]:
+    """Turn dimensions of a CAD model into a request for `plan_inspection`.
+
+    A characteristic is one dimension on one feature. A dimension of 30 holes becomes 30
+    characteristics, such as ``"Linear Size.11 [3 of 30]"``. Each has its own entities.
+
+    Parameters
+    ----------
+    stated : iterable of ModelDimension
+        The dimensions, as `aspectgraph.read_dimensions` returns them.
+    share : float
+        Permitted error as a share of half the tolerance's width, in (0, 1].
+    one_per_pattern : bool
+        Measure each dimension on one of its features. The plan then counts the others as not
+        planned.
+
+    Returns
+    -------
+    wanted : dict of str to Dimension
+        The characteristics that can be measured, in the order of the model.
+    left_out : dict of str to str
+        The others, with the reason.
+
+    Raises
+    ------
+    RequestError
+        If a tolerance or the share breaks its rule, or an item is no ModelDimension.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_dimensions, read_solid
+    >>> from planner import dimensions_to_plan
+    >>> part = "examples/nist_ctc_03_ap242.stp.gz"
+    >>> stated = read_dimensions(part, read_solid(part))
+    >>> wanted, left_out = dimensions_to_plan(stated)
+    >>> len(stated), len(wanted), left_out
+    (10, 14, {})
+    >>> [name for name in wanted if name.startswith("Linear Size.5")]
+    ['Linear Size.5 [1 of 2]', 'Linear Size.5 [2 of 2]']
+    """
+    found = [item for one in stated for item in _items(one, share, one_per_pattern)]
+    # the model may already use a name that a feature of a pattern gets
+    names = unique_names([name for name, _ in found])
+    wanted: dict[str, Dimension] = {}
+    left_out: dict[str, str] = {}
+    for name, (_, item) in zip(names, found, strict=True):
+        if isinstance(item, Dimension):
+            wanted[name] = item
+        else:
+            left_out[name] = item
+    return wanted, left_out
+
+
+def _items(
+    stated: ModelDimension, share: float, one_per_pattern: bool
+) -> list[tuple[str, Dimension | str]]:
+    """Return the name of each characteristic, with its request or the reason why it has none."""
+    check_kinds(stated=(stated, "ModelDimension"))
+    if stated.entities is None:
+        return [(stated.name, stated.reason or "")]
+    if one_per_pattern:
+        return [(stated.name, _dimension(stated, stated.entities, share, stated.n_features))]
+    n = len(stated.features)
+    if n == 1:
+        return [(stated.name, _dimension(stated, stated.entities, share, 1))]
+    found: list[tuple[str, Dimension | str]] = []
+    for k, (ways, reason) in enumerate(zip(stated.features, stated.feature_reasons, strict=True)):
+        item = _dimension(stated, ways[0], share, 1) if ways else reason or ""
+        found.append((characteristic_name(stated.name, k + 1, n), item))
+    return found
+
+
+def _dimension(stated: ModelDimension, way: Way, share: float, n_features: int) -> Dimension:
+    """Return a dimension of the model, on given entities, with its own tolerance."""
+    along = stated.direction if stated.kind in ("distance", "centre_distance") else None
+    try:
+        return Dimension(
+            stated.kind,
+            way,
+            tolerance=stated.tolerance,
+            share=share,
+            direction=along,
+            n_features=n_features,
+        )
+    except RequestError as error:
+        raise RequestError(f"dimension {stated.name!r}: {error}") from error
