@@ -159,8 +159,7 @@ class InspectionPlan(PlanTables):
     def complete(self) -> bool:
         """Whether the plan inspects every entity and dimension that it was asked for.
 
-        A request for one feature of each pattern omits the others. `n_features_not_planned` counts
-        them.
+        A request for one feature per pattern omits others: see `n_features_not_planned`.
         """
         return not self.uninspectable
 

@@ -273,7 +273,8 @@ def test_the_rims_of_a_pattern_face_alike_whatever_their_ids(pins):
     of_pin = {}
     for rim in pins.rims():
         of_pin.setdefault(rim.radius_mm > 8, []).append(rim)
-    first, second = of_pin[True], of_pin[False]
+    first = of_pin[True]
+    second = of_pin[False]
     (alike,) = (rim for rim in second if rim.axis @ first[0].axis > 0)
     turned = [replace(rim, id="r90" if rim is alike else "r80") for rim in second]
     axes = [
