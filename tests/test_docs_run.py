@@ -134,8 +134,10 @@ def dimensions(names):
     assert set(names["plan"].dimensions) == {"bore", "width", "front"}
     # a quarter of half the tolerance's width
     assert names["plan"].dimensions["bore"].permitted_error == 0.125
-    # the file states 12 dimensions, see the table on that page
-    assert names["printed"].count("\n") == 12
+    # the files state 12 and 10 dimensions, the latter on 14 features, see the table on that page
+    *of_ctc_01, of_ctc_03 = names["printed"].splitlines()
+    assert len(of_ctc_01) == 12
+    assert of_ctc_03 == "10 14 0"
 
 
 def cameras(names):

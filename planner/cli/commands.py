@@ -46,7 +46,7 @@ from planner.cli.light import with_light
 from planner.cli.optics_ranking import rank_optics
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
-from planner.cli.wanted import chosen_entities, localisation_text, read_request
+from planner.cli.wanted import Wanted, chosen_entities, localisation_text, read_request
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
@@ -200,8 +200,7 @@ def _print_planned(
         return
     terminal_tables.print_plan(result)
     _print_unit(job.part, job.reading.get("units"))
-    for name, reason in job.wanted.left_out.items():
-        print_text(words(f"{name} is not planned: {reason}", [name]))
+    _print_left_out(job.wanted)
     if text := localisation_text(options):
         print_text(text)
     if result.unfinished and leftovers:
@@ -210,6 +209,12 @@ def _print_planned(
         print_text(text)
     report = next(path for path in files if path.endswith("report.html"))
     terminal_tables.print_written(files, path_text(leftovers.folder), report)
+
+
+def _print_left_out(wanted: Wanted) -> None:
+    """Print what the model states and nothing can measure, with the reasons."""
+    for name, reason in wanted.left_out.items():
+        print_text(words(f"{name} is not planned: {reason}", [name]))
 
 
 def _planned(
@@ -349,6 +354,7 @@ def optics(options: argparse.Namespace) -> int:
     code = rank_optics(options, solid, wanted.items, given)
     if not options.json:
         _print_unit(options.part, options.units)
+        _print_left_out(wanted)
         if text := localisation_text(options):
             print_text(text)
     return code

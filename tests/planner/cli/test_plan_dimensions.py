@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from planner.cli.main import main
 from planner.cli.process.exit_codes import BAD_INPUT, DONE
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
+CASES = Path(__file__).parents[2] / "cases"
 BLOCK = str(EXAMPLES / "two_pocket_block.off")
 CAMERA = [
     "--camera",
@@ -101,6 +104,28 @@ def test_localisation_is_checked(tmp_path, capsys, options, message):
     assert planned(tmp_path, f"floor = {LEFT}", *options) == BAD_INPUT
     assert capsys.readouterr().err.startswith(f"aspectgraph: {message}")
     assert not (tmp_path / "out").exists()
+
+
+def test_all_dimensions_of_a_pattern(tmp_path, capsys):
+    """Two instances of a plate with two holes. A third item of the aspect is none of its faces."""
+    pytest.importorskip("OCP")
+    text = (CASES / "dim_two_instances.step").read_text()
+    usage = "#{}=GEOMETRIC_ITEM_SPECIFIC_USAGE('','',#551,#36,#{});\n"
+    more = usage.format(900, 508) + usage.format(901, 335)
+    part = tmp_path / "pattern.step"
+    part.write_text(text.replace("ENDSEC;\nEND-ISO", f"{more}ENDSEC;\nEND-ISO"))
+    wanted = ["--dimensions", "all", "--share", "1", "--effort", "quick", "--simulate", "500"]
+    out = str(tmp_path / "out")
+    assert main(["plan", str(part), *wanted, *CAMERA, "--out", out, "--json"]) == DONE
+    found = json.loads(capsys.readouterr().out)
+    names = [f"diameter 1 (solid {i}) [{k} of 3]" for i in (0, 1) for k in (1, 2, 3)]
+    planned = [name for name in names if "[3 of" not in name]
+    assert list(found["plan"]["dimensions"]) == planned
+    assert found["plan"]["features"] == {"n": 4, "not_planned": 0}
+    unread = "the file attaches it to an item of this feature that could not be read"
+    assert found["not_planned"] == {name: unread for name in names if name not in planned}
+    with open(tmp_path / "out" / "measurements.csv", newline="") as file:
+        assert {row["name"] for row in csv.DictReader(file)} == set(planned)
 
 
 @pytest.mark.parametrize(
