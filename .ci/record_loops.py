@@ -19,8 +19,8 @@ QUICK = ["--effort", "quick", "--jobs", "1", "--quiet"]
 PROMISE = ["--accuracy", "0.99", "--probability", "0.9"]
 NAMED = ["--camera", "basler-acA2440-20gm-8mm"]
 REQUESTS = [
-    [*DEMO, "--entities", "examples/nist_ctc_01_corners.toml", *PROMISE],
     [*DEMO, "--dimensions", "all", "--accuracy", "0.999", "--probability", "0.9"],
+    [*DEMO, "--entities", "examples/nist_ctc_01_corners.toml", *PROMISE, "--time-limit", "600"],
     [
         "plan",
         "examples/mfcad_6-11-11-19.step",

@@ -22,7 +22,7 @@ from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.bound.segments import segments_of, view_of
 from planner.effort.effort import NORMAL, Effort
 from planner.executors import THREADS
-from planner.request.constraints import AROUND
+from planner.request.positions import AROUND
 from planner.request.request import Request
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from planner.effort.effort import NORMAL, Effort
-from planner.request.constraints import visible_where
+from planner.request.positions import visible_where
 from planner.request.request import Request
 
 

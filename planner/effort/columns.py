@@ -119,7 +119,7 @@ class Support:
     joint_sure_poses : int
         The same where the first ones do not decide, and at most for what a plan states.
     joint_all_poses : int
-        For what a plan states, in all of its settings together.
+        For what a plan states: displaced poses times targets, in all of its settings together.
     """
 
     trial_poses: int = 4000
@@ -130,4 +130,4 @@ class Support:
     sure_poses: int = 40_000
     joint_poses: int = 1000
     joint_sure_poses: int = 20_000
-    joint_all_poses: int = 120_000
+    joint_all_poses: int = 400_000

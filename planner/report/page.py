@@ -114,11 +114,7 @@ def report_html(
     """
     from plotly.offline import get_plotlyjs
 
-    check_kinds(plan=(plan, "InspectionPlan"))
-    if not hasattr(space, "solid"):
-        rule = "must be VisibilityRegions or an EntityAspectGraph"
-        got = f"an object of type {type(space).__name__}"
-        raise RequestError.of_rule("space", rule, got, hint="compute_regions makes the former")
+    _check_arguments(plan, space)
     if plan.settings:
         # something shows while the figure and the tables are made
         report(progress, 0, len(plan.settings), "predicted images")
@@ -228,6 +224,14 @@ def add_graph(
     figure = f"<figure>{picture.svg}{text}<figcaption>{picture.note}</figcaption></figure>"
     domains = _DOMAINS.format(picture.domains)
     return page.replace(_GRAPH, figure).replace(_DOMAINS.format("{}"), domains)
+
+
+def _check_arguments(plan: object, space: object) -> None:
+    check_kinds(plan=(plan, "InspectionPlan"))
+    if not hasattr(space, "solid"):
+        rule = "must be VisibilityRegions or an EntityAspectGraph"
+        got = f"an object of type {type(space).__name__}"
+        raise RequestError.of_rule("space", rule, got, hint="compute_regions makes the former")
 
 
 def _results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], dimensions: str) -> str:

@@ -64,7 +64,7 @@ def centred(request: Request, cam2world: Array, effort: Centring, seed: int) -> 
     array (4, 4)
         The pose; the planned one if none with a larger least share was found.
     """
-    step = _MarginStep(request, np.asarray(cam2world, dtype=np.float64), effort)
+    step = _MarginStep(request, np.array(cam2world, dtype=np.float64), effort)
     before = step.least_share(step.start[None])
     if before is None or effort.give_up <= 0.0:
         return step.start
@@ -88,7 +88,7 @@ def least_share(request: Request, cam2world: Array) -> LeastShare | None:
     """Return the condition of a pose (4, 4) that leaves least; None if it breaks one."""
     from planner.effort.poses import Centring
 
-    pose = np.asarray(cam2world, dtype=np.float64)
+    pose = np.array(cam2world, dtype=np.float64)
     return _MarginStep(request, pose, Centring(give_up=1.0)).least_share(pose[None])
 
 

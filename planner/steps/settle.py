@@ -157,7 +157,7 @@ def centre_all(
     support = run.effort.support
     poses = support.joint_poses
     if not early:
-        each = support.joint_all_poses // max(len(settings), 1)
+        each = support.joint_all_poses // max(sum(len(one.entities) for one in settings), 1)
         poses = min(support.joint_sure_poses, max(each, poses))
     tasks = [
         (run.shared, setting, derive_seed(run.seed, setting.entities), poses, centring)

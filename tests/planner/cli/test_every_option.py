@@ -41,6 +41,7 @@ BAD = {
     "--focus-margin-mm": NEGATIVE,
     "--gap": ["1"],
     "--gap-mm": NEGATIVE,
+    "--give-up": ["1"],
     "--graph-limit": NEGATIVE,
     "--graphml": ["nowhere/graph.graphml"],
     "--grey-step": ["1"],
