@@ -12,6 +12,7 @@ from poses three standard deviations away, too.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from planner.camera.pose import moved, world_to_cam
 from planner.request.request import Request
 from planner.request.shares import FULL, probability_share, rooms, shares
-from planner.setting.evolution import Schedule, evolve
+from planner.setting.evolution import Schedule, evolve, triangular_factor
 
 if TYPE_CHECKING:
     from planner.effort.poses import Centring
@@ -105,7 +106,7 @@ class _MarginStep:
             request.camera, request.space.workspace, need.to_dict(), need.focus_reserve.on_axis_mm
         )
         constraints = self._constraints
-        self._distance = float(np.linalg.norm(start[:3, 3] - constraints.sphere_centre)) or 1.0
+        self._distance = math.dist(start[:3, 3], constraints.sphere_centre) or 1.0
         self._first = [
             name
             for name in constraints.constraint_names
@@ -125,11 +126,10 @@ class _MarginStep:
         values, found = self._shares(poses)
         feasible = np.flatnonzero(np.isfinite(found).all(axis=1) & (found >= 0.0).all(axis=1))
         if feasible.size:
-            own = found[feasible]
-            least = own.min(axis=1, keepdims=True)
-            tau = self._effort.softness
-            soft = least[:, 0] - tau * np.log(np.exp(-(own - least) / tau).sum(axis=1))
-            values[feasible] = soft - self._effort.outline * self._cut_off(poses[feasible])
+            soft = [_soft_minimum(row, self._effort.softness) for row in found[feasible].tolist()]
+            values[feasible] = np.array(soft) - self._effort.outline * self._cut_off(
+                poses[feasible]
+            )
         return values
 
     def least_share(self, pose: Array) -> LeastShare | None:
@@ -196,9 +196,9 @@ class _MarginStep:
         return np.asarray(constraints.image.show_all(displaced).reshape(len(poses), -1).all(axis=1))
 
     def _displaced(self) -> Array:
-        """Return displacements (12, 4, 4) of three standard deviations along the axes of the covariance, both ways."""
-        values, axes = np.linalg.eigh(self._request.pose_uncertainty.covariance)
-        moves = self._effort.sigmas * (axes * np.sqrt(np.maximum(values, 0.0))).T
+        """Return displacements (12, 4, 4) of three standard deviations: along the columns of a root, both ways."""
+        factor = triangular_factor(self._request.pose_uncertainty.covariance)
+        moves = np.ascontiguousarray(self._effort.sigmas * factor.T)
         return moved(np.eye(4), np.concatenate([moves, -moves]), 1.0)
 
     def _cut_off(self, poses: Array) -> Array:
@@ -212,6 +212,14 @@ class _MarginStep:
         diagonal = float(np.linalg.norm(np.ptp(self._outline, axis=0)))
         fits = diagonal <= depth.mean(axis=1) * min(right - left, bottom - top)
         return np.where(fits, 1.0 - inside.mean(axis=1), 0.0)
+
+
+def _soft_minimum(shares_left: list[float], tau: float) -> float:
+    """Return -τ log Σ exp(-share / τ), with the same last digits on every machine."""
+    least = min(shares_left)
+    return least - tau * math.log(
+        math.fsum(math.exp(-(share - least) / tau) for share in shares_left)
+    )
 
 
 def _hull_points(request: Request) -> Array:
