@@ -68,31 +68,11 @@ def test_commands_run_as_printed(clone, capsys):
     assert "12 dimensions, 8 with a tolerance, 12 measurable" in out
     # what is quoted, row by row: the last column is left out there, as are lines between
     settings, dimensions, verdict = PRINTED.split("\n\n")
-    printed = [line.split() for line in out.splitlines()]
-    for quoted in (*settings.splitlines(), *dimensions.splitlines()):
-        assert any(is_row(quoted.split(), line) for line in printed), quoted
-    assert " ".join(verdict.split()) in " ".join(out.split())
+    for quoted in (*settings.splitlines(), *dimensions.splitlines(), verdict):
+        assert " ".join(quoted.split()) in " ".join(out.split())
     assert "Save TOML" in (clone / "edges.html").read_text(encoding="utf-8")
     assert len(read_graphml(clone / "graph.graphml")) > 1
     check_table(read_plan(clone / "plan" / "plan.json"))
-
-
-def is_row(quoted, printed):
-    """Whether a line begins with the words that are quoted; numbers may differ by a twentieth.
-
-    On another processor the search may end a little elsewhere.
-    """
-    if len(printed) < len(quoted):
-        return False
-    for wanted, found in zip(quoted, printed, strict=False):
-        try:
-            number = float(wanted.strip("(+"))
-            if abs(float(found.strip("(+")) - number) > 0.05 * abs(number):
-                return False
-        except ValueError:
-            if wanted != found:
-                return False
-    return True
 
 
 def check_table(plan):
@@ -103,8 +83,7 @@ def check_table(plan):
         assert f"{name} " in dimensions
         assert f"{dimension.permitted_error:g} mm" in dimensions
     (setting,) = plan.settings
-    quoted = [float(word) for word in poses.splitlines()[1].split()[1:4]]
-    assert quoted == pytest.approx(setting.cam2world[:3, 3], rel=0.05)
+    assert all(f"{value:.1f}" in poses for value in setting.cam2world[:3, 3])
 
 
 def test_the_dimensions_that_are_shown_are_those_of_the_file():

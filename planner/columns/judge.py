@@ -116,7 +116,7 @@ class Judge:
         probability = np.zeros(nearly.shape)
         if nearly.any():
             probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
-        # required is the probability that all holds; the other conditions keep reserves of three deviations
+        # required is that all holds: field and visibility keep reserves, lines nearby are left to the count
         sure = self._with_focus(cam2world, nearly, probability)
         nearly &= sure >= self.threshold - self._nearness.probability
         self._mask_invisible_around(cam2world, nearly, probability)

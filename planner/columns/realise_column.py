@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -64,7 +64,7 @@ def realise(
     """
     judge: Judge = shared.value
     request = judge.request.restricted_to(names)
-    x = None
+    best = None
     for objective in ("sum", "min"):
         try:
             # only of a single entity it is told why it is not inspected
@@ -72,11 +72,11 @@ def realise(
             setting = best_setting(request, seed, objective=objective, search=search, start=start)
         except InfeasibleError as error:
             return Outcome(reason=Reason.of(meaning(error), error))
-        if x is None or min(setting.probability.values()) > min(x.probability.values()):
-            x = setting
-        if min(x.probability.values()) >= request.probability or len(names) == 1:
+        if best is None or min(setting.probability.values()) > min(best.probability.values()):
+            best = setting
+        if min(best.probability.values()) >= request.probability or len(names) == 1:
             break
-    return Outcome(x)
+    return Outcome(best)
 
 
 def without_corners(judge: Judge) -> dict[str, Reason]:
@@ -241,6 +241,11 @@ def shortfalls(
         As `joint_counts` takes them.
     """
     bounds = joint_bounds(judge, cam2world, names, seed)
+    return missing(judge, bounds)
+
+
+def missing(judge: Judge, bounds: Mapping[str, tuple[float, int]]) -> dict[str, float]:
+    """Return the targets whose bounds of P_all are below what is required, and by how much; see `joint_bounds`."""
     return {
         name: max(judge.threshold - lower, _LEAST)
         for name, (lower, _) in bounds.items()

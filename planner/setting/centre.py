@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -228,8 +228,3 @@ def _hull_points(request: Request) -> Array:
 
     points = np.asarray(request.space.solid.vertices, dtype=np.float64)
     return np.asarray(points[ConvexHull(points).vertices])
-
-
-def as_values(share: LeastShare | None) -> dict[str, Any]:
-    """Return a share as plain values."""
-    return {} if share is None else {"condition": share.condition, "share": share.share}

@@ -18,7 +18,7 @@ from planner.columns.pool import ColumnPool
 from planner.columns.realise_column import (
     PosedOnly,
     joint_bounds,
-    keeps,
+    missing,
     promised_too_much,
     realise,
 )
@@ -140,13 +140,8 @@ class Run:
         if kept:
             bounds = joint_bounds(self.judge, setting.cam2world, kept, self.seed)
             self._bounds.update({(pose, name): bound for name, bound in bounds.items()})
-            self._excess.update(
-                {
-                    (pose, name, stated[name]): max(self.judge.threshold - lower, 1e-9)
-                    for name, (lower, _) in bounds.items()
-                    if not keeps(self.judge, lower)
-                }
-            )
+            short = missing(self.judge, bounds)
+            self._excess.update({(pose, name, stated[name]): short[name] for name in short})
         found = {
             name: self._excess[pose, name, probability] for name, probability in stated.items()
         }

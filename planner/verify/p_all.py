@@ -74,13 +74,6 @@ class JointCounts:
         """The same of all targets at once."""
         return lower_bound(self.together, self.n)
 
-    def most_frequent_failure(self, name: str) -> tuple[str, float] | None:
-        """Return what fails most often for a target, and in which share of the poses; None if nothing did."""
-        k = self.names.index(name)
-        kind = max(self.failures, key=lambda one: self.failures[one][k])
-        count = self.failures[kind][k]
-        return (kind, count / self.n) if count else None
-
 
 def lower_bound(successes: int, n: int) -> float:
     """Return the one-sided lower bound of a probability after so many successes in n trials."""

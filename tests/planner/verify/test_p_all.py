@@ -61,7 +61,6 @@ def test_rotation_alone_leaves_the_depth_of_field_as_often_as_the_normal_distrib
     counts, share = frequency(request, pose)
     assert within(share, norm.cdf(0.7))
     assert counts.failures["focus"][0] == N - counts.successes[0]
-    assert counts.most_frequent_failure("+z-y")[0] == "focus"
 
 
 def test_where_nothing_else_can_fail_it_is_the_probability_of_the_error():
