@@ -14,14 +14,17 @@ from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.effort.effort import NORMAL
 from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import default_workspace
+from planner.request.necessary import widest_view_mm
 from planner.request.request import Request
 from planner.request.target_space import TargetSpace
 from planner.verify.p_all import DisplacedChecks
 from planner.wanted.assumed import localisation_or_default, surfaces_or_default
 from planner.wanted.targets import Target
+from planner.wanted.witness_choice import WitnessChoice
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -172,7 +175,8 @@ def predict(
     if pose.shape != (4, 4):
         raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     how = options or InspectionOptions()
-    entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
+    choice = WitnessChoice(NORMAL.witnesses, widest_view_mm(camera))
+    entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True, choice=choice)
     box = (
         default_workspace(solid, camera)
         if how.workspace is None
@@ -206,8 +210,10 @@ def _prediction(
     request: Request, target: Target, cam2world: np.ndarray, observable: bool
 ) -> PosePrediction:
     """Say how sure a target is measured, and what keeps it from being measured."""
+    request = request.at_pose(cam2world, [target.name])
+    (target,) = request.targets
     described = target.description(request.means).describe(np.linalg.inv(cam2world))
-    constraints = request.restricted_to([target.name]).constraints
+    constraints = request.constraints
     margins = {
         name: float(margin.min()) for name, margin in constraints.margins(cam2world[None]).items()
     }

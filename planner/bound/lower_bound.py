@@ -40,7 +40,8 @@ from planner.bound.cliques import large_clique
 from planner.bound.dual_bound import LinearBound
 from planner.bound.excluded_pairs import find_conflicts
 from planner.bound.pose_space import PoseSpace
-from planner.bound.pose_tree import PoseTree
+from planner.bound.pose_tree import PoseTree, TargetLeaves
+from planner.bound.witness_sets import WitnessSets
 from planner.callbacks import NOBODY, Callbacks
 from planner.checkpoint import Checkpoint
 from planner.cover.relaxation import fractional_cover
@@ -102,36 +103,39 @@ def lower_bound(
             "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected.",
         )
     checkpoint = checkpoint or Checkpoint()
-    entity_idx = np.arange(len(request.names))
-    regions = _regions(request, entity_idx, executor)
+    witnesses = WitnessSets.of(request)
+    single = request.single
+    entity_idx = np.arange(len(single.names))
+    regions = _regions(single, entity_idx, executor)
     first = checkpoint.get("covers")
     if first is None:
         grown = checkpoint.get(_GROWING)
         conflict = (
-            find_conflicts(request, entity_idx, columns, regions, effort)
+            find_conflicts(single, entity_idx, witnesses.of_columns(columns), regions, effort)
             if grown is None
             else grown["conflict"]
         )
-        tree = PoseTree(request, entity_idx, regions, conflict)
+        tree = PoseTree(single, entity_idx, regions, conflict, witnesses.one_each(conflict))
         # a pair excludes each other for a reason of its own; so do the pairs of a clique
-        alone = max(1, len(large_clique(conflict)))
+        alone = max(1, len(large_clique(witnesses.targets_apart(conflict))))
         callbacks.bound(min(alone, n_settings))
         growing = _Growing(checkpoint, conflict)
-        proven = _by_covers(tree, columns, (alone, n_settings), growing, effort, callbacks)
+        leaves = TargetLeaves(tree, witnesses)
+        proven = _by_covers(leaves, columns, (alone, n_settings), growing, effort, callbacks)
         first = {"conflict": conflict, "bound": proven, "made": tree.made, "alone": alone}
     checkpoint.put("covers", first)
     checkpoint.put(_GROWING, None)
     callbacks.bound(first["bound"])
-    space = PoseSpace(request, entity_idx, regions, first["conflict"], effort)
+    conflict = witnesses.one_each(first["conflict"])
+    space = PoseSpace(single, entity_idx, regions, conflict, effort, witnesses)
     linear = LinearBound(space, columns, improve, checkpoint, callbacks, effort)
     nodes = max(0, effort.bound_nodes - first["made"])
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes)
     callbacks.report(effort.bound_nodes, effort.bound_nodes, "lower bound")
     if bound <= first["alone"]:
         return bound, exclusion_proof(request, bound)
-    return bound, _proof(
-        first["made"] + linear.made, int(first["conflict"].sum()) // 2, _items(request)
-    )
+    apart = int(witnesses.targets_apart(first["conflict"]).sum()) // 2
+    return bound, _proof(first["made"] + linear.made, apart, _items(request))
 
 
 def exclusive_entities(
@@ -161,9 +165,14 @@ def exclusive_entities(
     array of int (n,)
         Columns of the request, ascending. Whatever inspects all of them needs n settings; `exclusion_proof` says why.
     """
-    regions = _regions(request, entity_idx, executor)
-    conflict = find_conflicts(request, entity_idx, columns, regions, effort)
-    return entity_idx[large_clique(conflict)]
+    some = request.restricted_to([request.names[i] for i in entity_idx])
+    witnesses = WitnessSets.of(some)
+    single = some.single
+    every = np.arange(len(single.names))
+    regions = _regions(single, every, executor)
+    known = witnesses.of_columns(columns)
+    conflict = find_conflicts(single, every, known, regions, effort)
+    return entity_idx[large_clique(witnesses.targets_apart(conflict))]
 
 
 def exclusion_proof(request: Request, n: int) -> str:
@@ -185,7 +194,7 @@ def _items(request: Request) -> str:
 
 
 def _by_covers(
-    tree: PoseTree,
+    tree: TargetLeaves,
     columns: NDArray[np.bool_],
     between: tuple[int, int],
     growing: _Growing,
@@ -237,12 +246,12 @@ class _Growing:
         self._checkpoint = checkpoint
         self._conflict = conflict
 
-    def tell(self, tree: PoseTree, weights: _Weights, target: int, rounds: int) -> None:
+    def tell(self, tree: TargetLeaves, weights: _Weights, target: int, rounds: int) -> None:
         """Tell where a round begins."""
         rest = {"tree": tree.to_dict(), "rows": weights.rows, "target": target, "rounds": rounds}
         self._checkpoint.put(_GROWING, {"conflict": self._conflict, **rest})
 
-    def resume(self, tree: PoseTree, weights: _Weights) -> tuple[int, int] | None:
+    def resume(self, tree: TargetLeaves, weights: _Weights) -> tuple[int, int] | None:
         """Return the number of settings aimed at, and the rounds done, if this was told before."""
         grown = self._checkpoint.get(_GROWING)
         if grown is None:
@@ -273,7 +282,7 @@ def _proof(boxes: int, pairs: int, what: str = "edges") -> str:
 
 
 def _to_split(
-    tree: PoseTree, y: NDArray[np.float64], target: int, covering: TreeGrowth
+    tree: TargetLeaves, y: NDArray[np.float64], target: int, covering: TreeGrowth
 ) -> NDArray[np.int_] | None:
     """Choose the nodes to split to prove ``target``; none if nothing is left to split, None if it is proven."""
     weight = tree.sets @ y
@@ -300,7 +309,7 @@ def _to_split(
 
 
 def _above(
-    tree: PoseTree, y: NDArray[np.float64], target: int, covering: TreeGrowth
+    tree: TargetLeaves, y: NDArray[np.float64], target: int, covering: TreeGrowth
 ) -> NDArray[np.int_] | None:
     """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
     limit = float(y.sum()) / (target - 1) - _SLACK

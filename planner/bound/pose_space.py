@@ -20,6 +20,7 @@ from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
 from planner.bound.boxes.view import HALF, LOOK, SPAN, TURN, Entities, SearchTask, Segments
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.bound.segments import segments_of, view_of
+from planner.bound.witness_sets import WitnessSets
 from planner.effort.effort import NORMAL, Effort
 from planner.executors import THREADS
 from planner.request.positions import AROUND
@@ -65,6 +66,8 @@ class PoseSpace:
         Pairs that exclude each other.
     effort : Effort
         How the space is divided, and how closely boxes are looked at.
+    witnesses : WitnessSets, optional
+        Of which targets the entities are; weights and results are of targets then. Default: each is one.
     """
 
     def __init__(
@@ -74,8 +77,10 @@ class PoseSpace:
         regions: Cells,
         conflict: NDArray[np.bool_],
         effort: Effort = NORMAL,
+        witnesses: WitnessSets | None = None,
     ):
         self.effort = effort.bound
+        self.witnesses = witnesses or WitnessSets(np.arange(len(entity_idx)))
         self.view = view_of(request)
         self.conflict = np.ascontiguousarray(conflict)
         segments = segments_of(request, entity_idx)
@@ -126,6 +131,7 @@ class PoseSpace:
         """
         stop = np.zeros(1, dtype=bool)
         tick_s = self.effort.division.tick_s
+        y = y[self.witnesses.owner]
         tree = self._viewpoints(y, limit)
 
         def look(k: int, max_nodes: int) -> Found:
@@ -213,8 +219,11 @@ class PoseSpace:
                 y[inspected] *= self.effort.division.less * limit / y[inspected].sum()
             if outcome not in (FOUND, NEARLY) or len(poses) == most or made >= max_nodes:
                 break
-        found = np.array(poses).reshape(-1, 4, 4), np.array(sets, dtype=bool).reshape(-1, len(y))
-        return Found(FOUND if poses else outcome, made, *found, inspected & (outcome == SPENT))
+        to_targets = self.witnesses.to_targets
+        posed = np.array(poses).reshape(-1, 4, 4)
+        found = to_targets(np.array(sets, dtype=bool).reshape(-1, len(y)))
+        doubt = to_targets((inspected & (outcome == SPENT))[None])[0]
+        return Found(FOUND if poses else outcome, made, posed, found, doubt)
 
 
 def _cut(root: NDArray[np.float64], n: int) -> list[NDArray[np.float64]]:

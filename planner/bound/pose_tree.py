@@ -24,6 +24,7 @@ from planner.bound.node_sets import (
     separate,
 )
 from planner.bound.segments import frustum_of, segments_of
+from planner.bound.witness_sets import WitnessSets
 from planner.request.request import Request
 
 # nodes evaluated at a time; bounds the memory
@@ -48,6 +49,8 @@ class PoseTree:
         The cells of each entity's region.
     conflict : array of bool (e, e)
         Pairs that exclude each other.
+    one_each : array of bool (e, e), optional
+        Pairs of which only one counts in `weights`: these, and the witnesses of one target.
     """
 
     def __init__(
@@ -56,6 +59,7 @@ class PoseTree:
         entity_idx: NDArray[np.int_],
         regions: Cells,
         conflict: NDArray[np.bool_],
+        one_each: NDArray[np.bool_] | None = None,
     ):
         self.cells = regions.planes, regions.plane_start, regions.entity_start
         self.segments = segments_of(request, entity_idx)
@@ -65,6 +69,9 @@ class PoseTree:
         # two points in view: both are on the sensor, and both in focus
         room = np.array([2 * far * tan_x, 2 * far * tan_y, far - near])
         self._pairs = Pairs(self.segments.ends, 2 * cone, room, conflict)
+        # sets are not split between the witnesses of a target: both parts would hold it
+        counted = conflict if one_each is None else one_each
+        self._counted = self._pairs._replace(conflict=counted)
         self.made = 0
         self._plant(request.space.workspace)
 
@@ -127,7 +134,7 @@ class PoseTree:
         """Return how much one pose of each node can inspect at most, with weights y (e,) of the entities."""
         order = np.argsort(-y, kind="stable")
         return consistent_weights(
-            self._places(nodes), self._pairs, self.sets[nodes], y, order[y[order] > 0]
+            self._places(nodes), self._counted, self.sets[nodes], y, order[y[order] > 0]
         )
 
     def _places(self, nodes: NDArray[np.int_]) -> Places:
@@ -190,6 +197,58 @@ class PoseTree:
             self.sets[part] = possible
             typical = 0.5 * (self.frustum.near + min(self.frustum.far, 4 * self.frustum.near))
             self._extents[part] = np.column_stack([radius / typical, 1.4 * spread, turned])
+
+
+class TargetLeaves:
+    """The leaves of a tree of poses, whose sets are told as targets.
+
+    Parameters
+    ----------
+    tree : PoseTree
+        Its sets hold witnesses.
+    witnesses : WitnessSets
+        Of which targets they are.
+    """
+
+    def __init__(self, tree: PoseTree, witnesses: WitnessSets):
+        self._tree = tree
+        self._witnesses = witnesses
+        self._sets: NDArray[np.bool_] | None = None
+
+    @property
+    def sets(self) -> NDArray[np.bool_]:
+        """The targets (n, k) of each leaf."""
+        if self._sets is None:
+            self._sets = self._witnesses.to_targets(self._tree.sets)
+        return self._sets
+
+    @property
+    def made(self) -> int:
+        """Nodes made so far."""
+        return self._tree.made
+
+    @property
+    def size(self) -> NDArray[np.float64]:
+        """See `PoseTree.size`."""
+        return self._tree.size
+
+    def split(self, nodes: NDArray[np.int_], sets_first: bool = True) -> None:
+        """See `PoseTree.split`."""
+        self._tree.split(nodes, sets_first)
+        self._sets = None
+
+    def weights(self, nodes: NDArray[np.int_], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how much one pose of each node can inspect at most, with weights y (k,) of the targets."""
+        return self._tree.weights(nodes, y[self._witnesses.owner])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the leaves, for `regrow`."""
+        return self._tree.to_dict()
+
+    def regrow(self, leaves: Mapping[str, Any]) -> None:
+        """Go on from leaves of the same request."""
+        self._tree.regrow(leaves)
+        self._sets = None
 
 
 def _patch_frames(

@@ -104,12 +104,13 @@ def read_job(options: argparse.Namespace) -> Job:
         workspace=default_workspace(solid, camera) if box is None else box,
     )
     promise = Promise(options.accuracy, options.probability, options.seed)
-    request = resolve_request(solid, wanted.items, camera, uncertainty, promise, given).request
+    resolved = resolve_request(solid, wanted.items, camera, uncertainty, promise, given)
     if options.give_up is not None:
         # the usual effort depends on what is measured
-        given = replace(given, effort=request.effort.giving_up(options.give_up))
-        request = resolve_request(solid, wanted.items, camera, uncertainty, promise, given).request
-    return Job(request, solid, wanted, given, options.part, reading_of(options))
+        given = replace(given, effort=resolved.request.effort.giving_up(options.give_up))
+        resolved = resolve_request(solid, wanted.items, camera, uncertainty, promise, given)
+    wanted = replace(wanted, entities=resolved.entities)
+    return Job(resolved.request, solid, wanted, given, options.part, reading_of(options))
 
 
 def _lighting(options: argparse.Namespace) -> Lighting | None:

@@ -56,10 +56,20 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
         Poses; none if no such viewpoint was found.
     """
     rng = np.random.default_rng(derive_seed(seed, [name]))
-    own = judge.names.index(name)
-    sampler = ViewpointSampler(
-        cells_of(judge.space, [name]), judge.ends[own : own + 1], judge.camera
-    )
+    witnesses = np.flatnonzero(judge.request.owner == judge.names.index(name)).tolist()
+    # as many viewpoints altogether, whichever witness they look at
+    each = -(-n_viewpoints // len(witnesses))
+    poses = [_witness_poses(judge, own, each, rng) for own in witnesses]
+    return np.concatenate(poses)
+
+
+def _witness_poses(
+    judge: Judge, own: int, n_viewpoints: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Draw poses that look at one witness, a column of the single request."""
+    single = judge.single
+    cells = cells_of(single.space, [single.names[own]])
+    sampler = ViewpointSampler(cells, single.ends[own : own + 1], judge.camera)
     viewpoints = sampler.sample(n_viewpoints, rng)
     if not len(viewpoints):
         return np.zeros((0, 4, 4))
@@ -129,7 +139,7 @@ def _targets(
     judge: Judge, viewpoints: np.ndarray, own: int, rng: np.random.Generator
 ) -> np.ndarray:
     """Choose points to look at: the entity's middle, or a point between it and the middle of another one near it."""
-    middles = judge.ends.mean(axis=1)
+    middles = judge.single.ends.mean(axis=1)
     width = 2 * judge.camera.focus_distance_mm * np.tan(judge.camera.half_diagonal_rad)
     near = np.flatnonzero(np.linalg.norm(middles - middles[own], axis=1) < width)
     other = rng.choice(near, len(viewpoints))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.columns.judge import Judge
 from planner.columns.realise_column import best_supported, joint_counts, keeps
 from planner.effort.poses import Centring
@@ -48,7 +49,7 @@ def centre_setting(
         For the same targets, with their P_all.
     """
     judge: Judge = shared.value
-    request = judge.request.restricted_to(setting.entities)
+    request = judge.request.at_pose(setting.cam2world, setting.entities)
     # a line may come into view beyond a cliff, so shorter moves come next
     for first in range(min(2, len(centring.steps))):
         shorter = replace(centring, steps=centring.steps[first:])
@@ -90,10 +91,17 @@ def _loses(
     """
     own = judge.request
     for sigmas, poses, lost in ((1.0, _NEAR_POSES, give_up), (_FAR_SIGMAS, _FAR_POSES, _WORSE)):
-        covariance = sigmas**2 * own.pose_uncertainty.covariance
-        wide = replace(own, pose_uncertainty=type(own.pose_uncertainty)(covariance))
-        checks = DisplacedChecks(wide, before.entities)
-        was, now = (checks.count(one.cam2world, poses, seed).successes for one in (before, after))
+        wide = type(own.pose_uncertainty)(sigmas**2 * own.pose_uncertainty.covariance)
+        was, now = (_times_measured(judge, one, wide, poses, seed) for one in (before, after))
         if (np.array(was) - np.array(now) > lost * poses + 1).any():
             return True
     return False
+
+
+def _times_measured(
+    judge: Judge, setting: SensorSetting, displaced_by: PoseUncertainty, poses: int, seed: int
+) -> tuple[int, ...]:
+    """Return in how many displaced poses each target of a setting is measured."""
+    own = judge.request.at_pose(setting.cam2world, setting.entities)
+    checks = DisplacedChecks(replace(own, pose_uncertainty=displaced_by), setting.entities)
+    return checks.count(setting.cam2world, poses, seed).successes

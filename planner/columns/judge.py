@@ -71,8 +71,11 @@ class Judge:
         self.accuracy = request.accuracy
         self.threshold = request.probability
         self.requirements = request.requirements
-        self.constraints = request.constraints
+        # each witness is judged for itself; a pose inspects a target by any of them
+        self.single = request.single
+        self.constraints = self.single.constraints
         self.ends = request.ends
+        self._by_witness = _ByWitness(request.owner) if request.has_choice else None
         nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
@@ -112,17 +115,19 @@ class Judge:
     def _judge(self, cam2world: np.ndarray, prices: np.ndarray | None) -> Judgement:
         missed = self._missed(cam2world)
         nearly = missed <= 1.0
-        _drop_worthless(nearly, prices)
+        worth = _Worth(prices, self._by_witness)
+        worth.drop_worthless(nearly)
         probability = np.zeros(nearly.shape)
         if nearly.any():
-            probability[nearly] = self.request.objective.probability_where(cam2world, nearly)
+            probability[nearly] = self.single.objective.probability_where(cam2world, nearly)
         # required is that all holds: field and visibility keep reserves, lines nearby are left to the count
         sure = self._with_focus(cam2world, nearly, probability)
         nearly &= sure >= self.threshold - self._nearness.probability
         self._mask_invisible_around(cam2world, nearly, probability)
-        shown = self._detectable(cam2world, nearly, probability, prices)
+        shown = self._detectable(cam2world, nearly, probability, worth)
         inspects = (missed == 0.0) & nearly & shown & (sure >= self.threshold)
-        return Judgement(inspects, nearly, probability, np.exp(-missed))
+        judged = Judgement(inspects, nearly, probability, np.exp(-missed))
+        return judged if self._by_witness is None else self._by_witness.of_targets(judged)
 
     def _with_focus(
         self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray
@@ -136,7 +141,7 @@ class Judge:
 
     def _missed(self, cam2world: np.ndarray) -> np.ndarray:
         """Return how far the worst constraint of each entity is missed, in units of its tolerance; (n, k), 0 is met."""
-        missed = np.zeros((len(cam2world), len(self.names)))
+        missed = np.zeros((len(cam2world), len(self.single.names)))
         for name, margin in self.constraints.margins(cam2world, self.constraints.of_image).items():
             missed = np.maximum(missed, self._short(name, margin))
         for name in self.constraints.constraint_names:
@@ -161,7 +166,7 @@ class Judge:
     def _mask_invisible(self, cam2world: np.ndarray, missed: np.ndarray) -> None:
         """Ask for visibility, the costly constraint, only where the others leave hope."""
         hopeful = missed < self._nearness.hopeless
-        seen = visible_where(self.space, cam2world[:, :3, 3], self.names, hopeful)
+        seen = visible_where(self.single.space, cam2world[:, :3, 3], self.single.names, hopeful)
         missed[hopeful & ~seen] = np.inf
 
     def _mask_invisible_around(
@@ -171,7 +176,8 @@ class Judge:
         radius = self.requirements.visibility_radius_mm
         if radius <= 0 or not nearly.any():
             return
-        seen = visible_where(self.space, cam2world[:, :3, 3], self.names, nearly, radius)
+        single = self.single
+        seen = visible_where(single.space, cam2world[:, :3, 3], single.names, nearly, radius)
         probability[nearly & ~seen] = 0.0
         nearly &= seen
 
@@ -180,14 +186,14 @@ class Judge:
         cam2world: np.ndarray,
         nearly: np.ndarray,
         probability: np.ndarray,
-        prices: np.ndarray | None,
+        worth: _Worth,
     ) -> np.ndarray:
         """Return who can be found in the image (n, k), asked only of what would otherwise be inspected."""
         shown = np.ones_like(nearly)
         for name in self.constraints.shows if nearly.any() else ():
             image = self.constraints.image
-            for some in _most_worthy_first(
-                nearly, prices, self._nearness.first if name == "corner_deg" else 0
+            for some in worth.most_worthy_first(
+                nearly, self._nearness.first if name == "corner_deg" else 0
             ):
                 wanted = nearly & some
                 margin = (
@@ -202,25 +208,57 @@ class Judge:
         return shown
 
 
-def _most_worthy_first(
-    nearly: np.ndarray, prices: np.ndarray | None, n: int
-) -> Iterator[np.ndarray]:
-    """Yield who is to be asked of (n, k), and drop what is worth too little by then.
+class _ByWitness:
+    """From witnesses (w) to the targets (k) that they are of."""
 
-    First the n entities of each pose that are worth most, if any, then the others.
-    """
-    if prices is None:
-        yield np.ones_like(nearly)
-        return
-    by_worth = np.argsort(-prices, kind="stable")
-    first = np.zeros_like(nearly)
-    first[:, by_worth] = nearly[:, by_worth] & (np.cumsum(nearly[:, by_worth], axis=1) <= n)
-    for some in (first, ~first) if n else (~first,):
-        _drop_worthless(nearly, prices)
-        yield some
+    def __init__(self, owner: np.ndarray):
+        self.owner = owner
+        self._first = np.flatnonzero(np.diff(owner, prepend=-1))
+
+    def any(self, flags: np.ndarray) -> np.ndarray:
+        """Return for which targets a witness is flagged; (n, k) of (n, w)."""
+        return np.asarray(np.logical_or.reduceat(flags, self._first, axis=1))
+
+    def largest(self, values: np.ndarray) -> np.ndarray:
+        """Return the largest value of any witness; (n, k) of (n, w)."""
+        return np.asarray(np.maximum.reduceat(values, self._first, axis=1))
+
+    def of_targets(self, judged: Judgement) -> Judgement:
+        """Return what poses inspect by any witness, with the probability of the best one that counts."""
+        inspects = self.any(judged.inspects)
+        sure = self.largest(np.where(judged.inspects, judged.probability, 0.0))
+        probability = np.where(inspects, sure, self.largest(judged.probability))
+        return Judgement(
+            inspects, self.any(judged.nearly), probability, self.largest(judged.promise)
+        )
 
 
-def _drop_worthless(nearly: np.ndarray, prices: np.ndarray | None) -> None:
-    """Clear the rows of what poses nearly inspect (n, k) that are worth no more than 1."""
-    if prices is not None:
-        nearly &= (nearly @ prices > 1.0 + 1e-6)[:, None]
+class _Worth:
+    """What the targets of poses are worth; without prices everything is worth looking at."""
+
+    def __init__(self, prices: np.ndarray | None, by_witness: _ByWitness | None):
+        self._prices = prices
+        self._by_witness = by_witness
+
+    def most_worthy_first(self, nearly: np.ndarray, n: int) -> Iterator[np.ndarray]:
+        """Yield who is to be asked of (n, w), and drop what is worth too little by then.
+
+        First the n of each pose that are worth most, if any, then the others.
+        """
+        if self._prices is None:
+            yield np.ones_like(nearly)
+            return
+        prices = self._prices if self._by_witness is None else self._prices[self._by_witness.owner]
+        by_worth = np.argsort(-prices, kind="stable")
+        first = np.zeros_like(nearly)
+        first[:, by_worth] = nearly[:, by_worth] & (np.cumsum(nearly[:, by_worth], axis=1) <= n)
+        for some in (first, ~first) if n else (~first,):
+            self.drop_worthless(nearly)
+            yield some
+
+    def drop_worthless(self, nearly: np.ndarray) -> None:
+        """Clear the rows of what poses nearly inspect (n, w) that are worth no more than 1."""
+        if self._prices is None:
+            return
+        targets = nearly if self._by_witness is None else self._by_witness.any(nearly)
+        nearly &= (targets @ self._prices > 1.0 + 1e-6)[:, None]

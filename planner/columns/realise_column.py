@@ -14,6 +14,7 @@ from planner.columns.outcome import Outcome
 from planner.columns.perturb import perturbed
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
+from planner.request.request import Request
 from planner.setting.infeasible import missing_corners
 from planner.setting.plan_setting import best_setting
 from planner.setting.pose_setting import setting_at, without
@@ -63,7 +64,30 @@ def realise(
         The setting (it may miss the threshold for some entities), or the reason why there is none.
     """
     judge: Judge = shared.value
-    request = judge.request.restricted_to(names)
+    if start is not None:
+        return _realised(judge, judge.request.at_pose(start[0], names), seed, start)
+    # without a pose to go by, each witness of the target is tried until one serves
+    outcome = Outcome()
+    for k in range(max(len(judge.request.find_target(name).witnesses) for name in names)):
+        chosen = {
+            name: min(k, len(judge.request.find_target(name).witnesses) - 1) for name in names
+        }
+        tried = _realised(judge, judge.request.choosing(chosen, names), seed, start)
+        if outcome.setting is None or _least(tried) > _least(outcome):
+            outcome = outcome if tried.setting is None and k else tried
+        if _least(outcome) >= judge.request.probability:
+            break
+    return outcome
+
+
+def _least(outcome: Outcome) -> float:
+    """Return the least probability that a run reached; below 0 if it found no setting."""
+    return -1.0 if outcome.setting is None else min(outcome.setting.probability.values())
+
+
+def _realised(judge: Judge, request: Request, seed: int, start: np.ndarray | None) -> Outcome:
+    """Look for a setting that inspects all targets of a request, each by its only witness."""
+    names = request.names
     best = None
     for objective in ("sum", "min"):
         try:
@@ -83,7 +107,7 @@ def without_corners(judge: Judge) -> dict[str, Reason]:
     """Return the entities that no pose can inspect as they lack a corner that is asked for, and the reason."""
     return {
         name: Reason.of(meaning(error), error)
-        for name, error in missing_corners(judge.constraints).items()
+        for name, error in missing_corners(judge.request.first.constraints).items()
     }
 
 
@@ -197,7 +221,7 @@ def joint_counts(
     at_least : int
         Displaced poses at least.
     """
-    checks = DisplacedChecks(judge.request, names)
+    checks = DisplacedChecks(judge.request.at_pose(cam2world, names), names)
     n = poses_needed(judge.threshold, max(at_least, judge.effort.support.joint_poses))
     return checks.count(cam2world, n, seed)
 
@@ -272,7 +296,7 @@ def _excess(
     """Simulate a setting; return by how much it promises too much for each entity."""
     rates = simulate_setting(
         setting,
-        judge.request.measured,
+        judge.request.at_pose(setting.cam2world, setting.entities).measured,
         judge.camera,
         judge.request.pose_uncertainty,
         accuracy=judge.accuracy,

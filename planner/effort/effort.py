@@ -34,6 +34,9 @@ class Effort:
     cover_nodes : int
         Largest number of nodes of the integer programming solver for one cover. It is a tenth while
         the program tries optimistic columns.
+    witnesses : int
+        Largest number of sets of entities that the program considers for one dimension. A model may
+        offer more.
 
     pricing : Pricing
         How the program draws and improves candidate poses. The default of this and the following
@@ -75,6 +78,7 @@ class Effort:
     refutations: int = 30
     bound_nodes: int = 8_000_000
     cover_nodes: int = 1000
+    witnesses: int = 4
     pricing: Pricing = field(default_factory=Pricing)
     nearness: Nearness = field(default_factory=Nearness)
     support: Support = field(default_factory=Support)
@@ -144,7 +148,7 @@ class Effort:
     def __post_init__(self) -> None:
         for name in ("pricing_rounds", "refutations", "bound_nodes"):
             check_count(name, getattr(self, name), 0)
-        for name in ("viewpoints", "cover_nodes"):
+        for name in ("viewpoints", "cover_nodes", "witnesses"):
             check_count(name, getattr(self, name), 1)
         for name in ("pricing", "nearness", "support", "centring", "cover", "bound", "stages"):
             check_record(name, getattr(self, name))
@@ -152,12 +156,13 @@ class Effort:
 
 # what is searched with where nothing is said
 NORMAL = Effort()
-QUICK = Effort(pricing_rounds=20, refutations=4, bound_nodes=400_000, cover_nodes=200)
+QUICK = Effort(pricing_rounds=20, refutations=4, bound_nodes=400_000, cover_nodes=200, witnesses=2)
 THOROUGH = Effort(
     viewpoints=200,
     pricing_rounds=200,
     refutations=120,
     bound_nodes=40_000_000,
     cover_nodes=4000,
+    witnesses=8,
 )
 _PRESETS = {"quick": QUICK, "standard": NORMAL, "thorough": THOROUGH}

@@ -18,9 +18,11 @@ from planner.identity.inspection_request import InspectionRequest, PartRecord, R
 from planner.identity.target_record import target_records
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_seed, default_workspace
+from planner.request.necessary import widest_view_mm
 from planner.wanted.assumed import localisation_or_default, surfaces_or_default
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import Target, check_is_edge, edge_targets
+from planner.wanted.witness_choice import WitnessChoice
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -95,7 +97,7 @@ def resolve_request(
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
     found_by = localisation_or_default(options.localisation, items.values())
     options = replace(options, localisation=found_by)
-    entities, targets = _resolved(solid, items, accuracy, options)
+    entities, targets = _resolved(solid, items, camera, accuracy, options)
     known = {
         "part": PartRecord.of(part),
         "targets": target_records(entities, targets),
@@ -147,7 +149,11 @@ def promised(
 
 
 def _resolved(
-    solid: Solid, items: Mapping[str, Any], accuracy: float, options: InspectionOptions
+    solid: Solid,
+    items: Mapping[str, Any],
+    camera: Camera,
+    accuracy: float,
+    options: InspectionOptions,
 ) -> tuple[Mapping[str, Any], tuple[Target, ...]]:
     """Return the entities and the targets."""
     from aspectgraph import resolve_entities
@@ -165,7 +171,9 @@ def _resolved(
         for name, entity in entities.items():
             check_is_edge(name, entity)
         return entities, edge_targets(entities, tuple(entities))
-    return resolve_wanted(solid, items, accuracy, as_lengths=not rounded)
+    effort = options.effort or Effort.for_dimensions()
+    choice = WitnessChoice(effort.witnesses, widest_view_mm(camera))
+    return resolve_wanted(solid, items, accuracy, as_lengths=not rounded, choice=choice)
 
 
 def _named(solid: Solid, entities: Sequence[Any]) -> Mapping[str, Any]:

@@ -85,6 +85,8 @@ class TargetRecord:
         Part of the tolerance's half width that is permitted as error.
     direction : tuple of float or None
         Of a distance.
+    alternatives : tuple of tuple of EntityRecord
+        Other sets of entities that give the value.
     """
 
     name: str
@@ -95,12 +97,16 @@ class TargetRecord:
     tolerance: tuple[float, float] | None = None
     share: float | None = None
     direction: tuple[float, float, float] | None = None
+    alternatives: tuple[tuple[EntityRecord, ...], ...] = ()
 
     @classmethod
     def of(cls, target: Target, entities: Mapping[str, Any]) -> TargetRecord:
         """Return the record of a target whose entities are known by name."""
-        witness = target.witness
-        seen = tuple(EntityRecord.of(name, entities[name]) for name in witness.entities)
+        witness = target.witnesses[0]
+        seen, *others = (
+            tuple(EntityRecord.of(name, entities[name]) for name in one.entities)
+            for one in target.witnesses
+        )
         if not isinstance(target, DimensionTarget):
             return cls(target.name, EDGE, witness.ends, seen)
         dimension = target.dimension
@@ -113,18 +119,24 @@ class TargetRecord:
             dimension.tolerance,
             None if dimension.tolerance is None else dimension.share,
             dimension.direction,
+            tuple(others),
         )
 
     def item_of(self, solid: Solid) -> Any:
         """Return the target as `plan_inspection` takes it."""
-        entities = tuple(record.entity_of(solid) for record in self.entities)
+        entities, *others = (
+            tuple(record.entity_of(solid) for record in way)
+            for way in (self.entities, *self.alternatives)
+        )
         if self.kind == EDGE:
             return entities[0]
         if self.tolerance is None:
             error: dict[str, Any] = {"max_error": self.permitted_error}
         else:
             error = {"tolerance": self.tolerance, "share": self.share}
-        return Dimension(self.kind, entities, direction=self.direction, **error)
+        return Dimension(
+            self.kind, entities, direction=self.direction, alternatives=tuple(others), **error
+        )
 
 
 def target_records(

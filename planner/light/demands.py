@@ -14,6 +14,7 @@ from errors.measurands import Circle
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.light.background import Backdrop, backdrops
+from planner.wanted.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -127,19 +128,22 @@ def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) ->
     RequestError
         If the part lacks an edge, rim or arc of the plan.
     """
-    parts = {
-        name: _parts(plan, solid, name) for setting in plan.settings for name in setting.entities
-    }
+    known: dict[tuple[str, int], tuple[Entity, ...]] = {}
     radius = plan.requirements.get("visibility_radius_mm", 0.0)
     pixel = max(plan.camera.pixel_pitch_mm) / plan.camera.image_distance_mm
     demands = Demands()
     for k, setting in enumerate(plan.settings):
         eye = np.asarray(setting.cam2world, dtype=np.float64)[:3, 3]
+        targets = targets_of(plan.targets, setting)
         for name in setting.entities:
+            key = name, id(targets[name])
+            if key not in known:
+                known[key] = _parts(targets[name], solid, name)
+            parts = known[key]
             regions = []
             behind = []
             has_silhouette = False
-            for entity in parts[name]:
+            for entity in parts:
                 for seen in seen_as(solid, entity, eye, radius):
                     own = backdrops(solid, scene, eye, entity, seen, pixel)
                     has_silhouette |= bool(seen)
@@ -156,7 +160,7 @@ def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) ->
             demands.pairs.append(
                 Pair(k, name, tuple(dict.fromkeys(regions)), has_silhouette, tuple(behind))
             )
-            demands.edge_ids.append(parts[name][0].edge_ids if plan.targets[name].in_image else ())
+            demands.edge_ids.append(parts[0].edge_ids if targets[name].in_image else ())
     return demands
 
 
@@ -181,13 +185,13 @@ def seen_as(
         yield sure | open_ones
 
 
-def _parts(plan: PlanToLight, solid: Solid, name: str) -> tuple[Entity, ...]:
+def _parts(target: PlannedTarget, solid: Solid, name: str) -> tuple[Entity, ...]:
     """Return the edges, rims and arcs that something measured consists of."""
     return tuple(
         _curve(solid, name, item)
         if isinstance(item, Circle)
         else _line(solid, name, (item.p, item.q))
-        for item in plan.targets[name].geometry
+        for item in target.geometry
     )
 
 

@@ -175,9 +175,9 @@ def _space(plan: InspectionPlan, regions: Space) -> Space:
     return TargetSpace(
         regions,
         {
-            name: Seen([target.entities], plan.entities[name])
+            name: Seen(target.ways, plan.entities[name])
             for name, target in plan.targets.items()
-            if known.issuperset(target.entities)
+            if all(known.issuperset(way) for way in target.ways)
         },
     )
 

@@ -37,7 +37,8 @@ from planner.report.wording import (
     window_texts,
 )
 from planner.verify.simulate_setting import CONFIRMED
-from planner.wanted.planned import tolerance_text, words_of
+from planner.wanted.planned import targets_of, words_of
+from planner.wanted.tolerance_texts import tolerance_text
 
 if TYPE_CHECKING:
     from aspectgraph import Edge, EdgeEnd, EntityAspectGraph, Solid
@@ -232,19 +233,23 @@ def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, 
     columns = [Column(words.items[0]), Column("setting", right=True)]
     if words.requirement_column:
         columns.append(Column("measured"))
+    several = any(len(target.ways) > 1 for target in plan.targets.values())
+    columns += [Column("by")] if several else []
     counted = any(setting.p_all for setting in plan.settings)
     columns += [Column("P_all", right=True)] if counted else []
     columns += [Column("P", right=True), Column("simulated")]
     rows: list[tuple[Cell, ...]] = []
     for k, setting in enumerate(plan.settings):
         rates = plan.simulation.rates[k] if plan.simulation else {}
+        targets = targets_of(plan.targets, setting)
         for name in setting.entities:
             stated = [setting.promise[name]] if counted else []
             stated.append(setting.probability[name])
             texts = [probability_text(p, plan.probability) for p in stated]
             simulated = _interval(rates.get(name))
             measured = [_measured(plan.targets[name])] if words.requirement_column else []
-            rows.append((name, str(k + 1), *measured, *texts, simulated))
+            by = [", ".join(targets[name].entities)] if several else []
+            rows.append((name, str(k + 1), *measured, *by, *texts, simulated))
     return columns, rows
 
 

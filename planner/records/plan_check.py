@@ -41,6 +41,7 @@ def check_plan(data: Mapping[str, Any]) -> None:
             ]
             _check_keys(setting["measurements"], dimensions, "settings", k, "measurements")
         _check_windows(setting, k)
+        _check_witnesses(setting, data.get("dimensions", {}), k)
         _check_promises(setting, data, k)
     _check_everyone_once(data)
     _check_bound(data)
@@ -106,6 +107,17 @@ def _check_geometry(data: Mapping[str, Any]) -> None:
     for name, (start, end) in data["entities"].items():
         if start == end:
             _refuse(field_name("entities", name), "must have two different ends", [start, end])
+
+
+def _check_witnesses(setting: Mapping[str, Any], dimensions: Mapping[str, Any], k: int) -> None:
+    """Check that a setting uses witnesses that its dimensions have."""
+    for name, number in setting.get("witness", {}).items():
+        where = field_name("settings", k, "witness", name)
+        if name not in setting["entities"]:
+            _refuse(where, "must be of an item of the setting", name)
+        n = len(dimensions.get(name, {}).get("witnesses", ()))
+        if number >= n:
+            _refuse(where, f"must be below {n}, the number of its witnesses", number)
 
 
 def _check_dimensions(data: Mapping[str, Any]) -> None:

@@ -22,6 +22,7 @@ from errors.formatting import probability_text
 from planner.progress.time_left import TimeLeft
 from planner.report.outlines import polylines
 from planner.report.views import EVERYTHING, SceneFrame, box_around, plan_views
+from planner.request.target_space import TargetSpace
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.request.space import Space
-    from planner.setting.sensor_setting import SensorSetting
+from planner.setting.sensor_setting import SensorSetting
 
 # after Okabe and Ito (2008), and Tol (2021): told apart with any colour vision
 COLORS = (
@@ -87,7 +88,9 @@ def plan_figure(
     traces = [] if solid is None else part_traces(solid)
     for k, setting in enumerate(plan.settings):
         group = f"setting {k + 1}"
-        lines = [(name, line) for name in setting.entities for line in polylines(plan, name)]
+        lines = [
+            (name, line) for name in setting.entities for line in polylines(plan, name, setting)
+        ]
         traces.append(_entity_trace(lines, color_of(k), group))
         traces.append(_frustum_trace(setting, plan.camera, k, group))
     hidden = [line for name in plan.uninspectable for line in polylines(plan, name)]
@@ -102,7 +105,8 @@ def plan_figure(
         for k, setting in enumerate(plan.settings):
             if not time_left.fits_another():
                 break
-            facets = domain_facets(space.covering_cells(list(setting.entities)), solid, frame.box)
+            own = space.choosing(setting.witness) if isinstance(space, TargetSpace) else space
+            facets = domain_facets(own.covering_cells(list(setting.entities)), solid, frame.box)
             name = f"domains of setting {k + 1}"
             traces.append(
                 surface_trace(

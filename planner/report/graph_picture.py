@@ -21,6 +21,7 @@ from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.node_places import layout
 from planner.progress import report
 from planner.progress.time_left import TimeLeft
+from planner.wanted.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph
@@ -145,7 +146,8 @@ def needed_entities(plan: InspectionPlan, setting: SensorSetting) -> list[str]:
     setting : SensorSetting
         One of its settings.
     """
-    lists = (plan.targets[name].entities for name in setting.entities)
+    targets = targets_of(plan.targets, setting)
+    lists = (targets[name].entities for name in setting.entities)
     return list(dict.fromkeys(entity for one in lists for entity in one))
 
 

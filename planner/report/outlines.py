@@ -9,15 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import Circle
+from planner.wanted.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Arc, Solid
     from planner.plan import InspectionPlan
+    from planner.setting.sensor_setting import SensorSetting
 
 _PARTS_OF_CIRCLE = 96
 
 
-def polylines(plan: InspectionPlan, name: str) -> list[NDArray[np.float64]]:
+def polylines(
+    plan: InspectionPlan, name: str, setting: SensorSetting | None = None
+) -> list[NDArray[np.float64]]:
     """Return one polyline (n, 3) per edge, line or circle of what is measured, mm.
 
     Parameters
@@ -26,6 +30,8 @@ def polylines(plan: InspectionPlan, name: str) -> list[NDArray[np.float64]]:
         The plan.
     name : str
         One of its entities or dimensions.
+    setting : SensorSetting, optional
+        Measures it. Default: the first that does.
 
     Returns
     -------
@@ -33,7 +39,10 @@ def polylines(plan: InspectionPlan, name: str) -> list[NDArray[np.float64]]:
         Two points of a line, a fine polygon of a circle or arc.
     """
     found = []
-    for one in plan.targets[name].geometry:
+    if setting is None:
+        setting = next((one for one in plan.settings if name in one.entities), None)
+    targets = plan.targets if setting is None else targets_of(plan.targets, setting)
+    for one in targets[name].geometry:
         if isinstance(one, Circle):
             n = max(2, round(_PARTS_OF_CIRCLE * one.span_rad / (2 * np.pi)))
             found.append(one.points(np.linspace(0.0, one.span_rad, n + 1)))
@@ -42,7 +51,9 @@ def polylines(plan: InspectionPlan, name: str) -> list[NDArray[np.float64]]:
     return found
 
 
-def drawn(plan: InspectionPlan, names: Iterable[str]) -> dict[str, NDArray[np.float64]]:
+def drawn(
+    plan: InspectionPlan, names: Iterable[str], setting: SensorSetting | None = None
+) -> dict[str, NDArray[np.float64]]:
     """Return what a picture highlights by name: ends of an edge (2, 3), segments of a dimension (s, 2, 3), mm.
 
     Parameters
@@ -51,6 +62,8 @@ def drawn(plan: InspectionPlan, names: Iterable[str]) -> dict[str, NDArray[np.fl
         The plan.
     names : iterable of str
         Some of its entities and dimensions.
+    setting : SensorSetting, optional
+        Measures them. Default: of each the first that does.
 
     Returns
     -------
@@ -59,7 +72,7 @@ def drawn(plan: InspectionPlan, names: Iterable[str]) -> dict[str, NDArray[np.fl
     """
     found = {}
     for name in names:
-        lines = polylines(plan, name)
+        lines = polylines(plan, name, setting)
         pairs = [np.stack([line[:-1], line[1:]], axis=1) for line in lines]
         # the ends of an edge are marked
         found[name] = lines[0] if plan.targets[name].in_image else np.concatenate(pairs)

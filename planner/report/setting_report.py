@@ -17,6 +17,7 @@ from planner.report.predicted_image import PictureMaker
 from planner.report.setting_table import (
     binding_sentence,
     focus_note,
+    passed_over_sentence,
     setting_table,
     stance,
 )
@@ -136,7 +137,8 @@ def _setting(plan: InspectionPlan, k: int, table: str, shots: str) -> str:
         f"quaternion x y z w = ({x:.6f}, {y:.6f}, {z:.6f}, {w:.6f})</span>"
         f'<button data-view="setting-{k + 1}">Show in 3-D</button></div>'
         f'{shots}<div class="scroll">{table}</div>'
-        f"<p>{escape(binding_sentence(plan, setting))} {escape(focus_note(plan, setting))}</p>"
+        f"<p>{escape(binding_sentence(plan, setting))} {escape(focus_note(plan, setting))} "
+        f"{escape(passed_over_sentence(setting))}</p>"
         f'<p class="note">Margins: {escape("; ".join(margin_texts(setting.margins)))}.</p>{lamps}</section>'
     )
 
@@ -144,7 +146,7 @@ def _setting(plan: InspectionPlan, k: int, table: str, shots: str) -> str:
 def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> str:
     """Return predicted image and edge map; next to each the targets enlarged, if they are small in the image."""
     pose = plan.settings[k].cam2world
-    entities = drawn(plan, plan.settings[k].entities)
+    entities = drawn(plan, plan.settings[k].entities, plan.settings[k])
     color = color_of(k)
     images = plan.light.images[k] if plan.light is not None else ()
     lamp = plan.light.lamps[list(images[0].lamps)] if plan.light is not None and images else None

@@ -22,13 +22,14 @@ from planner.verify.simulate_setting import (
     TOLERATED,
     UNSTATED,
 )
-from planner.wanted.planned import words_of
+from planner.wanted.planned import targets_of, words_of
 from planner.wanted.target_words import TargetWords
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.setting.sensor_setting import SensorSetting
     from planner.verify.simulate_setting import SuccessRate
+    from planner.wanted.planned import PlannedTarget
 
 # margins are kept up to the rounding of a search that ends at them
 _ROUNDING = 1e-3
@@ -119,7 +120,7 @@ def _rows(plan: InspectionPlan, one: Row, words: TargetWords, promised: Promised
     target = plan.targets[one.name]
     values = {
         "": escape(one.name),
-        f"n:{words.value_head}": words.value.format(target),
+        f"n:{words.value_head}": words.value.format(target) + _by(one, target),
         "n:Permitted error": permitted(one, target),
         "Budget": budget_bar(one),
         **promised.cells(one.promise, one.probability),
@@ -131,6 +132,24 @@ def _rows(plan: InspectionPlan, one: Row, words: TargetWords, promised: Promised
         else ""
     )
     return cells(values) + below
+
+
+def _by(one: Row, target: PlannedTarget) -> str:
+    """Say by which entities a target is measured, where others could, too."""
+    if len(target.ways) == 1:
+        return ""
+    text = f"by {', '.join(one.entities)}, one of {len(target.ways)} ways"
+    return f'<br><span class="note">{escape(text)}</span>'
+
+
+def passed_over_sentence(setting: SensorSetting) -> str:
+    """Say why targets are not measured by their other entities in a setting; empty if there are none."""
+    parts = [
+        f"{name} by {entities}: {why}"
+        for name, others in setting.passed_over.items()
+        for entities, why in others.items()
+    ]
+    return f"Other ways to measure, not used here: {'; '.join(parts)}." if parts else ""
 
 
 def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
@@ -186,7 +205,8 @@ def _focus_sigmas(plan: InspectionPlan, setting: SensorSetting) -> float:
 
 def _points(plan: InspectionPlan, setting: SensorSetting) -> np.ndarray:
     """Return the points (n, 3) that a setting measures, mm."""
-    return np.concatenate([plan.targets[name].points for name in setting.entities])
+    targets = targets_of(plan.targets, setting)
+    return np.concatenate([targets[name].points for name in setting.entities])
 
 
 def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:

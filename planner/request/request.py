@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,8 +16,10 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.request.constraints import Constraints, Requirements
 from planner.request.objective import Objective
 from planner.request.space import Space
+from planner.request.target_space import TargetSpace, entity_space
+from planner.request.witnesses import Witnesses, best_witnesses
 from planner.wanted.models import Means
-from planner.wanted.targets import Target, edge_targets
+from planner.wanted.targets import Target, edge_targets, witness_name
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
@@ -50,6 +52,8 @@ class Request:
         How well points are found in the image. Default: the paper's, both ends of an edge on whole pixels.
     surfaces_mm : float
         Standard deviation of a face's position along its normal, mm; for dimensions.
+    chosen : mapping of str to int
+        Which of its witnesses a target has here, where it had several; see `at_pose`.
 
     Raises
     ------
@@ -67,6 +71,7 @@ class Request:
     targets: tuple[Target, ...] = ()
     localisation: Localisation | None = None
     surfaces_mm: float = 0.0
+    chosen: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
@@ -81,12 +86,12 @@ class Request:
 
     @property
     def ends(self) -> NDArray[np.float64]:
-        """Ends of the entities in the part's frame, shape (k, 2, 3), mm."""
-        return self.constraints.ends
+        """Ends of the entities in the part's frame, shape (k, 2, 3), mm; of a target's first witness."""
+        return np.array([target.witnesses[0].ends for target in self.targets], dtype=np.float64)
 
     @cached_property
     def constraints(self) -> Constraints:
-        """The constraints of a setting that inspects all that is wanted."""
+        """The constraints of a setting that inspects all that is wanted; each target has one witness."""
         return Constraints(self.space, self.names, self.camera, self.requirements, self.targets)
 
     @cached_property
@@ -113,6 +118,90 @@ class Request:
         """Return the same request for some of the entities."""
         by_name = dict(zip(self.names, self.targets, strict=True))
         return replace(self, names=tuple(names), targets=tuple(by_name[name] for name in names))
+
+    @property
+    def has_choice(self) -> bool:
+        """Whether a target has several witnesses."""
+        return any(len(target.witnesses) > 1 for target in self.targets)
+
+    @cached_property
+    def single(self) -> Request:
+        """The same request with each witness a target of its own; itself, where no target has several."""
+        if not self.has_choice:
+            return self
+        targets = [
+            target.choosing(k, witness_name(target, k))
+            for target in self.targets
+            for k in range(len(target.witnesses))
+        ]
+        return self._of_targets(targets, {})
+
+    @cached_property
+    def owner(self) -> NDArray[np.int_]:
+        """Which target each of those is a witness of, as a column of the request; ascending, (w,)."""
+        return np.repeat(
+            np.arange(len(self.targets)), [len(target.witnesses) for target in self.targets]
+        )
+
+    @property
+    def witnesses(self) -> Witnesses:
+        """All witnesses with what is asked of them."""
+        return Witnesses(self.single.constraints, self.single.objective, self.owner)
+
+    @cached_property
+    def first(self) -> Request:
+        """The same request with the first witness of each target."""
+        return self.choosing(dict.fromkeys(self.names, 0))
+
+    def choosing(self, chosen: Mapping[str, int], names: Sequence[str] | None = None) -> Request:
+        """Return the same request, for some of the targets, with one witness of each.
+
+        Parameters
+        ----------
+        chosen : mapping of str to int
+            The witness of each target that has several.
+        names : sequence of str, optional
+            The targets. Default: all.
+        """
+        some = self if names is None else self.restricted_to(names)
+        if not some.has_choice:
+            return some
+        own = {t.name: chosen[t.name] for t in some.targets if len(t.witnesses) > 1}
+        targets = [target.choosing(own.get(target.name, 0)) for target in some.targets]
+        return self._of_targets(targets, {**some.chosen, **own})
+
+    def at_pose(self, cam2world: NDArray[np.float64], names: Sequence[str]) -> Request:
+        """Return the same request for some of the targets, each with the witness that a pose shows best.
+
+        Which one that is depends on the pose and the target alone; see `best_witnesses`.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        names : sequence of str
+            The targets.
+        """
+        some = self.restricted_to(names)
+        if not some.has_choice:
+            return some
+        known = self._witnesses_at.setdefault(np.asarray(cam2world).tobytes(), {})
+        new = [t.name for t in some.targets if len(t.witnesses) > 1 and t.name not in known]
+        if new:
+            best = best_witnesses(self.restricted_to(new).witnesses, cam2world)
+            known.update(zip(new, best, strict=True))
+        return self.choosing(known, names)
+
+    @cached_property
+    def _witnesses_at(self) -> dict[bytes, dict[str, int]]:
+        """The witnesses of targets at poses, as far as they were asked for."""
+        return {}
+
+    def _of_targets(self, targets: Sequence[Target], chosen: Mapping[str, int]) -> Request:
+        """Return the same request for other targets of the same entities."""
+        space = TargetSpace.of(entity_space(self.space), targets)
+        names = tuple(target.name for target in targets)
+        return replace(self, space=space, names=names, targets=tuple(targets), chosen=chosen)
 
     def find_target(self, name: str) -> Target:
         """Return the target of this name."""

@@ -24,7 +24,7 @@ class Seen(NamedTuple):
     witnesses : sequence of sequence of str
         Names of entities; those of any witness suffice, together.
     endpoints : array (2, 3)
-        Two points that are seen wherever the target is inspected, as an edge's ends are; mm.
+        Two points that are seen wherever the first witness is inspected, as an edge's ends are; mm.
     """
 
     witnesses: Sequence[Sequence[str]]
@@ -57,7 +57,8 @@ class TargetSpace:
             space,
             {
                 target.name: Seen(
-                    [witness.entities for witness in target.witnesses], target.witness.ends
+                    [witness.entities for witness in target.witnesses],
+                    target.witnesses[0].ends,
                 )
                 for target in targets
             },
@@ -130,8 +131,25 @@ class TargetSpace:
             )
         )
 
+    def choosing(self, chosen: Mapping[str, int]) -> TargetSpace:
+        """Return the space in which some targets are observable by one of their witnesses only, given by number."""
+        return TargetSpace(
+            self.space,
+            {
+                name: seen._replace(witnesses=[seen.witnesses[chosen[name]]])
+                if name in chosen
+                else seen
+                for name, seen in self.entities.items()
+            },
+        )
+
     def subset(self, names: Sequence[str]) -> TargetSpace:
         """Return the space of some targets only; it remembers no cells of the whole."""
         entities = self.entities_of(names)
         space = self.space.subset(entities) if hasattr(self.space, "subset") else self.space
         return TargetSpace(space, {name: self.entities[name] for name in names})
+
+
+def entity_space(space: Space) -> Space:
+    """Return the space of entities below a space of targets; a space of entities is itself."""
+    return space.space if isinstance(space, TargetSpace) else space

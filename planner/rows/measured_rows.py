@@ -18,6 +18,7 @@ from planner.verify.simulate_setting import (
     UNSTATED,
     SuccessRate,
 )
+from planner.wanted.planned import targets_of
 
 WARN_BELOW_PX = 2.0
 """A row warns of a smaller permitted error: there one part may be measured more or less often than P says."""
@@ -67,6 +68,8 @@ class Row:
         P as stated, given that the image shows the target.
     p_all : float or None
         P_all as stated; None in a plan that did not count it.
+    entities : tuple of str
+        Ids of the entities that measure it here.
     rate : SuccessRate or None
         What simulation gave.
     standard_uncertainty : float
@@ -93,6 +96,7 @@ class Row:
     budget: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[Warned, ...] = ()
     p_all: float | None = None
+    entities: tuple[str, ...] = ()
 
     @property
     def promise(self) -> float:
@@ -121,8 +125,9 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     images = plan.simulation.shown if plan.simulation is not None else None
     windows = search_windows_px(plan, setting)
     rows = []
+    targets = targets_of(plan.targets, setting)
     for name in setting.entities:
-        target = plan.targets[name]
+        target = targets[name]
         described = target.describe(setting.cam2world, plan.means)
         permitted_px = target.permitted_error_px(setting.cam2world, plan.camera)
         rate = rates.get(name)
@@ -164,6 +169,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
             budget=dict(described.budget) if has_variance else {},
             warnings=warnings,
             p_all=setting.p_all.get(name),
+            entities=target.entities,
         )
         rows.append(row)
     return rows

@@ -59,9 +59,11 @@ class PlanTables:
         Returns
         -------
         list of dict
-            A row has ``setting`` (from 1), ``name``, ``kind``, ``nominal``, ``permitted_error`` and
-            ``unit``. ``n_features`` counts the features of the target, of which one is measured; it is 1
-            unless the request asks for one feature per pattern.
+            A row has ``setting`` (from 1), ``name``, ``kind``, ``entities``, ``nominal``,
+            ``permitted_error`` and ``unit``. ``entities`` are the ids that the setting measures it
+            from. Of a target that is not inspected they are all sets that could. ``n_features``
+            counts the features of the target, of which one is measured; it is 1 unless the request
+            asks for one feature per pattern.
             ``permitted_error_px`` is the error in the image (None for angles). ``p_all`` is the
             probability that the displaced camera measures the target, see `SensorSetting` (None if
             it was not counted). ``probability`` is that of the error alone. ``simulated``,
@@ -224,6 +226,7 @@ class PlanTables:
         return {
             "name": name,
             "kind": target.kind,
+            "entities": "; ".join(", ".join(way) for way in target.ways),
             "nominal": target.nominal,
             "permitted_error": target.permitted_error,
             "unit": target.unit,
@@ -242,6 +245,7 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
         "setting": row.setting,
         "name": row.name,
         "kind": row.kind,
+        "entities": ", ".join(row.entities),
         "nominal": row.nominal,
         "permitted_error": row.permitted_error,
         "unit": row.unit,

@@ -231,6 +231,7 @@ def best_setting(
         message=outcome.message,
         seed=seed,
         history=outcome.history,
+        witness={name: request.chosen[name] for name in request.names if name in request.chosen},
     )
 
 

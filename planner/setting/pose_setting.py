@@ -41,12 +41,15 @@ def setting_at(
     SensorSetting
         With the probabilities and margins of these entities; whether they suffice is not asked.
     """
-    idx = [request.names.index(name) for name in names]
     pose = np.asarray(cam2world)[None]
-    wanted = np.isin(np.arange(len(request.names)), idx)[None]
-    probability = request.objective.probability_where(pose, wanted)
+    own = request.at_pose(pose[0], names)
+    # what a request without a choice has made already
+    modelled = own if request.has_choice else request
+    idx = [modelled.names.index(name) for name in names]
+    wanted = np.isin(np.arange(len(modelled.names)), idx)[None]
+    probability = modelled.objective.probability_where(pose, wanted)
     by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
-    margins = request.restricted_to(names).constraints.margins(pose)
+    margins = own.constraints.margins(pose)
     return SensorSetting(
         cam2world=cam2world,
         entities=tuple(names),
@@ -57,6 +60,7 @@ def setting_at(
         generations=0,
         message=message,
         seed=seed,
+        witness={name: own.chosen[name] for name in names if name in own.chosen},
     )
 
 

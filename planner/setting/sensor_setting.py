@@ -34,6 +34,11 @@ class SensorSetting:
         The same for all entities at once; nan if it was not counted.
     p_all_poses : int
         Number of displaced poses.
+    witness : dict of str to int
+        Of each entity that several sets of entities can measure, which of them this setting uses,
+        from 0. See ``PlannedDimension.witnesses``.
+    passed_over : dict of str to dict
+        Of each such entity, why the setting uses none of the other sets: ids and the reason.
     margins : dict of str to float
         Per constraint, the smallest margin over the entities. A constraint is met at 0 or more. The
         key ends with the unit.
@@ -68,6 +73,8 @@ class SensorSetting:
     p_all: dict[str, float] = field(default_factory=dict)
     p_all_together: float = math.nan
     p_all_poses: int = 0
+    witness: dict[str, int] = field(default_factory=dict)
+    passed_over: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         pose = np.array(self.cam2world, dtype=np.float64)
@@ -121,6 +128,8 @@ class SensorSetting:
             "message": self.message,
             "seed": self.seed,
             "history": list(self.history),
+            **({"witness": dict(self.witness)} if self.witness else {}),
+            **({"passed_over": dict(self.passed_over)} if self.passed_over else {}),
             **(
                 {"lines_in_window_px": dict(self.lines_in_window_px)}
                 if self.lines_in_window_px

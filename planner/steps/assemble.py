@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from planner.plan import InspectionPlan
+from planner.request.request import Request
+from planner.request.witnesses import witness_reasons
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.lines_in_window import with_lines_in_windows
@@ -54,6 +56,8 @@ def assembled(
     # a better plan follows soon, so its travel is not worth seconds
     distances = pose_distances(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
     order = order_by(distances, starts=1) if unfinished else order_by(distances)
+    if not unfinished:
+        settings = [with_passed_over(request, setting) for setting in settings]
     found = InspectionPlan(
         settings=tuple(settings[i] for i in order),
         lower_bound=bound,
@@ -73,6 +77,23 @@ def assembled(
         unfinished=unfinished,
     )
     return with_lines_in_windows(found, request)
+
+
+def with_passed_over(request: Request, setting: SensorSetting) -> SensorSetting:
+    """Return a setting that says why it uses none of the other witnesses of its targets."""
+    if not setting.witness:
+        return setting
+    some = request.restricted_to(list(setting.witness))
+    why = witness_reasons(some.witnesses, setting.cam2world)
+    over = {
+        target.name: {
+            ", ".join(witness.entities): reason
+            for k, (witness, reason) in enumerate(zip(target.witnesses, reasons, strict=True))
+            if k != setting.witness[target.name]
+        }
+        for target, reasons in zip(some.targets, why, strict=True)
+    }
+    return replace(setting, passed_over=over)
 
 
 def needed(target: Target) -> set[str]:

@@ -29,7 +29,7 @@ def with_lines_in_windows(plan: InspectionPlan, request: Request) -> InspectionP
     windows = [search_windows_px(plan, setting) for setting in plan.settings]
     # one check for all of them, as wide as the widest
     widest = max(max(one.values()) for one in windows)
-    check = request.constraints.image_check(replace(showing, separation_px=widest))
+    check = request.first.constraints.image_check(replace(showing, separation_px=widest))
     poses = np.array([setting.cam2world for setting in plan.settings])
     wanted = np.array(
         [[name in setting.entities for name in request.names] for setting in plan.settings]

@@ -13,6 +13,7 @@ from planner.progress.time_left import TimeIsUpError, TimeLeft
 from planner.verify.shown_images import count_shown
 from planner.verify.simulate_plan import SimulationResult, simulate_plan
 from planner.verify.simulate_setting import simulate_setting
+from planner.wanted.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -110,7 +111,7 @@ def _fitting(plan: Planned, n: int, seed: int, seconds: float) -> int:
     begun = time.monotonic()
     simulate_setting(
         most,
-        plan.targets,
+        targets_of(plan.targets, most),
         plan.camera,
         plan.pose_uncertainty,
         accuracy=plan.accuracy,

@@ -12,6 +12,7 @@ from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 from planner.request.shares import probability_share, rooms, shares
+from planner.wanted.planned import targets_of
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
 
 
 def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
-    target = plan.targets[name]
+    target = targets_of(plan.targets, setting)[name]
     described = target.describe(setting.cam2world, plan.means)
     points = world_to_cam(target.points, setting.cam2world)
     margins = {

@@ -10,6 +10,7 @@ from planner.detectability.conditions import asks_of_images
 from planner.detectability.search_window import search_window_px
 from planner.exceptions import PlanFileError
 from planner.records.schema import field_name, shown
+from planner.wanted.planned import targets_of
 
 # a plan may be read on another machine, whose last digits differ
 _SAME = 1e-6
@@ -35,9 +36,10 @@ def search_windows_px(plan: Any, setting: Any) -> dict[str, float]:
     dict of str to float
         Three standard deviations of the image's shift by name, px, see `planner.detectability.search_window`.
     """
+    targets = targets_of(plan.targets, setting)
     return {
         name: search_window_px(
-            setting.cam2world, plan.targets[name].points, plan.camera, plan.pose_uncertainty
+            setting.cam2world, targets[name].points, plan.camera, plan.pose_uncertainty
         )
         for name in setting.entities
     }

@@ -19,6 +19,7 @@ from planner.verify.simulate_setting import (
     simulate_setting,
 )
 from planner.verify.simulated import Planned
+from planner.wanted.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -190,7 +191,7 @@ def simulate_plan(
     for k, setting in enumerate(plan.settings):
         result = simulate_setting(
             setting,
-            plan.targets,
+            targets_of(plan.targets, setting),
             plan.camera,
             plan.pose_uncertainty,
             accuracy=plan.accuracy,

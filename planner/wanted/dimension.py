@@ -55,6 +55,9 @@ class Dimension:
         Number of features that the dimension stands for, such as the holes of a pattern. The
         entities measure one of them. Plans and reports count the others as not planned. To measure
         all of them, see `dimensions_to_plan`.
+    alternatives : tuple of tuple
+        Other sets of entities that give the same value, such as the lower rim of a through hole. A
+        setting measures the dimension by any one set. See `any_of`.
 
     Raises
     ------
@@ -76,9 +79,11 @@ class Dimension:
     share: float = QUARTER
     direction: tuple[float, float, float] | None = None
     n_features: int = 1
+    alternatives: tuple[tuple[Target, ...], ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
+        object.__setattr__(self, "alternatives", tuple(map(tuple, self.alternatives)))
         given = [
             name
             for name in ("tolerance", "max_error", "accuracy")
@@ -235,6 +240,49 @@ class Dimension:
             The new dimension.
         """
         return cls("centre_to_edge", (rim, edge), **_in_mm(requirement))
+
+    @classmethod
+    def any_of(cls, dimensions: Sequence[Dimension]) -> Dimension:
+        """Return one dimension from several that give the same value by different entities.
+
+        Parameters
+        ----------
+        dimensions : sequence of Dimension
+            They differ only in their entities. The first is preferred where several serve equally.
+
+        Returns
+        -------
+        Dimension
+            The first, with the entities of the others as ``alternatives``.
+
+        Raises
+        ------
+        RequestError
+            If there is none, or two of them differ in more than their entities.
+
+        Examples
+        --------
+        >>> from planner import Dimension
+        >>> upper, lower = (Dimension.diameter(rim, tolerance_mm=(0, 0.1)) for rim in ("r3", "r7"))
+        >>> Dimension.any_of([upper, lower]).witnesses
+        (('r3',), ('r7',))
+        """
+        given = tuple(dimensions)
+        if not given:
+            raise RequestError.of_rule("any_of", "must hold at least one dimension", "none")
+        first = given[0]
+        for other in given[1:]:
+            if replace(other, entities=first.entities, alternatives=first.alternatives) != first:
+                raise RequestError.of_rule(
+                    "any_of", "must hold dimensions that differ only in their entities", repr(other)
+                )
+        others = [way for one in given for way in one.witnesses][1:]
+        return replace(first, alternatives=tuple(others))
+
+    @property
+    def witnesses(self) -> tuple[tuple[Target, ...], ...]:
+        """The sets of entities, each of which gives the value; ``entities`` first."""
+        return (self.entities, *self.alternatives)
 
     def with_accuracy(self, accuracy: float) -> Dimension:
         """Return the dimension with an accuracy, where it has no requirement of its own.

@@ -11,7 +11,7 @@ from aspectgraph.entities.entity_files import parse_names
 from planner.exceptions import RequestError
 from planner.wanted.dimension import QUARTER, Dimension
 
-_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "unit")
+_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "unit", "any")
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
 _ANGLES = ("deg", "rad")
@@ -23,7 +23,8 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     Each name stands for an edge (``rim = 17`` or two end points: its length at the call's accuracy), or for a table
     with a kind and its entities, and what is asked: ``bore = { diameter = "r3", tolerance = [-0.05, 0.05] }``,
     ``step = { distance = [17, 18], max_error = 0.02 }``, ``rim = { edge = 17, max_error = 0.05 }``. Values are mm
-    (angles: degrees), or of the ``unit`` given.
+    (angles: degrees), or of the ``unit`` given. Other entities that give the same value follow as ``any``:
+    ``step = { distance = [17, 18], any = [[21, 22], [25, 26]], max_error = 0.02 }``.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     known = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
     if unit not in known:
         raise RequestError.of_rule("unit", f"must be one of {', '.join(known)}", repr(unit))
-    options = {key: value[key] for key in _OPTIONS if key in value and key != "unit"}
+    options = {key: value[key] for key in _OPTIONS if key in value and key not in ("unit", "any")}
     factor = _UNITS[unit]
     if isinstance(options.get("tolerance"), list):
         options["tolerance"] = tuple(
@@ -105,8 +106,17 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
         )
     if "max_error" in options:
         options["max_error"] = _scaled(options["max_error"], factor)
-    several = isinstance(entities, list) and not _is_end_points(entities)
-    return Dimension(kind, tuple(entities) if several else (entities,), **options)
+    others = value.get("any", [])
+    if not isinstance(others, list):
+        raise RequestError.of_rule("any", "must be a list of sets of entities", repr(others))
+    return Dimension(
+        kind, _entities(entities), alternatives=tuple(map(_entities, others)), **options
+    )
+
+
+def _entities(given: Any) -> tuple[Any, ...]:
+    several = isinstance(given, list) and not _is_end_points(given)
+    return tuple(given) if several else (given,)
 
 
 def _scaled(value: Any, factor: float) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from aspectgraph.dimensions.records import unique_names
@@ -78,29 +78,35 @@ def _items(
     check_kinds(stated=(stated, "ModelDimension"))
     if stated.entities is None:
         return [(stated.name, stated.reason or "")]
+    # without a list of features the entities are those of the only one
+    own = [ways for ways in stated.features if ways and ways[0] == stated.entities]
+    first = own[0] if own else (stated.entities,)
     if one_per_pattern:
-        return [(stated.name, _dimension(stated, stated.entities, share, stated.n_features))]
+        return [(stated.name, _dimension(stated, first, share, stated.n_features))]
     n = len(stated.features)
     if n == 1:
-        return [(stated.name, _dimension(stated, stated.entities, share, 1))]
+        return [(stated.name, _dimension(stated, first, share, 1))]
     found: list[tuple[str, Dimension | str]] = []
     for k, (ways, reason) in enumerate(zip(stated.features, stated.feature_reasons, strict=True)):
-        item = _dimension(stated, ways[0], share, 1) if ways else reason or ""
+        item = _dimension(stated, ways, share, 1) if ways else reason or ""
         found.append((characteristic_name(stated.name, k + 1, n), item))
     return found
 
 
-def _dimension(stated: ModelDimension, way: Way, share: float, n_features: int) -> Dimension:
-    """Return a dimension of the model, on given entities, with its own tolerance."""
+def _dimension(
+    stated: ModelDimension, ways: Sequence[Way], share: float, n_features: int
+) -> Dimension:
+    """Return a dimension of the model, on any of the sets of entities given, with its own tolerance."""
     along = stated.direction if stated.kind in ("distance", "centre_distance") else None
     try:
         return Dimension(
             stated.kind,
-            way,
+            ways[0],
             tolerance=stated.tolerance,
             share=share,
             direction=along,
             n_features=n_features,
+            alternatives=tuple(ways[1:]),
         )
     except RequestError as error:
         raise RequestError(f"dimension {stated.name!r}: {error}") from error

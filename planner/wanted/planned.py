@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,37 +28,13 @@ from planner.wanted.feature_counts import is_characteristic
 from planner.wanted.models import Means, measurand_model
 from planner.wanted.target_words import CHARACTERISTICS, DIMENSIONS, EDGES, MIXED, TargetWords
 from planner.wanted.targets import DimensionTarget, Target
+from planner.wanted.tolerance_texts import tolerance_text
 
 if TYPE_CHECKING:
     from errors.measurands import Prediction
 
 
 _POINTS = 72
-
-
-def deviation_text(deviation: float) -> str:
-    """Return a deviation that a tolerance allows, with its sign; 0 has none.
-
-    Parameters
-    ----------
-    deviation : float
-        mm (angles: degrees).
-    """
-    return f"{deviation:+.4g}" if deviation else "0"
-
-
-def tolerance_text(tolerance: tuple[float, float]) -> str:
-    """Return a tolerance as a drawing has it, such as "±0.05" or "0/-0.2".
-
-    Parameters
-    ----------
-    tolerance : (float, float)
-        Lower and upper deviation, mm (angles: degrees).
-    """
-    lower, upper = tolerance
-    if lower == -upper:
-        return f"±{upper:.4g}"
-    return "/".join(deviation_text(limit) for limit in (upper, lower))
 
 
 @dataclass(frozen=True)
@@ -95,6 +71,11 @@ class PlannedTarget(ABC):
     def measurand(self) -> Measurand:
         """The value and its planes."""
         return measurand(self.kind, self.geometry)
+
+    @property
+    def ways(self) -> tuple[tuple[str, ...], ...]:
+        """Sets of ids of entities, any of which measures it."""
+        return (self.entities,)
 
     @property
     def nominal(self) -> float:
@@ -204,6 +185,34 @@ class PlannedLength(PlannedTarget):
 
 
 @dataclass(frozen=True)
+class PlannedWitness:
+    """A set of entities that gives the value of a dimension.
+
+    Attributes
+    ----------
+    entities : tuple of str
+        Ids of the entities that must be visible.
+    geometry : tuple of Line or Circle
+        Their lines and circles, mm, in the part's frame.
+    """
+
+    entities: tuple[str, ...]
+    geometry: tuple[Geometry, ...] = field(repr=False, compare=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain values, ready for JSON."""
+        return {
+            "entities": list(self.entities),
+            "geometry": [to_dict(item) for item in self.geometry],
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> PlannedWitness:
+        """Build from the result of `to_dict`."""
+        return cls(tuple(data["entities"]), tuple(from_dict(item) for item in data["geometry"]))
+
+
+@dataclass(frozen=True)
 class PlannedDimension(PlannedTarget):
     """A dimension as a plan stores it.
 
@@ -227,12 +236,16 @@ class PlannedDimension(PlannedTarget):
         Number of features that it stands for. The entities measure one of them.
     surfaces_mm : float
         Standard deviation of a face's position along its normal, mm.
+    witnesses : tuple of PlannedWitness
+        The sets of entities, each of which gives the value, where there are several; the first is
+        that of ``entities`` and ``geometry``.
     """
 
     tolerance: tuple[float, float] | None = None
     direction: tuple[float, float, float] | None = None
     n_features: int = 1
     surfaces_mm: float = 0.0
+    witnesses: tuple[PlannedWitness, ...] = ()
 
     @classmethod
     def of(
@@ -257,22 +270,60 @@ class PlannedDimension(PlannedTarget):
         PlannedDimension
             The dimension without the part.
         """
+        first = target.witnesses[0]
+        ways = tuple(
+            PlannedWitness(one.entities, one.measurand.geometry) for one in target.witnesses
+        )
         return cls(
-            target.measurand.kind,
-            target.witness.entities,
-            target.measurand.geometry,
+            first.measurand.kind,
+            first.entities,
+            first.measurand.geometry,
             target.max_error,
             localisation or Localisation.rounding(),
             target.dimension.tolerance,
             target.dimension.direction,
             target.dimension.n_features,
             surfaces_mm,
+            ways if len(ways) > 1 else (),
         )
+
+    def choosing(self, k: int) -> PlannedDimension:
+        """Return the dimension as its witness k measures it, from 0.
+
+        Parameters
+        ----------
+        k : int
+            Number of the witness. Without several witnesses, only 0.
+
+        Raises
+        ------
+        PlanFileError
+            If it has no such witness.
+        """
+        if k == 0:
+            return self
+        if not 0 < k < len(self.witnesses):
+            raise PlanFileError(
+                f"witness must be below {max(1, len(self.witnesses))}, the number of the "
+                f"dimension's witnesses. Got {k}."
+            )
+        return self._by_witness[k]
+
+    @cached_property
+    def _by_witness(self) -> list[PlannedDimension]:
+        return [
+            replace(self, entities=way.entities, geometry=way.geometry) for way in self.witnesses
+        ]
 
     @cached_property
     def measurand(self) -> Measurand:
         """The value and its planes."""
         return measurand(self.kind, self.geometry, self.direction)
+
+    @property
+    def ways(self) -> tuple[tuple[str, ...], ...]:
+        """Sets of ids of entities, any of which measures it."""
+        return tuple(one.entities for one in self.witnesses) or (self.entities,)
 
     def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float | None:
         """Return the permitted error in the image of a pose, px; None for an angle.
@@ -344,6 +395,7 @@ class PlannedDimension(PlannedTarget):
             "localisation": self.localisation.to_dict(),
             "n_features": self.n_features,
             "surfaces_mm": self.surfaces_mm,
+            **({"witnesses": [one.to_dict() for one in self.witnesses]} if self.witnesses else {}),
         }
 
     @classmethod
@@ -377,6 +429,7 @@ class PlannedDimension(PlannedTarget):
                 # files of earlier programs do not state these
                 data.get("n_features", 1),
                 data.get("surfaces_mm", 0.0),
+                tuple(map(PlannedWitness.from_dict, data.get("witnesses", ()))),
             )
             nominal = made.nominal
         except (MeasurandError, ValueError, TypeError, KeyError) as error:
@@ -400,6 +453,28 @@ def planned(target: Target, means: Means) -> PlannedTarget:
     if isinstance(target, DimensionTarget):
         return PlannedDimension.of(target, means.localisation, means.surfaces_mm)
     return PlannedLength.of(target.name, target.witness.ends, means.accuracy)
+
+
+class _Chosen(Protocol):
+    """A setting: which targets it measures, and by which witness."""
+
+    @property
+    def entities(self) -> Sequence[str]:
+        """Names of what it measures."""
+
+
+def targets_of(
+    targets: Mapping[str, PlannedTarget], setting: _Chosen
+) -> Mapping[str, PlannedTarget]:
+    """Return targets of a plan, by name, as a setting measures them: each by the witness used there."""
+    chosen: Mapping[str, int] = getattr(setting, "witness", {})
+    if not chosen:
+        return targets
+    return {**targets, **{name: _choosing(targets[name], k) for name, k in chosen.items()}}
+
+
+def _choosing(target: PlannedTarget, k: int) -> PlannedTarget:
+    return target.choosing(k) if isinstance(target, PlannedDimension) else target
 
 
 def words_of(targets: Mapping[str, PlannedTarget]) -> TargetWords:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Circle, Line, MeasurandError, measurand
+from errors.measurands import Circle, Line, Measurand, MeasurandError, measurand
 from planner.exceptions import RequestError
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import DimensionTarget, Target, Witness, edge_target
+from planner.wanted.witness_choice import PREFERRED, WitnessChoice, kept_witnesses
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, Solid
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 _DIAMETERS = 8
 """Diameters of a circle that must be in the picture; a polygon of twice as many corners is drawn around the circle."""
+
+SAME_VALUE = 1e-3
+"""Nominal values that differ by no more than this are the same, mm (angles: degrees)."""
 
 _MEASURED_OF = {"edge": "length", "rim": "diameter", "arc": "radius"}
 """What is measured of an entity that is no part of a dimension, as drawings dimension it."""
@@ -36,7 +40,11 @@ def is_circle(item: object) -> bool:
 
 
 def resolve_wanted(
-    solid: Solid, wanted: Mapping[str, Any], accuracy: float, as_lengths: bool = False
+    solid: Solid,
+    wanted: Mapping[str, Any],
+    accuracy: float,
+    as_lengths: bool = False,
+    choice: WitnessChoice = PREFERRED,
 ) -> tuple[dict[str, Entity], tuple[Target, ...]]:
     """Find the entities of what is to be inspected, and what is asked of them.
 
@@ -51,11 +59,13 @@ def resolve_wanted(
         Accuracy where a dimension has no requirement of its own, and of rims and arcs.
     as_lengths : bool
         Whether edges are dimensions, too: their lengths; the paper's model rounds their ends to pixels.
+    choice : WitnessChoice
+        Which witnesses of a dimension are kept.
 
     Returns
     -------
     entities : dict of str to Entity
-        Every entity once: an edge under its item's name, the others under their ids.
+        Every entity that is needed once: an edge under its item's name, the others under their ids.
     targets : tuple of Target
         The items, in order.
 
@@ -74,16 +84,20 @@ def resolve_wanted(
     targets: list[Target] = []
     for name, item in wanted.items():
         if isinstance(item, Dimension):
-            parts = [_entity_of(solid, name, given, known, entities) for given in item.entities]
-            targets.append(_dimension_target(solid, name, item, parts, accuracy))
+            ways = [
+                [_entity_of(solid, name, given, known, entities) for given in way]
+                for way in item.witnesses
+            ]
+            targets.append(_dimension_target(solid, name, item, ways, accuracy, choice))
             continue
         entity = entities[name]
         if entity.kind == "edge" and not as_lengths:
             targets.append(edge_target(name, entity.endpoints))
             continue
         dimension = Dimension(_MEASURED_OF[entity.kind], (name,), accuracy=accuracy)
-        targets.append(_dimension_target(solid, name, dimension, [entity], accuracy))
-    return entities, tuple(targets)
+        targets.append(_dimension_target(solid, name, dimension, [[entity]], accuracy, choice))
+    needed = {entity for one in targets for witness in one.witnesses for entity in witness.entities}
+    return {name: entity for name, entity in entities.items() if name in needed}, tuple(targets)
 
 
 def _entity_of(
@@ -135,26 +149,55 @@ def _label(given: Any) -> str:
 
 
 def _dimension_target(
-    solid: Solid, name: str, dimension: Dimension, parts: list[Entity], accuracy: float
+    solid: Solid,
+    name: str,
+    dimension: Dimension,
+    ways: list[list[Entity]],
+    accuracy: float,
+    choice: WitnessChoice,
 ) -> DimensionTarget:
+    """Return the target that a dimension is, given the entities of each of its witnesses."""
     curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
-    geometry = [_geometry(entity, curves) for entity in parts]
-    try:
-        value = measurand(dimension.kind, geometry, direction=dimension.direction)
-        permitted = dimension.permitted_error(value.nominal, accuracy)
-    except (MeasurandError, RequestError) as error:
-        raise RequestError(f"dimension {name!r}: {error}") from error
-    for entity in parts:
+    witnesses: list[Witness] = []
+    permitted = math.inf
+    for parts in ways:
+        geometry = [_geometry(entity, curves) for entity in parts]
+        try:
+            value = measurand(dimension.kind, geometry, direction=dimension.direction)
+            permitted = min(permitted, dimension.permitted_error(value.nominal, accuracy))
+        except (MeasurandError, RequestError) as error:
+            raise RequestError(f"dimension {name!r}: {error}") from error
+        witnesses.append(_witness(parts, value))
+    _check_same_value(name, witnesses)
+    kept = kept_witnesses(witnesses, choice)
+    for entity in {one.name: one for k in kept for one in ways[k]}.values():
         _check_chords(name, entity, curves, permitted)
-    pieces = [_segments(item) for item in geometry]
-    witness = Witness(
+    return DimensionTarget(name, tuple(witnesses[k] for k in kept), dimension, permitted)
+
+
+def _witness(parts: list[Entity], value: Measurand) -> Witness:
+    """Return entities that give a value together."""
+    pieces = [_segments(item) for item in value.geometry]
+    return Witness(
         tuple(dict.fromkeys(entity.name for entity in parts)),
         np.concatenate([segments for segments, _ in pieces]),
         np.concatenate([resolved for _, resolved in pieces]),
-        _farthest(np.concatenate([_own_points(item) for item in geometry])),
+        _farthest(np.concatenate([_own_points(item) for item in value.geometry])),
         value,
     )
-    return DimensionTarget(name, (witness,), dimension, permitted)
+
+
+def _check_same_value(name: str, witnesses: list[Witness]) -> None:
+    """Refuse alternatives that give another value than the first one."""
+    first = witnesses[0].measurand.nominal
+    for witness in witnesses[1:]:
+        nominal = witness.measurand.nominal
+        if abs(nominal - first) > SAME_VALUE:
+            raise RequestError(
+                f"dimension {name!r}: all its sets of entities must give the same nominal value, "
+                f"{first:.6g} as {', '.join(witnesses[0].entities)}. "
+                f"Got {nominal:.6g} of {', '.join(witness.entities)}."
+            )
 
 
 def _geometry(entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | Circle:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -20,6 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from planner.exceptions import RequestError
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from errors.measurands import Measurand, MeasurandModel
     from planner.wanted.dimension import Dimension
     from planner.wanted.models import Means, TargetModels
@@ -61,7 +63,7 @@ class Target(ABC):
     name : str
         Its name.
     witnesses : tuple of Witness
-        Any of them gives the value. Today there is one.
+        Any of them gives the value.
     """
 
     name: str
@@ -71,9 +73,13 @@ class Target(ABC):
 
     @property
     def witness(self) -> Witness:
-        """The only witness."""
+        """The only witness; a target that still has several is asked for one of them, by `choosing`."""
         (witness,) = self.witnesses
         return witness
+
+    def choosing(self, k: int, name: str | None = None) -> Self:
+        """Return the same target with one of its witnesses, under its own name or another one."""
+        return replace(self, name=name or self.name, witnesses=(self.witnesses[k],))
 
     @property
     def measurand(self) -> Measurand:
@@ -167,6 +173,11 @@ class DimensionTarget(Target):
     def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
         """Return 0: how short an image of two of its points may be, follows from no constraint."""
         return 0.0
+
+
+def witness_name(target: Target, k: int) -> str:
+    """Return a name for one witness of a target as a target of its own; its own name where it has only one."""
+    return target.name if len(target.witnesses) == 1 else f"{target.name} \x1f{k}"
 
 
 def check_is_edge(name: str, entity: Any) -> None:

@@ -73,6 +73,8 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
     inspected[:] = False
     lost[:] = 0.0
     total = 0.0
+    # of members that exclude each other one counts, as of the witnesses of a target
+    counted = np.zeros(stack.n_members[i], np.bool_)
     for a in range(stack.n_members[i]):
         if not meets[a]:
             continue
@@ -91,7 +93,8 @@ def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
             stack.sure[i, a],
         ):
             inspected[e] = True
-            total += work.y[a]
+            total += 0.0 if counted[work.group[a]] else work.y[a]
+            counted[work.group[a]] = True
         else:
             lost[SIGHT] += work.y[a]
     return total
