@@ -7,6 +7,9 @@ from aspectgraph.dimensions.read_dimensions import read_dimensions
 from aspectgraph.dimensions.records import ModelDimension
 from aspectgraph.entities.entity_files import read_entities
 from aspectgraph.entities.entity_rules import select_entities
+from aspectgraph.entities.parts import Run, Stretch, entity_order, parse_part
+from aspectgraph.entities.pieces import facing_cuts, pieces_of_edge, runs_of
+from aspectgraph.entities.resolve_parts import run_arc
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import (
     AspectGraphError,
@@ -97,11 +100,13 @@ __all__ = [
     "ReadLimits",
     "ResolutionError",
     "Rim",
+    "Run",
     "SectionDrawing",
     "SelfIntersectionError",
     "Solid",
     "SolidChoice",
     "SolidError",
+    "Stretch",
     "TouchingError",
     "VisibilityRegions",
     "WidthError",
@@ -114,9 +119,13 @@ __all__ = [
     "contrast",
     "domain_path",
     "edge_figure",
+    "entity_order",
     "estimate_graph",
+    "facing_cuts",
     "light_graph_of",
     "light_region",
+    "parse_part",
+    "pieces_of_edge",
     "plot_domains",
     "plot_graph",
     "plot_section",
@@ -128,6 +137,8 @@ __all__ = [
     "read_solid",
     "resolve_entities",
     "richest_domains",
+    "run_arc",
+    "runs_of",
     "select_entities",
     "stability",
     "write_edge_picture",

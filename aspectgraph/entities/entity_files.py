@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from aspectgraph.entities.parts import is_part_text, parse_part
 from aspectgraph.entities.spreadsheet_text import text_of_cell
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exceptions import EntityError
@@ -37,7 +38,8 @@ def read_entities(
     ----------
     text_or_path : str or Path
         ``"all"`` selects every straight sharp edge. Ids are ``"17, 18"``, ``"e17 e18"``, ranges
-        like ``"17-21"``, or ``"r3, a0"`` for rims and arcs. End points such as
+        like ``"17-21"``, or ``"r3, a0"`` for rims and arcs. Parts are ``"17[0:1/4]"`` for the first
+        quarter of an edge and ``"r3[0:8]"`` for the first eight chords of a rim. End points such as
         ``"(0,0,10)-(25,0,10)"`` are named p1, p2 and so on. A .toml or .json file has ``name =
         id``, ``name = "r3"`` or ``name = [[x, y, z], [x, y, z]]``, at top level or in a table
         ``entities``. A .csv file has rows of a name and an id, or of a name and six coordinates. In
@@ -78,7 +80,7 @@ def read_entities(
         return resolve_entities(solid, _read_csv(Path(text)), tolerance_mm)
     points = [(_point(found[1]), _point(found[2])) for found in _ENDS.finditer(text)]
     words = [word for word in re.split(r"[\s,;]+", _ENDS.sub(" ", text)) if word]
-    bad = [word for word in words if not _IDS.fullmatch(word)]
+    bad = [word for word in words if not (_IDS.fullmatch(word) or is_part_text(word))]
     if bad or not (words or points):
         raise EntityError.of_rule(
             "entities",
@@ -87,12 +89,16 @@ def read_entities(
             repr(bad[0] if bad else text),
         )
     ids = list(dict.fromkeys(entity_id for word in words for entity_id in _ids(word)))
-    named: dict[str, Any] = {
-        entity_id if isinstance(entity_id, str) else f"e{entity_id}": entity_id for entity_id in ids
-    }
+    named: dict[str, Any] = {_name(entity_id): entity_id for entity_id in ids}
     return resolve_entities(
         solid, {**named, **{f"p{k}": ends for k, ends in enumerate(points, start=1)}}, tolerance_mm
     )
+
+
+def _name(entity_id: int | str) -> str:
+    if isinstance(entity_id, int):
+        return f"e{entity_id}"
+    return parse_part(entity_id).name if is_part_text(entity_id) else entity_id
 
 
 def _point(text: str) -> list[float]:
@@ -108,6 +114,8 @@ def _point(text: str) -> list[float]:
 
 def _ids(word: str) -> list[int | str]:
     """Return the ids of a word: ``17``, ``e17``, ``r3``, ``17-21`` or ``r0-r5``."""
+    if is_part_text(word):
+        return [word]
     first, _, last = word.partition("-")
     kind = first[0] if first[0] in "ra" else ""
     low = int(first.lstrip("era"))
@@ -139,7 +147,7 @@ def _read_csv(path: Path) -> dict[str, Any]:
             raise EntityError(
                 f"a CSV file must name an entity once. Got {name!r} again in {path.name}, row {number}."
             )
-        if len(values) == 1 and re.fullmatch(_ID, values[0], re.ASCII):
+        if len(values) == 1 and (re.fullmatch(_ID, values[0], re.ASCII) or is_part_text(values[0])):
             entities[name] = _ids(values[0])[0]
         elif len(values) == 6:
             entities[name] = [_point(",".join(values[:3])), _point(",".join(values[3:]))]

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.entities.curves import curve_ends, curve_points, find_curve, is_curve_id
+from aspectgraph.entities.parts import Part, Run, Stretch, is_part_text, parse_part
+from aspectgraph.entities.resolve_parts import run_of_curve, stretch_ends
 from aspectgraph.exceptions import EntityError
 from aspectgraph.solid.checks import FARTHEST_MM
 from aspectgraph.solid.circles import Circle
@@ -25,7 +27,7 @@ _MAY_BE = "an entity must be the id of a rim or arc, an edge id or two finite en
 
 @dataclass(frozen=True)
 class Entity:
-    """A named edge, chain of collinear edges, rim or arc to measure.
+    """A named edge, chain of collinear edges, rim or arc to measure, or a part of one.
 
     Attributes
     ----------
@@ -37,12 +39,14 @@ class Entity:
         Ids of its edges in the solid, ordered from ``endpoints[0]`` to ``endpoints[1]``. For a rim
         or arc, all its chords, counter-clockwise about the circle's axis.
     kind : str
-        ``"edge"`` (also for a chain), ``"rim"`` or ``"arc"``.
+        ``"edge"`` (also for a chain or a stretch), ``"rim"`` or ``"arc"`` (also for a run).
     circle : Circle or None
         The circle of a rim or arc.
     points : ndarray, shape (m, 3), read-only
         The ends of the chords of a rim or arc in order, in mm, or the two ends of an edge. A rim
         does not repeat its first point.
+    part : Stretch or Run or None
+        What it is a part of an edge, rim or arc. None if it is a whole one.
     """
 
     name: str
@@ -51,6 +55,7 @@ class Entity:
     kind: str = "edge"
     circle: Circle | None = field(default=None, compare=False)
     points: np.ndarray = field(default=None, compare=False)  # type: ignore[arg-type]  # that of the ends
+    part: Part | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("endpoints", self.endpoints), ("points", self.points)):
@@ -75,7 +80,7 @@ def resolve_entities(
     tolerance_mm: float | None = None,
     min_dihedral_deg: float = 5.0,
 ) -> dict[str, Entity]:
-    """Find the edges, rims and arcs for names, ids or end points.
+    """Find the edges, rims, arcs and parts of them for names, ids or end points.
 
     Parameters
     ----------
@@ -84,8 +89,9 @@ def resolve_entities(
     mapping : mapping or iterable
         ``{name: edge id}``, ``{name: "r3"}`` with the id of a rim or arc, or ``{name: (p, q)}``
         with end points in mm. End points may span a chain of collinear edges. An `Edge`, `Rim`,
-        `Arc` or `Entity` of this solid can replace an id. Items without names are named
-        ``"e<id>"``, ``"r<n>"`` and ``"a<n>"``.
+        `Arc`, `Stretch`, `Run` or `Entity` of this solid can replace an id, and so can the text of
+        a part, ``"17[0:1/4]"``. Items without names are named ``"e<id>"``, ``"r<n>"``, ``"a<n>"``,
+        and parts ``"e17[0:1/4]"`` and ``"r11[3:22]"``.
     tolerance_mm : float, optional
         Largest distance of a given end point from its vertex. Default: 10⁻⁴ of the bounding box
         diagonal.
@@ -124,17 +130,18 @@ def resolve_entities(
     if not tolerance_mm > 0:
         raise EntityError.of_rule("tolerance_mm", "must be positive", str(tolerance_mm))
     entities: dict[str, Entity] = {}
-    named: dict[frozenset[int], str] = {}
+    named: dict[tuple[frozenset[int], Part | None], str] = {}
     for name, target in mapping.items():
         if not isinstance(name, str) or not name.strip():
             raise EntityError(f"an entity's name must be text. Got {name!r}.")
         entity = _resolve(solid, name, target, tolerance_mm, min_dihedral_deg)
         for edge_id in entity.edge_ids if entity.kind == "edge" else ():
             _check_edge(solid.edges[edge_id], name, min_dihedral_deg)
-        key = frozenset(entity.edge_ids)
+        key = (frozenset(entity.edge_ids), entity.part)
         if key in named:
+            what = f"edge {min(entity.edge_ids)}" if entity.part is None else str(entity.part)
             raise EntityError(
-                f"an edge must be named once. Got {named[key]!r} and {name!r} for edge {min(key)}."
+                f"an edge must be named once. Got {named[key]!r} and {name!r} for {what}."
             )
         named[key] = name
         entities[name] = entity
@@ -148,6 +155,8 @@ def _id_name(item: Any) -> str:
         return item.id
     if is_curve_id(item):
         return str(item)
+    if isinstance(item, Stretch | Run) or is_part_text(item):
+        return (parse_part(item) if isinstance(item, str) else item).name
     if isinstance(item, bool) or not isinstance(item, int | np.integer):
         raise EntityError(f"edge ids must be integers. Got {item!r}.")
     return f"e{item}"
@@ -176,6 +185,9 @@ def _resolve(
         return replace(target, name=name)
     if isinstance(target, Arc) or is_curve_id(target):
         return _curve_entity(solid, name, find_curve(solid, target, name, min_dihedral_deg))
+    if isinstance(target, Stretch | Run) or is_part_text(target):
+        part = parse_part(target) if isinstance(target, str) else target
+        return _part_entity(solid, name, part, min_dihedral_deg)
     if isinstance(target, Edge):
         if not (0 <= target.id < len(solid.edges) and solid.edges[target.id] == target):
             raise EntityError(
@@ -205,6 +217,16 @@ def _curve_entity(solid: Solid, name: str, curve: Arc) -> Entity:
     points = curve_points(solid, curve)
     kind = "rim" if isinstance(curve, Rim) else "arc"
     return Entity(name, curve_ends(points, curve), curve.edge_ids, kind, curve.circle, points)
+
+
+def _part_entity(solid: Solid, name: str, part: Part, min_dihedral_deg: float) -> Entity:
+    if isinstance(part, Stretch):
+        whole = _resolve(solid, name, part.edge, 1.0, min_dihedral_deg)
+        ends = stretch_ends(solid, part)
+        return replace(whole, endpoints=ends, points=ends, part=part)
+    curve = find_curve(solid, part.curve, name, min_dihedral_deg)
+    run = run_of_curve(solid, curve, part)
+    return replace(_curve_entity(solid, name, run), part=part)
 
 
 def _check_edge(edge: Edge, name: str, min_dihedral_deg: float) -> None:

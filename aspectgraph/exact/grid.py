@@ -27,7 +27,7 @@ GRID_BITS = 20
 """The largest extent takes more than half of 2²⁰ steps and at most all: a step is about a micrometre on a metre."""
 
 # a vertex is displaced by at most sqrt(3)/2 steps; so is the plane it is compared with, at each of its three points
-_RESOLUTION_STEPS = 4.0
+DISPLACED_RESOLUTION = 4.0
 # of vertices and of workspaces, from the origin
 _LARGEST_COORDINATE_STEPS = 1 << 40
 # leaves room for workspaces of 4,000 extents
@@ -126,7 +126,7 @@ class Grid:
             low + centre * steps,
             snapped - centre,
             displacement,
-            _RESOLUTION_STEPS if displacement else 0.0,
+            DISPLACED_RESOLUTION if displacement else 0.0,
         )
 
     @property

@@ -31,7 +31,7 @@ from aspectgraph.exact.planes import plane_through
 from aspectgraph.light.contrast import NONE
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import CONTRAST, FACE, blockers
-from aspectgraph.visibility.scene import Scene, chords, entity_ends
+from aspectgraph.visibility.scene import Scene, chords, line_ends
 from aspectgraph.visibility.united_sets import Blockers, united
 
 _REACH_BITS = 20
@@ -93,7 +93,7 @@ def _wedges(
     silhouettes: Mapping[int, int],
 ) -> list[Blockers]:
     """One set for each pair of face planes next to a straight entity that is seen as a crease."""
-    ends = entity_ends(scene, solid, chord)
+    ends = line_ends(scene, solid, chord)
     found: dict[frozenset[int], Blockers] = {}
     for edge_id in (e for e in chord.edge_ids if e not in silhouettes):
         one, other = solid.edges[edge_id].faces

@@ -234,7 +234,7 @@ def _arc(
         vertices = vertices[::-1]
         edges = edges[::-1]
         points = points[::-1]
-    start, span = _angles(points, circle)
+    start, span = angles_of(points, circle)
     middles = 0.5 * (points[1:] + points[:-1])
     turn = min(chain.turn_deg, *(abs(solid.edges[e].dihedral_deg) for e in edges))
     return (Rim if closed else Arc)(
@@ -279,6 +279,7 @@ def _turns_clockwise(points: FloatArray, circle: Circle) -> bool:
     return float(_steps(points, circle)[1].sum()) < 0
 
 
-def _angles(points: FloatArray, circle: Circle) -> tuple[float, float]:
+def angles_of(points: FloatArray, circle: Circle) -> tuple[float, float]:
+    """Return the angle of the first of some points in order, 0 to 2π, and how far they turn to the last one."""
     first, steps = _steps(points, circle)
     return first % (2.0 * np.pi), float(steps.sum())

@@ -2,7 +2,7 @@
 
 Notation
 --------
-ab   the entity, a closed segment between two vertices of the solid
+ab   the entity, a closed segment between two vertices of the solid, or between two points of an edge (see `cuts`)
 O    a convex piece of a face, P its plane with the outward side positive; O hides something only from points p of ab
      in front of P, because every blocked line of sight enters the solid somewhere
 B    {q + t (q - p) : q in O, p in ab in front of P, t >= 0}, the blocked set of O, convex and unbounded
@@ -13,8 +13,8 @@ B is cut out by P and by every plane that separates O from ab, touches both, and
 * ab and a vertex of O (likewise).
 
 Where P separates a from b, the part of ab in front of P ends on P, and the planes through that end and an edge of O
-are P itself. So every bounding plane passes through vertices of the solid: quadrics (type C) never bound a domain of
-whole-edge observability.
+are P itself. So every bounding plane passes through vertices of the solid and ends of ab: quadrics (type C) never bound
+a domain of whole-edge observability. Nothing here asks ab to be a whole edge, so it holds for stretches too.
 
 The faces next to the entity block by themselves: from behind both of them at a convex edge, from behind either at a
 re-entrant one.
@@ -30,7 +30,7 @@ import numpy as np
 from aspectgraph.exact.planes import find_plane, height, plane_through, side_of
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.deadline import check_deadline
-from aspectgraph.visibility.scene import Scene, chords, entity_ends
+from aspectgraph.visibility.scene import Scene, chords, end_resolution, entity_ends, line_ends
 from aspectgraph.visibility.united_sets import Blockers, united
 from compiled.decorators import entry_kernel, kernel_without_refcounts, put
 
@@ -51,7 +51,8 @@ def blockers(scene: Scene, solid: Solid, entity: Entity, deadline: float = math.
     parts = []
     for chord in chords(entity):
         check_deadline(deadline)
-        parts.append(_chord_blockers(scene, solid, chord, entity.kind != "edge"))
+        settle_thin = entity.kind != "edge" or entity.part is not None
+        parts.append(_chord_blockers(scene, solid, chord, settle_thin))
     return parts[0] if len(parts) == 1 else united(parts)
 
 
@@ -63,6 +64,8 @@ def _chord_blockers(scene: Scene, solid: Solid, entity: Entity, settle_thin: boo
     meet this; an edge's sets stay as they always were, open to that side.
     """
     a, b = entity_ends(scene, solid, entity)
+    line = line_ends(scene, solid, entity)
+    scene = scene._replace(resolution=end_resolution(scene, solid, entity))
     wedge_first, wedge_plane, wedge_side = _wedge(scene, solid, entity)
     n_face_planes = len(scene.planes)
     room = n_face_planes + 3 * len(scene.pieces.vertices)
@@ -84,7 +87,7 @@ def _chord_blockers(scene: Scene, solid: Solid, entity: Entity, settle_thin: boo
         planes,
         n_face_planes,
         origin,
-        np.array([a, b]),
+        np.array([a, b, *line]),
         settle_thin,
         scene.resolution,
     )
@@ -249,7 +252,8 @@ def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_
                     trio = np.array([loop[i], following, ends[kind]])
                     others = ends[1 - kind : 2 - kind]
                 else:
-                    trio = np.array([loop[i], ends[0], ends[1]])
+                    # the plane of a stretch is that of its edge's line
+                    trio = np.array([loop[i], ends[2], ends[3]])
                     others = ends[:0]
                 plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
                 if (

@@ -8,14 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from aspectgraph.entities.parts import Stretch
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exact.canonical_axes import own_frame
 from aspectgraph.exact.canonical_order import list_solid
-from aspectgraph.exact.grid import Grid, turned
+from aspectgraph.exact.grid import DISPLACED_RESOLUTION, Grid, turned
 from aspectgraph.exact.planes import face_planes
 from aspectgraph.exact.small_details import resolving_grid
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.convex_pieces import Pieces, convex_pieces
+from aspectgraph.visibility.cuts import cut_numbers, cuts_on_line, with_cuts
 
 
 class Scene(NamedTuple):
@@ -24,7 +26,7 @@ class Scene(NamedTuple):
     Attributes
     ----------
     points : ndarray of int64, shape (n, 3)
-        Vertices in grid steps.
+        Vertices in grid steps, then the ends of stretches that are none (see `cuts`).
     resolution : float
         See `grid.Grid`.
     planes : ndarray of int64, shape (p, 4)
@@ -70,13 +72,29 @@ def chords(entity: Entity) -> list[Entity]:
     ]
 
 
-def entity_ends(scene: Scene, solid: Solid, entity: Entity) -> tuple[int, int]:
-    """Vertex numbers of a straight entity's two ends, sorted by their places on the grid."""
+def line_ends(scene: Scene, solid: Solid, entity: Entity) -> tuple[int, int]:
+    """Vertex numbers of the two ends of a straight entity's edges, sorted by their places on the grid."""
     ends: set[int] = set()
     for edge_id in entity.edge_ids:
         ends ^= set(solid.edges[edge_id].vertices)
     first, last = sorted(ends, key=lambda v: scene.points[v].tolist())
     return first, last
+
+
+def entity_ends(scene: Scene, solid: Solid, entity: Entity) -> tuple[int, int]:
+    """Numbers of the points where a straight entity ends, sorted by their places: those of a stretch may be cuts."""
+    line = line_ends(scene, solid, entity)
+    if not isinstance(entity.part, Stretch):
+        return line
+    return cut_numbers(solid, scene.points, entity.part, line)
+
+
+def end_resolution(scene: Scene, solid: Solid, entity: Entity) -> float:
+    """Distance in steps up to which a point counts as lying on a plane for one straight entity."""
+    if not isinstance(entity.part, Stretch) or scene.resolution > 0.0:
+        return scene.resolution
+    exact = cuts_on_line(solid, scene.points, entity.part)
+    return scene.resolution if exact else DISPLACED_RESOLUTION
 
 
 def make_scene(solid: Solid, entities: Mapping[str, Entity] | None = None) -> tuple[Grid, Scene]:
@@ -94,4 +112,5 @@ def make_scene(solid: Solid, entities: Mapping[str, Entity] | None = None) -> tu
     pieces = convex_pieces(
         solid, grid.points, planes[plane_of_face, :3] * side_of_face[:, None], listing
     )
-    return grid, Scene(grid.points, grid.resolution, planes, plane_of_face, side_of_face, pieces)
+    points = with_cuts(solid, grid.points, [] if entities is None else entities.values())
+    return grid, Scene(points, grid.resolution, planes, plane_of_face, side_of_face, pieces)
