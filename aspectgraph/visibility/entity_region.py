@@ -96,7 +96,7 @@ def carved_region(shadows: Blockers, box: np.ndarray, deadline: float = math.inf
         n_cells=max(_ROOM, 32 * len(shadows.first)),
     )
     box_origin = np.full((len(box), 4), -1, np.int32)
-    return _compact(cx, np.concatenate([box_origin, shadows.origin]))
+    return compact(cx, np.concatenate([box_origin, shadows.origin]))
 
 
 def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int, deadline: float) -> Complex:
@@ -174,7 +174,7 @@ def _insert(cx, first, plane, side, sets, limit, unblocked):
     return sets[1], np.array(open_cells)
 
 
-def _compact(cx: Complex, origin: np.ndarray) -> Region:
+def compact(cx: Complex, origin: np.ndarray) -> Region:
     """Keep of a complex only its tree and the planes that tree uses."""
     _, plane, child = tree_of(cx)
     used = np.unique(np.concatenate([_BOX, plane[plane >= 0]]))

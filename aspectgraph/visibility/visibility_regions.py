@@ -24,6 +24,7 @@ from aspectgraph.solid.solid import Solid, check_solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.deadline import DeadlineError
 from aspectgraph.visibility.entity_region import Region, observable_region
+from aspectgraph.visibility.joined_regions import find_pieces, intersection
 from aspectgraph.visibility.kept_regions import RegionStore
 from aspectgraph.visibility.overlay import overlay, share_planes
 from aspectgraph.visibility.scene import Scene, make_scene, own_order
@@ -360,9 +361,45 @@ def compute_regions(
     make = partial(observable_region, scene, solid, box=grid.cube_planes(box_mm), deadline=deadline)
     if kept is not None:
         kept.begin(solid, box_mm, resolved)
-    regions = regions_of(resolved, make, executor, progress, kept)
+    shared = partial(intersection, scene, grid.cube_planes(box_mm))
+    regions = _with_pieces(solid, resolved, (make, shared), (executor, progress, kept))
     complete = {name: entity for name, entity in resolved.items() if name in regions}
     return VisibilityRegions(solid, box_mm, complete, grid, scene, regions)
+
+
+_How = tuple[Executor | None, Progress | None, RegionStore | None]
+
+
+def _with_pieces(
+    solid: Solid,
+    entities: Mapping[str, Entity],
+    makers: tuple[Callable[[Entity], Region], Callable[[Sequence[Region]], Region]],
+    how: _How,
+) -> dict[str, Region]:
+    """Make the regions of entities: of what consists of pieces by the second maker, from theirs."""
+    make, join = makers
+    executor, progress, kept = how
+    composed, hidden = find_pieces(solid, entities)
+    if kept is not None:
+        composed = {name: own for name, own in composed.items() if kept.get(name) is None}
+    wanted = {piece for own in composed.values() for piece in own}
+    hidden = {name: piece for name, piece in hidden.items() if name in wanted}
+    direct = {name: entity for name, entity in entities.items() if name not in composed}
+    total = len(entities) + len(hidden)
+
+    def report_after(n: int) -> Progress | None:
+        return progress and (lambda done, _, label: progress(n + done, total, label))
+
+    regions = regions_of(direct, make, executor, report_after(0), kept)
+    pieces = regions_of(hidden, make, executor, report_after(len(regions)))
+    known = {**regions, **pieces}
+    todo = {
+        name: [known[piece] for piece in own]
+        for name, own in composed.items()
+        if all(piece in known for piece in own)
+    }
+    regions |= regions_of(todo, join, executor, report_after(len(known)), kept)
+    return {name: regions[name] for name in entities if name in regions}
 
 
 def laid_out(
