@@ -18,13 +18,12 @@ from planner.effort.effort import NORMAL
 from planner.exceptions import RequestError
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import default_workspace
-from planner.request.necessary import widest_view_mm
 from planner.request.request import Request
 from planner.request.target_space import TargetSpace
+from planner.request.witnesses import choice_for
 from planner.verify.p_all import DisplacedChecks
 from planner.wanted.assumed import localisation_or_default, surfaces_or_default
 from planner.wanted.targets import Target
-from planner.wanted.witness_choice import WitnessChoice
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -175,7 +174,7 @@ def predict(
     if pose.shape != (4, 4):
         raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     how = options or InspectionOptions()
-    choice = WitnessChoice(NORMAL.witnesses, widest_view_mm(camera))
+    choice = choice_for(camera, NORMAL.witnesses)
     entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True, choice=choice)
     box = (
         default_workspace(solid, camera)

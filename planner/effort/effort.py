@@ -78,7 +78,7 @@ class Effort:
     refutations: int = 30
     bound_nodes: int = 8_000_000
     cover_nodes: int = 1000
-    witnesses: int = 4
+    witnesses: int = 6
     pricing: Pricing = field(default_factory=Pricing)
     nearness: Nearness = field(default_factory=Nearness)
     support: Support = field(default_factory=Support)
@@ -156,13 +156,13 @@ class Effort:
 
 # what is searched with where nothing is said
 NORMAL = Effort()
-QUICK = Effort(pricing_rounds=20, refutations=4, bound_nodes=400_000, cover_nodes=200, witnesses=2)
+QUICK = Effort(pricing_rounds=20, refutations=4, bound_nodes=400_000, cover_nodes=200, witnesses=3)
 THOROUGH = Effort(
     viewpoints=200,
     pricing_rounds=200,
     refutations=120,
     bound_nodes=40_000_000,
     cover_nodes=4000,
-    witnesses=8,
+    witnesses=12,
 )
 _PRESETS = {"quick": QUICK, "standard": NORMAL, "thorough": THOROUGH}

@@ -18,11 +18,10 @@ from planner.identity.inspection_request import InspectionRequest, PartRecord, R
 from planner.identity.target_record import target_records
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_seed, default_workspace
-from planner.request.necessary import widest_view_mm
+from planner.request.witnesses import choice_for
 from planner.wanted.assumed import localisation_or_default, surfaces_or_default
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import Target, check_is_edge, edge_targets
-from planner.wanted.witness_choice import WitnessChoice
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -172,7 +171,7 @@ def _resolved(
             check_is_edge(name, entity)
         return entities, edge_targets(entities, tuple(entities))
     effort = options.effort or Effort.for_dimensions()
-    choice = WitnessChoice(effort.witnesses, widest_view_mm(camera))
+    choice = choice_for(camera, effort.witnesses)
     return resolve_wanted(solid, items, accuracy, as_lengths=not rounded, choice=choice)
 
 

@@ -29,17 +29,21 @@ class EntityRecord:
         "edge", "rim" or "arc".
     edges : tuple of int
         Ids of its edges in the part.
+    part : str
+        What it is a part of an edge, rim or arc, such as ``17[0:1/4]``; empty if it is a whole one.
     """
 
     name: str
     kind: str
     edges: tuple[int, ...]
+    part: str = ""
 
     @classmethod
     def of(cls, name: str, entity: Any) -> EntityRecord:
         """Return the record of an entity of a space."""
         edges = tuple(int(edge) for edge in getattr(entity, "edge_ids", ()))
-        return cls(name, getattr(entity, "kind", EDGE), edges)
+        part = getattr(entity, "part", None)
+        return cls(name, getattr(entity, "kind", EDGE), edges, "" if part is None else str(part))
 
     def entity_of(self, solid: Solid) -> Entity:
         """Return the entity of the part under its name."""
@@ -48,8 +52,10 @@ class EntityRecord:
         return resolve_entities(solid, {self.name: self._given(solid)})[self.name]
 
     def _given(self, solid: Solid) -> Any:
-        from aspectgraph import Entity
+        from aspectgraph import Entity, parse_part
 
+        if self.part:
+            return parse_part(self.part)
         if self.kind != EDGE:
             curves = {curve.edge_ids: curve for curve in (*solid.rims(), *solid.arcs())}
             return curves[self.edges]

@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.formatting import probability_text
+from planner.camera.camera import Camera
 from planner.request.constraints import Constraints
+from planner.request.necessary import widest_view_mm
 from planner.request.objective import Objective
+from planner.wanted.witness_choice import WitnessChoice
 
 # what a constraint that is not met says of a witness
 _WHY = {
@@ -58,6 +61,22 @@ class WitnessStates(NamedTuple):
     missed: NDArray[np.float64]
     worst: list[str]
     probability: NDArray[np.float64]
+
+
+def choice_for(camera: Camera, most: int) -> WitnessChoice:
+    """Return which witnesses to offer to a camera.
+
+    Stretches are a quarter of the shorter side of its field, in focus.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    most : int
+        Witnesses of a dimension at most.
+    """
+    across = min(camera.sensor_size_mm) * camera.focus_distance_mm / camera.image_distance_mm
+    return WitnessChoice(most, widest_view_mm(camera), across / 4)
 
 
 def best_witnesses(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> list[int]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from errors.measurands import Circle, Line, Measurand, MeasurandError, measurand
 from planner.exceptions import RequestError
 from planner.wanted.dimension import Dimension
+from planner.wanted.stretches import stretch_ways
 from planner.wanted.targets import DimensionTarget, Target, Witness, edge_target
 from planner.wanted.witness_choice import PREFERRED, WitnessChoice, kept_witnesses
 
@@ -80,17 +81,19 @@ def resolve_wanted(
 
     plain = {name: item for name, item in wanted.items() if not isinstance(item, Dimension)}
     entities: dict[str, Entity] = resolve_entities(solid, plain) if plain else {}
-    known = {frozenset(entity.edge_ids): name for name, entity in entities.items()}
+    known = {_key(entity): name for name, entity in entities.items()}
     targets: list[Target] = []
     for name, item in wanted.items():
         if isinstance(item, Dimension):
-            ways = [
-                [_entity_of(solid, name, given, known, entities) for given in way]
-                for way in item.witnesses
-            ]
+            ways = _ways(solid, name, item, choice, (known, entities))
             targets.append(_dimension_target(solid, name, item, ways, accuracy, choice))
             continue
         entity = entities[name]
+        if entity.kind == "edge" and entity.part is not None:
+            raise RequestError(
+                f"entity {name!r} must be a whole edge, because a stretch has no length of its own. "
+                f"Got {entity.part}."
+            )
         if entity.kind == "edge" and not as_lengths:
             targets.append(edge_target(name, entity.endpoints))
             continue
@@ -100,22 +103,42 @@ def resolve_wanted(
     return {name: entity for name, entity in entities.items() if name in needed}, tuple(targets)
 
 
-def _entity_of(
-    solid: Solid,
-    name: str,
-    given: Any,
-    known: dict[frozenset[int], str],
-    entities: dict[str, Entity],
-) -> Entity:
+_Known = tuple[dict[tuple[frozenset[int], Any], str], dict[str, "Entity"]]
+
+
+def _key(entity: Entity) -> tuple[frozenset[int], Any]:
+    """Return what two names of one entity have in common."""
+    return frozenset(entity.edge_ids), entity.part
+
+
+def _ways(
+    solid: Solid, name: str, dimension: Dimension, choice: WitnessChoice, found: _Known
+) -> list[list[Entity]]:
+    """Return the entities of each witness: those that are given, and stretches in place of long edges."""
+    whole = [
+        [_entity_of(solid, name, given, found) for given in way] for way in dimension.witnesses
+    ]
+    if not math.isfinite(choice.stretch_mm):
+        return whole
+    cut = [
+        [_entity_of(solid, name, given, found) for given in stretched]
+        for way in whole[: choice.most]
+        for stretched in stretch_ways(solid, dimension.kind, way, choice.stretch_mm)
+    ]
+    return [*whole, *cut]
+
+
+def _entity_of(solid: Solid, name: str, given: Any, found: _Known) -> Entity:
     """Return what an item of a dimension stands for; an entity that others need, too, is the same one."""
     from aspectgraph import EntityError, resolve_entities
 
+    known, entities = found
     try:
         resolved = resolve_entities(solid, {_label(given): given})
     except EntityError as error:
         raise RequestError(f"dimension {name!r}: {error}") from error
     label, entity = next(iter(resolved.items()))
-    key = frozenset(entity.edge_ids)
+    key = _key(entity)
     if key not in known:
         # an item may have the name that an id would give
         label = next(text for text in _labels(label) if text not in entities)
@@ -161,7 +184,7 @@ def _dimension_target(
     witnesses: list[Witness] = []
     permitted = math.inf
     for parts in ways:
-        geometry = [_geometry(entity, curves) for entity in parts]
+        geometry = [_geometry(solid, entity, curves) for entity in parts]
         try:
             value = measurand(dimension.kind, geometry, direction=dimension.direction)
             permitted = min(permitted, dimension.permitted_error(value.nominal, accuracy))
@@ -200,11 +223,11 @@ def _check_same_value(name: str, witnesses: list[Witness]) -> None:
             )
 
 
-def _geometry(entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | Circle:
+def _geometry(solid: Solid, entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | Circle:
     """Return an entity as the error model takes it."""
     if entity.kind == "edge":
         return Line(*entity.endpoints)
-    arc = curves[entity.edge_ids]
+    arc = curves[entity.edge_ids] if entity.part is None else _run_arc(solid, entity)
     if entity.kind == "rim":
         return Circle(arc.centre, arc.axis, arc.radius_mm)
     return Circle(
@@ -214,6 +237,14 @@ def _geometry(entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | C
         entity.points[0] - arc.centre,
         arc.end_rad - arc.start_rad,
     )
+
+
+def _run_arc(solid: Solid, entity: Entity) -> Arc:
+    """Return the arc that a run of a rim or arc is."""
+    from aspectgraph import Run, run_arc
+
+    assert isinstance(entity.part, Run)
+    return run_arc(solid, entity.part)
 
 
 def _check_chords(

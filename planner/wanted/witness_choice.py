@@ -24,10 +24,13 @@ class WitnessChoice(NamedTuple):
         Witnesses of a dimension at most.
     widest_mm : float
         Two points that are farther apart are never in one sharp image.
+    stretch_mm : float
+        Of edges that are longer, stretches of about this length are considered, too.
     """
 
     most: int = 1
     widest_mm: float = np.inf
+    stretch_mm: float = np.inf
 
 
 PREFERRED = WitnessChoice()
