@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 from aspectgraph.cells.cell_set import Cell, CellSet
 from aspectgraph.dimensions.read_dimensions import read_dimensions
 from aspectgraph.dimensions.records import ModelDimension
+from aspectgraph.dimensions.tolerance_classes import tolerance_class_deviations
 from aspectgraph.entities.entity_files import read_entities
 from aspectgraph.entities.entity_rules import select_entities
 from aspectgraph.entities.parts import Run, Stretch, entity_order, parse_part
@@ -30,6 +31,7 @@ from aspectgraph.exceptions import (
     ResolutionError,
     SelfIntersectionError,
     SolidError,
+    ToleranceError,
     TouchingError,
     WidthError,
     WorkspaceError,
@@ -107,6 +109,7 @@ __all__ = [
     "SolidChoice",
     "SolidError",
     "Stretch",
+    "ToleranceError",
     "TouchingError",
     "VisibilityRegions",
     "WidthError",
@@ -141,6 +144,7 @@ __all__ = [
     "runs_of",
     "select_entities",
     "stability",
+    "tolerance_class_deviations",
     "write_edge_picture",
     "write_graphml",
 ]

@@ -141,6 +141,10 @@ class PictureError(AspectGraphError, ValueError):
     """A picture cannot be made with these options."""
 
 
+class ToleranceError(AspectGraphError, ValueError):
+    """A tolerance class is not one of ISO 286, or has no limits for a nominal size."""
+
+
 class WidthError(AspectGraphError, ValueError):
     """The least width is below the limit of the part's rounding, or above the workspace's."""
 
