@@ -13,6 +13,7 @@ from aspectgraph.dimensions.choice import Sight
 from aspectgraph.dimensions.features import Attachments, Feature, describe_shape
 from aspectgraph.dimensions.measures import Measure, Measurer
 from aspectgraph.dimensions.records import ModelDimension, Way, unique_names
+from aspectgraph.dimensions.stated_classes import is_in_hole, resolve_stated_class
 from aspectgraph.dimensions.statements import DIGITS, Statement, deviations, read_statements
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.limits import ReadLimits
@@ -140,6 +141,7 @@ class _Reader:
     """Turns what a file states into dimensions of one solid."""
 
     def __init__(self, solid: Solid, agreement_mm: float, agreement_deg: float):
+        self.solid = solid
         self.attachments = Attachments(solid)
         self.measurer = Measurer(self.attachments, Sight(solid))
         self.agreement_mm = agreement_mm
@@ -158,10 +160,20 @@ class _Reader:
         tolerance = stated.tolerance
         if stated.limits is not None and nominal is not None:
             tolerance = deviations(nominal, stated.limits)
+        of_class = resolve_stated_class(
+            replace(stated, tolerance=tolerance),
+            row.get("name", ""),
+            measure.kind,
+            nominal,
+            self._in_hole(measure),
+        )
+        tolerance = tolerance or of_class.deviations
+        note = _and(note, of_class.note)
         reason = (
             row["unresolved"]
             or self._unread(row["solids"])
             or stated.fault
+            or of_class.fault
             or self._disagreement(measure, stated)
             or measure.reason
             or None
@@ -186,7 +198,16 @@ class _Reader:
             n_features=measure.n_features,
             solids=tuple(row["solids"]),
             feature_reasons=() if reason else measure.missing,
+            tolerance_class=of_class.name,
+            role=stated.role or None,
         )
+
+    def _in_hole(self, measure: Measure) -> bool | None:
+        """Return whether a diameter is one of holes; None if it is not known, or differs."""
+        arcs = {arc.id: arc for arc in self.attachments.circles}
+        first = [ways[0][0] for ways in measure.ways if ways and measure.kind == "diameter"]
+        sides = {is_in_hole(self.solid, arcs[one]) for one in first if one in arcs}
+        return sides.pop() if len(sides) == 1 else None
 
     def _unread(self, solids: Sequence[int]) -> str:
         """Return why solids are not measured, or nothing if they are."""

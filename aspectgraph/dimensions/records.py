@@ -56,6 +56,11 @@ class ModelDimension:
     feature_reasons : tuple of str or None
         For each feature why it cannot be measured. None where it can be. Empty like ``features``
         if no feature can be measured.
+    tolerance_class : str or None
+        The class of ISO 286 that the model states, such as ``"H7"``. ``tolerance`` has its limits.
+    role : str or None
+        ``"reference"`` for a dimension that is given for information only (in parentheses on a
+        drawing); ``"basic"`` for one that is theoretically exact (in a box). None for others.
     """
 
     name: str
@@ -73,6 +78,8 @@ class ModelDimension:
     n_features: int = 1
     solids: tuple[int, ...] = ()
     feature_reasons: tuple[str | None, ...] = ()
+    tolerance_class: str | None = None
+    role: str | None = None
 
     @property
     def unit(self) -> str:

@@ -37,6 +37,12 @@ class Statement:
         What is wrong with it, and was not.
     of_occurrence : bool
         It belongs to one occurrence of a part in an assembly, not to the part.
+    tolerance_class : str
+        Its tolerance class as the file writes it; empty if there is none.
+    role : str
+        "reference", "basic", or empty.
+    notes : tuple of str
+        Other notes of the file on it.
     """
 
     nominal: float | None = None
@@ -45,6 +51,9 @@ class Statement:
     note: str = ""
     fault: str | None = None
     of_occurrence: bool = False
+    tolerance_class: str = ""
+    role: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def read_statements(
@@ -69,7 +78,11 @@ def read_statements(
         return [_from_kernel(row) for row in found]
     return [
         replace(
-            _from_text(tuple(text["values"]), text["bounds"]), of_occurrence=text["of_occurrence"]
+            _from_text(tuple(text["values"]), text["bounds"]),
+            of_occurrence=text["of_occurrence"],
+            tolerance_class=text.get("tolerance_class", ""),
+            role=text.get("role", ""),
+            notes=tuple(text.get("notes", ())),
         )
         for text in paired
     ]

@@ -156,6 +156,18 @@ def add_wanted(parser: Options) -> None:
         "one hole of a pattern (default: on each)",
     )
     group.add_argument(
+        "--reference-dimensions",
+        action="store_true",
+        help="with --dimensions all: plan reference dimensions, too, which the model gives for "
+        "information only (default: they are listed as not planned)",
+    )
+    group.add_argument(
+        "--no-basic-dimensions",
+        action="store_true",
+        help="with --dimensions all: leave out basic dimensions, which are theoretically exact and "
+        "have no tolerance (default: they are planned to --accuracy)",
+    )
+    group.add_argument(
         "--share",
         type=SHARE,
         default=0.25,

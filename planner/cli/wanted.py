@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from aspectgraph import ReadError, read_dimensions, read_entities, resolve_entit
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation, kinds
 from errors.measurands.localisation import FLOOR_PX
-from planner.cli.naming import named_by
+from planner.cli.naming import named_by, option
 from planner.cli.parsing.quantities import localisation_words
 from planner.exceptions import RequestError
 from planner.wanted.assumed import SURFACES_MM
@@ -21,6 +22,9 @@ from planner.wanted.resolve import resolve_wanted
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, ModelDimension, Solid
+
+_OF_MODEL = ("one_per_pattern", "reference_dimensions", "no_basic_dimensions")
+"""Options that choose among the dimensions of the model."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +57,10 @@ def read_request(options: Any, solid: Solid) -> Wanted:
     RequestError, ReadError, EntityError
         If they ask for what is not there, or break a rule.
     """
-    if options.one_per_pattern and not _all_of_model(options):
-        got = "none" if options.dimensions is None else repr(options.dimensions)
-        raise RequestError(f"--one-per-pattern must be given with --dimensions all. Got {got}.")
+    for name in _OF_MODEL:
+        if getattr(options, name) and not _all_of_model(options):
+            got = "none" if options.dimensions is None else repr(options.dimensions)
+            raise RequestError(f"{option(name)} must be given with --dimensions all. Got {got}.")
     if options.dimensions is None:
         localisation = read_localisation(options.localisation or "rounding")
         if "--share" in options.typed:
@@ -81,17 +86,34 @@ def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -
     if _all_of_model(options):
         stated = _stated(options.part, solid)
         items, left_out = dimensions_to_plan(
-            stated, share=options.share, one_per_pattern=options.one_per_pattern
+            stated,
+            share=options.share,
+            one_per_pattern=options.one_per_pattern,
+            reference=options.reference_dimensions,
+            basic=not options.no_basic_dimensions,
         )
         if not items:
-            raise RequestError(
-                f"--dimensions all needs a dimension that can be measured. Got none in {options.part}."
-            )
+            raise _nothing_to_plan(stated, options.part)
     else:
         items = read_wanted(Path(options.dimensions), kinds(), options.share)
     rounded = localisation.model == "rounding"
     entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
     return Wanted(items, entities, localisation, left_out)
+
+
+def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestError:
+    """Return the error of a model without a dimension to plan; it counts those left out by their role."""
+    roles = Counter(one.role for one in stated if one.entities is not None)
+    counts = [f"{n} {role}" for role, n in roles.items() if role is not None]
+    error = RequestError(
+        f"--dimensions all needs a dimension that can be measured. Got none in {part}."
+    )
+    if counts:
+        error.hint = (
+            f"{' and '.join(counts)} dimensions are left out; see --reference-dimensions "
+            "and --no-basic-dimensions"
+        )
+    return error
 
 
 def chosen_entities(options: Any, solid: Solid) -> dict[str, Entity]:

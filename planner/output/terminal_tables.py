@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -161,8 +162,10 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
     able = [dimension for dimension in dimensions if dimension.entities is not None]
     n_stated = sum(dimension.tolerance is not None for dimension in dimensions)
     n_characteristics = sum(bool(ways) for dimension in able for ways in dimension.features)
+    roles = Counter(dimension.role for dimension in dimensions if dimension.role)
+    special = "".join(f", {n} {role}" for role, n in sorted(roles.items()))
     print_text(
-        f"{count(len(dimensions), 'dimension')}, {n_stated} with a tolerance, {len(able)} measurable: "
+        f"{count(len(dimensions), 'dimension')}, {n_stated} with a tolerance{special}, {len(able)} measurable: "
         f"{count(n_characteristics, 'characteristic')}"
     )
     columns = (
@@ -184,6 +187,10 @@ def _dimension_row(dimension: Any) -> tuple[Cell, ...]:
     tolerance = ""
     if dimension.tolerance is not None:
         tolerance = f"{tolerance_text(dimension.tolerance)} {dimension.unit}"
+    if dimension.tolerance_class is not None:
+        tolerance = f"{dimension.tolerance_class} {tolerance}".rstrip()
+    if dimension.role is not None:
+        tolerance = f"{tolerance} {dimension.role}".lstrip()
     entities = (
         words(dimension.reason or "")
         if dimension.entities is None

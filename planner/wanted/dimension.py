@@ -15,11 +15,14 @@ from planner.argument_kinds import (
     check_number,
 )
 from planner.exceptions import RequestError
+from planner.wanted.classes import checked_class, class_limits
 
 QUARTER = 0.25
 """Share of a tolerance's half width that a measurement error may take: the usual 4 : 1 test uncertainty ratio."""
 
 _POSITIVE = NumberRule("must be a positive number", POSITIVE.holds)
+
+_REQUIREMENTS = ("tolerance", "tolerance_class", "max_error", "accuracy")
 
 Target = Any
 """What stands for an entity: an id (17, "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
@@ -29,8 +32,8 @@ Target = Any
 class Dimension:
     """A quantity to measure in one image, with the permitted error.
 
-    Give at most one of ``tolerance``, ``max_error`` and ``accuracy``. Without any, the accuracy of
-    the call applies.
+    Give at most one of ``tolerance``, ``tolerance_class``, ``max_error`` and ``accuracy``. Without
+    any, the accuracy of the call applies.
 
     Parameters
     ----------
@@ -42,6 +45,7 @@ class Dimension:
         objects, or two end points in mm.
     tolerance : (float, float), optional
         Lower and upper deviation from the nominal value that the drawing allows, mm (angles: degrees).
+        A text is a tolerance class.
     max_error : float, optional
         Largest permitted error of the measurement, mm (angles: degrees).
     accuracy : float, optional
@@ -58,6 +62,10 @@ class Dimension:
     alternatives : tuple of tuple
         Other sets of entities that give the same value, such as the lower rim of a through hole. A
         setting measures the dimension by any one set. See `any_of`.
+    tolerance_class : str, optional
+        A class of ISO 286 instead of the tolerance, such as ``"H7"`` for a hole or ``"g6"`` for a
+        shaft. Its limits are those of the nominal value. Only a diameter, a distance or a length
+        can have one.
 
     Raises
     ------
@@ -69,6 +77,8 @@ class Dimension:
     >>> from planner import Dimension
     >>> Dimension.diameter("r3", tolerance_mm=(-0.05, 0.05)).permitted_error(12.0)
     0.0125
+    >>> Dimension.diameter("r3", tolerance="H7").with_limits(20.0).tolerance
+    (0.0, 0.021)
     """
 
     kind: str
@@ -80,18 +90,23 @@ class Dimension:
     direction: tuple[float, float, float] | None = None
     n_features: int = 1
     alternatives: tuple[tuple[Target, ...], ...] = ()
+    tolerance_class: str | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
         object.__setattr__(self, "alternatives", tuple(map(tuple, self.alternatives)))
-        given = [
-            name
-            for name in ("tolerance", "max_error", "accuracy")
-            if getattr(self, name) is not None
-        ]
+        given = [name for name in _REQUIREMENTS if getattr(self, name) is not None]
         if len(given) > 1:
             raise RequestError(
                 f"a dimension must have one of tolerance, max_error and accuracy. Got {', '.join(given)}."
+            )
+        tolerance: Any = self.tolerance
+        if isinstance(tolerance, str):
+            object.__setattr__(self, "tolerance_class", tolerance)
+            object.__setattr__(self, "tolerance", None)
+        if self.tolerance_class is not None:
+            object.__setattr__(
+                self, "tolerance_class", checked_class(self.tolerance_class, self.kind)
             )
         if self.tolerance is not None:
             object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
@@ -117,7 +132,8 @@ class Dimension:
         edge : int, str, Edge, Entity or end points
             The edge.
         **requirement
-            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+            ``tolerance_mm`` (lower, upper), ``tolerance`` (a class, ``"H7"``),
+            ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
 
         Returns
         -------
@@ -135,7 +151,8 @@ class Dimension:
         first, second : int, str, Edge, Entity or end points
             The edges.
         **requirement
-            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; ``share``, ``direction``: `Dimension`.
+            ``tolerance_mm`` (lower, upper), ``tolerance`` (a class, ``"H7"``),
+            ``max_error_mm`` or ``accuracy``; ``share``, ``direction``: `Dimension`.
 
         Returns
         -------
@@ -171,7 +188,8 @@ class Dimension:
         rim : str, Rim, Arc or Entity
             The rim or arc.
         **requirement
-            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+            ``tolerance_mm`` (lower, upper), ``tolerance`` (a class, ``"H7"``),
+            ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
 
         Returns
         -------
@@ -297,9 +315,32 @@ class Dimension:
         Dimension
             The same dimension, if it has a requirement.
         """
-        if self.tolerance is not None or self.max_error is not None or self.accuracy is not None:
+        if any(getattr(self, name) is not None for name in _REQUIREMENTS):
             return self
         return replace(self, accuracy=accuracy)
+
+    def with_limits(self, nominal: float) -> Dimension:
+        """Return the dimension with the limits of its tolerance class as its tolerance.
+
+        Parameters
+        ----------
+        nominal : float
+            Nominal value, mm.
+
+        Returns
+        -------
+        Dimension
+            The same dimension, if it has no tolerance class.
+
+        Raises
+        ------
+        RequestError
+            If ISO 286 has no limits of this class for the nominal value.
+        """
+        if self.tolerance_class is None:
+            return self
+        limits = class_limits(self.tolerance_class, nominal)
+        return replace(self, tolerance=limits, tolerance_class=None)
 
     def permitted_error(self, nominal: float, accuracy: float | None = None) -> float:
         """Return the largest permitted error of the measurement, in the unit of the nominal value.
@@ -322,6 +363,7 @@ class Dimension:
             If there is no requirement, or the permitted error is not smaller than the nominal value.
         """
         dimension = self.with_accuracy(accuracy) if accuracy is not None else self
+        dimension = dimension.with_limits(nominal)
         if dimension.tolerance is not None:
             error = dimension.share * (dimension.tolerance[1] - dimension.tolerance[0]) / 2
         elif dimension.max_error is not None:
@@ -345,7 +387,10 @@ def _in_mm(requirement: dict[str, Any]) -> dict[str, Any]:
 def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     """Take the unit off the names of what is asked; refuse names and units that are not known."""
     names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
-    names |= {name: name for name in ("accuracy", "share", "direction")}
+    names |= {name: name for name in ("accuracy", "share", "direction", "tolerance_class")}
+    if isinstance(requirement.get("tolerance"), str):
+        # deviations have their unit in the name; a class has none
+        names["tolerance"] = "tolerance_class"
     unknown = [name for name in requirement if name not in names]
     if unknown:
         raise RequestError(
@@ -359,7 +404,9 @@ def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:
         lower, upper = (float(value) for value in given)
     except (OverflowError, TypeError, ValueError) as error:
         raise RequestError.of_rule(
-            "tolerance", "must be two numbers, lower and upper deviation", repr(given)
+            "tolerance",
+            "must be two numbers, lower and upper deviation, or a class such as H7",
+            repr(given),
         ) from error
     if not (math.isfinite(lower) and math.isfinite(upper)):
         raise RequestError.of_rule("tolerance", "must be finite", repr(given))

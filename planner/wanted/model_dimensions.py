@@ -16,13 +16,26 @@ if TYPE_CHECKING:
     from aspectgraph.dimensions.records import Way
 
 
+ROLE_REASONS = {
+    "reference": "it is a reference dimension, given for information only",
+    "basic": "it is a basic dimension, theoretically exact and without a tolerance of its own",
+}
+"""Why a dimension of the model is not planned although it can be measured, by its role."""
+
+
 def dimensions_to_plan(
-    stated: Iterable[ModelDimension], *, share: float = QUARTER, one_per_pattern: bool = False
+    stated: Iterable[ModelDimension],
+    *,
+    share: float = QUARTER,
+    one_per_pattern: bool = False,
+    reference: bool = False,
+    basic: bool = True,
 ) -> tuple[dict[str, Dimension], dict[str, str]]:
     """Turn dimensions of a CAD model into a request for `plan_inspection`.
 
     A characteristic is one dimension on one feature. A dimension of 30 holes becomes 30
     characteristics, such as ``"Linear Size.11 [3 of 30]"``. Each has its own entities.
+    Reference dimensions are left out, because they are given for information only.
 
     Parameters
     ----------
@@ -33,6 +46,11 @@ def dimensions_to_plan(
     one_per_pattern : bool
         Measure each dimension on one of its features. The plan then counts the others as not
         planned.
+    reference : bool
+        Plan reference dimensions, too.
+    basic : bool
+        Plan basic dimensions, which are theoretically exact. They have no tolerance of their own,
+        so the accuracy of the call applies.
 
     Returns
     -------
@@ -53,12 +71,17 @@ def dimensions_to_plan(
     >>> part = "examples/nist_ctc_03_ap242.stp.gz"
     >>> stated = read_dimensions(part, read_solid(part))
     >>> wanted, left_out = dimensions_to_plan(stated)
-    >>> len(stated), len(wanted), left_out
-    (10, 14, {})
+    >>> len(stated), len(wanted)
+    (10, 13)
+    >>> left_out
+    {'Linear Size.11': 'it is a reference dimension, given for information only'}
     >>> [name for name in wanted if name.startswith("Linear Size.5")]
     ['Linear Size.5 [1 of 2]', 'Linear Size.5 [2 of 2]']
     """
-    found = [item for one in stated for item in _items(one, share, one_per_pattern)]
+    omitted = [
+        role for role, planned in (("reference", reference), ("basic", basic)) if not planned
+    ]
+    found = [item for one in stated for item in _items(one, share, one_per_pattern, omitted)]
     # the model may already use a name that a feature of a pattern gets
     names = unique_names([name for name, _ in found])
     wanted: dict[str, Dimension] = {}
@@ -72,10 +95,12 @@ def dimensions_to_plan(
 
 
 def _items(
-    stated: ModelDimension, share: float, one_per_pattern: bool
+    stated: ModelDimension, share: float, one_per_pattern: bool, omitted: Sequence[str]
 ) -> list[tuple[str, Dimension | str]]:
     """Return the name of each characteristic, with its request or the reason why it has none."""
     check_kinds(stated=(stated, "ModelDimension"))
+    if stated.role is not None and stated.role in omitted:
+        return [(stated.name, ROLE_REASONS[stated.role])]
     if stated.entities is None:
         return [(stated.name, stated.reason or "")]
     # without a list of features the entities are those of the only one

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import Circle, Line, Measurand, MeasurandError, measurand
 from planner.exceptions import RequestError
+from planner.wanted.classes import check_side
 from planner.wanted.dimension import Dimension
 from planner.wanted.stretches import stretch_ways
 from planner.wanted.targets import DimensionTarget, Target, Witness, edge_target
@@ -181,21 +182,33 @@ def _dimension_target(
 ) -> DimensionTarget:
     """Return the target that a dimension is, given the entities of each of its witnesses."""
     curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
-    witnesses: list[Witness] = []
-    permitted = math.inf
-    for parts in ways:
-        geometry = [_geometry(solid, entity, curves) for entity in parts]
-        try:
-            value = measurand(dimension.kind, geometry, direction=dimension.direction)
-            permitted = min(permitted, dimension.permitted_error(value.nominal, accuracy))
-        except (MeasurandError, RequestError) as error:
-            raise RequestError(f"dimension {name!r}: {error}") from error
-        witnesses.append(_witness(parts, value))
+    try:
+        values = [_value_of(solid, dimension, parts, curves) for parts in ways]
+        if dimension.tolerance_class is not None:
+            dimension = dimension.with_limits(values[0].nominal)
+        permitted = min(dimension.permitted_error(one.nominal, accuracy) for one in values)
+    except (MeasurandError, RequestError) as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+    witnesses = [_witness(parts, value) for parts, value in zip(ways, values, strict=True)]
     _check_same_value(name, witnesses)
     kept = kept_witnesses(witnesses, choice)
     for entity in {one.name: one for k in kept for one in ways[k]}.values():
         _check_chords(name, entity, curves, permitted)
     return DimensionTarget(name, tuple(witnesses[k] for k in kept), dimension, permitted)
+
+
+def _value_of(
+    solid: Solid,
+    dimension: Dimension,
+    parts: list[Entity],
+    curves: Mapping[tuple[int, ...], Arc],
+) -> Measurand:
+    """Return the value that entities give; a class of tolerance must be for a hole or shaft as they are."""
+    if dimension.tolerance_class is not None:
+        arcs = [curves[entity.edge_ids] for entity in parts if entity.edge_ids in curves]
+        check_side(dimension.tolerance_class, solid, arcs)
+    geometry = [_geometry(solid, entity, curves) for entity in parts]
+    return measurand(dimension.kind, geometry, direction=dimension.direction)
 
 
 def _witness(parts: list[Entity], value: Measurand) -> Witness:

@@ -15,9 +15,9 @@ import numpy as np
 from aspectgraph.read.step.circle_arrays import pack_circles
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.merge import edge_map, merge_touching
-from aspectgraph.read.step.semantic.stated_dimensions import list_dimensions
+from aspectgraph.read.step.semantic.stated_dimensions import WITH_TEXTS, list_dimensions
 from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
-from aspectgraph.read.step.text import parse_entities
+from aspectgraph.read.step.text import parse_entities, parse_texts
 from aspectgraph.read.step.triangles import tessellate
 
 
@@ -109,8 +109,10 @@ class StepPart:
         # few files are asked for them, and the import takes time
         from aspectgraph.read.step.semantic.semantic_dimensions import read_semantic_dimensions
 
-        entities = parse_entities(Path(path).read_bytes())
+        data = Path(path).read_bytes()
+        entities = parse_entities(data)
+        texts = parse_texts(data, entities, WITH_TEXTS)
         return {
             "found": read_semantic_dimensions(Path(path), name, entities),
-            "stated": [asdict(stated) for stated in list_dimensions(entities)],
+            "stated": [asdict(stated) for stated in list_dimensions(entities, texts)],
         }, {}

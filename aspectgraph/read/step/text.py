@@ -9,6 +9,7 @@ Reference: ISO 10303-21:2016, clear text encoding of the exchange structure.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from aspectgraph.exceptions import ReadError
@@ -22,6 +23,8 @@ _TOKEN = re.compile(
     |\#[0-9]+(?=\s*[,)=])|[+-]?[0-9]+(?:\.[0-9]*(?:E[+-]?[0-9]+)?)?{_NEXT}""",
     re.VERBOSE | re.IGNORECASE | re.ASCII,
 )
+_STRING = re.compile(r"'(?:[^']|'')*'")
+_STATEMENT = re.compile(r"#([0-9]+)\s*=((?:[^;']|'[^']*')*);")
 _ENTITY = re.compile(r"\s*#([0-9]+)\s*=\s*(.*)", re.DOTALL)
 _NAME = re.compile(r"([A-Z_][A-Z0-9_]*)\s*\(", re.IGNORECASE)
 _REFERENCE = re.compile(r"#([0-9]+)")
@@ -111,6 +114,40 @@ def _add(entities: dict[int, StepEntity], statement: str) -> None:
             f"the entities of a STEP file must have numbers of their own. Got #{number} twice."
         )
     entities[number] = StepEntity(name[1].upper(), found[2])
+
+
+def parse_texts(
+    data: bytes, entities: dict[int, StepEntity], kinds: Iterable[str]
+) -> dict[int, tuple[str, ...]]:
+    """Return the texts in entities of some kinds by number, which `parse_entities` leaves out.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    entities : dict
+        See `parse_entities`, of the same file.
+    kinds : iterable of str
+        Types in capitals.
+
+    Returns
+    -------
+    dict of int to tuple of str
+        The texts of each entity in their order, with single quotation marks.
+    """
+    wanted = frozenset(kinds)
+    numbers = {number for number, entity in entities.items() if wanted & entity.kinds}
+    if not numbers:
+        return {}
+    text = _STRING_OR_COMMENT.sub(
+        lambda found: found[0] if found[0][0] == "'" else " ", data.decode("latin-1")
+    )
+    found: dict[int, tuple[str, ...]] = {}
+    for number, statement in _STATEMENT.findall(text):
+        if int(number) in numbers:
+            texts = (one[1:-1].replace("''", "'") for one in _STRING.findall(statement))
+            found[int(number)] = tuple(texts)
+    return found
 
 
 def known_references(entities: dict[int, StepEntity], entity: StepEntity) -> list[int]:
