@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,8 +24,10 @@ WALL = 0.5
 ROUNDED_MM = 0.001
 """Deviations that a file states beside a class are the same up to this: they may be rounded to whole µm."""
 
-# in free text M6 is a thread, R5 a radius, and 20 x 5 a size; X and T are left out with them
-_CLASS = re.compile(r"(?![MRTXmrtx])[A-Za-z]{1,2}\d{1,2}")
+_SAME_MM = 0.5 * 10**-NOMINAL_DIGITS
+
+# in free text C1 is a chamfer, M6 a thread, R5 a radius, t5 a thickness, and 20 x5 a size
+_CLASS = re.compile(r"(?![CMRTXcmrtx])[A-Za-z]{1,2}\d{1,2}")
 _SIZED = re.compile(rf"(?<![\d.,])(\d+(?:[.,]\d+)?) ?({_CLASS.pattern})(?![\w.,])")
 
 
@@ -68,7 +71,9 @@ def resolve_stated_class(
     in_hole : bool or None
         Whether it is the diameter of a hole; None if that is not known.
     """
-    text = stated.tolerance_class or _class_in_texts(stated.notes, title, nominal)
+    text = stated.tolerance_class
+    if not text and kind in KINDS_WITH_CLASS:
+        text = _class_in_texts(stated.notes, title, nominal)
     if not text:
         return StatedClass()
     try:
@@ -79,11 +84,8 @@ def resolve_stated_class(
         )
     name = str(tolerance_class)
     if kind not in KINDS_WITH_CLASS:
-        measured = kind.replace("_", " ")
-        return StatedClass(
-            name,
-            fault=f"the file states the tolerance class {name}, which a {measured} cannot have",
-        )
+        fault = f"the file states the tolerance class {name}, which is for diameters and distances"
+        return StatedClass(name, fault=fault)
     if nominal is None:
         return StatedClass(name, fault=f"the file states the tolerance class {name} without a size")
     try:
@@ -106,16 +108,21 @@ def _class_in_texts(notes: Iterable[str], title: str, nominal: float | None) -> 
     A note may be the class alone. In longer texts, the class stands behind the nominal value, as in "Ø20 H7".
     """
     notes = tuple(notes)
-    for note in notes:
-        if _CLASS.fullmatch(note):
-            return note
-    if nominal is None:
-        return ""
+    names = [note for note in notes if _CLASS.fullmatch(note)]
     for text in (*notes, title):
         for size, name in _SIZED.findall(text):
-            if round(float(size.replace(",", ".")) - nominal, NOMINAL_DIGITS) == 0:
-                return str(name)
-    return ""
+            apart = float(size.replace(",", ".")) - (math.inf if nominal is None else nominal)
+            if abs(apart) < _SAME_MM:
+                names.append(name)
+    return next((name for name in names if _is_class(name)), "")
+
+
+def _is_class(text: str) -> bool:
+    try:
+        ToleranceClass.of(text)
+    except ToleranceError:
+        return False
+    return True
 
 
 def _difference(name: str, deviations: tuple[float, float], stated: Statement) -> str:

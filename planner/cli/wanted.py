@@ -15,6 +15,7 @@ from errors.measurands.localisation import FLOOR_PX
 from planner.cli.naming import named_by, option
 from planner.cli.parsing.quantities import localisation_words
 from planner.exceptions import RequestError
+from planner.report.wording import count
 from planner.wanted.assumed import SURFACES_MM
 from planner.wanted.dimension_files import read_wanted
 from planner.wanted.model_dimensions import dimensions_to_plan
@@ -25,6 +26,12 @@ if TYPE_CHECKING:
 
 _OF_MODEL = ("one_per_pattern", "reference_dimensions", "no_basic_dimensions")
 """Options that choose among the dimensions of the model."""
+
+_LEFT_OUT = {
+    "reference": "see --reference-dimensions",
+    "basic": "plan without --no-basic-dimensions",
+}
+"""What to do about dimensions that their role leaves out."""
 
 
 @dataclass(frozen=True)
@@ -104,15 +111,15 @@ def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -
 def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestError:
     """Return the error of a model without a dimension to plan; it counts those left out by their role."""
     roles = Counter(one.role for one in stated if one.entities is not None)
-    counts = [f"{n} {role}" for role, n in roles.items() if role is not None]
+    texts = [
+        f"{count(roles[role], f'{role} dimension')} {'is' if roles[role] == 1 else 'are'} left out: {advice}"
+        for role, advice in _LEFT_OUT.items()
+        if roles[role]
+    ]
     error = RequestError(
         f"--dimensions all needs a dimension that can be measured. Got none in {part}."
     )
-    if counts:
-        error.hint = (
-            f"{' and '.join(counts)} dimensions are left out; see --reference-dimensions "
-            "and --no-basic-dimensions"
-        )
+    error.hint = ". ".join(texts)
     return error
 
 

@@ -91,14 +91,10 @@ def check_side(tolerance_class: str, solid: Solid, arcs: Sequence[Arc]) -> None:
     for arc in arcs:
         in_hole = is_in_hole(solid, arc)
         if in_hole is not None and in_hole != for_hole:
-            rule = (
-                "be a class of holes, in capitals"
-                if in_hole
-                else "be one of shafts, in small letters"
-            )
+            rule = "holes, in capitals" if in_hole else "shafts, in small letters"
             side = "a hole" if in_hole else "a shaft"
             raise RequestError.of_rule(
                 "tolerance",
-                f"must {rule}, because {arc.id} is the rim of {side}",
+                f"must be a class of {rule}, because {arc.id} is the rim of {side}",
                 repr(tolerance_class),
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from functools import cache
 
 import numpy as np
@@ -33,6 +34,15 @@ CHARACTERISTICS = {
     "nist_ctc_04_ap242.stp": 72,
     "nist_ctc_05_ap242.stp": 2,
     "nist_d2mi_827-9999-904.stp": 40,
+}
+# reference and basic ones: the notes 'auxiliary' and 'theoretical' in the text of the files, counted there
+ROLES = {
+    "nist_ctc_01_ap242.stp": {},
+    "nist_ctc_02_ap242.stp": {},
+    "nist_ctc_03_ap242.stp": {"reference": 1},
+    "nist_ctc_04_ap242.stp": {"basic": 2},
+    "nist_ctc_05_ap242.stp": {"basic": 4},
+    "nist_d2mi_827-9999-904.stp": {"basic": 45},
 }
 REFUSED_IN_D2MI = [
     f"Perpendicular Dimension ({n})" for n in (179, 217, 224, 225, 231, 243, 262, 263)
@@ -97,6 +107,17 @@ def test_every_feature_of_a_real_pattern_is_measured_by_entities_of_its_own(name
         first = [ways[0] for ways in one.features]
         assert len(set(first)) == len(first) == one.n_features
         assert one.feature_reasons == (None,) * one.n_features
+
+
+@pytest.mark.parametrize("name", ROLES)
+def test_reference_and_basic_dimensions_have_no_tolerance(name):
+    """In these files. 19.05 mm is the one in parentheses on the drawing of CTC-03."""
+    _, dimensions = read(name)
+    assert Counter(one.role for one in dimensions if one.role) == ROLES[name]
+    assert {one.tolerance for one in dimensions if one.role} <= {None}
+    assert [one.nominal for one in dimensions if one.role == "reference"] == [
+        pytest.approx(19.05)
+    ] * ROLES[name].get("reference", 0)
 
 
 @pytest.mark.parametrize("name", COUNTS)
@@ -242,6 +263,30 @@ def test_an_angle_that_disagrees_is_refused_in_degrees(ctc_01, tmp_path):
     supplement.mkdir()
     path = changed(supplement, "PLANE_ANGLE_MEASURE(60.0)", "PLANE_ANGLE_MEASURE(120.0)")
     assert read_dimensions(path, ctc_01)[2].entities is not None
+
+
+@pytest.mark.parametrize(
+    ("fits", "name", "tolerance"),
+    [
+        # over 18 to 30 mm: IT7 is 21 µm, IT6 is 13 µm, g begins 7 µm off
+        ("'H','hole','7',''", "H7", (0.0, 0.021)),
+        ("'G6','hole','',''", "G6", (0.007, 0.02)),
+    ],
+)
+def test_a_tolerance_class_gives_the_limits_of_the_nominal_value(
+    ctc_01, tmp_path, fits, name, tolerance
+):
+    path = changed(tmp_path, "TOLERANCE_VALUE(#93,#92)", f"LIMITS_AND_FITS({fits})")
+    one = last(path, ctc_01)
+    assert (one.nominal, one.tolerance_class, one.tolerance) == (25.0, name, tolerance)
+    assert (one.entities, one.note) == (("r2",), "")
+
+
+def test_the_class_of_a_shaft_on_a_hole_is_refused(ctc_01, tmp_path):
+    path = changed(tmp_path, "TOLERANCE_VALUE(#93,#92)", "LIMITS_AND_FITS('g','shaft','6','')")
+    one = last(path, ctc_01)
+    assert one.entities is None
+    assert one.reason == "the file states g6, a class of shafts, and its geometry is a hole"
 
 
 def test_the_same_file_gives_the_same_dimensions(ctc_01):

@@ -129,15 +129,40 @@ def test_all_dimensions_of_a_pattern(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    "option", ["--one-per-pattern", "--reference-dimensions", "--no-basic-dimensions"]
+)
+@pytest.mark.parametrize(
     ("wanted", "got"), [(["--all"], "none"), (["--dimensions", BLOCK], repr(BLOCK))]
 )
-def test_one_per_pattern_is_for_the_dimensions_of_the_model(tmp_path, capsys, wanted, got):
-    request = ["plan", BLOCK, *wanted, "--one-per-pattern", *CAMERA, "--out", str(tmp_path / "out")]
+def test_options_for_the_dimensions_of_the_model_need_these(tmp_path, capsys, wanted, got, option):
+    request = ["plan", BLOCK, *wanted, option, *CAMERA, "--out", str(tmp_path / "out")]
     assert main(request) == BAD_INPUT
     assert capsys.readouterr().err == (
-        f"aspectgraph: --one-per-pattern must be given with --dimensions all. Got {got}.\n"
+        f"aspectgraph: {option} must be given with --dimensions all. Got {got}.\n"
     )
     assert not (tmp_path / "out").exists()
+
+
+def test_a_model_of_reference_dimensions_says_how_to_plan_them(tmp_path, capsys):
+    """The diameter of the case, with the note that it is for information only."""
+    pytest.importorskip("OCP")
+    text = (CASES / "dim_two_instances.step").read_text()
+    note = "#900 = DESCRIPTIVE_REPRESENTATION_ITEM('dimensional note','auxiliary');\n"
+    text = text.replace("ENDSEC;\nEND-ISO", note + "ENDSEC;\nEND-ISO")
+    part = tmp_path / "reference.step"
+    part.write_text(
+        text.replace("REPRESENTATION('',(#553),#535)", "REPRESENTATION('',(#553,#900),#535)")
+    )
+    request = ["plan", str(part), "--dimensions", "all", *CAMERA, "--out", str(tmp_path / "out")]
+    assert main(request) == BAD_INPUT
+    assert capsys.readouterr().err == (
+        f"aspectgraph: --dimensions all needs a dimension that can be measured. Got none in {part}; "
+        "2 reference dimensions are left out: see --reference-dimensions.\n"
+    )
+    assert main(["dimensions", str(part)]) == DONE
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("2 dimensions, 2 with a tolerance, 2 reference, 2 measurable")
+    assert "±0.05 mm reference" in lines[3]
 
 
 def test_a_part_without_dimensions_says_so(tmp_path, capsys):

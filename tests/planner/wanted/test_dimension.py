@@ -42,6 +42,27 @@ def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_
             "one of tolerance, max_error and accuracy",
         ),
         (
+            lambda: Dimension.diameter("r3", tolerance="H7", tolerance_mm=(-1, 1)),
+            "one of tolerance, max_error and accuracy. Got tolerance, tolerance_class",
+        ),
+        (lambda: Dimension.diameter("r3", tolerance=(-1, 1)), "Got 'tolerance'"),
+        (
+            lambda: Dimension.diameter("r3", tolerance="Q7"),
+            r"tolerance must be a letter and a grade .* A, B, C, .* Got 'Q7'",
+        ),
+        (
+            lambda: Dimension.diameter("r3", tolerance="H7/g6"),
+            "Got 'H7/g6'; give the class of this part only",
+        ),
+        (
+            lambda: Dimension.radius("r3", tolerance_class="H7"),
+            "only a diameter, distance or length has a tolerance class. Got 'H7' for a radius",
+        ),
+        (
+            lambda: Dimension.diameter("r3", tolerance="t6").permitted_error(20.0),
+            "tolerance must have limits in ISO 286-1 .* 20 mm. Got 't6'; t is defined over 24",
+        ),
+        (
             lambda: Dimension.distance(1, 2, direction=(0, 0, 0)),
             "direction must be three numbers, not all of them 0",
         ),
@@ -58,3 +79,15 @@ def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_
 def test_refusals(make, message):
     with pytest.raises(RequestError, match=message):
         make()
+
+
+def test_a_class_permits_a_share_of_its_tolerance():
+    """IT7 over 18 to 30 mm is 21 µm: a quarter of half of it; over 30 to 50 mm it is 25 µm."""
+    bore = Dimension.diameter("r3", tolerance="H7")
+    assert bore == Dimension("diameter", ("r3",), tolerance_class="H7")
+    assert bore.permitted_error(20.0) == pytest.approx(0.021 / 8)
+    assert bore.permitted_error(40.0) == pytest.approx(0.025 / 8)
+    assert bore.with_accuracy(0.98) is bore
+    assert bore.with_limits(20.0) == Dimension.diameter("r3", tolerance_mm=(0.0, 0.021))
+    plain = Dimension.diameter("r3")
+    assert plain.with_limits(20.0) is plain

@@ -15,6 +15,7 @@ slope = { angle = [17, 21], max_error = 0.001, unit = "rad" }
 plain = 18
 ends = [[0, 0, 10], [80, 0, 10]]
 long = { length = [[0, 0, 10], [80, 0, 10]], accuracy = 0.99 }
+fit = { diameter = "r3", tolerance = "H7", share = 0.1, unit = "um" }
 """
 
 
@@ -26,13 +27,14 @@ def written(tmp_path, text, name="dimensions.toml"):
 
 def test_every_way_to_say_it(tmp_path):
     found = read_wanted(written(tmp_path, FILE), kinds())
-    assert list(found) == ["bore", "step", "rim", "inch", "slope", "plain", "ends", "long"]
+    assert list(found) == ["bore", "step", "rim", "inch", "slope", "plain", "ends", "long", "fit"]
     assert found["bore"] == Dimension.diameter("r3", tolerance_mm=(-0.05, 0.05))
     assert found["step"] == Dimension.distance(17, 18, max_error_mm=0.02)
     assert found["rim"] == Dimension.length(17, max_error_mm=0.05)
     assert found["inch"].tolerance == pytest.approx((-0.0254, 0.0254))
     assert found["slope"].max_error == pytest.approx(0.0572958, rel=1e-5)
     assert found["plain"] == 18
+    assert found["fit"] == Dimension.diameter("r3", tolerance="H7", share=0.1)
     assert found["long"].entities == ([[0, 0, 10], [80, 0, 10]],)
 
 
@@ -53,6 +55,14 @@ def test_every_way_to_say_it(tmp_path):
         (
             'a = { diameter = "r3", tolerance = [1, -1] }',
             "dimension 'a': tolerance must have its lower",
+        ),
+        (
+            'a = { diameter = "r3", tolerance = "H77" }',
+            "dimension 'a': tolerance must be a letter and a grade of ISO 286.* Got 'H77'",
+        ),
+        (
+            'a = { radius = "r3", tolerance = "H7" }',
+            "dimension 'a': tolerance must be two numbers, because only a diameter",
         ),
         (
             'a = { diameter = "r3", max_error = 0 }',

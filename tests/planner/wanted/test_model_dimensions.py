@@ -72,6 +72,21 @@ def test_each_feature_is_a_characteristic_with_its_own_entities():
     assert left_out == {"cone": "no edges measure it"}
 
 
+def test_reference_dimensions_are_planned_on_request_and_basic_ones_unless_refused():
+    for_information = stated("sum", PATTERN.features, tolerance=None, role="reference")
+    exact = stated("place", SINGLE.features, tolerance=None, role="basic")
+    both = [for_information, exact, SINGLE]
+    wanted, left_out = dimensions_to_plan(both)
+    assert list(wanted) == ["place", "hub"]
+    assert left_out == {"sum": "it is a reference dimension, given for information only"}
+    wanted, left_out = dimensions_to_plan(both, reference=True, basic=False)
+    assert list(wanted) == ["sum [1 of 3]", "sum [2 of 3]", "sum [3 of 3]", "hub"]
+    assert list(left_out) == ["place"]
+    assert left_out["place"].startswith("it is a basic dimension, theoretically exact")
+    wanted, left_out = dimensions_to_plan(both, reference=True)
+    assert (len(wanted), left_out) == (5, {})
+
+
 def test_one_per_pattern_keeps_the_first_and_counts_the_others():
     wanted, left_out = dimensions_to_plan([PATTERN, SINGLE, REFUSED], one_per_pattern=True)
     found = {name: (one.entities, one.n_features) for name, one in wanted.items()}
