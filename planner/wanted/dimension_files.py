@@ -24,7 +24,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     with a kind and its entities, and what is asked: ``bore = { diameter = "r3", tolerance = [-0.05, 0.05] }``,
     ``step = { distance = [17, 18], max_error = 0.02 }``, ``rim = { edge = 17, max_error = 0.05 }``. Values are mm
     (angles: degrees), or of the ``unit`` given. A tolerance may be a class: ``tolerance = "H7"``. Other entities that
-    give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22], [25, 26]], max_error = 0.02 }``.
+    give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
 
     Parameters
     ----------
