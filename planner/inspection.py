@@ -163,8 +163,8 @@ def plan_inspection(
         `Dimension`, otherwise rounding to whole pixels, as in the paper.
     surfaces_mm : float, optional
         Standard deviation of the position of the part's faces along their normals, mm, for
-        dimensions. Points of the image are carried back to these faces. Default: 0.02 mm, or 0 if
-        points are rounded to whole pixels.
+        dimensions. Points of the image are carried back to these faces. Default: what a
+        `Dimension` states of its own, otherwise 0.02 mm; 0 if points are rounded to whole pixels.
     time_limit_s : float, optional
         End the planning after this many seconds with the best plan so far, which is then
         ``unfinished``. Visibility may take half of them. The plan omits a target whose visibility

@@ -73,7 +73,8 @@ class InspectionOptions:
         `Dimension`, otherwise rounding to whole pixels.
     surfaces_mm : float, optional
         Standard deviation of the position of the part's faces along their normals, mm, for
-        dimensions. Default: 0.02 mm, or 0 if points are rounded to whole pixels.
+        dimensions. Default: what a `Dimension` states of its own, otherwise 0.02 mm; 0 if points are
+        rounded to whole pixels.
     time_limit_s : float, optional
         End the planning after this many seconds with the best plan so far. Default: no limit.
     gap : float

@@ -22,7 +22,11 @@ from planner.request.request import Request
 from planner.request.target_space import TargetSpace
 from planner.request.witnesses import choice_for
 from planner.verify.p_all import DisplacedChecks
-from planner.wanted.assumed import localisation_or_default, surfaces_or_default
+from planner.wanted.assumed import (
+    localisation_or_default,
+    surfaces_or_default,
+    with_surfaces_of_call,
+)
 from planner.wanted.targets import Target
 
 if TYPE_CHECKING:
@@ -174,6 +178,8 @@ def predict(
     if pose.shape != (4, 4):
         raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     how = options or InspectionOptions()
+    found_by = localisation_or_default(localisation, wanted.values())
+    wanted = with_surfaces_of_call(wanted, how.surfaces_mm, found_by)
     choice = choice_for(camera, NORMAL.witnesses)
     entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True, choice=choice)
     box = (
@@ -185,7 +191,6 @@ def predict(
     space = TargetSpace.of(regions, targets)
     need = how.requirements(camera, pose_uncertainty)
     names = tuple(target.name for target in targets)
-    found_by = localisation_or_default(localisation, wanted.values())
     request = Request(
         space,
         names,

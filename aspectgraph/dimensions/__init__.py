@@ -5,9 +5,10 @@ edges, rims and arcs in one image, says why.
 """
 
 from aspectgraph.dimensions.read_dimensions import read_dimensions
-from aspectgraph.dimensions.records import ModelDimension
+from aspectgraph.dimensions.records import ModelDimension, SurfaceZone
 
 __all__ = [
     "ModelDimension",
+    "SurfaceZone",
     "read_dimensions",
 ]

@@ -135,14 +135,14 @@ class Attachments:
         else:
             return self._axis_of_revolved(circles)
         circles = [circle for circle in circles if self._same(around, self._bare(circle))]
-        return Axis(around.point, around.along, around.radius_mm, self._circles_on(circles))
+        return Axis(around.point, around.along, around.radius_mm, self.circles_on(circles))
 
     def _axis_of_revolved(self, circles: list[dict[str, Any]]) -> Axis | None:
         """Return the axis of a cone or free-form face, if all circles around it that are not seams share one."""
         axes = [self._bare(circle) for circle in circles]
         if not axes or not all(self.coaxial(axes[0], axis) for axis in axes):
             return None
-        return Axis(axes[0].point, axes[0].along, None, self._circles_on(circles))
+        return Axis(axes[0].point, axes[0].along, None, self.circles_on(circles))
 
     def _bare(self, circle: dict[str, Any]) -> Axis:
         return Axis(np.array(circle["point"]), np.array(circle["axis"]), circle["radius"], ())
@@ -186,8 +186,14 @@ class Attachments:
         )
         return [self.edges[k].id for k in np.flatnonzero(inside.all(axis=1)).tolist()]
 
-    def _circles_on(self, circles: list[dict[str, Any]]) -> tuple[Arc, ...]:
-        """Return the rims and arcs of the solid that lie on some circles of the CAD model."""
+    def circles_on(self, circles: Sequence[dict[str, Any]]) -> tuple[Arc, ...]:
+        """Return the rims and arcs of the solid that lie on some circles of the CAD model.
+
+        Parameters
+        ----------
+        circles : sequence of dict
+            See `semantic_dimensions.describe`.
+        """
         return tuple(
             arc
             for arc in self.circles

@@ -15,6 +15,7 @@ from aspectgraph.dimensions.measures import Measure, Measurer
 from aspectgraph.dimensions.records import ModelDimension, Way, unique_names
 from aspectgraph.dimensions.stated_classes import is_in_hole, resolve_stated_class
 from aspectgraph.dimensions.statements import DIGITS, Statement, deviations, read_statements
+from aspectgraph.dimensions.surface_zones import SurfaceZones
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
@@ -111,8 +112,10 @@ def read_dimensions(
             found.append(reader.dimension(one, statement))
             title = row["name"] or f"{found[-1].kind} {k}"
             titles.append(f"{title} ({_listed(one['solids'])})" if len(placed) > 1 else title)
+    zones = SurfaceZones(reader.attachments, answer["surfaces"])
     return tuple(
-        replace(one, name=name) for one, name in zip(found, unique_names(titles), strict=True)
+        replace(one, name=name, surfaces=zones.of_dimension(one))
+        for one, name in zip(found, unique_names(titles), strict=True)
     )
 
 

@@ -14,6 +14,25 @@ Way: TypeAlias = tuple[EntityId, ...]
 
 
 @dataclass(frozen=True)
+class SurfaceZone:
+    """The zone in which a face lies, as a flatness or profile tolerance of the model says.
+
+    Attributes
+    ----------
+    tolerance : str
+        ``"flatness"`` or ``"profile"``.
+    width_mm : float
+        Width of the zone, mm.
+    places : bool
+        Whether the zone also says where the face is, not only how true to form it is.
+    """
+
+    tolerance: str
+    width_mm: float
+    places: bool
+
+
+@dataclass(frozen=True)
 class ModelDimension:
     """A dimension that a CAD model states, and how it can be measured.
 
@@ -61,6 +80,9 @@ class ModelDimension:
     role : str or None
         ``"reference"`` for a dimension that is given for information only (in parentheses on a
         drawing); ``"basic"`` for one that is theoretically exact (in a box). None for others.
+    surfaces : tuple of SurfaceZone or None
+        For each feature the zone of the faces that carry its best entities. None where the model
+        states no flatness or profile tolerance of them.
     """
 
     name: str
@@ -80,6 +102,7 @@ class ModelDimension:
     feature_reasons: tuple[str | None, ...] = ()
     tolerance_class: str | None = None
     role: str | None = None
+    surfaces: tuple[SurfaceZone | None, ...] = ()
 
     @property
     def unit(self) -> str:

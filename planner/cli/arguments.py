@@ -186,7 +186,8 @@ def add_wanted(parser: Options) -> None:
         type=MM,
         metavar="MM",
         help="standard deviation of the position of the part's faces along their normals, for "
-        "dimensions (default: 0.02, with rounding 0)",
+        "dimensions (default: what flatness and profile tolerances of the part "
+        "state, else 0.02; with rounding 0)",
     )
 
 

@@ -201,7 +201,7 @@ def _print_planned(
     terminal_tables.print_plan(result)
     _print_unit(job.part, job.reading.get("units"))
     _print_left_out(job.wanted)
-    if text := localisation_text(options):
+    if text := localisation_text(options, job.wanted.items):
         print_text(text)
     if result.unfinished and leftovers:
         print("The same command with --resume continues from here.")
@@ -355,7 +355,7 @@ def optics(options: argparse.Namespace) -> int:
     if not options.json:
         _print_unit(options.part, options.units)
         _print_left_out(wanted)
-        if text := localisation_text(options):
+        if text := localisation_text(options, wanted.items):
             print_text(text)
     return code
 

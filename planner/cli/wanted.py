@@ -147,7 +147,7 @@ def _stated(part: str, solid: Solid) -> tuple[ModelDimension, ...]:
     return stated
 
 
-def localisation_text(options: Any) -> str:
+def localisation_text(options: Any, items: Mapping[str, Any]) -> str:
     """Say which error of points in the image was assumed, if it was not chosen.
 
     Edges of ``--entities`` are measured as in the paper, and dimensions with the error that edge
@@ -157,6 +157,8 @@ def localisation_text(options: Any) -> str:
     ----------
     options : argparse.Namespace
         Those of `plan` or `optics`.
+    items : mapping
+        What is to be inspected.
 
     Returns
     -------
@@ -175,6 +177,12 @@ def localisation_text(options: Any) -> str:
         faces = (
             f"The position of the part's faces has an error of {SURFACES_MM:g} mm (--surfaces-mm). "
         )
+        own = sum(bool(getattr(item, "surfaces_from", "")) for item in items.values())
+        if own:
+            faces += (
+                f"For {own} of {len(items)} dimensions, the error follows from flatness and profile tolerances of the "
+                "model. "
+            )
     return (
         "note: points in the image have errors of 0.1 px, and of 0.05 px that all points of an edge or rim share "
         f"(--localisation gaussian:0.1:0.05), the default with --dimensions. {faces}Without --dimensions, points are "

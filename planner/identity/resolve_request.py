@@ -19,7 +19,11 @@ from planner.identity.target_record import target_records
 from planner.inspection_options import InspectionOptions
 from planner.request.defaults import check_seed, default_workspace
 from planner.request.witnesses import choice_for
-from planner.wanted.assumed import localisation_or_default, surfaces_or_default
+from planner.wanted.assumed import (
+    localisation_or_default,
+    surfaces_or_default,
+    with_surfaces_of_call,
+)
 from planner.wanted.dimension import Dimension
 from planner.wanted.targets import Target, check_is_edge, edge_targets
 
@@ -95,6 +99,7 @@ def resolve_request(
     _check_extent(part)
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
     found_by = localisation_or_default(options.localisation, items.values())
+    items = with_surfaces_of_call(items, options.surfaces_mm, found_by)
     options = replace(options, localisation=found_by)
     entities, targets = _resolved(solid, items, camera, accuracy, options)
     known = {

@@ -63,4 +63,7 @@ def restored_options(request: InspectionRequest) -> InspectionOptions:
     if need.focus_reserve.sigmas > 0:
         # the reserve of each point stands for a margin that was not given
         values["focus_margin_mm"] = None
+    if any(target.surfaces_from for target in request.targets or ()):
+        # tolerances of the model count only where no value was given
+        values["surfaces_mm"] = None
     return InspectionOptions(**{**values, "lamps": request.lighting})

@@ -93,6 +93,10 @@ class TargetRecord:
         Of a distance.
     alternatives : tuple of tuple of EntityRecord
         Other sets of entities that give the value.
+    surfaces_mm : float or None
+        Standard deviation of the position of its faces, mm; None if it is that of the request.
+    surfaces_from : str
+        The tolerance of the model that this follows from.
     """
 
     name: str
@@ -104,6 +108,8 @@ class TargetRecord:
     share: float | None = None
     direction: tuple[float, float, float] | None = None
     alternatives: tuple[tuple[EntityRecord, ...], ...] = ()
+    surfaces_mm: float | None = None
+    surfaces_from: str = ""
 
     @classmethod
     def of(cls, target: Target, entities: Mapping[str, Any]) -> TargetRecord:
@@ -126,6 +132,8 @@ class TargetRecord:
             None if dimension.tolerance is None else dimension.share,
             dimension.direction,
             tuple(others),
+            dimension.surfaces_mm,
+            dimension.surfaces_from,
         )
 
     def item_of(self, solid: Solid) -> Any:
@@ -141,7 +149,13 @@ class TargetRecord:
         else:
             error = {"tolerance": self.tolerance, "share": self.share}
         return Dimension(
-            self.kind, entities, direction=self.direction, alternatives=tuple(others), **error
+            self.kind,
+            entities,
+            direction=self.direction,
+            alternatives=tuple(others),
+            surfaces_mm=self.surfaces_mm,
+            surfaces_from=self.surfaces_from,
+            **error,
         )
 
 

@@ -30,7 +30,11 @@ from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import position_margin_mm
 from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
 from planner.request.target_space import TargetSpace
-from planner.wanted.assumed import localisation_or_default, surfaces_or_default
+from planner.wanted.assumed import (
+    localisation_or_default,
+    surfaces_or_default,
+    with_surfaces_of_call,
+)
 from planner.wanted.models import Means
 from planner.wanted.targets import Target
 
@@ -139,6 +143,7 @@ def propose_optics(
     options = options or InspectionOptions()
     found_by = localisation_or_default(options.localisation, wanted.values())
     options = replace(options, localisation=found_by)
+    wanted = with_surfaces_of_call(wanted, options.surfaces_mm, found_by)
     entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
     space = _space(solid, entities, targets, max(distances), options)
     views = _views(space, targets, distances, _limits(options, pose_uncertainty))

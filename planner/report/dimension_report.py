@@ -19,7 +19,7 @@ from planner.report.tables import (
     source_text,
     unbroken,
 )
-from planner.report.wording import features_cell
+from planner.report.wording import features_cell, surfaces_sources
 from planner.verify.measurements import Measurement, measurements
 from planner.wanted.tolerance_texts import deviation_text
 
@@ -205,13 +205,13 @@ def _accepted(dimension: PlannedDimension, one: Measurement) -> str:
 def _images_text(plan: InspectionPlan) -> list[str]:
     """Say where the errors come from that all points of an entity share, and what rendered images gave."""
     floors = {one.localisation.common_px for one in plan.dimensions.values()}
-    surfaces = {one.surfaces_mm for one in plan.dimensions.values()}
-    if not any((*floors, *surfaces)):
+    if not any((*floors, *(one.surfaces_mm for one in plan.dimensions.values()))):
         return []
+    surfaces = " or ".join(surfaces_sources(plan.dimensions.values()))
     return [
         f"All points of an edge or rim share an error of {_several(floors)} px across it, the localisation floor. In "
         "30 path-traced images of a test part it was 0.02 to 0.10 px over a whole rim and up to 0.04 px over a line. "
-        f"The faces of the part lie off their position by {_several(surfaces)} mm (surfaces). Both are standard "
+        f"The faces of the part lie off their position by {surfaces}. Both are standard "
         "deviations and do not average out.",
     ]
 

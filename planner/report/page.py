@@ -37,6 +37,7 @@ from planner.report.wording import (
     requirement_rows,
     shown_sentence,
     simulation_sentence,
+    surfaces_sources,
     unfinished_sentence,
     window_sentence,
 )
@@ -363,11 +364,10 @@ def _localisation(plan: InspectionPlan) -> dict[str, str]:
 
 def _surfaces(plan: InspectionPlan) -> str:
     """Say how well the position of the part's faces is known."""
-    known = sorted({one.surfaces_mm for one in plan.dimensions.values()})
-    if not any(known):
+    if not any(one.surfaces_mm for one in plan.dimensions.values()):
         return "faces are where the model has them"
-    sigma = " or ".join(f"{value:g}" for value in known)
-    return f"{sigma} mm, one standard deviation of a face's position along its normal"
+    sigma = " or ".join(surfaces_sources(plan.dimensions.values()))
+    return f"{sigma}, one standard deviation of a face's position along its normal"
 
 
 _RENDERED = (

@@ -7,7 +7,7 @@ workspace, the camera and its uncertainty, the accuracy, the probability and the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from planner.detectability.image_check import MOST_PX
@@ -24,6 +24,7 @@ from planner.verify.simulate_setting import (
     TOLERATED,
     UNSTATED,
 )
+from planner.wanted.assumed import SURFACES_MM
 from planner.wanted.planned import words_of
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.verify.shown_images import ShownImages
     from planner.verify.simulate_plan import SimulationResult
-    from planner.wanted.planned import PlannedTarget
+    from planner.wanted.planned import PlannedDimension, PlannedTarget
 
 
 def count(n: int, singular: str, plural: str | None = None) -> str:
@@ -443,3 +444,26 @@ def margin_texts(margins: Mapping[str, float]) -> list[str]:
             told = "°" if unit == "deg" else f" {unit}"
             texts.append(f"{name.replace('_', ' ')} {value:+.4g}{told}{on}{more}")
     return texts
+
+
+def surfaces_sources(dimensions: Iterable[PlannedDimension]) -> list[str]:
+    """Say how far the faces of dimensions are off their place, and what that follows from.
+
+    Parameters
+    ----------
+    dimensions : iterable of PlannedDimension
+        Those of a plan.
+
+    Returns
+    -------
+    list of str
+        Such as "0.02 mm (default)" or "0.03 mm (profile 0.1 mm in the model)", the smallest first.
+    """
+    found = sorted({(one.surfaces_mm, one.surfaces_from) for one in dimensions})
+    return [f"{sigma:.3g} mm ({_surfaces_source(sigma, zone)})" for sigma, zone in found]
+
+
+def _surfaces_source(sigma_mm: float, zone: str) -> str:
+    if zone:
+        return f"{zone} in the model"
+    return "default" if sigma_mm == SURFACES_MM else "as given"

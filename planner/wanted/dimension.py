@@ -9,6 +9,7 @@ from typing import Any
 
 from planner.argument_kinds import (
     ABOVE_0_TO_1,
+    NOT_NEGATIVE,
     POSITIVE,
     NumberRule,
     check_fraction,
@@ -66,6 +67,12 @@ class Dimension:
         A class of ISO 286 instead of the tolerance, such as ``"H7"`` for a hole or ``"g6"`` for a
         shaft. Its limits are those of the nominal value. Only a diameter, a distance or a length
         can have one.
+    surfaces_mm : float, optional
+        Standard deviation of the position of its faces along their normals, mm. Default: that of
+        the call.
+    surfaces_from : str
+        The tolerance of the model that `surfaces_mm` follows from. A value of the call replaces
+        it. Empty if you state it.
 
     Raises
     ------
@@ -91,6 +98,8 @@ class Dimension:
     n_features: int = 1
     alternatives: tuple[tuple[Target, ...], ...] = ()
     tolerance_class: str | None = None
+    surfaces_mm: float | None = None
+    surfaces_from: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
@@ -117,6 +126,8 @@ class Dimension:
         check_number("share", self.share, ABOVE_0_TO_1)
         if self.direction is not None:
             object.__setattr__(self, "direction", _checked_direction(self.direction))
+        if self.surfaces_mm is not None:
+            check_number("surfaces_mm", self.surfaces_mm, NOT_NEGATIVE)
         whole = isinstance(self.n_features, int) and not isinstance(self.n_features, bool)
         if not (whole and self.n_features >= 1):
             raise RequestError.of_rule(
@@ -387,7 +398,9 @@ def _in_mm(requirement: dict[str, Any]) -> dict[str, Any]:
 def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     """Take the unit off the names of what is asked; refuse names and units that are not known."""
     names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
-    names |= {name: name for name in ("accuracy", "share", "direction", "tolerance_class")}
+    names |= {
+        name: name for name in ("accuracy", "share", "direction", "tolerance_class", "surfaces_mm")
+    }
     if isinstance(requirement.get("tolerance"), str):
         # deviations have their unit in the name; a class has none
         names["tolerance"] = "tolerance_class"

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 from aspectgraph.dimensions.records import unique_names
 from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
+from planner.wanted.assumed import surfaces_of_zone
 from planner.wanted.dimension import QUARTER, Dimension
 from planner.wanted.feature_counts import characteristic_name
 
 if TYPE_CHECKING:
     from aspectgraph import ModelDimension
-    from aspectgraph.dimensions.records import Way
+    from aspectgraph.dimensions.records import SurfaceZone, Way
 
 
 ROLE_REASONS = {
@@ -104,25 +105,32 @@ def _items(
     if stated.entities is None:
         return [(stated.name, stated.reason or "")]
     # without a list of features the entities are those of the only one
-    own = [ways for ways in stated.features if ways and ways[0] == stated.entities]
-    first = own[0] if own else (stated.entities,)
-    if one_per_pattern:
-        return [(stated.name, _dimension(stated, first, share, stated.n_features))]
+    own = [k for k, ways in enumerate(stated.features) if ways and ways[0] == stated.entities]
+    first = stated.features[own[0]] if own else (stated.entities,)
     n = len(stated.features)
-    if n == 1:
-        return [(stated.name, _dimension(stated, first, share, 1))]
+    # of records that were made by hand, none may be stated
+    zones = stated.surfaces or (None,) * n
+    if one_per_pattern or n == 1:
+        zone = zones[own[0]] if own else None
+        count = stated.n_features if one_per_pattern else 1
+        return [(stated.name, _dimension(stated, first, share, zone, count))]
     found: list[tuple[str, Dimension | str]] = []
     for k, (ways, reason) in enumerate(zip(stated.features, stated.feature_reasons, strict=True)):
-        item = _dimension(stated, ways, share, 1) if ways else reason or ""
+        item = _dimension(stated, ways, share, zones[k]) if ways else reason or ""
         found.append((characteristic_name(stated.name, k + 1, n), item))
     return found
 
 
 def _dimension(
-    stated: ModelDimension, ways: Sequence[Way], share: float, n_features: int
+    stated: ModelDimension,
+    ways: Sequence[Way],
+    share: float,
+    zone: SurfaceZone | None,
+    n_features: int = 1,
 ) -> Dimension:
     """Return a dimension of the model, on any of the sets of entities given, with its own tolerance."""
     along = stated.direction if stated.kind in ("distance", "centre_distance") else None
+    surfaces_mm, surfaces_from = surfaces_of_zone(zone)
     try:
         return Dimension(
             stated.kind,
@@ -132,6 +140,8 @@ def _dimension(
             direction=along,
             n_features=n_features,
             alternatives=tuple(ways[1:]),
+            surfaces_mm=surfaces_mm,
+            surfaces_from=surfaces_from,
         )
     except RequestError as error:
         raise RequestError(f"dimension {stated.name!r}: {error}") from error

@@ -236,6 +236,8 @@ class PlannedDimension(PlannedTarget):
         Number of features that it stands for. The entities measure one of them.
     surfaces_mm : float
         Standard deviation of a face's position along its normal, mm.
+    surfaces_from : str
+        The tolerance of the model that it follows from; empty if it is the default or was given.
     witnesses : tuple of PlannedWitness
         The sets of entities, each of which gives the value, where there are several; the first is
         that of ``entities`` and ``geometry``.
@@ -245,6 +247,7 @@ class PlannedDimension(PlannedTarget):
     direction: tuple[float, float, float] | None = None
     n_features: int = 1
     surfaces_mm: float = 0.0
+    surfaces_from: str = ""
     witnesses: tuple[PlannedWitness, ...] = ()
 
     @classmethod
@@ -284,6 +287,7 @@ class PlannedDimension(PlannedTarget):
             target.dimension.direction,
             target.dimension.n_features,
             surfaces_mm,
+            target.dimension.surfaces_from,
             ways if len(ways) > 1 else (),
         )
 
@@ -395,6 +399,7 @@ class PlannedDimension(PlannedTarget):
             "localisation": self.localisation.to_dict(),
             "n_features": self.n_features,
             "surfaces_mm": self.surfaces_mm,
+            "surfaces_from": self.surfaces_from,
             **({"witnesses": [one.to_dict() for one in self.witnesses]} if self.witnesses else {}),
         }
 
@@ -429,6 +434,7 @@ class PlannedDimension(PlannedTarget):
                 # files of earlier programs do not state these
                 data.get("n_features", 1),
                 data.get("surfaces_mm", 0.0),
+                data.get("surfaces_from", ""),
                 tuple(map(PlannedWitness.from_dict, data.get("witnesses", ()))),
             )
             nominal = made.nominal
@@ -451,7 +457,7 @@ class PlannedDimension(PlannedTarget):
 def planned(target: Target, means: Means) -> PlannedTarget:
     """Return what a plan keeps of a target that was resolved on the part."""
     if isinstance(target, DimensionTarget):
-        return PlannedDimension.of(target, means.localisation, means.surfaces_mm)
+        return PlannedDimension.of(target, means.localisation, target.surfaces_mm(means))
     return PlannedLength.of(target.name, target.witness.ends, means.accuracy)
 
 

@@ -170,6 +170,15 @@ class DimensionTarget(Target):
         """Return the dimension's own, mm (angles: degrees)."""
         return self.max_error
 
+    def surfaces_mm(self, means: Means) -> float:
+        """Return how far its faces are off their place, one standard deviation, mm."""
+        own = self.dimension.surfaces_mm
+        return means.surfaces_mm if own is None else own
+
+    def description(self, means: Means) -> MeasurandModel:
+        """Return the model of the value with the dimension's own faces."""
+        return super().description(replace(means, surfaces_mm=self.surfaces_mm(means)))
+
     def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
         """Return 0: how short an image of two of its points may be, follows from no constraint."""
         return 0.0

@@ -112,7 +112,9 @@ class StepPart:
         data = Path(path).read_bytes()
         entities = parse_entities(data)
         texts = parse_texts(data, entities, WITH_TEXTS)
+        found, surfaces = read_semantic_dimensions(Path(path), name, entities)
         return {
-            "found": read_semantic_dimensions(Path(path), name, entities),
+            "found": found,
+            "surfaces": surfaces,
             "stated": [asdict(stated) for stated in list_dimensions(entities, texts)],
         }, {}

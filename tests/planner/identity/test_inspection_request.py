@@ -32,6 +32,8 @@ from planner.identity.resolve_request import Promise, resolve_request
 from planner.identity.restore import restored_options, restored_request
 from planner.inspection_options import InspectionOptions
 from planner.request.reach import reach_identity
+from planner.wanted.models import Means
+from planner.wanted.planned import planned
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 300.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -228,6 +230,30 @@ def test_faces_are_off_by_what_is_given_or_by_what_suits_the_localisation(block)
     for wrong in (-0.01, float("nan"), "wide"):
         with pytest.raises(RequestError, match="surfaces_mm must"):
             request_of(block, surfaces_mm=wrong)
+
+
+def test_faces_of_the_model_come_back_from_a_plan_file_unless_the_call_gives_its_own(block):
+    some = ids(block)
+    edge = Dimension(
+        "length", (some[0],), max_error=0.5, surfaces_mm=0.03, surfaces_from="profile 0.1 mm"
+    )
+    fine = Localisation.gaussian()
+    asked = request_of(block, {"edge": edge}, localisation=fine)
+    assert (asked.targets[0].surfaces_mm, asked.surfaces_mm) == (0.03, 0.02)
+    again = restored_request(json.loads(json.dumps(asked.identity())))
+    items = {record.name: record.item_of(block) for record in again.targets}
+    promise = Promise(again.accuracy, again.probability, again.seed)
+    made = resolve_request(
+        block, items, again.camera, again.pose_uncertainty, promise, restored_options(again)
+    )
+    assert made.request.difference(asked) is None
+    means = Means(CAMERA, UNCERTAINTY, localisation=fine, surfaces_mm=0.02)
+    (target,) = made.targets
+    assert target.description(means).surfaces_mm == 0.03
+    assert planned(target, means).surfaces_from == "profile 0.1 mm"
+    given = request_of(block, {"edge": edge}, localisation=fine, surfaces_mm=0.02)
+    assert (given.targets[0].surfaces_mm, given.targets[0].surfaces_from) == (None, "")
+    assert "edge" in asked.difference(given)
 
 
 def test_a_request_of_an_earlier_program_has_neither_floor_nor_surfaces(block):

@@ -64,11 +64,15 @@ def test_shares_sum_to_a_hundred_percent_or_are_none():
 
 def test_a_report_says_what_does_not_average_out_and_where_that_comes_from():
     how = Localisation.gaussian(0.1, floor_px=0.08)
-    with_both = SimpleNamespace(localisation=how, surfaces_mm=0.02)
+    with_both = SimpleNamespace(localisation=how, surfaces_mm=0.02, surfaces_from="")
     (text,) = _images_text(SimpleNamespace(dimensions={"bore": with_both}))
     assert "an error of 0.08 px across it" in text
     assert "30 path-traced images" in text
-    assert "by 0.02 mm (surfaces)" in text
+    assert "off their position by 0.02 mm (default)" in text
+    of_model = SimpleNamespace(localisation=how, surfaces_mm=0.0289, surfaces_from="profile 0.1 mm")
+    given = SimpleNamespace(localisation=how, surfaces_mm=0.05, surfaces_from="")
+    (text,) = _images_text(SimpleNamespace(dimensions={"a": of_model, "b": given}))
+    assert "0.0289 mm (profile 0.1 mm in the model) or 0.05 mm (as given)" in text
     without = SimpleNamespace(localisation=Localisation.rounding(), surfaces_mm=0.0)
     assert _images_text(SimpleNamespace(dimensions={"bore": without})) == []
 

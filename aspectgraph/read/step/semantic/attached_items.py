@@ -8,7 +8,7 @@ Reference: ISO 10303-242, geometric_item_specific_usage, composite_shape_aspect 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from aspectgraph.read.step.semantic.stated_dimensions import LOCATIONS, SIZES
 from aspectgraph.read.step.text import StepEntity, known_references
@@ -48,6 +48,19 @@ def list_attached_items(entities: dict[int, StepEntity]) -> list[list[list[int]]
             [list(dict.fromkeys(_below(aspect, items, parts))) for aspect in aspects[:n_sides]]
         )
     return sides
+
+
+def list_items_below(entities: dict[int, StepEntity]) -> Callable[[int], list[int]]:
+    """Return a function that lists the items of an aspect, each once, by the number of the aspect.
+
+    Parameters
+    ----------
+    entities : dict
+        See `text.parse_entities`.
+    """
+    items = _items_of_aspects(entities)
+    parts = _parts_of_aspects(entities)
+    return lambda aspect: list(dict.fromkeys(_below(aspect, items, parts)))
 
 
 def _items_of_aspects(entities: dict[int, StepEntity]) -> dict[int, list[int]]:

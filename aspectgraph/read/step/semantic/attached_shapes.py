@@ -100,7 +100,7 @@ class AttachedShapes:
             for item in side:
                 if item in known[k] or self._is_whole_of(item, known[k]):
                     continue
-                shapes = self._made_from(item)
+                shapes = self.made_from(item)
                 whole[k] += shapes
                 unread[k] += not shapes
         return Completed(whole, unread)
@@ -135,8 +135,14 @@ class AttachedShapes:
         """Return the number of the entity that a shape was made from."""
         return self._numbers.get(self._transfer.EntityFromShapeResult(unplaced(shape), 1))
 
-    def _made_from(self, item: int) -> list[Any]:
-        """Return the faces, edges or vertices that were made from an entity; none if it is something else."""
+    def made_from(self, item: int) -> list[Any]:
+        """Return the faces, edges or vertices that were made from an entity; none if it is something else.
+
+        Parameters
+        ----------
+        item : int
+            Number of the entity.
+        """
         kind = _SHAPES.get(self._entities[item].kind) if item in self._entities else None
         if kind is None:
             return []

@@ -31,6 +31,7 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.listing import list_solids
 from aspectgraph.read.step.semantic.attached_shapes import AttachedShapes
 from aspectgraph.read.step.semantic.instances import AmbiguousInstanceError, Instances
+from aspectgraph.read.step.semantic.surface_tolerances import place_surface_tolerances
 from aspectgraph.read.step.shapes import explore, xyz
 from aspectgraph.read.step.solids import in_file_order, number_entities, number_solids, quiet
 from aspectgraph.read.step.text import StepEntity
@@ -43,8 +44,8 @@ _ONLY_SHOWN = ("DimensionPresentation", "CommonLabel")
 
 def read_semantic_dimensions(
     path: Path, name: str, entities: dict[int, StepEntity]
-) -> list[dict[str, Any]]:
-    """Return the semantic dimensions of a STEP file, in its order.
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return the semantic dimensions of a STEP file, in its order, and the faces with a flatness or profile tolerance.
 
     Parameters
     ----------
@@ -57,13 +58,15 @@ def read_semantic_dimensions(
 
     Returns
     -------
-    list of dict
+    dimensions : list of dict
         ``type`` (of OCCT), ``words`` (of the file), ``name`` (of its drawing, or empty), ``values`` in mm or degrees or
         None, ``is_range``, ``has_bounds``, and ``sides``: two lists of shapes as in the part, see `describe`.
         ``unread`` is the number of items of each side that no shape is made from. ``compared`` says that the text was
         found, and with it all items.
         ``instances`` says where these are in the assembly: for each instance ``sides``, and ``solids``, their numbers.
         It is empty if this is not known; ``unresolved`` then says why.
+    surfaces : list of dict
+        ``tolerance``, ``width_mm``, ``places`` (it says where the face is), and ``face``, see `describe`.
 
     Raises
     ------
@@ -86,17 +89,22 @@ def read_semantic_dimensions(
     labels = Sequence_TDF_Label()
     tool.GetDimensionLabels(labels)
     if not labels.Length():
-        return []
+        return [], []
     kernel = reader.ChangeReader()
     numbers = number_entities(kernel.Model(), entities, name)
     instances = _instances(kernel, numbers, entities, name)
     attached = AttachedShapes(kernel.WS().TransferReader(), numbers, entities, kernel.OneShape())
     stated = [_stated(tool, labels.Value(k)) for k in range(1, labels.Length() + 1)]
-    return [
+    dimensions = [
         _dimension(row, sides, attached, instances)
         for row, sides in stated
         if row["type"] not in _ONLY_SHOWN
     ]
+    surfaces = [
+        {**row, "face": describe(face)}
+        for row, face in place_surface_tolerances(entities, attached, instances)
+    ]
+    return dimensions, surfaces
 
 
 def _instances(

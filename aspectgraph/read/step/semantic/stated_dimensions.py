@@ -186,7 +186,7 @@ def _values(entities: dict[int, StepEntity]) -> dict[int, tuple[float, ...]]:
     """Return the values stated for each dimension, by its number."""
     found: dict[int, tuple[float, ...]] = {}
     for dimension, items in _items_of_dimensions(entities):
-        measured = [_measure(entities, item) for item in items]
+        measured = [read_measure(entities, item) for item in items]
         found.setdefault(dimension, tuple(value for value in measured if value is not None))
     return found
 
@@ -213,14 +213,22 @@ def _bounds(entities: dict[int, StepEntity]) -> dict[int, tuple[float, float]]:
             continue
         limits, dimension = entity.references
         if limits in entities and entities[limits].kind == "TOLERANCE_VALUE":
-            pair = [_measure(entities, number) for number in entities[limits].references]
+            pair = [read_measure(entities, number) for number in entities[limits].references]
             if len(pair) == 2 and pair[0] is not None and pair[1] is not None:
                 found[dimension] = (pair[0], pair[1])
     return found
 
 
-def _measure(entities: dict[int, StepEntity], number: int) -> float | None:
-    """Return a measure with a unit in mm or degrees; None if it is none."""
+def read_measure(entities: dict[int, StepEntity], number: int) -> float | None:
+    """Return a measure with a unit in mm or degrees; None if it is none.
+
+    Parameters
+    ----------
+    entities : dict
+        See `text.parse_entities`.
+    number : int
+        That of the measure.
+    """
     entity = entities.get(number)
     if (
         entity is None
