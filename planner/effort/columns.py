@@ -120,6 +120,9 @@ class Support:
         The same where the first ones do not decide, and at most for what a plan states.
     joint_all_poses : int
         For what a plan states: displaced poses times targets, in all of its settings together.
+    retried : int
+        For a target that lacks the required P_all in the final settings: poses of other columns
+        that are simulated for it.
     """
 
     trial_poses: int = 4000
@@ -131,3 +134,4 @@ class Support:
     joint_poses: int = 1000
     joint_sure_poses: int = 20_000
     joint_all_poses: int = 400_000
+    retried: int = 8

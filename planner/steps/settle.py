@@ -22,6 +22,7 @@ from planner.progress import report
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
+from planner.steps.retry import Centre, ShortTargets
 from planner.steps.run import Run
 from planner.verify.p_all import MOST_REQUIRED
 
@@ -84,9 +85,11 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
     centring = run.effort.centring
     if not moves:
         centring = replace(centring, give_up=0.0)
-    return _without_short(
-        run, centre_all(run, without_contradicted(run.judge, settings, run.seed), centring)
-    )
+
+    def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
+        return centre_all(run, some, centring)
+
+    return _without_short(run, centre(without_contradicted(run.judge, settings, run.seed)), centre)
 
 
 def settle_early(run: Run, plan: InspectionPlan) -> InspectionPlan:
@@ -109,8 +112,13 @@ def settle_early(run: Run, plan: InspectionPlan) -> InspectionPlan:
     )
 
 
-def _without_short(run: Run, settings: Sequence[SensorSetting]) -> Settled:
-    """Take from settings the targets that lack the required P_all there; return why some are in none any more."""
+def _without_short(
+    run: Run, settings: Sequence[SensorSetting], centre: Centre | None = None
+) -> Settled:
+    """Take from settings the targets that lack the required P_all there; return why some are in none any more.
+
+    Where it is said how settings are moved off their limits, these are tried again before they are given up.
+    """
     threshold = min(run.request.probability, MOST_REQUIRED)
     short = [{n for n, p in one.p_all.items() if p < threshold} for one in settings]
     fewer = [
@@ -122,6 +130,12 @@ def _without_short(run: Run, settings: Sequence[SensorSetting]) -> Settled:
     for one, missing in zip(settings, short, strict=True):
         for name in missing - kept:
             reached[name] = max(one.p_all[name], reached.get(name, 0.0))
+    fewer = [one for one in fewer if one.entities]
+    if reached and centre is not None:
+        tried = ShortTargets(run, fewer, reached, centre)
+        tried.retry()
+        fewer = tried.settings
+        reached = tried.reached
     lost = {
         name: Reason.of(
             ReasonKind.PROBABILITY_TOO_LOW,
@@ -130,7 +144,7 @@ def _without_short(run: Run, settings: Sequence[SensorSetting]) -> Settled:
         )
         for name, best in reached.items()
     }
-    return Settled([one for one in fewer if one.entities], lost)
+    return Settled(fewer, lost)
 
 
 def centre_all(
