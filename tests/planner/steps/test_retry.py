@@ -20,7 +20,8 @@ from planner.steps.settle import _without_short
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 # two edges of the top that meet its front and its back
-FRONT, BACK = "+z-y", "+z+y"
+FRONT = "+z-y"
+BACK = "+z+y"
 NAMES = (FRONT, BACK)
 SPACE = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
 ABOVE = look_at([[60.0, 40.0, 460.0]], [60.0, 40.0, 60.0])[0]
