@@ -45,7 +45,7 @@ def pieces_of_edge(
     at_most : int
         Largest number of pieces, not counting those that `cuts` make.
     cuts : iterable of Fraction
-        Further places to cut the edge at, such as those of `facing_cuts`.
+        Further shares at which to cut the edge, such as those of `facing_cuts`.
 
     Returns
     -------
@@ -161,7 +161,8 @@ def runs_of(curve: Arc, coverage: float = COVERAGE, at_most: int = MOST_PIECES) 
     if held >= n:
         return ()
     if isinstance(curve, Rim):
-        firsts = sorted({k * n // at_most for k in range(min(at_most, n))})
+        at_most = min(at_most, n)
+        firsts = [k * n // at_most for k in range(at_most)]
         return tuple(Run(curve.id, first, (first + held) % n) for first in firsts)
     spare = n - held
     steps = max(1, min(at_most - 1, spare))

@@ -410,7 +410,7 @@ CODECS = {
     ),
     **dict.fromkeys(("n_cells", "n_rays", "n_arbitrated", "n_slivers"), INT),
     **dict.fromkeys(("unbounded", "confirmed"), BOOL),
-    **dict.fromkeys(("observable", "showing", "entities", "kinds"), NAMES),
+    **dict.fromkeys(("observable", "showing", "entities", "kinds", "parts"), NAMES),
     "part": TEXT,
     "endpoints": POINTS,
     "circles": POINTS,

@@ -32,7 +32,8 @@ class PartitionSurface:
         Elements of the solid that span the plane, by number. For type A, this is a face. For type
         B, it is an edge and an end of the entity, or a vertex and the entity's edges, or a face in
         the same plane. For type L, it is the entity's edges and the brighter face. For a rim or
-        arc, the face is next to one of its chords, and end and edge are those of a chord.
+        arc, the face is next to one of its chords, and end and edge are those of a chord. An end of
+        a stretch inside its edge is no vertex, so the edge of such a plane stands alone.
     plane : tuple of float
         (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm; `Cell.half_spaces` have the opposite d.
     """
@@ -108,10 +109,11 @@ class Provenance:
         faces: tuple[int, ...] = next_to
         if not next_to:
             if kind == EDGE_AND_END:
-                vertices = (numbers[2],)
                 edge = self._edge_of_pair.get(frozenset(numbers[:2]))
                 edges = () if edge is None else (edge,)
-                vertices = vertices if edges else tuple(numbers)
+                ends = numbers[2:] if edges else numbers
+                # an end of a stretch is no vertex
+                vertices = tuple(v for v in ends if v < len(self._solid.vertices))
             elif kind == VERTEX_AND_ENTITY:
                 vertices = (numbers[0],)
                 edges = self._spanning(entity, numbers[1:])

@@ -17,11 +17,13 @@ from aspectgraph.cells.cell_set import CellSet
 from aspectgraph.cells.crop import crop
 from aspectgraph.cells.point_location import holds
 from aspectgraph.cells.split import leaves
+from aspectgraph.entities.parts import Stretch
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exact.grid import Grid
 from aspectgraph.exceptions import EntityError, WorkspaceError
 from aspectgraph.solid.solid import Solid, check_solid
 from aspectgraph.visibility.blocked_sets import blockers
+from aspectgraph.visibility.cuts import cut_displacement_mm
 from aspectgraph.visibility.deadline import DeadlineError
 from aspectgraph.visibility.entity_region import Region, observable_region
 from aspectgraph.visibility.joined_regions import find_pieces, intersection
@@ -231,6 +233,18 @@ class VisibilityRegions:
         part._regions = {name: self._regions[name] for name in names}
         part._covering = {}
         return part
+
+    @property
+    def cutting_mm(self) -> float:
+        """Largest distance of a stretch's end on the grid from its share of the edge there, in mm; 0 without any."""
+        stretches = [e.part for e in self.entities.values() if isinstance(e.part, Stretch)]
+        return max(
+            (
+                cut_displacement_mm(self.solid, self._scene.points, part, self.grid.steps_mm)
+                for part in stretches
+            ),
+            default=0.0,
+        )
 
     def _sets(self, entity: Entity) -> Blockers:
         """Return the blocked sets whose complement an entity's region is."""

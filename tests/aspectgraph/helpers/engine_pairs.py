@@ -8,6 +8,7 @@ programs get the same numbers. Where a viewpoint does not, as with many oblique 
 
 from __future__ import annotations
 
+from fractions import Fraction
 from itertools import chain
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 from exact_checker import ExactChecker, cross, dot, minus
 from generated_solids import Part, generated_solid
 
+from aspectgraph.entities.parts import Stretch
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.exact.grid import Grid, turned
 from aspectgraph.exact.predicates import POINT_BITS
@@ -158,3 +160,61 @@ def compare_part(
     assert regions.grid.snapping_mm == 0.0
     answers = regions.observable(points), checker.observable(points, edges)
     return Comparison(part, checker, points, edges, *answers, are_rounded(regions.grid, points))
+
+
+def stretched(
+    part: Part, checker: ExactChecker, edges, shares
+) -> tuple[Part, ExactChecker, list[tuple[int, int]]]:
+    """Return part and checker with the ends of stretches as further points, and the stretches as pairs of these.
+
+    `shares` are exact, from the first vertex of each pair to the second; their points must lie on the checker's grid.
+    """
+    points = []
+    for (a, b), own in zip(edges, shares, strict=True):
+        p, q = (part.vertices[v] for v in (a, b))
+        points += [[x + share * (y - x) for x, y in zip(p, q, strict=True)] for share in own]
+    first = len(part.vertices)
+    pairs = [(first + 2 * k, first + 2 * k + 1) for k in range(len(edges))]
+    extended = part._replace(vertices=(*part.vertices, *(tuple(map(float, p)) for p in points)))
+    return extended, checker.with_points(points), pairs
+
+
+def compare_stretches(
+    seed: int, n_points: int, n_edges: int, parts: int, factor: int = 1
+) -> tuple[Comparison, np.ndarray]:
+    """Ask both programs about stretches between random multiples of 1/parts of a generated solid's edges.
+
+    Returns the comparison, and the referee's answers for the whole edges.
+    """
+    rng = np.random.default_rng([seed, parts])
+    part = generated_solid(seed)
+    checker = ExactChecker(part.vertices, part.faces, STEPS_PER_MM * factor)
+    edges = sharp_edges(part, checker)
+    edges = [edges[i] for i in rng.permutation(len(edges))[:n_edges]]
+    shares = [_two_shares(rng, parts) for _ in edges]
+    extended, checker, pairs = stretched(part, checker, edges, shares)
+    workspace = workspace_of(part)
+    near = viewpoints_near_partition_planes(rng, extended, pairs, workspace, n_points // 2)
+    points = np.concatenate([uniform_viewpoints(rng, workspace, n_points - len(near)), near])
+    points = points[checker.generic(points)]
+    solid = solid_of(part)
+    ids = {tuple(sorted(edge.vertices)): edge.id for edge in solid.edges}
+    named = {}
+    for k, (pair, (start, end)) in enumerate(zip(edges, shares, strict=True)):
+        edge = solid.edges[ids[tuple(sorted(pair))]]
+        ends = (start, end) if edge.vertices == tuple(pair) else (1 - end, 1 - start)
+        named[f"s{k}"] = Stretch(edge.id, *ends)
+    entities = resolve_entities(solid, named, min_dihedral_deg=1e-3)
+    regions = compute_regions(solid, entities, workspace)
+    answers = regions.observable(points), checker.observable(points, pairs)
+    rounded = are_rounded(regions.grid, points) | (regions.cutting_mm > 0.0)
+    comparison = Comparison(extended, checker, points, pairs, *answers, rounded)
+    return comparison, checker.observable(points, edges)
+
+
+def _two_shares(rng: np.random.Generator, parts: int) -> tuple[Fraction, Fraction]:
+    """Return two different multiples of 1/parts in order, not both ends."""
+    while True:
+        start, end = sorted(rng.integers(0, parts + 1, 2).tolist())
+        if 0 < end - start < parts:
+            return Fraction(start, parts), Fraction(end, parts)

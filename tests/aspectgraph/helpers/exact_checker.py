@@ -2,7 +2,7 @@
 
 Notation
 --------
-T    the open triangle (v, a, b); Π its plane; a, b are vertices of S and ab is an edge (or a chain of collinear ones)
+T    the open triangle (v, a, b); Π its plane; ab is an edge of S, a part of one, or a chain of collinear ones
 F°   the relative interior of a face F (holes excluded); g° the open segment of an edge g
 s_x  the value n·x − d of a point x against a face plane n·x = d, n outward
 h_x  the value N·(x − a) of a point x against Π, N = (a − v) × (b − v)
@@ -32,6 +32,7 @@ inner point of each piece whether it is inside S.
 
 from __future__ import annotations
 
+from copy import copy
 from fractions import Fraction
 from itertools import combinations, pairwise
 from math import gcd
@@ -92,6 +93,18 @@ class ExactChecker:
     def of(cls, solid, steps_per_mm: int = 1) -> ExactChecker:
         """Return the checker of an `aspectgraph.Solid`."""
         return cls(solid.vertices, [(face.outer, face.holes) for face in solid.faces], steps_per_mm)
+
+    def with_points(self, points) -> ExactChecker:
+        """Return the same solid with further points on its edges, exact, in mm: segments may end there, too.
+
+        The theorem asks ab to lie on an edge, not to be a whole one.
+        """
+        steps = [[Fraction(x) * self.steps_per_mm for x in point] for point in points]
+        if any(x.denominator > 1 for point in steps for x in point):
+            raise ValueError(f"points must be multiples of 1/{self.steps_per_mm} mm.")
+        more = copy(self)
+        more.vertices = [*self.vertices, *(tuple(map(int, point)) for point in steps)]
+        return more
 
     def _to_grid(self, points) -> list[list[int]]:
         scaled = np.asarray(points, dtype=float) * self.steps_per_mm
