@@ -116,7 +116,8 @@ def localisation_text(how: Localisation) -> str:
 
 
 def _row(plan: InspectionPlan, k: int, name: str, one: Measurement) -> tuple[str, str]:
-    dimension = plan.dimensions[name]
+    chosen = plan.settings[k].witness.get(name, 0)
+    dimension = plan.dimensions[name].choosing(chosen)
     unit = dimension.unit
     ratio = "none stated"
     if dimension.tolerance is not None:
