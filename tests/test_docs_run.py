@@ -134,10 +134,12 @@ def dimensions(names):
     assert set(names["plan"].dimensions) == {"bore", "width", "front"}
     # a quarter of half the tolerance's width
     assert names["plan"].dimensions["bore"].permitted_error == 0.125
-    # the files state 12 and 10 dimensions, the latter on 14 features, see the table on that page
-    *of_ctc_01, of_ctc_03 = names["printed"].splitlines()
+    # 20 H7 and 20 g6; the files state 12 and 10 dimensions, the latter on 14 features, one for reference
+    hole, shaft, *of_ctc_01, of_ctc_03, by_name = names["printed"].splitlines()
+    assert (hole, shaft) == ("(0.0, 0.021)", "(-0.02, -0.007)")
     assert len(of_ctc_01) == 12
-    assert of_ctc_03 == "10 14 0"
+    assert of_ctc_03 == "10 13 1"
+    assert by_name == "dict_keys(['Linear Size.11'])"
 
 
 def cameras(names):

@@ -1,7 +1,8 @@
 """The figures of ISO 286-1:2010: standard tolerances and fundamental deviations, in µm.
 
 A row belongs to one range of nominal sizes: over the limit of the row before, up to and including its own.
-Source: ISO 286-1:2010, Tables 1 to 5. The tests compare them with published limit deviations of ISO 286-2.
+Source: ISO 286-1:2010, Tables 1 to 5, as catalogues and textbooks repeat them. The tests compare them with such tables
+and with the formulas of the standard.
 """
 
 from __future__ import annotations

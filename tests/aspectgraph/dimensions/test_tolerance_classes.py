@@ -3,7 +3,8 @@
 Published: a corrigendum of the standard (ISO 286-2:1988/Cor.1:2006), an extract of DIN ISO 286
 (studylib.net/doc/27157987), a catalogue of mould bases (DME, Technical Reference, Tables 5, 6 and 8), one of standard
 parts (Halder, ISO fits DIN 7154 and 7155), and a textbook (Narayana, Kannaiah, Venkata Reddy: Machine Drawing, Tables
-15.1 to 15.3). All in µm.
+15.1 to 15.3); of fasteners (usefastener.com, EN ISO 286-1, holes N to ZC), and of tolerance grades (mechguru.com and
+engineersvault.blogspot.com, ISO 286). All in µm.
 """
 
 from __future__ import annotations
@@ -97,6 +98,27 @@ m n p r s t u v x y z za zb zc
 120 13 23 37 54 79 104 144 172 210 254 310 400 525 690
 180 15 27 43 68 108 146 210 252 310 380 465 600 780 1000
 """
+FASTENERS = """
+r s t u v x y z za zb zc
+3 10 14 - 18 - 20 - 26 32 40 60
+6 15 19 - 23 - 28 - 35 42 50 80
+10 19 23 - 28 - 34 - 42 52 67 97
+14 23 28 - 33 - 40 - 50 64 90 130
+18 23 28 - 33 39 45 - 60 77 108 150
+24 28 35 - 41 47 54 63 73 98 136 188
+30 28 35 41 48 55 64 75 88 118 160 218
+40 34 43 48 60 68 80 94 112 148 200 274
+50 34 43 54 70 81 97 114 136 180 242 325
+65 41 53 66 87 102 122 144 172 226 300 405
+80 43 59 75 102 120 146 174 210 274 360 480
+100 51 71 91 124 146 178 214 258 335 445 585
+120 54 79 104 144 172 210 254 310 400 525 690
+140 63 92 122 170 202 248 300 365 470 620 800
+160 65 100 134 190 228 280 340 415 535 700 900
+180 68 108 146 210 252 310 380 465 600 780 1000
+200 77 122 166 236 284 350 425 520 670 880 1150
+225 80 130 180 258 310 385 470 575 740 960 1250
+"""
 TEXTBOOK_ABOVE = """
 a b c d e f g
 200 660 340 240 170 100 50 15
@@ -111,6 +133,33 @@ d e f g m n p r s t u
 1000 320 170 86 26 34 56 100 220 470 680 1050
 1600 390 220 110 30 48 78 140 330 720 1050 1600
 3150 520 290 145 38 76 135 240 580 1400 2100 3200
+"""
+GRADES_1_TO_14 = """
+3 6 10 18 30 50 80 120 180 250 315
+1 0.8 1 1 1.2 1.5 1.5 2 2.5 3.5 4.5 6
+2 1.2 1.5 1.5 2 2.5 2.5 3 4 5 7 8
+3 2 2.5 2.5 3 4 4 5 6 8 10 12
+4 3 4 4 5 6 7 8 10 12 14 16
+5 4 5 6 8 9 11 13 15 18 20 23
+6 6 8 9 11 13 16 19 22 25 29 32
+7 10 12 15 18 21 25 30 35 40 46 52
+8 14 18 22 27 33 39 46 54 63 72 81
+9 25 30 36 43 52 62 74 87 100 115 130
+10 40 48 58 70 84 100 120 140 160 185 210
+11 60 75 90 110 130 160 190 220 250 290 320
+12 100 120 150 180 210 250 300 350 400 460 520
+13 140 180 220 270 330 390 460 540 630 720 810
+14 250 300 360 430 520 620 740 870 1000 1150 1300
+"""
+GRADES_5_TO_11 = """
+400 500 630 800 1000 1250 1600 2000 2500 3150
+5 25 27 32 36 40 47 55 65 78 96
+6 36 40 44 50 56 66 78 92 110 135
+7 57 63 70 80 90 105 125 150 175 210
+8 89 97 110 125 140 165 195 230 280 330
+9 140 155 175 200 230 260 310 370 440 540
+10 230 250 280 320 360 420 500 600 700 860
+11 360 400 440 500 560 660 780 920 1100 1350
 """
 
 
@@ -150,7 +199,7 @@ def test_limits_are_those_that_the_corrigendum_puts_right():
     assert tolerance_class_deviations("f9", 300)[0] == -0.186
 
 
-@pytest.mark.parametrize("table", [TEXTBOOK, TEXTBOOK_ABOVE, CATALOGUE_LARGE])
+@pytest.mark.parametrize("table", [TEXTBOOK, TEXTBOOK_ABOVE, CATALOGUE_LARGE, FASTENERS])
 def test_shafts_begin_where_published_tables_say(table):
     checked = 0
     for size, names, values in lines(table):
@@ -199,6 +248,22 @@ def test_shafts_begin_where_published_tables_say(table):
 )
 def test_limits_of_single_classes(size, name, lower, upper):
     assert tolerance_class_deviations(name, size) == (lower / 1000, upper / 1000)
+
+
+@pytest.mark.parametrize("table", [GRADES_1_TO_14, GRADES_5_TO_11], ids=["to 315", "above 315"])
+def test_tolerances_are_those_of_published_tables(table):
+    for grade, limits, values in lines(table):
+        for limit, value in zip(limits, values, strict=True):
+            width = tolerance_class_deviations(f"H{grade:.0f}", float(limit))[1]
+            assert width == float(value) / 1000, (grade, limit)
+
+
+def test_five_grades_are_a_factor_of_ten():
+    """ISO 286-1: from IT7 on without exception."""
+    for row in TOLERANCES_UM:
+        of_grade = dict(zip(GRADES, row, strict=True))
+        for grade in range(7, 14):
+            assert of_grade[str(grade + 5)] == 10 * of_grade[str(grade)]
 
 
 def test_tolerances_follow_the_tolerance_unit():
