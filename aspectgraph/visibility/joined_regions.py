@@ -11,6 +11,7 @@ pieces as they are on the grid, and the intersection is that of the broken line 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from itertools import groupby
@@ -21,12 +22,15 @@ from aspectgraph.entities.parts import Run, Stretch
 from aspectgraph.entities.straight_edges import Entity, resolve_entities
 from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.deadline import check_deadline
 from aspectgraph.visibility.entity_region import Region, compact
 from aspectgraph.visibility.overlay import overlay, share_planes
 from aspectgraph.visibility.scene import Scene
 
 
-def intersection(scene: Scene, cube: np.ndarray, regions: Sequence[Region]) -> Region:
+def intersection(
+    scene: Scene, cube: np.ndarray, regions: Sequence[Region], deadline: float = math.inf
+) -> Region:
     """Return the region of all viewpoints that every one of some regions holds, exactly.
 
     Parameters
@@ -37,7 +41,15 @@ def intersection(scene: Scene, cube: np.ndarray, regions: Sequence[Region]) -> R
         The box that the regions were cut from.
     regions : sequence of Region
         At least one.
+    deadline : float
+        Time (`time.time`) by which to end.
+
+    Raises
+    ------
+    DeadlineError
+        If the region is not complete by then.
     """
+    check_deadline(deadline)
     if len(regions) == 1:
         return regions[0]
     # only planes that are equal become one: the pieces' regions stay as they are
@@ -45,7 +57,9 @@ def intersection(scene: Scene, cube: np.ndarray, regions: Sequence[Region]) -> R
     origin = np.full((len(shared.planes), 4), -1, np.int32)
     for region, number in zip(reversed(regions), reversed(shared.number), strict=True):
         origin[number] = region.origin
-    cells = overlay(regions, shared, covering_only=True)
+    cells = overlay(
+        regions, shared, covering_only=True, watch=lambda _done, _held: check_deadline(deadline)
+    )
     cells.label[:, 0] &= np.uint64(1)
     return compact(cells, origin)
 
@@ -74,7 +88,9 @@ def find_pieces(
     """
     composed = _of_stretches(entities)
     hidden: dict[str, Entity] = {}
-    for curve in (*solid.rims(0.0), *solid.arcs(0.0)):
+    of_runs = {e.part.curve for e in entities.values() if isinstance(e.part, Run)}
+    curves = (*solid.rims(0.0), *solid.arcs(0.0)) if of_runs else ()
+    for curve in (curve for curve in curves if curve.id in of_runs):
         chords = {
             name: set(entity.edge_ids) for name, entity in entities.items() if _is_of(entity, curve)
         }

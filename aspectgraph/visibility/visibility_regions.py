@@ -375,7 +375,7 @@ def compute_regions(
     make = partial(observable_region, scene, solid, box=grid.cube_planes(box_mm), deadline=deadline)
     if kept is not None:
         kept.begin(solid, box_mm, resolved)
-    shared = partial(intersection, scene, grid.cube_planes(box_mm))
+    shared = partial(intersection, scene, grid.cube_planes(box_mm), deadline=deadline)
     regions = _with_pieces(solid, resolved, (make, shared), (executor, progress, kept))
     complete = {name: entity for name, entity in resolved.items() if name in regions}
     return VisibilityRegions(solid, box_mm, complete, grid, scene, regions)

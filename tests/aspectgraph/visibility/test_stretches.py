@@ -34,7 +34,9 @@ from aspectgraph import (
 )
 from aspectgraph.graph.ray_confirmation import SightLines
 from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.visibility import visibility_regions
 from aspectgraph.visibility.cuts import cut_point
+from aspectgraph.visibility.entity_region import observable_region
 from aspectgraph.visibility.joined_regions import find_pieces
 
 N_EIGHTHS = 140
@@ -303,6 +305,19 @@ def test_kept_regions_are_those_asked_for_and_spare_the_pieces(plate):
     told.clear()
     compute_regions(plate, names, kept=store, progress=lambda *row: told.append(row))
     assert (told, store.n_put) == ([], len(names))
+
+
+def test_what_is_not_complete_by_the_deadline_is_missing(plate, monkeypatch):
+    rim = plate.rims()[0]
+    names = [rim.id, *runs_of(rim)]
+    assert not compute_regions(plate, names, deadline=0.0).entities
+    monkeypatch.setattr(visibility_regions, "observable_region", _without_deadline)
+    pieces_only = compute_regions(plate, [plate.straight_edges()[0], *names], deadline=0.0)
+    assert [entity.kind for entity in pieces_only.entities.values()] == ["edge"]
+
+
+def _without_deadline(scene, solid, entity, box, deadline):
+    return observable_region(scene, solid, entity, box)
 
 
 def test_pieces_of_a_name_that_is_taken_get_another(plate):
