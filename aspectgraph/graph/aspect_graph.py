@@ -18,6 +18,7 @@ from aspectgraph.cells.crop import at_limits, crop
 from aspectgraph.cells.measure import measured
 from aspectgraph.cells.point_location import locate, tree_of
 from aspectgraph.cells.simplify import n_leaves
+from aspectgraph.cells.split import leaves
 from aspectgraph.domains.carve import carve, surface_facets
 from aspectgraph.domains.find_domains import Domain, Domains, find_domains
 from aspectgraph.domains.width import Ruler, check_min_width, largest_extent
@@ -394,6 +395,8 @@ def _joined(
     def cut(cx: Complex) -> None:
         carve(cx, scene, facets, len(cube))
         crop(cx, len(shared.planes))
+        # what follows asks for the leaves again, and must not need more room
+        leaves(cx)
 
     # facets take room, too, and a part may have many more of them than its regions have cells
     cx = cut_further(uncut, cut, _ROOM_PER_CELL * n_leaves(uncut) + len(facets.planes))

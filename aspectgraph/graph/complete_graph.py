@@ -162,6 +162,8 @@ def _arrangement(planes: np.ndarray, n_cells: int) -> Complex:
     cx = allocate(planes, n_cells)
     add_box(cx, _BOX)
     _cut_everywhere(cx)
+    # what follows asks for the leaves again, and must not need more room
+    leaves(cx)
     return cx
 
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.cells.arrays import cut_further
+from aspectgraph.cells.arrays import Complex, cut_further
 from aspectgraph.cells.cell_set import CellSet
 from aspectgraph.cells.crop import crop
 from aspectgraph.cells.point_location import holds
@@ -197,7 +197,13 @@ class VisibilityRegions:
             limits = self.grid.box_planes(self.workspace)
             cube_cells = overlay(regions, shared.extended(limits), covering_only=True)
             first = len(shared.planes)
-            cx = cut_further(cube_cells, lambda cells: crop(cells, first))
+
+            def cut(cells: Complex) -> None:
+                crop(cells, first)
+                # what follows asks for the leaves again, and must not need more room
+                leaves(cells)
+
+            cx = cut_further(cube_cells, cut)
             present = leaves(cx)
             bits = np.unpackbits(cx.label[present].view(np.uint8), axis=1, bitorder="little")[
                 :, : len(key)

@@ -1,5 +1,6 @@
 """Memory of a joint graph: refused with an estimate before the work or while it grows, never a bare MemoryError."""
 
+import itertools
 import subprocess
 import sys
 from importlib import import_module
@@ -128,6 +129,25 @@ def test_covering_cells_make_room_for_the_workspace(regions, monkeypatch):
     narrow = regions.subset(names).covering_cells(names)
     assert calls
     assert [cell.volume for cell in narrow] == [cell.volume for cell in free]
+
+
+def test_covering_cells_come_out_of_the_least_room_that_suffices(regions, monkeypatch):
+    """What is asked of the cells after the last cut takes no more room than the cut was given."""
+
+    def one_more(build, n_cells=1024, limit=1 << 24):
+        for room in range(1, limit):
+            try:
+                return build(room)
+            except RoomFullError:
+                continue
+        raise AssertionError
+
+    for names in itertools.combinations(regions.entity_names[:6], 2):
+        free = regions.subset(names).covering_cells(names)
+        with monkeypatch.context() as patch:
+            patch.setattr(arrays, "with_room", one_more)
+            narrow = regions.subset(names).covering_cells(names)
+        assert [cell.volume for cell in narrow] == [cell.volume for cell in free]
 
 
 @pytest.mark.parametrize("limit", [0, -1.0, np.nan])
