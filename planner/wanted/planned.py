@@ -26,6 +26,7 @@ from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
 from planner.wanted.feature_counts import is_characteristic
 from planner.wanted.models import Means, measurand_model
+from planner.wanted.planned_witness import PlannedWitness
 from planner.wanted.target_words import CHARACTERISTICS, DIMENSIONS, EDGES, MIXED, TargetWords
 from planner.wanted.targets import DimensionTarget, Target
 from planner.wanted.tolerance_texts import tolerance_text
@@ -182,34 +183,6 @@ class PlannedLength(PlannedTarget):
         in_camera = world_to_cam(self.ends, cam2world)
         pixels = (in_camera / in_camera[:, 2:] @ camera.matrix.T)[:, :2]
         return (1 - self.accuracy) * float(np.linalg.norm(pixels[1] - pixels[0]))
-
-
-@dataclass(frozen=True)
-class PlannedWitness:
-    """A set of entities that gives the value of a dimension.
-
-    Attributes
-    ----------
-    entities : tuple of str
-        Ids of the entities that must be visible.
-    geometry : tuple of Line or Circle
-        Their lines and circles, mm, in the part's frame.
-    """
-
-    entities: tuple[str, ...]
-    geometry: tuple[Geometry, ...] = field(repr=False, compare=False)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, ready for JSON."""
-        return {
-            "entities": list(self.entities),
-            "geometry": [to_dict(item) for item in self.geometry],
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> PlannedWitness:
-        """Build from the result of `to_dict`."""
-        return cls(tuple(data["entities"]), tuple(from_dict(item) for item in data["geometry"]))
 
 
 @dataclass(frozen=True)
