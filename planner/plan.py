@@ -24,7 +24,7 @@ from planner.records.schema import check_schema, field_name
 from planner.rows.plan_tables import PlanTables
 from planner.setting.reason import Reason, kind_of, kinds_record, reasons_from
 from planner.setting.sensor_setting import SensorSetting
-from planner.wanted.feature_counts import features_text
+from planner.wanted.words.feature_counts import features_text
 
 if TYPE_CHECKING:
     from aspectgraph import Solid

@@ -13,7 +13,7 @@ from planner.optics.propose import DISTANCES_MM, propose_optics
 from planner.progress.text_table import print_table, print_text, words
 from planner.records.json_file import print_json
 from planner.wanted.dimension import Dimension
-from planner.wanted.feature_counts import features_text, n_not_planned
+from planner.wanted.words.feature_counts import features_text, n_not_planned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -39,7 +39,7 @@ from planner.report.wording import (
 )
 from planner.verify.simulate_setting import CONFIRMED
 from planner.wanted.planned import targets_of, words_of
-from planner.wanted.tolerance_texts import tolerance_text
+from planner.wanted.words.tolerance_texts import tolerance_text
 
 if TYPE_CHECKING:
     from aspectgraph import Edge, EdgeEnd, EntityAspectGraph, Solid

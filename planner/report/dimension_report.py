@@ -21,7 +21,7 @@ from planner.report.tables import (
 )
 from planner.report.wording import features_cell, surfaces_sources
 from planner.verify.measurements import Measurement, measurements
-from planner.wanted.tolerance_texts import deviation_text
+from planner.wanted.words.tolerance_texts import deviation_text
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan

@@ -23,7 +23,7 @@ from planner.verify.simulate_setting import (
     UNSTATED,
 )
 from planner.wanted.planned import targets_of, words_of
-from planner.wanted.target_words import TargetWords
+from planner.wanted.words.target_words import TargetWords
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.argument_kinds import check_kinds
 from planner.files import write_text
-from planner.wanted.feature_counts import features_text
+from planner.wanted.words.feature_counts import features_text
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

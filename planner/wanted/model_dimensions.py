@@ -10,7 +10,7 @@ from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
 from planner.wanted.assumed import surfaces_of_zone
 from planner.wanted.dimension import QUARTER, Dimension
-from planner.wanted.feature_counts import characteristic_name
+from planner.wanted.words.feature_counts import characteristic_name
 
 if TYPE_CHECKING:
     from aspectgraph import ModelDimension

@@ -24,12 +24,12 @@ from errors.measurands.geometry import from_dict, to_dict
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
-from planner.wanted.feature_counts import is_characteristic
 from planner.wanted.models import Means, measurand_model
 from planner.wanted.planned_witness import PlannedWitness
-from planner.wanted.target_words import CHARACTERISTICS, DIMENSIONS, EDGES, MIXED, TargetWords
 from planner.wanted.targets import DimensionTarget, Target
-from planner.wanted.tolerance_texts import tolerance_text
+from planner.wanted.words.feature_counts import is_characteristic
+from planner.wanted.words.target_words import CHARACTERISTICS, DIMENSIONS, EDGES, MIXED, TargetWords
+from planner.wanted.words.tolerance_texts import tolerance_text
 
 if TYPE_CHECKING:
     from errors.measurands import Prediction

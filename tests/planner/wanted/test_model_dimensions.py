@@ -24,9 +24,9 @@ from planner import (
 )
 from planner.report.page import _figures, _lead
 from planner.report.wording import verdict
-from planner.wanted.feature_counts import is_characteristic
 from planner.wanted.planned import PlannedDimension, words_of
-from planner.wanted.target_words import CHARACTERISTICS, DIMENSIONS
+from planner.wanted.words.feature_counts import is_characteristic
+from planner.wanted.words.target_words import CHARACTERISTICS, DIMENSIONS
 
 NO_RIM = "no sharp circular edge bounds this feature"
 # mirror images of each other in the planes x = 40 and y = 25

@@ -18,8 +18,8 @@ from planner.output.json_records import plan_record
 from planner.plan import InspectionPlan
 from planner.report.page import _figures, _lead
 from planner.report.wording import features_cell, verdict
-from planner.wanted.feature_counts import features_text, n_not_planned
 from planner.wanted.planned import PlannedDimension
+from planner.wanted.words.feature_counts import features_text, n_not_planned
 
 TEXT = "3 dimensions, 32 characteristics: 29 not planned"
 

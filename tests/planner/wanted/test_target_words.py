@@ -5,7 +5,7 @@ import pytest
 
 from errors.measurands import Line, Localisation
 from planner.wanted.planned import PlannedDimension, PlannedLength, words_of
-from planner.wanted.target_words import DIMENSIONS, EDGES, MIXED
+from planner.wanted.words.target_words import DIMENSIONS, EDGES, MIXED
 
 EDGE = PlannedLength.of("top", np.array([[0.0, 0, 0], [10, 0, 0]]), 0.98)
 WIDTH = PlannedDimension(

@@ -24,7 +24,7 @@ def characteristic_name(dimension: str, k: int, n: int) -> str:
 
     Examples
     --------
-    >>> from planner.wanted.feature_counts import characteristic_name
+    >>> from planner.wanted.words.feature_counts import characteristic_name
     >>> characteristic_name("Linear Size.11", 3, 30)
     'Linear Size.11 [3 of 30]'
     """
@@ -63,7 +63,7 @@ def features_text(counts: Sequence[int]) -> str:
 
     Examples
     --------
-    >>> from planner.wanted.feature_counts import features_text
+    >>> from planner.wanted.words.feature_counts import features_text
     >>> features_text([1, 6, 30, 4, 30, 1])
     '6 dimensions, 72 characteristics: 66 not planned'
     """

@@ -1,0 +1,1 @@
+"""How pages, tables and names speak of what is wanted."""
