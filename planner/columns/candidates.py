@@ -19,7 +19,7 @@ from planner.camera.pose import look_at
 from planner.checkpoint import Checkpoint
 from planner.columns.judge import Judge, Judgement
 from planner.columns.perturb import perturbed
-from planner.columns.pool import ColumnPool
+from planner.columns.pool import ColumnPool, Steady
 from planner.cover.exchange_search import exchange_columns
 from planner.cover.relaxation import fractional_cover
 from planner.effort.columns import Pricing
@@ -162,9 +162,9 @@ class Pools(NamedTuple):
     realised: ColumnPool
     near: ColumnPool
 
-    def add(self, poses: np.ndarray, judged: Judgement) -> None:
-        """Add poses (n, 4, 4) as judged."""
-        self.realised.add(judged.inspects, poses, judged.probability)
+    def add(self, poses: np.ndarray, judged: Judgement, steady: Steady | None = None) -> None:
+        """Add poses (n, 4, 4) as judged; what is not steady, see `ColumnPool.add`, only to the near columns."""
+        self.realised.add(judged.inspects, poses, judged.probability, steady)
         self.near.add(judged.nearly, poses, judged.probability)
 
     def to_dict(self) -> dict[str, Any]:
@@ -228,7 +228,7 @@ def price_poses(
     parents, coverable = warm_start or WarmStart()
     breed = pools.realised.poses[:0] if parents is None else parents[: effort.pricing.parents]
     if parents is not None:
-        pools.add(parents, shared.value(parents))
+        pools.add(parents, shared.value(parents), shared.value.steady)
     rng = np.random.default_rng(derive_seed(seed, ["pricing"]))
     covered = pools.realised.inspected
     values: list[float] = []
@@ -322,7 +322,7 @@ def _improve(
         for i in range(0, len(children), pricing.batch)
     ]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))
-    pools.add(children, judged)
+    pools.add(children, judged, shared.value.steady)
     return children[_champions(pricing, judged.promise, prices, rng)]
 
 

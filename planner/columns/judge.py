@@ -7,15 +7,22 @@ entities that some pose nearly inspects is an optimistic column, worth a run of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from planner.camera.pose import moved
 from planner.effort.effort import NORMAL, Effort
 from planner.request.positions import visible_where
 from planner.request.request import Request
+from planner.setting.evolution import triangular_factor
+
+# poses whose displaced images are made at a time
+_ROWS = 64
 
 
 @dataclass(frozen=True)
@@ -111,6 +118,49 @@ class Judge:
             empty = np.zeros((0, len(self.names)))
             return Judgement(empty.astype(bool), empty.astype(bool), empty, empty)
         return Judgement.joined(parts)
+
+    def steady(self, cam2world: np.ndarray, membership: np.ndarray) -> np.ndarray:
+        """Return what of columns (n, k) still shows in enough images of displaced poses.
+
+        Lines may come into view, or too near, when the camera is displaced; no other reserve counts that. So each pose
+        (n, 4, 4) is displaced by the same few draws. A target is kept if it shows in the required share of them: the
+        margin of chance is the count's, which follows for what a plan chooses.
+
+        Parameters
+        ----------
+        cam2world : array (n, 4, 4)
+            Poses.
+        membership : array of bool (n, k)
+            What they inspect.
+        """
+        draws = self._nearness.displaced
+        in_image = [self.request.measured[name].in_image for name in self.names]
+        asked = membership & np.array(in_image, dtype=bool)
+        if not (draws and self.constraints.shows and asked.any()):
+            return membership
+        enough = math.floor(self.threshold * draws)
+        kept = membership.copy()
+        rows = np.flatnonzero(asked.any(axis=1))
+        for first in range(0, len(rows), _ROWS):
+            some = rows[first : first + _ROWS]
+            displaced = np.concatenate([moved(cam2world[row], self._moves, 1.0) for row in some])
+            wanted = np.repeat(asked[some], draws, axis=0)
+            shown = self.constraints.image.shown(displaced, wanted)
+            often = shown.reshape(len(some), draws, -1).sum(axis=1) >= enough
+            kept[some] &= often | ~asked[some]
+        return kept
+
+    @cached_property
+    def _moves(self) -> np.ndarray:
+        """Displacements (d, 6) of the camera, mm and rad: the same draws for all poses, each also the other way."""
+        n = self._nearness.displaced
+        normal = np.random.default_rng(n).standard_normal((-(-n // 2), 6))
+        factor = triangular_factor(self.request.pose_uncertainty.covariance)
+        # sums of few products, in one order on all machines
+        moves = np.stack(
+            [sum(normal[:, j] * factor[i, j] for j in range(i + 1)) for i in range(6)], axis=1
+        )
+        return np.ascontiguousarray(np.concatenate([moves, -moves])[:n])
 
     def _judge(self, cam2world: np.ndarray, prices: np.ndarray | None) -> Judgement:
         missed = self._missed(cam2world)

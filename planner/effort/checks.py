@@ -16,11 +16,13 @@ _NOT_NEGATIVE = NumberRule("must be a finite number, 0 or more", NOT_NEGATIVE.ho
 _MAY_BE_NONE = {
     "around",
     "cover_rounds",
+    "displaced",
     "exchanges",
     "most_trials",
     "neighbours",
     "nodes",
     "pause",
+    "retried",
     "viewpoints",
 }
 

@@ -76,6 +76,9 @@ class Nearness:
     hopeless : float
         Skip an entity that misses a constraint by this many tolerances. The program then does not
         compute its visibility, which costs most.
+    displaced : int
+        Before a column is kept, its pose is displaced this many times. A target stays in it if
+        enough of these images show it. 0: the column is kept as judged.
     first : int
         Check corners first for this many entities of a pose, those of the highest price. Most of
         them have none.
@@ -90,6 +93,7 @@ class Nearness:
     corner_deg: float = 5.0
     probability: float = 0.05
     hopeless: float = 6.0
+    displaced: int = 24
     first: int = 2
     batch: int = 2048
 

@@ -26,7 +26,7 @@ def sample_poses(run: Run, incumbents: Incumbents) -> None:
     check = run.callbacks.check
     found = in_order(run.executor, judged_poses, arguments, check)
     for k, (poses, judged) in enumerate(found, done + 1):
-        run.pools.add(poses, judged)
+        run.pools.add(poses, judged, run.judge.steady)
         run.save({"sampled": k})
         incumbents.offer_on_the_way(run)
         run.callbacks.report(k, len(names), "candidate poses")
