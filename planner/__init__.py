@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from planner.exceptions import PlanFileError as PlanFileError
     from planner.exceptions import PlannerError as PlannerError
     from planner.exceptions import RequestError as RequestError
+    from planner.exceptions import RobotError as RobotError
     from planner.exceptions import UncertaintyError as UncertaintyError
     from planner.inspection import plan_inspection as plan_inspection
     from planner.inspection_options import InspectionOptions as InspectionOptions
@@ -60,6 +61,10 @@ if TYPE_CHECKING:
     from planner.request.reach import BoxRegion as BoxRegion
     from planner.request.reach import MeshRegion as MeshRegion
     from planner.request.reach import SphereRegion as SphereRegion
+    from planner.robot import Box as Box
+    from planner.robot import Cell as Cell
+    from planner.robot import Fixturing as Fixturing
+    from planner.robot import Robot as Robot
     from planner.setting.plan_setting import plan_setting as plan_setting
     from planner.setting.reason import Reason as Reason
     from planner.setting.reason import ReasonKind as ReasonKind
@@ -95,6 +100,7 @@ _NAMES = {
         "PlanFileError",
         "PlannerError",
         "RequestError",
+        "RobotError",
         "UncertaintyError",
     ),
     "planner.inspection": ("plan_inspection",),
@@ -115,6 +121,7 @@ _NAMES = {
     "planner.request.constraints": ("Requirements",),
     "planner.request.defaults": ("default_workspace",),
     "planner.request.reach": ("BoxRegion", "MeshRegion", "SphereRegion"),
+    "planner.robot": ("Box", "Cell", "Fixturing", "Robot"),
     "planner.setting.plan_setting": ("plan_setting",),
     "planner.setting.reason": ("Reason", "ReasonKind"),
     "planner.setting.sensor_setting": ("SensorSetting",),

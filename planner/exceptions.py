@@ -118,3 +118,7 @@ class PlanFileError(PlannerError, ValueError):
 
 class OutputError(PlannerError, OSError):
     """A file or folder that cannot be written."""
+
+
+class RobotError(PlannerError, ValueError):
+    """A robot or a cell that cannot be used, or a file of one that cannot be read."""

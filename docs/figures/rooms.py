@@ -58,6 +58,7 @@ PLACES = {
         "effort": (0.9, "how to search, in numbers"),
         "request": (2.7, "constraints and probability"),
         "wanted": (1.4, "edges and dimensions"),
+        "robot": (2.1, "what an arm reaches"),
         "detectability": (2.9, "what an image needs"),
         "camera": (3.25, "camera, pose, uncertainty"),
         "callbacks": (4.4, "calls on the way, the end"),

@@ -1,0 +1,297 @@
+"""The robot: an arm of six turning joints, read from a URDF."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aspectgraph.files import read_text
+from planner.argument_kinds import POSITIVE, shown
+from planner.exceptions import RobotError
+from planner.robot.bodies import Hull, hull_of, round_points
+from planner.robot.branches import Branches
+from planner.robot.kinematics import Chain
+from planner.robot.mesh_files import read_triangles
+from planner.robot.transforms import carry, check_pose, compose
+from planner.robot.urdf import N_JOINTS, Shape, UrdfArm, read_urdf
+
+_LARGEST_LINK_MM = 20_000.0
+_UNIT_LENGTH_MM = 500.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A turning joint.
+
+    Attributes
+    ----------
+    name : str
+        Its name in the URDF.
+    lower, upper : float
+        Limits, rad.
+    speed : float
+        Largest speed, rad/s.
+    acceleration : float
+        Largest acceleration, rad/s².
+    """
+
+    name: str
+    lower: float
+    upper: float
+    speed: float
+    acceleration: float
+
+
+class Robot:
+    """A serial arm of six turning joints; `from_urdf` makes one.
+
+    Lengths are in mm, angles in rad. The base is the frame of the base link, the tip that of the link the camera is
+    fixed to.
+
+    **Guarantee.** Forward kinematics brings the tip to the pose a branch was asked for, to 10⁻⁶ rad and 10⁻³ mm. All
+    branches are within the joints' limits. The same URDF gives the same branches in the same order.
+
+    Attributes
+    ----------
+    name : str
+        Name in the URDF.
+    tip : str
+        Link the camera is fixed to.
+    joints : tuple of Joint
+        Six, from the base to the tip.
+    segment_names : tuple of str
+        The base link and the links behind the joints.
+    state_name : str
+        Digest of everything that decides where the robot can be.
+    """
+
+    def __init__(
+        self, text: str, tip: str, base: str | None, accelerations: np.ndarray, hulls: Any
+    ) -> None:
+        arm = read_urdf(text, tip, base)
+        self.name = arm.name
+        self.tip = tip
+        self.segment_names = arm.segments
+        self.joints = tuple(
+            Joint(joint.name, joint.lower, joint.upper, joint.speed, float(most))
+            for joint, most in zip(arm.joints, accelerations, strict=True)
+        )
+        self.lower = _values(self.joints, "lower")
+        self.upper = _values(self.joints, "upper")
+        self.speeds = _values(self.joints, "speed")
+        self.accelerations = _values(self.joints, "acceleration")
+        self.chain = Chain.of(arm)
+        self.hulls: tuple[tuple[Hull, ...], ...] = hulls
+        self._made_of = (text, tip, base, accelerations, hulls)
+        self._branches: Branches | None = None
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: str | PathLike[str],
+        *,
+        tip: str = "tool0",
+        base: str | None = None,
+        packages: Mapping[str, str | PathLike[str]] | None = None,
+        accelerations: float | Sequence[float] = 1.4,
+    ) -> Robot:
+        """Read a robot.
+
+        Parameters
+        ----------
+        path : str or Path
+            A URDF file. A xacro file must be expanded before.
+        tip : str
+            Link the camera is fixed to; ``flange`` and ``tool0`` of one robot may have different axes.
+        base : str, optional
+            Link whose frame is the robot's base. Default: ``base_link``, otherwise the first link. The pendant of a
+            UR shows ``base``, which is turned by 180° about z.
+        packages : mapping of str to path, optional
+            Folders of the packages that ``package://`` names.
+        accelerations : float or sequence of 6 floats
+            Largest accelerations of the joints, rad/s², which a URDF does not state.
+
+        Returns
+        -------
+        Robot
+
+        Raises
+        ------
+        RobotError
+            The file cannot be read, or the arm is none that can be planned for.
+        """
+        file = Path(path)
+        try:
+            text = read_text(file)
+        except OSError as error:
+            raise RobotError.of_rule(
+                "urdf", "must be a file that can be read", f"{str(file)!r}: {error.strerror}"
+            ) from None
+        except UnicodeDecodeError:
+            raise RobotError.of_rule("urdf", "must be UTF-8 text", repr(str(file))) from None
+        arm = read_urdf(text, tip, base)
+        most = _checked_accelerations(accelerations)
+        return cls(text, tip, base, most, _hulls(arm, file.parent, packages or {}))
+
+    def forward(self, q: Any) -> np.ndarray:
+        """Return the pose of the tip in the base.
+
+        Parameters
+        ----------
+        q : array_like, shape (n, 6) or (6,)
+            Joints, rad.
+
+        Returns
+        -------
+        array, shape (n, 4, 4) or (4, 4)
+            Poses, mm.
+        """
+        joints = np.asarray(q, dtype=np.float64)
+        tips = self.chain.tips(self.chain.frames(joints.reshape(-1, N_JOINTS)))
+        return tips.reshape(*joints.shape[:-1], 4, 4)
+
+    def link_poses(self, q: np.ndarray) -> np.ndarray:
+        """Return the frames of the links of `segment_names` in the base, (n, 7, 4, 4), for joints (n, 6)."""
+        return compose(self.chain.frames(np.asarray(q, dtype=np.float64)), self.chain.links)
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Return the Jacobian of the tip for joints (n, 6).
+
+        Returns
+        -------
+        array, shape (n, 6, 6)
+            Rows 0 to 2: velocity of the tip, mm/rad; rows 3 to 5: its angular velocity. In the base's axes.
+        """
+        return self.chain.jacobian(self.chain.frames(np.asarray(q, dtype=np.float64)))
+
+    def singular_value(self, q: np.ndarray) -> np.ndarray:
+        """Return the smallest singular value (n,) of the Jacobian, its lengths divided by 500 mm; 0: singular."""
+        jacobian = self.jacobian(q)
+        jacobian[:, :3] /= _UNIT_LENGTH_MM
+        return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[:, -1])
+
+    def to_limit_rad(self, q: np.ndarray) -> np.ndarray:
+        """Return how far the joints (n, 6) are from the nearest limit (n,); negative beyond it."""
+        joints = np.asarray(q, dtype=np.float64)
+        return np.minimum(joints - self.lower, self.upper - joints).min(axis=-1)
+
+    def branches(self, flange: Any) -> np.ndarray:
+        """Return all joints (k, 6) within limits that bring the tip to a pose (4, 4) in the base; k may be 0."""
+        return self.branches_of(check_pose("flange", flange)[None])[0]
+
+    def branches_of(self, flanges: np.ndarray) -> list[np.ndarray]:
+        """Return `branches` of many poses (n, 4, 4)."""
+        q, owner = self.solutions(flanges)
+        return np.split(q, np.searchsorted(owner, np.arange(1, len(flanges))))[: len(flanges)]
+
+    def solutions(self, flanges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the branches (m, 6) of poses (n, 4, 4) in one array, and the number of each one's pose (m,)."""
+        return self._solver().of(flanges)
+
+    def solvable(self, flanges: np.ndarray) -> np.ndarray:
+        """Return to which poses (n, 4, 4) joints lead without any limits; (n,) bool."""
+        return self._solver().exist(flanges)
+
+    def turns(self, q: Any) -> np.ndarray:
+        """Return all joints (t, 6) within limits that differ from `q` (6,) by full turns, `q` first."""
+        return self._solver().turns(np.asarray(q, dtype=np.float64))
+
+    def _solver(self) -> Branches:
+        if self._branches is None:
+            self._branches = Branches(self.chain, self.lower, self.upper)
+        return self._branches
+
+    @property
+    def state_name(self) -> str:
+        """Digest of the URDF, the tip, the base, accelerations and hulls."""
+        text, tip, base, most, hulls = self._made_of
+        digest = hashlib.sha256(repr((text, tip, base, most.tolist())).encode())
+        for hull in (hull for segment in hulls for hull in segment):
+            digest.update(hull.corners.tobytes())
+        return f"robot {self.name} {digest.hexdigest()}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leave the solver behind, which cannot cross a process boundary."""
+        return Robot, self._made_of
+
+    def __repr__(self) -> str:
+        return f"<Robot {self.name!r}, tip {self.tip!r}>"
+
+
+def _values(joints: Sequence[Joint], name: str) -> np.ndarray:
+    """Return one number of every joint (6,), read-only."""
+    values = np.array([getattr(joint, name) for joint in joints])
+    values.flags.writeable = False
+    return values
+
+
+def _checked_accelerations(given: Any) -> np.ndarray:
+    """Return six accelerations."""
+    values = [given] * N_JOINTS if not isinstance(given, Sequence | np.ndarray) else list(given)
+    if len(values) != N_JOINTS or not all(POSITIVE.accepts(value) for value in values):
+        rule = "must be a positive number of rad/s², or six"
+        raise RobotError.of_rule("accelerations", rule, shown(given))
+    return np.array(values, dtype=np.float64)
+
+
+def _hulls(
+    arm: UrdfArm, folder: Path, packages: Mapping[str, str | PathLike[str]]
+) -> tuple[tuple[Hull, ...], ...]:
+    """Return the hulls of every segment in its frame F_k."""
+    chain = Chain.of(arm)
+    hulls = []
+    for name, link, shapes in zip(arm.segments, chain.links, arm.shapes, strict=True):
+        points = [_points(shape, folder, packages) for shape in shapes]
+        placed = [
+            carry(compose(link, shape.pose), corners)
+            for shape, corners in zip(shapes, points, strict=True)
+        ]
+        for corners in placed:
+            size = float(np.ptp(corners, axis=0).max())
+            if size > _LARGEST_LINK_MM:
+                raise RobotError.of_rule(
+                    "urdf",
+                    f"must have link {name!r} in metres",
+                    f"a body that is {size / 1000:,.0f} m long",
+                    hint='is its mesh in mm? Give the mesh scale="0.001 0.001 0.001"',
+                )
+        hulls.append(tuple(hull_of(corners, f"link {name!r}") for corners in placed))
+    return tuple(hulls)
+
+
+def _points(shape: Shape, folder: Path, packages: Mapping[str, str | PathLike[str]]) -> np.ndarray:
+    """Return the corners (n, 3) of a shape in its own frame, mm."""
+    if shape.kind == "box":
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        return signs * np.array(shape.size) / 2
+    if shape.kind == "mesh":
+        corners, _ = read_triangles(_mesh_path(shape.file, folder, packages), "urdf")
+        return corners * np.array(shape.size)
+    radius, *length = shape.size
+    return round_points(radius, length[0] if length else 0.0)
+
+
+def _mesh_path(name: str, folder: Path, packages: Mapping[str, str | PathLike[str]]) -> Path:
+    """Return where a mesh lies."""
+    scheme, _, rest = name.rpartition("://")
+    if scheme == "package":
+        package, _, inside = rest.partition("/")
+        if package not in packages:
+            raise RobotError.of_rule(
+                "packages",
+                f"must name the folder of package {package!r}",
+                shown(sorted(packages)),
+                hint=f"the mesh {name} lies there",
+            )
+        path = Path(packages[package]) / inside
+    else:
+        path = folder / rest
+    if not path.is_file():
+        raise RobotError.of_rule("urdf", f"must name meshes that exist: {name}", f"no {path}")
+    return path

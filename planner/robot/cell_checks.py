@@ -1,0 +1,149 @@
+"""Cells that cannot be meant are refused in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from planner.argument_kinds import shown
+from planner.exceptions import RobotError
+from planner.robot.arm import Robot
+from planner.robot.bodies import Hull
+from planner.robot.branches import needed
+from planner.robot.collisions import Arm, Moving, PairGroup, Standing
+from planner.robot.transforms import carry, check_pose, invert
+from planner.robot.urdf import N_JOINTS
+
+_LEAST_LEVER_MM = 5.0
+_INWARDS = 0.866
+"""Cosine of the angle to the flange within which a camera would look at it."""
+
+_THROUGH_MM = 1.0
+"""Depth up to which a part may sink into what it lies on: bodies are only as exact as they were measured."""
+
+_DRAWS = 200
+_ALWAYS = 0.95
+_GRID = 72
+
+
+def check_hand_eye(value: Any) -> np.ndarray:
+    """Return cam2flange (4, 4), or raise `RobotError` if it is in metres or the wrong way round."""
+    pose = check_pose("cam2flange", value)
+    shift = pose[:3, 3]
+    lever = float(np.sqrt((shift**2).sum()))
+    if lever == 0:
+        return pose
+    if lever < _LEAST_LEVER_MM:
+        raise RobotError.of_rule(
+            "cam2flange", "must be in mm", f"a lever of {lever:.3g} mm", hint="is it in metres?"
+        )
+    flange = invert(pose)[:3, 3]
+    if flange[2] > _INWARDS * lever:
+        raise RobotError.of_rule(
+            "cam2flange",
+            "must map the camera's frame to the flange",
+            "a camera that looks at its own flange",
+            hint="is it the inverse, flange2cam?",
+        )
+    return pose
+
+
+def check_home(home: Any, robot: Robot) -> np.ndarray | None:
+    """Return joints (6,) within limits, or None."""
+    if home is None:
+        return None
+    try:
+        q = np.array(home, dtype=np.float64)
+    except (TypeError, ValueError):
+        q = np.empty(0)
+    if q.shape != (N_JOINTS,) or not np.isfinite(q).all():
+        raise RobotError.of_rule("home", "must be six finite angles in rad", shown(home))
+    for number, joint in enumerate(robot.joints):
+        if not joint.lower <= q[number] <= joint.upper:
+            rule = f"must be within the limits of joint {number + 1}"
+            limits = f"[{joint.lower:.4g}, {joint.upper:.4g}]"
+            raise RobotError.of_rule(
+                "home", rule, f"{q[number]:.4g} rad, limits {limits}", hint="is it in degrees?"
+            )
+    q.flags.writeable = False
+    return q
+
+
+def check_names(fixturings: Mapping[str, Any], obstacles: Mapping[str, Any], robot: Robot) -> None:
+    """Raise unless there is a fixturing, and every body has a name of its own."""
+    if not fixturings:
+        raise RobotError.of_rule("fixturings", "must name at least one way the part lies", "none")
+    taken = {"camera", "part", *robot.segment_names}
+    for name, fixturing in fixturings.items():
+        if type(fixturing).__name__ != "Fixturing":
+            raise RobotError.of_rule(
+                "fixturings", f"must hold a Fixturing for {name!r}", shown(fixturing)
+            )
+        for obstacle in (*obstacles, *fixturing.obstacles):
+            if obstacle in taken or (obstacle in obstacles and obstacle in fixturing.obstacles):
+                rule = "must have names that no other body has"
+                raise RobotError.of_rule("obstacles", rule, repr(obstacle))
+
+
+def pairs_by_design(robot: Robot, arm: Arm) -> list[tuple[int, int]]:
+    """Return pairs of the arm's bodies that need not be looked at.
+
+    These are links that touch in nearly all of many drawn joints, and links with two joints between them that touch
+    nowhere on a grid of these joints: the arm is built so.
+    """
+    drawn = np.random.default_rng(0).random((_DRAWS, N_JOINTS))
+    pairs = []
+    for pair in arm.own_pairs:
+        first, second = (arm.bodies[number] for number in pair)
+        if "camera" in (first.name, second.name):
+            continue
+        if _share_touching(robot, arm, pair, drawn) > _ALWAYS:
+            pairs.append(pair)
+        elif second.segment == first.segment + 2:
+            steps = (np.arange(_GRID) + 0.5) / _GRID
+            between = np.full((_GRID**2, N_JOINTS), 0.5)
+            between[:, first.segment] = np.repeat(steps, _GRID)
+            between[:, first.segment + 1] = np.tile(steps, _GRID)
+            if _share_touching(robot, arm, pair, between) == 0:
+                pairs.append(pair)
+    return pairs
+
+
+def _share_touching(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) -> float:
+    """Return in which share of joints a pair touches; joints are shares (n, 6) of their ranges, a turn at most."""
+    lower = np.maximum(robot.lower, -np.pi)
+    upper = np.minimum(robot.upper, np.pi)
+    frames = robot.chain.frames(lower + (upper - lower) * shares)
+    group = PairGroup(arm, (), (), [pair], 0.0)
+    rows = np.flatnonzero(group.bounds(frames)[:, 0] <= 0)
+    return sum(group.distance(0, frames[row]) <= 0 for row in rows) / len(shares)
+
+
+def check_part_stands_free(
+    fixturing: str, part: Standing, others: Iterable[Standing], bases: Sequence[Moving]
+) -> None:
+    """Raise if a fixturing puts the part through an obstacle or the robot's base."""
+    fcl = needed("fcl")
+    rule = f"must not put the part through other bodies in fixturing {fixturing!r}"
+    for body in bases:
+        base = Standing(body.name, np.eye(4), body.hull)
+        if fcl.collide(part.placed, base.placed) or part.holds(body.hull.corners.mean(axis=0)):
+            raise RobotError.of_rule("part2base", rule, f"it is in {body.name}")
+    for other in others:
+        depth = _depth(part, other)
+        if depth > _THROUGH_MM:
+            raise RobotError.of_rule("part2base", rule, f"{depth:.3g} mm deep in {other.name}")
+
+
+def _depth(part: Standing, other: Standing) -> float:
+    """Return how deep corners of a part and of another body lie within each other, mm; 0 if none does."""
+    if not isinstance(other.shape, Hull):
+        return 0.0
+    points = carry(invert(other.pose), carry(part.pose, part.shape.corners))
+    sides = other.shape.corners[other.shape.triangles]
+    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+    normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
+    heights = np.einsum("tj,nj->nt", normals, points) - (normals * sides[:, 0]).sum(axis=1)
+    return max(0.0, float((-heights.max(axis=1)).max()))

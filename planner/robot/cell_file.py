@@ -1,0 +1,179 @@
+"""Cell files: a robot, its camera's place, fixturings and obstacles as one TOML file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aspectgraph.files import check_plain, read_text
+from planner.argument_kinds import shown
+from planner.exceptions import RobotError
+from planner.robot.arm import Robot
+from planner.robot.bodies import Body, Box
+from planner.robot.fixturing import Fixturing
+from planner.robot.transforms import check_pose, from_rpy
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib  # type: ignore[no-redef]
+
+_FILE = (
+    "robot",
+    "cam2flange",
+    "fixturings",
+    "camera_body",
+    "obstacles",
+    "clearance_mm",
+    "home_deg",
+)
+_ROBOT = ("urdf", "tip", "base", "packages", "accelerations")
+_BODY = ("low", "high", "pose", "mesh")
+
+
+def cell_fields(path: str | PathLike[str]) -> dict[str, Any]:
+    """Return the arguments of `Cell` that a file states.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file. Names of other files are relative to its folder.
+
+    Raises
+    ------
+    RobotError
+        The file cannot be read, or a field breaks its rule; the message begins with the file's name.
+    """
+    file = Path(path)
+    content = _read(file)
+    try:
+        return _fields(content, file.parent)
+    except RobotError as error:
+        where = f"{file}: {error.parameter or 'a field'}".rstrip()
+        if not error.parameter:
+            raise
+        raise RobotError.of_rule(where, error.rule, error.got, hint=error.hint) from None
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        content = tomllib.loads(read_text(file))
+        check_plain(content)
+    except OSError as error:
+        raise RobotError(f"{file}: cell file cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError:
+        raise RobotError(f"{file}: cell file must be UTF-8 text.") from None
+    except (ValueError, RecursionError) as error:
+        raise RobotError(f"{file}: cell file must be TOML. Got: {error}.") from None
+    return content
+
+
+def _fields(content: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    _check_keys(content, _FILE, "", required=("robot", "cam2flange", "fixturings"))
+    fields: dict[str, Any] = {
+        "robot": _robot(_table(content["robot"], "robot"), folder),
+        "cam2flange": _pose(content["cam2flange"], "cam2flange"),
+        "fixturings": {
+            name: _fixturing(_table(one, f"fixturings.{name}"), f"fixturings.{name}", folder)
+            for name, one in _table(content["fixturings"], "fixturings").items()
+        },
+        "obstacles": _bodies(content.get("obstacles", {}), "obstacles", folder),
+    }
+    bodies = content.get("camera_body", [])
+    if not isinstance(bodies, list):
+        raise RobotError.of_rule("camera_body", "must be written [[camera_body]]", shown(bodies))
+    fields["camera_body"] = tuple(_body(one, "camera_body", folder) for one in bodies)
+    if "clearance_mm" in content:
+        fields["clearance_mm"] = content["clearance_mm"]
+    if "home_deg" in content:
+        fields["home"] = np.radians(_numbers(content["home_deg"], 6, "home_deg"))
+    return fields
+
+
+def _robot(table: Mapping[str, Any], folder: Path) -> Robot:
+    _check_keys(table, _ROBOT, "robot.", required=("urdf",))
+    given = {key: value for key, value in table.items() if key not in ("urdf", "packages")}
+    for key in ("tip", "base"):
+        if key in given and not isinstance(given[key], str):
+            raise RobotError.of_rule(
+                f"robot.{key}", "must be the name of a link", shown(given[key])
+            )
+    packages = {
+        name: folder / _text(value, f"robot.packages.{name}")
+        for name, value in _table(table.get("packages", {}), "robot.packages").items()
+    }
+    return Robot.from_urdf(folder / _text(table["urdf"], "robot.urdf"), packages=packages, **given)
+
+
+def _fixturing(table: Mapping[str, Any], name: str, folder: Path) -> Fixturing:
+    _check_keys(table, ("part2base", "obstacles"), f"{name}.", required=("part2base",))
+    part2base = _pose(table["part2base"], f"{name}.part2base")
+    return Fixturing(part2base, _bodies(table.get("obstacles", {}), f"{name}.obstacles", folder))
+
+
+def _bodies(tables: Any, name: str, folder: Path) -> dict[str, Body]:
+    return {key: _body(one, f"{name}.{key}", folder) for key, one in _table(tables, name).items()}
+
+
+def _body(table: Any, name: str, folder: Path) -> Body:
+    fields = _table(table, name)
+    _check_keys(fields, _BODY, f"{name}.")
+    if "mesh" in fields:
+        if len(fields) > 1:
+            rule = "must have either a mesh or low and high"
+            raise RobotError.of_rule(name, rule, ", ".join(fields))
+        return folder / _text(fields["mesh"], f"{name}.mesh")
+    for key in ("low", "high"):
+        if key not in fields:
+            raise RobotError.of_rule(name, "must have a mesh, or low and high", f"no {key}")
+    corners = [_numbers(fields[key], 3, f"{name}.{key}") for key in ("low", "high")]
+    pose = _pose(fields["pose"], f"{name}.pose") if "pose" in fields else np.eye(4)
+    return Box(corners[0], corners[1], pose)
+
+
+def _pose(value: Any, name: str) -> np.ndarray:
+    """Return a pose from four rows, or from xyz in mm and rpy_deg."""
+    if isinstance(value, Mapping):
+        _check_keys(value, ("xyz", "rpy_deg"), f"{name}.", required=("xyz",))
+        xyz = _numbers(value["xyz"], 3, f"{name}.xyz")
+        rpy = _numbers(value.get("rpy_deg", (0.0, 0.0, 0.0)), 3, f"{name}.rpy_deg")
+        return from_rpy(np.array(xyz), np.radians(rpy))
+    return check_pose(name, value)
+
+
+def _check_keys(
+    table: Mapping[str, Any], known: tuple[str, ...], prefix: str, required: tuple[str, ...] = ()
+) -> None:
+    for key in table:
+        if key not in known:
+            hint = f"the fields are {', '.join(known)}"
+            raise RobotError.of_rule(f"{prefix}{key}", "must be a field of a cell", key, hint=hint)
+    for key in required:
+        if key not in table:
+            raise RobotError.of_rule(f"{prefix}{key}", "must be given", "none")
+
+
+def _table(value: Any, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise RobotError.of_rule(name, "must be a table", shown(value))
+    return value
+
+
+def _text(value: Any, name: str) -> str:
+    if not isinstance(value, str) or not value:
+        raise RobotError.of_rule(name, "must be the name of a file or folder", shown(value))
+    return value
+
+
+def _numbers(value: Any, count: int, name: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(number) for number in value)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != count or isinstance(value, str) or not np.isfinite(numbers).all():
+        raise RobotError.of_rule(name, f"must be {count} finite numbers", shown(value))
+    return numbers

@@ -1,0 +1,360 @@
+"""Distances between the arm, the camera and what stands around them.
+
+Every body of the arm is a convex hull, covered by spheres. Spheres bound all distances of many configurations at once;
+fcl is asked for the pairs that they leave open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aspectgraph.solid import RayScene
+from planner.robot.bodies import Body, Box, Hull, Surface, hull_of, mesh_of, surface_of
+from planner.robot.branches import needed
+from planner.robot.transforms import carry, invert
+
+HAND = 6
+"""The segment that carries the camera."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """A body of the arm or of the camera.
+
+    Attributes
+    ----------
+    name : str
+        Its link, or ``camera``.
+    segment : int
+        Number of the joint frame F_k it is fixed to; 0 is the base.
+    hull : Hull
+        The body in that frame.
+    """
+
+    name: str
+    segment: int
+    hull: Hull
+
+
+class Standing:
+    """A body that stands still in a fixturing: an obstacle or the part.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    pose : array (4, 4)
+        Its frame in the base, mm.
+    shape : Hull or Surface
+        Its shape in its frame.
+    geometry : fcl geometry
+        The same for fcl, where it has been made before.
+    """
+
+    def __init__(
+        self, name: str, pose: np.ndarray, shape: Hull | Surface, geometry: Any = None
+    ) -> None:
+        self.name = name
+        self.pose = pose
+        self.shape = shape
+        self.low = shape.corners.min(axis=0)
+        self.high = shape.corners.max(axis=0)
+        self.geometry = _geometry(shape) if geometry is None else geometry
+        self.placed = needed("fcl").CollisionObject(self.geometry, _transform(pose))
+        self._inverse = invert(pose)
+        self._inside: RayScene | None = None
+
+    def at(self, pose: np.ndarray) -> Standing:
+        """Return the same body elsewhere; its geometry is shared."""
+        moved = Standing(self.name, pose, self.shape, self.geometry)
+        moved._inside = self._inside
+        return moved
+
+    def distance_bound(self, points: np.ndarray) -> np.ndarray:
+        """Return lower bounds (...) of the distance of points (..., 3) of the base, by the box about the body."""
+        turned = np.einsum("ij,...j->...i", self._inverse[:3, :3], points) + self._inverse[:3, 3]
+        outside = np.maximum(np.maximum(self.low - turned, turned - self.high), 0.0)
+        return np.sqrt((outside**2).sum(axis=-1))
+
+    def holds(self, point: np.ndarray) -> bool:
+        """Return whether a point (3,) of the base is inside a closed surface."""
+        if isinstance(self.shape, Hull) or not self.shape.closed:
+            return False
+        turned = self._inverse[:3, :3] @ point + self._inverse[:3, 3]
+        if (turned < self.low).any() or (turned > self.high).any():
+            return False
+        if self._inside is None:
+            self._inside = RayScene(self.shape.corners, self.shape.triangles, n_threads=1)
+        return bool(self._inside.signed_distance(turned[None])[0] < 0)
+
+
+def standing_bodies(bodies: Mapping[str, Body], parameter: str) -> tuple[Standing, ...]:
+    """Return obstacles by name in the base frame, mm."""
+    return tuple(_standing(name, body, f"{parameter} {name!r}") for name, body in bodies.items())
+
+
+def _standing(name: str, body: Body, parameter: str) -> Standing:
+    if isinstance(body, Box):
+        own = Box(body.low, body.high)
+        return Standing(name, body.pose, hull_of(own.corners(), parameter))
+    return Standing(name, np.eye(4), surface_of(*mesh_of(body, parameter)))
+
+
+@dataclass(frozen=True, order=True)
+class Closeness:
+    """Two bodies and their distance.
+
+    Attributes
+    ----------
+    mm : float
+        Distance; 0 if they touch.
+    first, second : str
+        Their names; empty if there are no two bodies.
+    """
+
+    mm: float
+    first: str
+    second: str
+
+
+class Arm:
+    """The moving bodies, and which of them may touch each other.
+
+    Parameters
+    ----------
+    bodies : sequence of Moving
+        By their segments.
+    """
+
+    def __init__(self, bodies: Sequence[Moving]) -> None:
+        fcl = needed("fcl")
+        self.bodies = tuple(bodies)
+        self.placed = [fcl.CollisionObject(_geometry(body.hull)) for body in bodies]
+        self.centres = [body.hull.corners.mean(axis=0) for body in bodies]
+        segments = [body.segment for body in bodies]
+        self.own_pairs = [
+            (a, b) for b in range(len(bodies)) for a in range(b) if _may_touch(bodies[a], bodies[b])
+        ]
+        self.moving = [i for i, segment in enumerate(segments) if segment > 0]
+        self.hand = [i for i, segment in enumerate(segments) if segment == HAND]
+        self.spheres = [body.hull.centres for body in bodies]
+        self.radii = np.concatenate([body.hull.radii for body in bodies])
+        counts = [len(body.hull.radii) for body in bodies]
+        self.starts = np.concatenate([[0], np.cumsum(counts)])
+
+    def sphere_centres(self, frames: np.ndarray, which: Sequence[int]) -> np.ndarray:
+        """Return the centres (n, s, 3) of the spheres of bodies, for frames (n, 7, 4, 4)."""
+        placed = [carry(frames[:, self.bodies[i].segment], self.spheres[i]) for i in which]
+        return np.concatenate(placed, axis=1)
+
+    def sphere_radii(self, which: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the radii (s,) of the spheres of bodies, and where each body's begin."""
+        radii = [self.bodies[i].hull.radii for i in which]
+        starts = np.cumsum([0, *(len(one) for one in radii[:-1])])
+        return np.concatenate(radii), starts
+
+    def place(self, number: int, frames: np.ndarray) -> Any:
+        """Return the body of fcl, moved to where it is in one configuration's frames (7, 4, 4)."""
+        placed = self.placed[number]
+        placed.setTransform(_transform(frames[self.bodies[number].segment]))
+        return placed
+
+
+def _may_touch(a: Moving, b: Moving) -> bool:
+    """Return whether two bodies can come closer: neighbours in the chain touch always."""
+    camera = "camera" in (a.name, b.name)
+    return abs(a.segment - b.segment) >= (1 if camera else 2)
+
+
+class Surroundings:
+    """The arm among bodies that stand still.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm with the camera.
+    standing : sequence of Standing
+        Obstacles and the part.
+    clearance_mm : float
+        Smallest distance to keep, except between links of the arm, which may only not touch: where these are is known.
+    left_out : iterable of (int, int)
+        Pairs of the arm's bodies that are not looked at.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        standing: Sequence[Standing],
+        clearance_mm: float,
+        left_out: Iterable[tuple[int, int]] = (),
+    ) -> None:
+        dropped = set(left_out)
+        own = [pair for pair in arm.own_pairs if pair not in dropped]
+        rest = [i for i in arm.moving if arm.bodies[i].segment != HAND]
+        self.hand = PairGroup(arm, standing, arm.hand, [], clearance_mm)
+        self.rest = PairGroup(arm, standing, rest, own, clearance_mm)
+        self.all = PairGroup(arm, standing, arm.moving, own, clearance_mm)
+
+
+class PairGroup:
+    """Pairs of bodies that are looked at together.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm with the camera.
+    standing : sequence of Standing
+        What stands still.
+    moving : sequence of int
+        Bodies of the arm that are compared with it.
+    own : sequence of (int, int)
+        Pairs of the arm's own bodies.
+    clearance_mm : float
+        See `Surroundings`.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        standing: Sequence[Standing],
+        moving: Sequence[int],
+        own: Sequence[tuple[int, int]],
+        clearance_mm: float,
+    ) -> None:
+        self._arm = arm
+        self._standing = tuple(standing)
+        self._moving = list(moving)
+        self._own = list(own)
+        self._pairs = [(i, j, False) for j in range(len(standing)) for i in moving]
+        self._pairs += [(a, b, True) for a, b in own]
+        self.required = np.array(
+            [clearance_mm if self._is_uncertain(pair) else 0.0 for pair in self._pairs]
+        )
+
+    def _is_uncertain(self, pair: tuple[int, int, bool]) -> bool:
+        """Return whether where a pair's bodies are to each other is known by a calibration only."""
+        return not pair[2] or "camera" in self.names(pair)
+
+    def names(self, pair: tuple[int, int, bool]) -> tuple[str, str]:
+        """Return the names of a pair."""
+        first, second, both = pair
+        other = self._arm.bodies[second].name if both else self._standing[second].name
+        return self._arm.bodies[first].name, other
+
+    def bounds(self, frames: np.ndarray) -> np.ndarray:
+        """Return lower bounds (n, p) of the distances of all pairs, for frames (n, 7, 4, 4)."""
+        return np.concatenate([self._standing_bounds(frames), self._own_bounds(frames)], axis=1)
+
+    def _standing_bounds(self, frames: np.ndarray) -> np.ndarray:
+        if not self._moving or not self._standing:
+            return np.empty((len(frames), 0))
+        centres = self._arm.sphere_centres(frames, self._moving)
+        radii, starts = self._arm.sphere_radii(self._moving)
+        bounds = [
+            np.minimum.reduceat(body.distance_bound(centres) - radii, starts, axis=1)
+            for body in self._standing
+        ]
+        return np.concatenate(bounds, axis=1)
+
+    def _own_bounds(self, frames: np.ndarray) -> np.ndarray:
+        bounds = np.empty((len(frames), len(self._own)))
+        if not self._own:
+            return bounds
+        arm = self._arm
+        centres = arm.sphere_centres(frames, range(len(arm.bodies)))
+        for column, (a, b) in enumerate(self._own):
+            first = slice(arm.starts[a], arm.starts[a + 1])
+            second = slice(arm.starts[b], arm.starts[b + 1])
+            apart = centres[:, first, None] - centres[:, None, second]
+            radii = arm.radii[first, None] + arm.radii[None, second]
+            bounds[:, column] = (np.sqrt((apart**2).sum(axis=-1)) - radii).min(axis=(1, 2))
+        return bounds
+
+    def open_rows(self, bounds: np.ndarray) -> np.ndarray:
+        """Return in which rows (n,) of bounds (n, p) a pair is left that may be too near."""
+        return np.asarray(self._may_be_near(bounds).any(axis=1))
+
+    def _may_be_near(self, bounds: np.ndarray) -> np.ndarray:
+        return np.asarray((bounds < self.required) | (bounds <= 0))
+
+    def blocker(self, frames: np.ndarray, bounds: np.ndarray) -> int:
+        """Return the number of a pair that is too near in one configuration's frames (7, 4, 4), or -1."""
+        left = np.flatnonzero(self._may_be_near(bounds))
+        for column in left[np.argsort(bounds[left], kind="stable")]:
+            mm = self.distance(int(column), frames)
+            if mm <= 0 or mm < self.required[column]:
+                return int(column)
+        return -1
+
+    def blocker_names(self, column: int) -> tuple[str, str]:
+        """Return the names of a pair by its number."""
+        return self.names(self._pairs[column])
+
+    def closest(
+        self, frames: np.ndarray, bounds: np.ndarray, required: np.ndarray, enough: float
+    ) -> tuple[float, int]:
+        """Return a lower bound of what the pairs have left over a distance, and the closest pair.
+
+        Parameters
+        ----------
+        frames, bounds : array (7, 4, 4), (p,)
+            One configuration and its bounds.
+        required : array (p,)
+            Distances to keep, mm.
+        enough : float
+            From here on bounds suffice; below the result is exact.
+        """
+        best = np.inf
+        pair = -1
+        left = bounds - required
+        for column in np.argsort(left, kind="stable"):
+            if left[column] >= min(best, enough):
+                break
+            exact = self.distance(int(column), frames) - float(required[column])
+            if exact < best:
+                best = exact
+                pair = int(column)
+        else:
+            return best, pair
+        return min(best, float(left[column])), pair
+
+    def distance(self, column: int, frames: np.ndarray) -> float:
+        """Return the distance of a pair in one configuration's frames (7, 4, 4), mm; 0 if it touches."""
+        fcl = needed("fcl")
+        number, other, both = self._pairs[column]
+        first = self._arm.place(number, frames)
+        if both:
+            return max(0.0, float(fcl.distance(first, self._arm.place(other, frames))))
+        body = self._standing[other]
+        if not isinstance(body.shape, Hull):
+            if fcl.collide(first, body.placed):
+                return 0.0
+            segment = frames[self._arm.bodies[number].segment]
+            if body.holds(carry(segment, self._arm.centres[number][None])[0]):
+                return 0.0
+        return max(0.0, float(fcl.distance(first, body.placed)))
+
+
+def _geometry(shape: Hull | Surface) -> Any:
+    """Return a shape as fcl takes it."""
+    fcl = needed("fcl")
+    corners = np.ascontiguousarray(shape.corners, dtype=np.float64)
+    if isinstance(shape, Hull):
+        count = len(shape.triangles)
+        faces = np.concatenate([np.full((count, 1), 3), shape.triangles], axis=1).ravel()
+        return fcl.Convex(corners, count, faces)
+    model = fcl.BVHModel()
+    model.beginModel(len(corners), len(shape.triangles))
+    model.addSubModel(corners, np.ascontiguousarray(shape.triangles))
+    model.endModel()
+    return model
+
+
+def _transform(pose: np.ndarray) -> Any:
+    return needed("fcl").Transform(
+        np.ascontiguousarray(pose[:3, :3]), np.ascontiguousarray(pose[:3, 3])
+    )

@@ -1,0 +1,197 @@
+"""Which camera poses a robot reaches, and by which joints.
+
+A pose is asked in this order, which changes no answer: the ball that the arm reaches; the hand against what stands
+still, the same for all branches; the branches; the rest of the arm, branch by branch.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.robot.arm import Robot
+from planner.robot.collisions import HAND, Surroundings
+from planner.robot.transforms import compose, invert
+
+_AT_ONCE = 2048
+TOO_FAR = "beyond the arm's reach"
+NO_BRANCH = "no joints lead to this pose"
+LIMITS = "joint limit"
+
+
+@dataclass(frozen=True, eq=False)
+class PoseReach:
+    """What is known of one camera pose.
+
+    Attributes
+    ----------
+    branches : array (k, 6)
+        Joints that reach it without collision, the nearest to home first, rad.
+    why : str
+        Why there are none; empty if there are.
+    """
+
+    branches: np.ndarray
+    why: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the robot reaches the pose."""
+        return not self.why
+
+
+class Reacher:
+    """A robot in one fixturing.
+
+    Parameters
+    ----------
+    robot : Robot
+        The arm.
+    around : Surroundings
+        What may be touched.
+    rest : array (6,)
+        Joints that branches are compared with: the nearest comes first.
+    """
+
+    def __init__(self, robot: Robot, around: Surroundings, rest: np.ndarray) -> None:
+        self._robot = robot
+        self._around = around
+        self._rest = rest
+        first = robot.chain.steps[0][:3, 3]
+        self._shoulder = first
+        self._radius = float(robot.chain.reach_mm()[0]) * (1 + 1e-9)
+        self._tip2hand = invert(robot.chain.tip)
+
+    @property
+    def required(self) -> np.ndarray:
+        """The distances that all pairs must keep (p,), mm."""
+        return self._around.all.required
+
+    def reach(self, flanges: np.ndarray, all_branches: bool = False) -> list[PoseReach]:
+        """Return what is known of poses (n, 4, 4) of the tip in the base."""
+        pieces = range(0, len(flanges), _AT_ONCE)
+        return [
+            one
+            for start in pieces
+            for one in self._reach(flanges[start : start + _AT_ONCE], all_branches)
+        ]
+
+    def _reach(self, flanges: np.ndarray, all_branches: bool) -> list[PoseReach]:
+        why = [""] * len(flanges)
+        branches: list[list[np.ndarray]] = [[] for _ in flanges]
+        apart = np.sqrt(((flanges[:, :3, 3] - self._shoulder) ** 2).sum(axis=1))
+        for i in np.flatnonzero(apart > self._radius):
+            why[i] = TOO_FAR
+        left = np.flatnonzero(apart <= self._radius)
+        left = self._keep_free_hands(flanges, left, why)
+        q, owner = self._robot.solutions(flanges[left])
+        self._say_why_none(flanges, left, owner, why)
+        order = self._nearest_first(q, owner)
+        q = q[order]
+        owner = left[owner[order]]
+        frames = self._robot.chain.frames(q)
+        group = self._around.rest
+        bounds = group.bounds(frames)
+        is_open = group.open_rows(bounds)
+        blockers: dict[int, Counter[str]] = {}
+        for row, pose in enumerate(owner):
+            if branches[pose] and not all_branches:
+                continue
+            blocker = group.blocker(frames[row], bounds[row]) if is_open[row] else -1
+            if blocker < 0:
+                branches[pose].append(q[row])
+            else:
+                words = touching(*group.blocker_names(blocker))
+                blockers.setdefault(int(pose), Counter())[words] += 1
+        for pose, counts in blockers.items():
+            if not branches[pose]:
+                why[pose] = most_often(list(counts.elements()))
+        return [
+            PoseReach(np.array(found).reshape(-1, 6), reason)
+            for found, reason in zip(branches, why, strict=True)
+        ]
+
+    def _keep_free_hands(self, flanges: np.ndarray, left: np.ndarray, why: list[str]) -> np.ndarray:
+        """Return the numbers of poses whose hand touches nothing that stands still."""
+        group = self._around.hand
+        frames = np.zeros((len(left), HAND + 1, 4, 4))
+        frames[:, HAND] = compose(flanges[left], self._tip2hand)
+        bounds = group.bounds(frames)
+        kept = np.ones(len(left), dtype=bool)
+        for row in np.flatnonzero(group.open_rows(bounds)):
+            blocker = group.blocker(frames[row], bounds[row])
+            if blocker >= 0:
+                kept[row] = False
+                why[left[row]] = touching(*group.blocker_names(blocker))
+        return left[kept]
+
+    def _say_why_none(
+        self, flanges: np.ndarray, left: np.ndarray, owner: np.ndarray, why: list[str]
+    ) -> None:
+        """Tell joint limits from poses that no joints lead to."""
+        without = np.setdiff1d(np.arange(len(left)), owner)
+        if not len(without):
+            return
+        beyond = self._robot.solvable(flanges[left[without]])
+        for i, is_limit in zip(left[without], beyond, strict=True):
+            why[i] = LIMITS if is_limit else NO_BRANCH
+
+    def _nearest_first(self, q: np.ndarray, owner: np.ndarray) -> np.ndarray:
+        """Return an order of branches: by pose, then by the time from the rest to them."""
+        seconds = (np.abs(q - self._rest) / self._robot.speeds).max(axis=1, initial=0.0)
+        return np.lexsort((np.round(seconds, 6), owner))
+
+    def free(self, q: np.ndarray) -> np.ndarray:
+        """Return which joints (n, 6) keep the clearance and their limits (n,)."""
+        within = self._robot.to_limit_rad(q) >= 0
+        frames = self._robot.chain.frames(q)
+        group = self._around.all
+        bounds = group.bounds(frames)
+        for row in np.flatnonzero(within & group.open_rows(bounds)):
+            within[row] = group.blocker(frames[row], bounds[row]) < 0
+        return np.asarray(within)
+
+    def slack(self, q: np.ndarray, required: np.ndarray, enough_mm: float) -> np.ndarray:
+        """Return lower bounds (n,) of distances beyond those required (p,), exact below `enough_mm`."""
+        frames = self._robot.chain.frames(q)
+        group = self._around.all
+        bounds = group.bounds(frames)
+        result = (bounds - required).min(axis=1, initial=np.inf)
+        for row in np.flatnonzero(result < enough_mm):
+            result[row] = group.closest(frames[row], bounds[row], required, enough_mm)[0]
+        return result
+
+    def closest(self, q: np.ndarray) -> tuple[float, str, str]:
+        """Return the distance of the closest two bodies, and their names, for joints (6,)."""
+        frames = self._robot.chain.frames(q[None])
+        group = self._around.all
+        nothing = np.zeros(len(group.required))
+        mm, pair = group.closest(frames[0], group.bounds(frames)[0], nothing, np.inf)
+        return (mm, *group.blocker_names(pair)) if pair >= 0 else (np.inf, "", "")
+
+    def blocked_by(self, q: np.ndarray) -> str:
+        """Return what is wrong with joints (6,) in words; empty if nothing is."""
+        robot = self._robot
+        for number, joint in enumerate(robot.joints):
+            if not joint.lower <= q[number] <= joint.upper:
+                return f"joint {number + 1} is beyond its limit"
+        frames = robot.chain.frames(q[None])
+        group = self._around.all
+        blocker = group.blocker(frames[0], group.bounds(frames)[0])
+        return touching(*group.blocker_names(blocker)) if blocker >= 0 else ""
+
+
+def touching(first: str, second: str) -> str:
+    """Return two bodies that are too near, in words; the camera is named first."""
+    if second == "camera":
+        first, second = second, first
+    return f"{first} touches {second}"
+
+
+def most_often(reasons: Sequence[str]) -> str:
+    """Return the reason that is given most often; the first by the alphabet of equal ones."""
+    counts = Counter(reasons)
+    return min(counts, key=lambda text: (-counts[text], text)) if counts else ""
