@@ -197,7 +197,9 @@ class Cell:
         """Return the closest two bodies at joints (6,), and their distance in mm."""
         return Closeness(*self._reacher(fixturing).closest(np.asarray(q, dtype=np.float64)))
 
-    def slack_bound(self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf) -> np.ndarray:
+    def slack_bound(
+        self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf, *, share: float = 1.0
+    ) -> np.ndarray:
         """Return how much farther apart than required all bodies are, at least, for joints (n, 6).
 
         Parameters
@@ -208,6 +210,8 @@ class Cell:
             Which way the part lies.
         enough_mm : float
             Below this the result is exact; above, a quick lower bound.
+        share : float
+            Share of the clearance that is required.
 
         Returns
         -------
@@ -215,15 +219,13 @@ class Cell:
             Millimetres; negative if the clearance is not kept.
         """
         reacher = self._reacher(fixturing)
-        return reacher.slack(np.asarray(q, dtype=np.float64), reacher.required, enough_mm)
+        return reacher.slack(np.asarray(q, dtype=np.float64), share * reacher.required, enough_mm)
 
     def distance_bound(
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf
     ) -> np.ndarray:
         """Return a lower bound (n,) of the distance of any two bodies, as `slack_bound` does without a clearance."""
-        reacher = self._reacher(fixturing)
-        nothing = np.zeros(len(reacher.required))
-        return reacher.slack(np.asarray(q, dtype=np.float64), nothing, enough_mm)
+        return self.slack_bound(q, fixturing, enough_mm, share=0.0)
 
     @property
     def levers_mm(self) -> np.ndarray:
