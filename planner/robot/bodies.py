@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from planner.argument_kinds import shown
 from planner.exceptions import RobotError
@@ -25,6 +25,7 @@ _SLICES = 5
 # a body this much longer than wide is covered by one more sphere
 _SLIM = 0.6
 _ROUND = 24
+_FEW_SIDES = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +126,22 @@ def hull_of(points: np.ndarray, parameter: str) -> Hull:
     triangles[inward] = triangles[inward][:, ::-1]
     centres, radii = _covering_spheres(corners, triangles)
     return Hull(corners, triangles, centres, radii)
+
+
+def grown(hull: Hull, mm: float) -> Hull:
+    """Return a hull that contains all points up to a distance from another one, and few more."""
+    signs = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+    directions = np.delete(signs, 13, axis=0).astype(np.float64)
+    sides = hull.corners[hull.triangles]
+    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+    if len(normals) <= _FEW_SIDES:
+        directions = np.concatenate([normals, directions])
+    else:
+        directions = np.concatenate([round_points(1.0, 0.0), directions])
+    directions /= np.sqrt((directions**2).sum(axis=1, keepdims=True))
+    heights = np.einsum("dj,cj->dc", directions, hull.corners).max(axis=1) + mm
+    planes = np.concatenate([directions, -heights[:, None]], axis=1)
+    return hull_of(HalfspaceIntersection(planes, hull.corners.mean(axis=0)).intersections, "body")
 
 
 def _covering_spheres(corners: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ subproblems of Elias and Wen. It knows no limits, and approximates where there i
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from itertools import product
 from typing import Any
@@ -134,6 +135,7 @@ class Branches:
         return error.max(axis=(1, 2), initial=0.0) <= _POSE
 
 
+@cache
 def needed(module: str) -> Any:
     """Return a module of the extra, or raise `RobotError` that says how to install it."""
     try:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.solid import RayScene
-from planner.robot.bodies import Body, Box, Hull, Surface, hull_of, mesh_of, surface_of
+from planner.robot.bodies import Body, Box, Hull, Surface, grown, hull_of, mesh_of, surface_of
 from planner.robot.branches import needed
 from planner.robot.transforms import carry, invert
 
@@ -133,6 +133,7 @@ class Arm:
     def __init__(self, bodies: Sequence[Moving]) -> None:
         fcl = needed("fcl")
         self.bodies = tuple(bodies)
+        self._grown: dict[tuple[int, float], Any] = {}
         self.placed = [fcl.CollisionObject(_geometry(body.hull)) for body in bodies]
         self.centres = [body.hull.corners.mean(axis=0) for body in bodies]
         segments = [body.segment for body in bodies]
@@ -157,9 +158,17 @@ class Arm:
         starts = np.cumsum([0, *(len(one) for one in radii[:-1])])
         return np.concatenate(radii), starts
 
-    def place(self, number: int, frames: np.ndarray) -> Any:
+    def place(self, number: int, frames: np.ndarray, grown_mm: float = 0.0) -> Any:
         """Return the body of fcl, moved to where it is in one configuration's frames (7, 4, 4)."""
-        placed = self.placed[number]
+        if grown_mm == 0:
+            placed = self.placed[number]
+        elif (number, grown_mm) in self._grown:
+            placed = self._grown[number, grown_mm]
+        else:
+            outer = _geometry(grown(self.bodies[number].hull, grown_mm))
+            placed = self._grown.setdefault(
+                (number, grown_mm), needed("fcl").CollisionObject(outer)
+            )
         placed.setTransform(_transform(frames[self.bodies[number].segment]))
         return placed
 
@@ -229,19 +238,19 @@ class PairGroup:
         self._standing = tuple(standing)
         self._moving = list(moving)
         self._own = list(own)
+        self._clearance_mm = clearance_mm
         self._pairs = [(i, j, False) for j in range(len(standing)) for i in moving]
         self._pairs += [(a, b, True) for a, b in own]
         self.required = np.array(
-            [clearance_mm if self._is_uncertain(pair) else 0.0 for pair in self._pairs]
+            [
+                clearance_mm if not both or "camera" in self.names(column) else 0.0
+                for column, (_, _, both) in enumerate(self._pairs)
+            ]
         )
 
-    def _is_uncertain(self, pair: tuple[int, int, bool]) -> bool:
-        """Return whether where a pair's bodies are to each other is known by a calibration only."""
-        return not pair[2] or "camera" in self.names(pair)
-
-    def names(self, pair: tuple[int, int, bool]) -> tuple[str, str]:
-        """Return the names of a pair."""
-        first, second, both = pair
+    def names(self, column: int) -> tuple[str, str]:
+        """Return the names of a pair by its number."""
+        first, second, both = self._pairs[column]
         other = self._arm.bodies[second].name if both else self._standing[second].name
         return self._arm.bodies[first].name, other
 
@@ -285,14 +294,24 @@ class PairGroup:
         """Return the number of a pair that is too near in one configuration's frames (7, 4, 4), or -1."""
         left = np.flatnonzero(self._may_be_near(bounds))
         for column in left[np.argsort(bounds[left], kind="stable")]:
-            mm = self.distance(int(column), frames)
-            if mm <= 0 or mm < self.required[column]:
+            if self._is_near(int(column), frames):
                 return int(column)
         return -1
 
-    def blocker_names(self, column: int) -> tuple[str, str]:
-        """Return the names of a pair by its number."""
-        return self.names(self._pairs[column])
+    def _is_near(self, column: int, frames: np.ndarray) -> bool:
+        """Return whether a pair touches or is nearer than required."""
+        number, other, both = self._pairs[column]
+        required = float(self.required[column])
+        if not both and not isinstance(self._standing[other].shape, Hull):
+            fcl = needed("fcl")
+            body = self._standing[other]
+            # distances to meshes take long, and most bodies are farther than required
+            outer = self._arm.place(number, frames, self._clearance_mm)
+            if not fcl.collide(outer, body.placed):
+                segment = frames[self._arm.bodies[number].segment]
+                return body.holds(carry(segment, self._arm.centres[number][None])[0])
+        mm = self.distance(column, frames)
+        return mm <= 0 or mm < required
 
     def closest(
         self, frames: np.ndarray, bounds: np.ndarray, required: np.ndarray, enough: float

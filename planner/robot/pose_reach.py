@@ -81,7 +81,6 @@ class Reacher:
 
     def _reach(self, flanges: np.ndarray, all_branches: bool) -> list[PoseReach]:
         why = [""] * len(flanges)
-        branches: list[list[np.ndarray]] = [[] for _ in flanges]
         apart = np.sqrt(((flanges[:, :3, 3] - self._shoulder) ** 2).sum(axis=1))
         for i in np.flatnonzero(apart > self._radius):
             why[i] = TOO_FAR
@@ -91,28 +90,42 @@ class Reacher:
         self._say_why_none(flanges, left, owner, why)
         order = self._nearest_first(q, owner)
         q = q[order]
-        owner = left[owner[order]]
-        frames = self._robot.chain.frames(q)
+        owner = owner[order]
+        is_free, blockers = self._free_branches(q, owner, all_branches)
+        branches = [np.empty((0, 6)) for _ in flanges]
+        starts = np.searchsorted(owner, np.arange(len(left) + 1))
+        for pose, first, end in zip(left, starts, starts[1:], strict=False):
+            branches[pose] = q[first:end][is_free[first:end]]
+            if first < end and not len(branches[pose]):
+                pairs = [touching(*self._around.rest.names(k)) for k in blockers[first:end]]
+                why[pose] = most_often(pairs)
+        return [PoseReach(found, reason) for found, reason in zip(branches, why, strict=True)]
+
+    def _free_branches(
+        self, q: np.ndarray, owner: np.ndarray, all_branches: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return which branches (m, 6) are free, and the pair that blocks each other one.
+
+        Without `all_branches` what comes behind the first free one of a pose is left out. One branch of every pose is
+        looked at together, then the next of those without a free one.
+        """
         group = self._around.rest
-        bounds = group.bounds(frames)
-        is_open = group.open_rows(bounds)
-        blockers: dict[int, Counter[str]] = {}
-        for row, pose in enumerate(owner):
-            if branches[pose] and not all_branches:
-                continue
-            blocker = group.blocker(frames[row], bounds[row]) if is_open[row] else -1
-            if blocker < 0:
-                branches[pose].append(q[row])
-            else:
-                words = touching(*group.blocker_names(blocker))
-                blockers.setdefault(int(pose), Counter())[words] += 1
-        for pose, counts in blockers.items():
-            if not branches[pose]:
-                why[pose] = most_often(list(counts.elements()))
-        return [
-            PoseReach(np.array(found).reshape(-1, 6), reason)
-            for found, reason in zip(branches, why, strict=True)
-        ]
+        is_free = np.zeros(len(q), dtype=bool)
+        blockers = np.full(len(q), -1)
+        starts = np.searchsorted(owner, owner)
+        place = np.arange(len(q)) - starts
+        done = np.zeros(len(q), dtype=bool)
+        for turn in range(int(place.max(initial=-1)) + 1):
+            rows = np.flatnonzero((place == turn) & ~done[starts])
+            frames = self._robot.chain.frames(q[rows])
+            bounds = group.bounds(frames)
+            is_open = group.open_rows(bounds)
+            for k, row in enumerate(rows):
+                blockers[row] = group.blocker(frames[k], bounds[k]) if is_open[k] else -1
+            is_free[rows] = blockers[rows] < 0
+            if not all_branches:
+                done[starts[rows]] |= is_free[rows]
+        return is_free, blockers
 
     def _keep_free_hands(self, flanges: np.ndarray, left: np.ndarray, why: list[str]) -> np.ndarray:
         """Return the numbers of poses whose hand touches nothing that stands still."""
@@ -125,7 +138,7 @@ class Reacher:
             blocker = group.blocker(frames[row], bounds[row])
             if blocker >= 0:
                 kept[row] = False
-                why[left[row]] = touching(*group.blocker_names(blocker))
+                why[left[row]] = touching(*group.names(blocker))
         return left[kept]
 
     def _say_why_none(
@@ -170,7 +183,7 @@ class Reacher:
         group = self._around.all
         nothing = np.zeros(len(group.required))
         mm, pair = group.closest(frames[0], group.bounds(frames)[0], nothing, np.inf)
-        return (mm, *group.blocker_names(pair)) if pair >= 0 else (np.inf, "", "")
+        return (mm, *group.names(pair)) if pair >= 0 else (np.inf, "", "")
 
     def blocked_by(self, q: np.ndarray) -> str:
         """Return what is wrong with joints (6,) in words; empty if nothing is."""
@@ -181,7 +194,7 @@ class Reacher:
         frames = robot.chain.frames(q[None])
         group = self._around.all
         blocker = group.blocker(frames[0], group.bounds(frames)[0])
-        return touching(*group.blocker_names(blocker)) if blocker >= 0 else ""
+        return touching(*group.names(blocker)) if blocker >= 0 else ""
 
 
 def touching(first: str, second: str) -> str:
