@@ -19,7 +19,7 @@ from importlib.metadata import Distribution
 from pathlib import Path
 
 ALLOWED = re.compile(
-    r"(Apache([- ]2\.0| Software License)|BSD( License|-[23]-Clause)?|0BSD|MIT( License|-CMU|-0)?|Zlib"
+    r"(Apache([- ]2\.0| Software License)|BSD( License|[- ][23]-Clause( License)?)?|0BSD|MIT( License|-CMU|-0)?|Zlib"
     r"|ISC( License \(ISCL\))?|CC0-1\.0|Unlicense|PSF-2\.0|Python(-2\.0| Software Foundation License)|Public Domain"
     r"|MPL-2\.0|Mozilla Public License 2\.0 \(MPL 2\.0\)|HPND)( WITH LLVM-exception)?"
 )

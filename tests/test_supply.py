@@ -20,6 +20,7 @@ spec.loader.exec_module(supply)
         ("MIT", True),
         ("BSD-3-Clause AND 0BSD AND MIT AND Zlib AND CC0-1.0", True),
         ("BSD-2-Clause AND Apache-2.0 WITH LLVM-exception", True),
+        ("BSD 3-Clause License", True),
         ("GPL-3.0-only OR MIT", True),
         ("MIT AND GPL-3.0-only", False),
         ("GNU Affero General Public License v3", False),
