@@ -194,6 +194,10 @@ class Robot:
         """Return the branches (m, 6) of poses (n, 4, 4) in one array, and the number of each one's pose (m,)."""
         return self._solver().of(flanges)
 
+    def check_solvable(self) -> None:
+        """Raise `RobotError` if there is no closed form of the arm, or the extra is missing."""
+        self._solver()
+
     def solvable(self, flanges: np.ndarray) -> np.ndarray:
         """Return to which poses (n, 4, 4) joints lead without any limits; (n,) bool."""
         return self._solver().exist(flanges)

@@ -15,10 +15,11 @@ import numpy as np
 
 from planner.exceptions import RobotError
 from planner.robot.kinematics import Chain
+from planner.robot.transforms import compose, invert
 
 _TURN = 2 * np.pi
-# axes of a URDF have nine digits; EAIK looks for parallel ones to more
-_AXIS_DIGITS = 8
+# angles of a URDF have nine digits; EAIK looks for parallel axes to more
+_NOISE = 1e-8
 _POSE = 1e-6
 """A branch is one if its pose is met to this, in rad and in metres."""
 _SAME = 1e-6
@@ -45,12 +46,15 @@ class Branches:
         self._chain = chain
         self._lower = lower
         self._upper = upper
-        frames = chain.frames(np.zeros((1, 6)))
-        self._tip_turn = chain.tips(frames)[0, :3, :3]
+        # seen from the first joint, whose axis is z, however the base is turned
+        self._to_first = invert(chain.steps[0])
+        frames = compose(self._to_first, chain.frames(np.zeros((1, 6))))
+        tip = chain.tips(frames)
+        self._tip_turn = tip[0, :3, :3]
         axes = _snapped(frames[0, 1:, :3, 2])
-        points = _M * np.concatenate([frames[0, 1:, :3, 3], chain.tips(frames)[:, :3, 3]])
+        points = _M * np.concatenate([frames[0, 1:, :3, 3], tip[:, :3, 3]])
         offsets = np.diff(points, axis=0, prepend=np.zeros((1, 3)))
-        self._solver = needed("eaik.IK_HP").HPRobot(axes, np.round(offsets, _AXIS_DIGITS))
+        self._solver = needed("eaik.IK_HP").HPRobot(axes, _snapped(offsets))
         if not self._solver.hasKnownDecomposition():
             rule = "must be an arm with a spherical wrist or three parallel axes"
             family = self._solver.getKinematicFamily()
@@ -117,9 +121,9 @@ class Branches:
 
     def _solve(self, tips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return what EAIK finds (m, 6), and whose it is (m,)."""
-        wanted = tips.copy()
+        wanted = compose(self._to_first, tips)
         wanted[:, :3, 3] *= _M
-        wanted[:, :3, :3] = np.einsum("nij,kj->nik", tips[:, :3, :3], self._tip_turn)
+        wanted[:, :3, :3] = np.einsum("nij,kj->nik", wanted[:, :3, :3], self._tip_turn)
         solutions = [self._solver.IK(pose) for pose in wanted]
         exact = [
             np.asarray(one.Q, dtype=np.float64).reshape(-1, 6)[~np.asarray(one.is_LS, dtype=bool)]
@@ -146,7 +150,7 @@ def needed(module: str) -> Any:
         ) from None
 
 
-def _snapped(axes: np.ndarray) -> np.ndarray:
-    """Return unit vectors (6, 3) without the noise of the file's digits."""
-    rounded = np.round(axes, _AXIS_DIGITS)
-    return rounded / np.sqrt((rounded**2).sum(axis=1, keepdims=True))
+def _snapped(numbers: np.ndarray) -> np.ndarray:
+    """Return numbers without the noise of the file's digits: those about 0 and 1 are 0 and 1."""
+    whole = np.round(numbers)
+    return np.where(np.abs(numbers - whole) < _NOISE, whole, numbers)

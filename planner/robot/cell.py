@@ -85,6 +85,7 @@ class Cell:
     ) -> None:
         check_kinds(robot=(robot, "Robot"))
         self.robot = robot
+        robot.check_solvable()
         self.cam2flange = check_hand_eye(cam2flange)
         self.clearance_mm = check_number("clearance_mm", clearance_mm, NOT_NEGATIVE)
         self.fixturings = dict(fixturings)
@@ -216,7 +217,7 @@ class Cell:
         Returns
         -------
         array, shape (n,)
-            Millimetres; negative if the clearance is not kept.
+            Millimetres; negative if the clearance is not kept, -inf if bodies touch.
         """
         reacher = self._reacher(fixturing)
         return reacher.slack(np.asarray(q, dtype=np.float64), share * reacher.required, enough_mm)
@@ -225,7 +226,7 @@ class Cell:
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf
     ) -> np.ndarray:
         """Return a lower bound (n,) of the distance of any two bodies, as `slack_bound` does without a clearance."""
-        return self.slack_bound(q, fixturing, enough_mm, share=0.0)
+        return np.maximum(self.slack_bound(q, fixturing, enough_mm, share=0.0), 0.0)
 
     @property
     def levers_mm(self) -> np.ndarray:

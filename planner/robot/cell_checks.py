@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -26,6 +28,9 @@ _THROUGH_MM = 1.0
 _DRAWS = 200
 _ALWAYS = 0.95
 _GRID = 72
+
+# links are the first bodies of every arm, whatever camera it carries
+_BY_DESIGN: WeakKeyDictionary[Robot, list[tuple[int, int]]] = WeakKeyDictionary()
 
 
 def check_hand_eye(value: Any) -> np.ndarray:
@@ -93,32 +98,47 @@ def pairs_by_design(robot: Robot, arm: Arm) -> list[tuple[int, int]]:
     These are links that touch in nearly all of many drawn joints, and links with two joints between them that touch
     nowhere on a grid of these joints: the arm is built so.
     """
+    if robot in _BY_DESIGN:
+        return _BY_DESIGN[robot]
     drawn = np.random.default_rng(0).random((_DRAWS, N_JOINTS))
     pairs = []
     for pair in arm.own_pairs:
         first, second = (arm.bodies[number] for number in pair)
         if "camera" in (first.name, second.name):
             continue
-        if _share_touching(robot, arm, pair, drawn) > _ALWAYS:
+        if _always_touch(robot, arm, pair, drawn) or _never_touch(robot, arm, pair):
             pairs.append(pair)
-        elif second.segment == first.segment + 2:
-            steps = (np.arange(_GRID) + 0.5) / _GRID
-            between = np.full((_GRID**2, N_JOINTS), 0.5)
-            between[:, first.segment] = np.repeat(steps, _GRID)
-            between[:, first.segment + 1] = np.tile(steps, _GRID)
-            if _share_touching(robot, arm, pair, between) == 0:
-                pairs.append(pair)
+    _BY_DESIGN[robot] = pairs
     return pairs
 
 
-def _share_touching(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) -> float:
-    """Return in which share of joints a pair touches; joints are shares (n, 6) of their ranges, a turn at most."""
+def _always_touch(robot: Robot, arm: Arm, pair: tuple[int, int], drawn: np.ndarray) -> bool:
+    """Return whether two links touch in nearly all of drawn joints."""
+    most = int((1 - _ALWAYS) * len(drawn))
+    apart = (True for touch in _touches(robot, arm, pair, drawn) if not touch)
+    return sum(islice(apart, most + 1)) <= most
+
+
+def _never_touch(robot: Robot, arm: Arm, pair: tuple[int, int]) -> bool:
+    """Return whether two links touch nowhere on a grid of the two joints between them."""
+    first, second = (arm.bodies[number].segment for number in pair)
+    if second != first + 2:
+        return False
+    steps = (np.arange(_GRID) + 0.5) / _GRID
+    shares = np.full((_GRID**2, N_JOINTS), 0.5)
+    shares[:, first] = np.repeat(steps, _GRID)
+    shares[:, first + 1] = np.tile(steps, _GRID)
+    return not any(_touches(robot, arm, pair, shares))
+
+
+def _touches(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) -> Iterator[bool]:
+    """Yield whether a pair touches; joints are shares (n, 6) of their ranges, a turn at most."""
     lower = np.maximum(robot.lower, -np.pi)
     upper = np.minimum(robot.upper, np.pi)
     frames = robot.chain.frames(lower + (upper - lower) * shares)
     group = PairGroup(arm, (), (), [pair], 0.0)
-    rows = np.flatnonzero(group.bounds(frames)[:, 0] <= 0)
-    return sum(group.distance(0, frames[row]) <= 0 for row in rows) / len(shares)
+    for row, near in enumerate(group.bounds(frames)[:, 0] <= 0):
+        yield bool(near) and group.distance(0, frames[row]) <= 0
 
 
 def check_part_stands_free(

@@ -325,7 +325,7 @@ class PairGroup:
         required : array (p,)
             Distances to keep, mm.
         enough : float
-            From here on bounds suffice; below the result is exact.
+            From here on bounds suffice; below the result is exact, and -inf if a pair touches.
         """
         best = np.inf
         pair = -1
@@ -333,7 +333,8 @@ class PairGroup:
         for column in np.argsort(left, kind="stable"):
             if left[column] >= min(best, enough):
                 break
-            exact = self.distance(int(column), frames) - float(required[column])
+            mm = self.distance(int(column), frames)
+            exact = mm - float(required[column]) if mm > 0 else -np.inf
             if exact < best:
                 best = exact
                 pair = int(column)

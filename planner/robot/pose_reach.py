@@ -183,7 +183,7 @@ class Reacher:
         group = self._around.all
         nothing = np.zeros(len(group.required))
         mm, pair = group.closest(frames[0], group.bounds(frames)[0], nothing, np.inf)
-        return (mm, *group.names(pair)) if pair >= 0 else (np.inf, "", "")
+        return (max(mm, 0.0), *group.names(pair)) if pair >= 0 else (np.inf, "", "")
 
     def blocked_by(self, q: np.ndarray) -> str:
         """Return what is wrong with joints (6,) in words; empty if nothing is."""

@@ -45,7 +45,7 @@ def test_joints_a_pose_was_made_from_are_found(drawn):
 def test_a_spherical_wrist_has_a_twin():
     robot = made_robot("made_wrist")
     q = np.array([0.3, 0.2, -0.4, 0.5, 0.8, -0.6])
-    twin = q + [0.0, 0.0, 0.0, -np.pi, -2 * 0.8, np.pi]
+    twin = q + np.array([0.0, 0.0, 0.0, -np.pi, -2 * 0.8, np.pi])
     branches = robot.branches(robot.forward(q))
     for one in (q, twin):
         assert np.abs(branches - one).max(axis=1).min() < 1e-9
@@ -97,7 +97,9 @@ def test_turns_are_all_whole_ones_within_limits():
     # two turns of each joint but the elbow, whose limits are half a turn
     assert len(turns) == 2**5
     np.testing.assert_array_equal(turns[0], q)
-    np.testing.assert_allclose(robot.forward(turns), np.repeat(robot.forward(q)[None], 32, 0), atol=1e-9)
+    np.testing.assert_allclose(
+        robot.forward(turns), np.repeat(robot.forward(q)[None], 32, 0), atol=1e-9
+    )
     assert len(np.unique(turns.round(6), axis=0)) == 32
 
 
@@ -107,7 +109,9 @@ def test_a_pose_must_be_one():
 
 
 def test_an_arm_without_closed_form_is_refused(tmp_path):
-    text = urdf_text("made_wrist").replace('<origin xyz="0.085 0 0"/>', '<origin xyz="0.085 0.03 0.02"/>')
+    text = urdf_text("made_wrist").replace(
+        '<origin xyz="0.085 0 0"/>', '<origin xyz="0.085 0.03 0.02"/>'
+    )
     text = text.replace('<axis xyz="0 1 0"/>', '<axis xyz="0.1 0.9 0.3"/>', 1)
     text = text.replace('<origin xyz="0.755 0 0"/>', '<origin xyz="0.755 0.05 0.01"/>')
     robot = from_text(tmp_path, text)

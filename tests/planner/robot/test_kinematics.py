@@ -72,7 +72,9 @@ def test_the_jacobian_is_the_derivative_of_the_tip(name):
         after = robot.forward(moved)
         before = robot.forward(back)
         speed = (after[:, :3, 3] - before[:, :3, 3]) / (2 * step)
-        turn = Rotation.from_matrix(after[:, :3, :3]) * Rotation.from_matrix(before[:, :3, :3]).inv()
+        turn = (
+            Rotation.from_matrix(after[:, :3, :3]) * Rotation.from_matrix(before[:, :3, :3]).inv()
+        )
         jacobian = robot.jacobian(q)[:, :, joint]
         np.testing.assert_allclose(jacobian[:, :3], speed, atol=1e-4)
         np.testing.assert_allclose(jacobian[:, 3:], turn.as_rotvec() / (2 * step), atol=1e-7)

@@ -1,0 +1,131 @@
+"""Distances against an independent solver, known gaps, and bodies that are inside others."""
+
+import numpy as np
+import pytest
+from robot_cells import random_pose
+from scipy.optimize import nnls
+
+from planner import Box
+from planner.robot.bodies import hull_of, surface_of
+from planner.robot.collisions import Arm, Moving, PairGroup, Standing, standing_bodies
+from planner.robot.transforms import carry
+
+CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+
+
+def pair(hull, standing, clearance_mm=0.0):
+    """Return a group of one moving hull, in frame 6, and one body that stands."""
+    arm = Arm([Moving("link", 6, hull)])
+    return PairGroup(arm, [standing], [0], [], clearance_mm)
+
+
+def frames_at(pose):
+    frames = np.zeros((1, 7, 4, 4))
+    frames[:, 6] = pose
+    return frames
+
+
+def distance_between(first, second):
+    """Return two numbers that hold the distance of two hulls of points between them.
+
+    The upper one is the distance of two of their points, the lower one their gap along the line through these.
+    """
+    sizes = (len(first), len(second))
+    sums = 1e4 * np.repeat(np.eye(2), sizes, axis=1)
+    rows = np.concatenate([np.concatenate([first, -second]).T / 100.0, sums])
+    weights = nnls(rows, [0.0, 0.0, 0.0, 1e4, 1e4], maxiter=2000)[0]
+    parts = np.split(weights, [sizes[0]])
+    gap = parts[1] / parts[1].sum() @ second - parts[0] / parts[0].sum() @ first
+    upper = np.linalg.norm(gap)
+    direction = gap / upper
+    return (second @ direction).min() - (first @ direction).max(), upper
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_distances_of_hulls_are_between_a_gap_and_two_points(seed):
+    rng = np.random.default_rng(seed)
+    moving = hull_of(rng.normal(size=(10, 3)) * 40.0, "body")
+    still = Standing("box", random_pose(rng), hull_of(CUBE * [60.0, 30.0, 10.0], "body"))
+    at = random_pose(rng, 200.0)
+    at[0, 3] += 300.0
+    group = pair(moving, still)
+    corners = carry(still.pose, still.shape.corners)
+    lower, upper = distance_between(carry(at, moving.corners), corners)
+    assert 0 < upper < lower + 0.1
+    frames = frames_at(at)
+    assert lower - 1e-4 < group.distance(0, frames[0]) < upper + 1e-4
+    assert group.bounds(frames)[0, 0] < upper
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_mesh_of_a_convex_body_is_as_far_as_its_hull(seed):
+    rng = np.random.default_rng(100 + seed)
+    moving = hull_of(rng.normal(size=(30, 3)) * 40.0, "body")
+    box = hull_of(CUBE * [60.0, 30.0, 40.0], "body")
+    still = random_pose(rng)
+    at = frames_at(random_pose(rng, 120.0))
+    solid = pair(moving, Standing("box", still, box))
+    mesh = pair(moving, Standing("mesh", still, surface_of(box.corners, box.triangles)))
+    assert mesh.distance(0, at[0]) == pytest.approx(solid.distance(0, at[0]), abs=1e-5)
+    assert mesh.bounds(at)[0, 0] <= mesh.distance(0, at[0]) + 1e-6
+
+
+@pytest.mark.parametrize("mesh", [False, True], ids=["box", "mesh"])
+@pytest.mark.parametrize(("gap", "near"), [(4.9, True), (5.1, False), (0.0, True), (40.0, False)])
+def test_boxes_with_a_clearance_of_five(gap, near, mesh):
+    box = hull_of(CUBE * 50.0, "body")
+    shape = surface_of(box.corners, box.triangles) if mesh else box
+    group = pair(box, Standing("other", np.eye(4), shape), clearance_mm=5.0)
+    at = np.eye(4)
+    at[2, 3] = 100.0 + gap
+    frames = frames_at(at)
+    assert (group.blocker(frames[0], group.bounds(frames)[0]) == 0) is near
+    assert group.distance(0, frames[0]) == pytest.approx(gap, abs=1e-6)
+
+
+def test_what_is_wholly_inside_touches():
+    part = hull_of(CUBE * 100.0, "body")
+    small = hull_of(CUBE * 5.0, "body")
+    for shape in (part, surface_of(part.corners, part.triangles)):
+        for moving, still in ((small, shape), (part, hull_of(CUBE * 5.0, "body"))):
+            group = pair(moving, Standing("part", np.eye(4), still), clearance_mm=1.0)
+            frames = frames_at(np.eye(4))
+            assert group.distance(0, frames[0]) == 0.0
+            assert group.blocker(frames[0], group.bounds(frames)[0]) == 0
+
+
+def test_a_hollow_is_no_inside():
+    outer = hull_of(CUBE * 100.0, "body")
+    inner = hull_of(CUBE * 60.0, "body")
+    corners = np.concatenate([outer.corners, inner.corners])
+    triangles = np.concatenate([outer.triangles, inner.triangles[:, ::-1] + len(outer.corners)])
+    shell = surface_of(corners, triangles)
+    assert shell.closed
+    group = pair(hull_of(CUBE * 5.0, "body"), Standing("part", np.eye(4), shell), clearance_mm=1.0)
+    frames = frames_at(np.eye(4))
+    assert group.distance(0, frames[0]) == pytest.approx(55.0)
+    in_wall = frames_at(np.eye(4))
+    in_wall[0, 6, 0, 3] = 80.0
+    assert group.distance(0, in_wall[0]) == 0.0
+
+
+def test_the_closest_of_many_is_found():
+    arm = Arm([Moving("link", 6, hull_of(CUBE, "body"))])
+    names = {f"box {k}": Box((5.0 * k + 2, -1, -1), (5.0 * k + 3, 1, 1)) for k in range(1, 5)}
+    group = PairGroup(arm, standing_bodies(names, "obstacle"), [0], [], 10.0)
+    frames = frames_at(np.eye(4))
+    bounds = group.bounds(frames)
+    mm, column = group.closest(frames[0], bounds[0], np.zeros(4), np.inf)
+    assert mm == pytest.approx(6.0)
+    assert group.names(column) == ("link", "box 1")
+    # what is far enough is bounded only
+    assert group.closest(frames[0], bounds[0], np.zeros(4), 1.0) == (bounds[0].min(), -1)
+
+
+def test_a_box_standing_elsewhere_shares_its_geometry():
+    box = Standing("part", np.eye(4), hull_of(CUBE, "body"))
+    at = np.eye(4)
+    at[0, 3] = 50.0
+    moved = box.at(at)
+    assert moved.geometry is box.geometry
+    np.testing.assert_allclose(moved.distance_bound(np.zeros((1, 3))), [49.0])
