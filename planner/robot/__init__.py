@@ -9,6 +9,7 @@ from planner.robot.bodies import Box
 from planner.robot.cell import Cell
 from planner.robot.collisions import Closeness
 from planner.robot.fixturing import Fixturing
+from planner.robot.placement import Placement, propose_placements
 from planner.robot.pose_reach import PoseReach
 from planner.robot.reachability import Reachability
 
@@ -18,7 +19,9 @@ __all__ = [
     "Closeness",
     "Fixturing",
     "Joint",
+    "Placement",
     "PoseReach",
     "Reachability",
     "Robot",
+    "propose_placements",
 ]

@@ -14,10 +14,9 @@ import numpy as np
 from aspectgraph.files import read_text
 from planner.argument_kinds import POSITIVE, shown
 from planner.exceptions import RobotError
-from planner.robot.bodies import Hull, hull_of, round_points
+from planner.robot.bodies import Hull, hull_of, read_triangles, round_points
 from planner.robot.branches import Branches
 from planner.robot.kinematics import Chain
-from planner.robot.mesh_files import read_triangles
 from planner.robot.transforms import carry, check_pose, compose
 from planner.robot.urdf import N_JOINTS, Shape, UrdfArm, read_urdf
 

@@ -102,15 +102,22 @@ class Cell:
             for name, one in self.fixturings.items()
         }
         self._reachers: dict[str, Reacher] = {}
-        self._check_home_is_free()
+        self.check()
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Cell:
         """Read a cell file; see docs/guides/cells.md for its fields."""
         return cls(**cell_fields(path))
 
-    def with_part(self, solid: Solid) -> Cell:
+    def with_part(self, solid: Solid, *, check: bool = True) -> Cell:
         """Return the cell with the part in it, so that nothing may touch the part either.
+
+        Parameters
+        ----------
+        solid : Solid
+            The part.
+        check : bool
+            Whether to look at once if it stands free; otherwise `check` does so.
 
         Raises
         ------
@@ -120,12 +127,21 @@ class Cell:
         surface = Surface(solid.vertices, solid.triangles, closed=True)
         cell = self._copy()
         cell._part = Standing("part", np.eye(4), surface)
+        if check:
+            cell.check()
+        return cell
+
+    def check(self) -> None:
+        """Raise `RobotError` if the part goes through an obstacle or the robot's base, or home is not free."""
         bases = [body for body in self._arm.bodies if body.segment == 0]
         for name, fixturing in self.fixturings.items():
-            placed = cell._part.at(fixturing.part2base)
-            check_part_stands_free(name, placed, [*self._standing, *self._with_it[name]], bases)
-        cell._check_home_is_free()
-        return cell
+            if self._part is not None:
+                placed = self._part.at(fixturing.part2base)
+                check_part_stands_free(name, placed, [*self._standing, *self._with_it[name]], bases)
+            words = "" if self.home is None else self.blocked_by(self.home, name)
+            if words:
+                rule = f"must be free of collisions in fixturing {name!r}"
+                raise RobotError.of_rule("home", rule, words)
 
     def with_fixturings(self, fixturings: Mapping[str, Fixturing]) -> Cell:
         """Return the cell with other fixturings; the arm and the part are not built again."""
@@ -137,11 +153,24 @@ class Cell:
         }
         return cell
 
+    def moved(self, motion: np.ndarray) -> Cell:
+        """Return the cell with all fixturings, their obstacles too, moved by a pose (4, 4) of the base, mm.
+
+        Nothing is built again, and nothing is checked; `check` does so.
+        """
+        cell = self._copy()
+        cell.fixturings = {name: one.moved(motion) for name, one in self.fixturings.items()}
+        cell._with_it = {
+            name: tuple(body.at(compose(motion, body.pose)) for body in bodies)
+            for name, bodies in self._with_it.items()
+        }
+        return cell
+
     def with_home(self, q: Sequence[float]) -> Cell:
         """Return the cell with other joints (6,) at which programs begin and end, rad."""
         cell = self._copy()
         cell.home = check_home(q, self.robot)
-        cell._check_home_is_free()
+        cell.check()
         return cell
 
     def flange(self, cam2world: np.ndarray, fixturing: str) -> np.ndarray:
@@ -303,15 +332,6 @@ class Cell:
                 self.robot, around, rest if self.home is None else self.home
             )
         return self._reachers[name]
-
-    def _check_home_is_free(self) -> None:
-        if self.home is None:
-            return
-        for name in self.fixturings:
-            words = self.blocked_by(self.home, name)
-            if words:
-                rule = f"must be free of collisions in fixturing {name!r}"
-                raise RobotError.of_rule("home", rule, words)
 
     def _copy(self) -> Cell:
         cell = object.__new__(Cell)

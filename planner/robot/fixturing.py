@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.robot.bodies import Body
-from planner.robot.transforms import check_pose
+from planner.robot.bodies import Body, Box, mesh_of
+from planner.robot.transforms import carry, check_pose, compose
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,3 +34,15 @@ class Fixturing:
     def __post_init__(self) -> None:
         object.__setattr__(self, "part2base", check_pose("part2base", self.part2base))
         object.__setattr__(self, "obstacles", dict(self.obstacles))
+
+    def moved(self, motion: np.ndarray) -> Fixturing:
+        """Return the same moved by a pose (4, 4) of the base, mm."""
+        obstacles = {name: _moved(name, body, motion) for name, body in self.obstacles.items()}
+        return Fixturing(compose(motion, self.part2base), obstacles)
+
+
+def _moved(name: str, body: Body, motion: np.ndarray) -> Body:
+    if isinstance(body, Box):
+        return Box(body.low, body.high, compose(motion, body.pose))
+    corners, triangles = mesh_of(body, name)
+    return carry(motion, corners), triangles

@@ -15,7 +15,9 @@ class _Cell(Protocol):
     @property
     def fixturings(self) -> Mapping[str, Any]: ...
 
-    def reach(self, cam2world: np.ndarray, fixturing: str) -> list[PoseReach]: ...
+    def reach(
+        self, cam2world: np.ndarray, fixturing: str, *, all_branches: bool = False
+    ) -> list[PoseReach]: ...
 
 
 class _Setting(Protocol):
@@ -78,11 +80,14 @@ class Reachability:
         }
 
 
-def reachability_of(cell: _Cell, plan: _Plan) -> Reachability:
-    """Return what a cell with the part in it reaches of a plan."""
+def reachability_of(cell: _Cell, plan: _Plan, *, all_branches: bool = False) -> Reachability:
+    """Return what a cell with the part in it reaches of a plan, by the first joints or by all."""
     cam2world = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)
     names = tuple(f"setting_{number:02d}" for number in range(1, len(cam2world) + 1))
-    poses = {name: tuple(cell.reach(cam2world, name)) for name in cell.fixturings}
+    poses = {
+        name: tuple(cell.reach(cam2world, name, all_branches=all_branches))
+        for name in cell.fixturings
+    }
     return Reachability(names, poses)
 
 

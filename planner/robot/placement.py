@@ -1,0 +1,188 @@
+"""Where to put the part so that the robot reaches the settings of a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.argument_kinds import check_count, shown
+from planner.exceptions import RobotError
+from planner.robot.cell import Cell
+from planner.robot.fixturing import Fixturing
+from planner.robot.reachability import Reachability, reachability_of
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+_KEPT = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A place of the part before the robot.
+
+    Attributes
+    ----------
+    centre_mm : tuple of float
+        Middle of the part's bounding box in the base, mm.
+    turn_deg : float
+        Turn about the vertical from the fixturings that were given.
+    fixturings : mapping of str to Fixturing
+        The part and its obstacles there.
+    reachability : Reachability
+        What is reached.
+    n_reached : int
+        Settings that are reached in some fixturing.
+    singular_value : float
+        The smallest of the Jacobian, lengths divided by 500 mm: of each setting in its best joints, of these the worst.
+    to_limit_rad : float
+        Least distance of these joints from their limits, rad.
+    """
+
+    centre_mm: tuple[float, float, float]
+    turn_deg: float
+    fixturings: Mapping[str, Fixturing]
+    reachability: Reachability
+    n_reached: int
+    singular_value: float
+    to_limit_rad: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the same as plain values."""
+        return {
+            "centre_mm": list(self.centre_mm),
+            "turn_deg": self.turn_deg,
+            "reached": self.n_reached,
+            "singular_value": self.singular_value,
+            "to_limit_rad": self.to_limit_rad,
+            "part2base": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
+        }
+
+
+def propose_placements(
+    plan: Any,
+    solid: Solid,
+    cell: Cell,
+    *,
+    x: Sequence[float],
+    y: Sequence[float],
+    z: Sequence[float] | None = None,
+    draws: int = 300,
+    rng: int = 0,
+    progress: Callable[[int, int, str], object] | None = None,
+) -> tuple[Placement, ...]:
+    """Draw places of the part, and rank them by how many settings of a plan the robot reaches.
+
+    All fixturings move together with their obstacles, and turn about the vertical. The middle of the part in the first
+    fixturing comes to the drawn place. Of equal numbers of settings, the place comes first whose worst setting is
+    farthest from singular joints, then from joint limits.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    cell : Cell
+        Robot and fixturings.
+    x, y, z : sequence of float
+        Ranges (2,) of the middle of the part's bounding box in the base, mm. Without `z` its height stays.
+    draws : int
+        Places to try.
+    rng : int
+        Seed.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+
+    Returns
+    -------
+    tuple of Placement
+        At most ten, the best first. Empty if every place puts the part through something.
+
+    Raises
+    ------
+    RobotError
+        If a range is none.
+    """
+    ranges = [_range("x", x), _range("y", y), None if z is None else _range("z", z)]
+    check_count("draws", draws, 1)
+    first = next(iter(cell.fixturings.values())).part2base
+    corners = np.asarray(solid.bounds, dtype=np.float64)
+    middle = first[:3, :3] @ corners.mean(axis=0) + first[:3, 3]
+    if ranges[2] is None:
+        ranges[2] = (float(middle[2]), float(middle[2]))
+    inside = cell.with_part(solid, check=False)
+    drawn = np.random.default_rng(rng).random((draws, 4))
+    found: list[Placement] = []
+    for done, shares in enumerate(drawn):
+        centre = np.array(
+            [low + share * (high - low) for share, (low, high) in zip(shares, ranges, strict=False)]
+        )
+        motion = _motion(middle, centre, 2 * np.pi * float(shares[3]))
+        placement = _tried(inside.moved(motion), plan, centre, 360.0 * float(shares[3]))
+        if placement is not None:
+            found.append(placement)
+            found.sort(key=_worth)
+            del found[_KEPT:]
+        if progress is not None:
+            progress(done + 1, draws, "places of the part")
+    return tuple(found)
+
+
+def _range(name: str, value: Any) -> tuple[float, float]:
+    try:
+        low, high = (float(number) for number in value)
+    except (TypeError, ValueError):
+        low, high = np.nan, np.nan
+    if not (np.isfinite([low, high]).all() and low <= high):
+        raise RobotError.of_rule(name, "must be two finite numbers, the lower first", shown(value))
+    return low, high
+
+
+def _motion(middle: np.ndarray, centre: np.ndarray, turn: float) -> np.ndarray:
+    """Return the pose (4, 4) that turns about the vertical through one point and carries it to another."""
+    motion = np.eye(4)
+    cosine = np.cos(turn)
+    sine = np.sin(turn)
+    motion[:2, :2] = [[cosine, -sine], [sine, cosine]]
+    motion[:3, 3] = centre - motion[:3, :3] @ middle
+    return motion
+
+
+def _tried(cell: Cell, plan: Any, centre: np.ndarray, turn_deg: float) -> Placement | None:
+    """Return what a cell reaches; None if the part or home does not stand free in it."""
+    try:
+        cell.check()
+    except RobotError:
+        return None
+    told = reachability_of(cell, plan, all_branches=True)
+    singular = []
+    limits = []
+    for poses in zip(*told.poses.values(), strict=True):
+        q = np.concatenate([pose.branches for pose in poses])
+        if len(q):
+            values = cell.robot.singular_value(q)
+            best = int(values.argmax())
+            singular.append(float(values[best]))
+            limits.append(float(cell.robot.to_limit_rad(q[best])))
+    return Placement(
+        (float(centre[0]), float(centre[1]), float(centre[2])),
+        turn_deg,
+        cell.fixturings,
+        told,
+        len(singular),
+        min(singular, default=0.0),
+        min(limits, default=0.0),
+    )
+
+
+def _worth(placement: Placement) -> tuple[float, ...]:
+    """Return what places are ordered by; digits that noise decides are left out."""
+    return (
+        -placement.n_reached,
+        -round(placement.singular_value, 6),
+        -round(placement.to_limit_rad, 6),
+    )
