@@ -8,10 +8,10 @@ from planner.robot.arm import Joint, Robot
 from planner.robot.bodies import Box
 from planner.robot.cell import Cell
 from planner.robot.collisions import Closeness
-from planner.robot.fixturing import Fixturing
 from planner.robot.placement import Placement, propose_placements
 from planner.robot.pose_reach import PoseReach
 from planner.robot.reachability import Reachability
+from planner.robot.standing import Fixturing
 
 __all__ = [
     "Box",

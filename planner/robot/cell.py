@@ -26,13 +26,11 @@ from planner.robot.collisions import (
     Arm,
     Closeness,
     Moving,
-    Standing,
     Surroundings,
-    standing_bodies,
 )
-from planner.robot.fixturing import Fixturing
-from planner.robot.pose_reach import PoseReach, Reacher
+from planner.robot.pose_reach import ArmAt, PoseReach, Reacher, most_often
 from planner.robot.reachability import Reachability, reachability_of
+from planner.robot.standing import Fixturing, Standing, standing_bodies
 from planner.robot.transforms import carry, compose, invert
 
 if TYPE_CHECKING:
@@ -205,6 +203,106 @@ class Cell:
         poses = np.asarray(cam2world, dtype=np.float64).reshape(-1, 4, 4)
         return self._reacher(fixturing).reach(self.flange(poses, fixturing), all_branches)
 
+    def hidden_by(self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return which obstacle hides segments from cameras.
+
+        Parameters
+        ----------
+        cam2world : array, shape (n, 4, 4)
+            Poses of the camera in the part's frame, mm.
+        segments : array, shape (s, 2, 3)
+            What is looked at, in the part's frame, mm.
+        fixturing : str
+            Which way the part lies.
+
+        Returns
+        -------
+        array of str, shape (n, s)
+            Names; empty where no obstacle is in the way.
+        """
+        part2base = self._fixturing(fixturing).part2base
+        eyes = carry(part2base, cam2world[:, :3, 3])
+        placed = carry(part2base, segments.reshape(-1, 3)).reshape(-1, 2, 3)
+        names = np.full((len(eyes), len(segments)), "", dtype=object)
+        for body in (*self._standing, *self._with_it[fixturing]):
+            names[(names == "") & body.hides(eyes, placed)] = body.name
+        return names
+
+    def inspectable(
+        self, cam2world: np.ndarray, segments: np.ndarray, owner: np.ndarray, wanted: np.ndarray
+    ) -> np.ndarray:
+        """Return which targets can be looked at from where the robot brings the camera.
+
+        Parameters
+        ----------
+        cam2world : array, shape (n, 4, 4)
+            Poses of the camera in the part's frame, mm.
+        segments : array, shape (s, 2, 3)
+            What must be seen of targets, mm.
+        owner : array of int, shape (s,)
+            Number of each segment's target.
+        wanted : array of bool, shape (n, k)
+            Targets that are asked for.
+
+        Returns
+        -------
+        array of bool, shape (n, k)
+            Of what is wanted: seen past all obstacles in the fixturing in which most of it is.
+        """
+        best = np.zeros_like(wanted)
+        for name in self.fixturings:
+            left = np.flatnonzero(best.sum(axis=1) < wanted.sum(axis=1))
+            told = self.reach(cam2world[left], name)
+            left = left[[one.reached for one in told]]
+            hidden = self.hidden_by(cam2world[left], segments, name) != ""
+            seen = wanted[left]
+            for target in range(wanted.shape[1]):
+                seen[:, target] &= ~hidden[:, owner == target].any(axis=1)
+            better = seen.sum(axis=1) > best[left].sum(axis=1)
+            best[left[better]] = seen[better]
+        return best
+
+    def explain(self, cam2world: np.ndarray, segments: np.ndarray) -> str:
+        """Return why poses (n, 4, 4) are not reached with all segments (s, 2, 3) in sight, in words."""
+        parts = []
+        for name in self.fixturings:
+            hidden = self.hidden_by(cam2world, segments, name)
+            reasons = [
+                one.why or next((f"{body} hides it" for body in row if body), "")
+                for one, row in zip(self.reach(cam2world, name), hidden, strict=True)
+            ]
+            words = most_often([reason for reason in reasons if reason])
+            parts.append(f"{words} ({reasons.count(words)} of {len(reasons)} poses in {name!r})")
+        return ", ".join(parts)
+
+    def placed(self, cam2world: np.ndarray, segments: np.ndarray) -> dict[str, ArmAt]:
+        """Return how the robot stands at a pose (4, 4) with all segments (s, 2, 3) in sight, by fixturing."""
+        found = {}
+        for name in self.fixturings:
+            branches = self.reach(cam2world[None], name)[0].branches
+            if len(branches) and not (self.hidden_by(cam2world[None], segments, name) != "").any():
+                q = branches[:1]
+                found[name] = ArmAt(
+                    tuple(q[0].tolist()),
+                    self.clearance(q[0], name).mm,
+                    float(self.robot.to_limit_rad(q)[0]),
+                    float(self.robot.singular_value(q)[0]),
+                )
+        return found
+
+    def travel_seconds(self, joints: np.ndarray) -> np.ndarray:
+        """Return the least time (n, n) between joints (n, 6), at full speed, s."""
+        turns = np.abs(joints[:, None] - joints[None])
+        return np.asarray((turns / self.robot.speeds).max(axis=-1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a plan file says of the cell."""
+        return {
+            "robot": self.robot.name,
+            "digest": self.state_name.split()[-1],
+            "fixturings": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
+        }
+
     def pose_margin(self, cam2world: np.ndarray) -> np.ndarray:
         """Return 1 for poses (n, 4, 4) that are reached in some fixturing, otherwise -1; (n,)."""
         margin = np.full(len(cam2world), -1.0)
@@ -271,8 +369,10 @@ class Cell:
             levers[joint] = (lengths + farthest[joint + 1 :]).max()
         return levers
 
-    def reachability(self, plan: Any, solid: Solid) -> Reachability:
+    def reachability(self, plan: Any, solid: Solid, *, all_branches: bool = False) -> Reachability:
         """Return which settings of a plan the robot reaches in which fixturing, or why not.
+
+        A setting is not reached either where an obstacle hides one of its targets.
 
         Parameters
         ----------
@@ -280,8 +380,10 @@ class Cell:
             A plan, made with this cell or without one.
         solid : Solid
             The part.
+        all_branches : bool
+            Whether to look for all joints without collision. Default: the first ones.
         """
-        return reachability_of(self.with_part(solid), plan)
+        return reachability_of(self.with_part(solid), plan, all_branches=all_branches)
 
     @property
     def state_name(self) -> str:

@@ -14,16 +14,14 @@ from planner.exceptions import RobotError
 from planner.robot.arm import Robot
 from planner.robot.bodies import Hull
 from planner.robot.branches import needed
-from planner.robot.collisions import Arm, Moving, PairGroup, Standing
+from planner.robot.collisions import Arm, Moving, PairGroup
+from planner.robot.standing import SKIN_MM, Standing
 from planner.robot.transforms import carry, check_pose, invert
 from planner.robot.urdf import N_JOINTS
 
 _LEAST_LEVER_MM = 5.0
 _INWARDS = 0.866
 """Cosine of the angle to the flange within which a camera would look at it."""
-
-_THROUGH_MM = 1.0
-"""Depth up to which a part may sink into what it lies on: bodies are only as exact as they were measured."""
 
 _DRAWS = 200
 _ALWAYS = 0.95
@@ -153,7 +151,7 @@ def check_part_stands_free(
             raise RobotError.of_rule("part2base", rule, f"it is in {body.name}")
     for other in others:
         depth = _depth(part, other)
-        if depth > _THROUGH_MM:
+        if depth > SKIN_MM:
             raise RobotError.of_rule("part2base", rule, f"{depth:.3g} mm deep in {other.name}")
 
 

@@ -14,7 +14,7 @@ from planner.argument_kinds import shown
 from planner.exceptions import RobotError
 from planner.robot.arm import Robot
 from planner.robot.bodies import Body, Box
-from planner.robot.fixturing import Fixturing
+from planner.robot.standing import Fixturing
 from planner.robot.transforms import check_pose, from_rpy
 
 try:

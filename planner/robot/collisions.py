@@ -6,16 +6,16 @@ fcl is asked for the pairs that they leave open.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from aspectgraph.solid import RayScene
-from planner.robot.bodies import Body, Box, Hull, Surface, grown, hull_of, mesh_of, surface_of
+from planner.robot.bodies import Hull, grown
 from planner.robot.branches import needed
-from planner.robot.transforms import carry, invert
+from planner.robot.standing import Standing, geometry_of, transform_of
+from planner.robot.transforms import carry
 
 HAND = 6
 """The segment that carries the camera."""
@@ -38,70 +38,6 @@ class Moving:
     name: str
     segment: int
     hull: Hull
-
-
-class Standing:
-    """A body that stands still in a fixturing: an obstacle or the part.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    pose : array (4, 4)
-        Its frame in the base, mm.
-    shape : Hull or Surface
-        Its shape in its frame.
-    geometry : fcl geometry
-        The same for fcl, where it has been made before.
-    """
-
-    def __init__(
-        self, name: str, pose: np.ndarray, shape: Hull | Surface, geometry: Any = None
-    ) -> None:
-        self.name = name
-        self.pose = pose
-        self.shape = shape
-        self.low = shape.corners.min(axis=0)
-        self.high = shape.corners.max(axis=0)
-        self.geometry = _geometry(shape) if geometry is None else geometry
-        self.placed = needed("fcl").CollisionObject(self.geometry, _transform(pose))
-        self._inverse = invert(pose)
-        self._inside: RayScene | None = None
-
-    def at(self, pose: np.ndarray) -> Standing:
-        """Return the same body elsewhere; its geometry is shared."""
-        moved = Standing(self.name, pose, self.shape, self.geometry)
-        moved._inside = self._inside
-        return moved
-
-    def distance_bound(self, points: np.ndarray) -> np.ndarray:
-        """Return lower bounds (...) of the distance of points (..., 3) of the base, by the box about the body."""
-        turned = np.einsum("ij,...j->...i", self._inverse[:3, :3], points) + self._inverse[:3, 3]
-        outside = np.maximum(np.maximum(self.low - turned, turned - self.high), 0.0)
-        return np.sqrt((outside**2).sum(axis=-1))
-
-    def holds(self, point: np.ndarray) -> bool:
-        """Return whether a point (3,) of the base is inside a closed surface."""
-        if isinstance(self.shape, Hull) or not self.shape.closed:
-            return False
-        turned = self._inverse[:3, :3] @ point + self._inverse[:3, 3]
-        if (turned < self.low).any() or (turned > self.high).any():
-            return False
-        if self._inside is None:
-            self._inside = RayScene(self.shape.corners, self.shape.triangles, n_threads=1)
-        return bool(self._inside.signed_distance(turned[None])[0] < 0)
-
-
-def standing_bodies(bodies: Mapping[str, Body], parameter: str) -> tuple[Standing, ...]:
-    """Return obstacles by name in the base frame, mm."""
-    return tuple(_standing(name, body, f"{parameter} {name!r}") for name, body in bodies.items())
-
-
-def _standing(name: str, body: Body, parameter: str) -> Standing:
-    if isinstance(body, Box):
-        own = Box(body.low, body.high)
-        return Standing(name, body.pose, hull_of(own.corners(), parameter))
-    return Standing(name, np.eye(4), surface_of(*mesh_of(body, parameter)))
 
 
 @dataclass(frozen=True, order=True)
@@ -134,7 +70,7 @@ class Arm:
         fcl = needed("fcl")
         self.bodies = tuple(bodies)
         self._grown: dict[tuple[int, float], Any] = {}
-        self.placed = [fcl.CollisionObject(_geometry(body.hull)) for body in bodies]
+        self.placed = [fcl.CollisionObject(geometry_of(body.hull)) for body in bodies]
         self.centres = [body.hull.corners.mean(axis=0) for body in bodies]
         segments = [body.segment for body in bodies]
         self.own_pairs = [
@@ -165,11 +101,11 @@ class Arm:
         elif (number, grown_mm) in self._grown:
             placed = self._grown[number, grown_mm]
         else:
-            outer = _geometry(grown(self.bodies[number].hull, grown_mm))
+            outer = geometry_of(grown(self.bodies[number].hull, grown_mm))
             placed = self._grown.setdefault(
                 (number, grown_mm), needed("fcl").CollisionObject(outer)
             )
-        placed.setTransform(_transform(frames[self.bodies[number].segment]))
+        placed.setTransform(transform_of(frames[self.bodies[number].segment]))
         return placed
 
 
@@ -357,24 +293,3 @@ class PairGroup:
             if body.holds(carry(segment, self._arm.centres[number][None])[0]):
                 return 0.0
         return max(0.0, float(fcl.distance(first, body.placed)))
-
-
-def _geometry(shape: Hull | Surface) -> Any:
-    """Return a shape as fcl takes it."""
-    fcl = needed("fcl")
-    corners = np.ascontiguousarray(shape.corners, dtype=np.float64)
-    if isinstance(shape, Hull):
-        count = len(shape.triangles)
-        faces = np.concatenate([np.full((count, 1), 3), shape.triangles], axis=1).ravel()
-        return fcl.Convex(corners, count, faces)
-    model = fcl.BVHModel()
-    model.beginModel(len(corners), len(shape.triangles))
-    model.addSubModel(corners, np.ascontiguousarray(shape.triangles))
-    model.endModel()
-    return model
-
-
-def _transform(pose: np.ndarray) -> Any:
-    return needed("fcl").Transform(
-        np.ascontiguousarray(pose[:3, :3]), np.ascontiguousarray(pose[:3, 3])
-    )

@@ -11,8 +11,8 @@ import numpy as np
 from planner.argument_kinds import check_count, shown
 from planner.exceptions import RobotError
 from planner.robot.cell import Cell
-from planner.robot.fixturing import Fixturing
 from planner.robot.reachability import Reachability, reachability_of
+from planner.robot.standing import Fixturing
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -107,13 +107,12 @@ def propose_placements(
     RobotError
         If a range is none.
     """
-    ranges = [_range("x", x), _range("y", y), None if z is None else _range("z", z)]
     check_count("draws", draws, 1)
     first = next(iter(cell.fixturings.values())).part2base
     corners = np.asarray(solid.bounds, dtype=np.float64)
     middle = first[:3, :3] @ corners.mean(axis=0) + first[:3, 3]
-    if ranges[2] is None:
-        ranges[2] = (float(middle[2]), float(middle[2]))
+    height = (middle[2], middle[2]) if z is None else z
+    ranges = [_range("x", x), _range("y", y), _range("z", height)]
     inside = cell.with_part(solid, check=False)
     drawn = np.random.default_rng(rng).random((draws, 4))
     found: list[Placement] = []

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,27 @@ class PoseReach:
     def reached(self) -> bool:
         """Whether the robot reaches the pose."""
         return not self.why
+
+
+class ArmAt(NamedTuple):
+    """How the robot stands at a pose.
+
+    Attributes
+    ----------
+    joints : tuple of float
+        Six, rad.
+    clearance_mm : float
+        Distance of the closest two bodies.
+    to_limit_rad : float
+        Distance of the joints from their nearest limit.
+    singular_value : float
+        The smallest of the Jacobian, lengths divided by 500 mm.
+    """
+
+    joints: tuple[float, ...]
+    clearance_mm: float
+    to_limit_rad: float
+    singular_value: float
 
 
 class Reacher:

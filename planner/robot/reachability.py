@@ -19,15 +19,23 @@ class _Cell(Protocol):
         self, cam2world: np.ndarray, fixturing: str, *, all_branches: bool = False
     ) -> list[PoseReach]: ...
 
+    def hidden_by(
+        self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str
+    ) -> np.ndarray: ...
+
 
 class _Setting(Protocol):
     @property
     def cam2world(self) -> np.ndarray: ...
+    @property
+    def entities(self) -> tuple[str, ...]: ...
 
 
 class _Plan(Protocol):
     @property
     def settings(self) -> Sequence[_Setting]: ...
+    @property
+    def entities(self) -> Mapping[str, np.ndarray]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,13 +90,30 @@ class Reachability:
 
 def reachability_of(cell: _Cell, plan: _Plan, *, all_branches: bool = False) -> Reachability:
     """Return what a cell with the part in it reaches of a plan, by the first joints or by all."""
+    names = tuple(f"setting_{number:02d}" for number in range(1, len(plan.settings) + 1))
     cam2world = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)
-    names = tuple(f"setting_{number:02d}" for number in range(1, len(cam2world) + 1))
-    poses = {
-        name: tuple(cell.reach(cam2world, name, all_branches=all_branches))
-        for name in cell.fixturings
-    }
+    poses = {}
+    for name in cell.fixturings:
+        told = cell.reach(cam2world, name, all_branches=all_branches)
+        poses[name] = tuple(
+            _if_in_sight(cell, plan, setting, one, name)
+            for setting, one in zip(plan.settings, told, strict=True)
+        )
     return Reachability(names, poses)
+
+
+def _if_in_sight(
+    cell: _Cell, plan: _Plan, setting: _Setting, told: PoseReach, fixturing: str
+) -> PoseReach:
+    """Return what is known of a setting, given that all its entities must be seen past obstacles."""
+    if not told.reached:
+        return told
+    segments = np.array([plan.entities[name] for name in setting.entities])
+    bodies = cell.hidden_by(setting.cam2world[None], segments, fixturing)[0]
+    for name, body in zip(setting.entities, bodies, strict=True):
+        if body:
+            return PoseReach(np.empty((0, 6)), f"{body} hides {name}")
+    return told
 
 
 def _words(pose: PoseReach) -> str:

@@ -7,7 +7,8 @@ from scipy.optimize import nnls
 
 from planner import Box
 from planner.robot.bodies import hull_of, surface_of
-from planner.robot.collisions import Arm, Moving, PairGroup, Standing, standing_bodies
+from planner.robot.collisions import Arm, Moving, PairGroup
+from planner.robot.standing import Standing, standing_bodies
 from planner.robot.transforms import carry
 
 CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)

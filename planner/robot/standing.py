@@ -1,0 +1,193 @@
+"""What stands still: obstacles, the part, and the fixturings they come with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from aspectgraph.solid import RayScene
+from planner.robot.bodies import Body, Box, Hull, Surface, hull_of, mesh_of, surface_of
+from planner.robot.branches import needed
+from planner.robot.transforms import carry, check_pose, compose, invert
+
+SKIN_MM = 1.0
+"""Depth up to which a part may sink into what it lies on, and to which that hides nothing."""
+
+_POINTS = 17
+
+
+@dataclass(frozen=True, eq=False)
+class Fixturing:
+    """One way the part lies in the cell.
+
+    Parameters
+    ----------
+    part2base : array_like, shape (4, 4)
+        The part's frame in the robot's base, mm.
+    obstacles : mapping of str to Box, path or (corners, triangles)
+        What comes with it, such as a table or a clamp, in the base frame, mm.
+
+    Raises
+    ------
+    RobotError
+        If `part2base` is no rigid motion.
+    """
+
+    part2base: np.ndarray
+    obstacles: Mapping[str, Body] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "part2base", check_pose("part2base", self.part2base))
+        object.__setattr__(self, "obstacles", dict(self.obstacles))
+
+    def moved(self, motion: np.ndarray) -> Fixturing:
+        """Return the same moved by a pose (4, 4) of the base, mm."""
+        obstacles = {name: _moved(name, body, motion) for name, body in self.obstacles.items()}
+        return Fixturing(compose(motion, self.part2base), obstacles)
+
+
+class Standing:
+    """A body that stands still in a fixturing: an obstacle or the part.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    pose : array (4, 4)
+        Its frame in the base, mm.
+    shape : Hull or Surface
+        Its shape in its frame.
+    geometry : fcl geometry
+        The same for fcl, where it has been made before.
+    """
+
+    def __init__(
+        self, name: str, pose: np.ndarray, shape: Hull | Surface, geometry: Any = None
+    ) -> None:
+        self.name = name
+        self.pose = pose
+        self.shape = shape
+        self.low = shape.corners.min(axis=0)
+        self.high = shape.corners.max(axis=0)
+        self.geometry = geometry_of(shape) if geometry is None else geometry
+        self.placed = needed("fcl").CollisionObject(self.geometry, transform_of(pose))
+        self._inverse = invert(pose)
+        self._scene: RayScene | None = None
+
+    def at(self, pose: np.ndarray) -> Standing:
+        """Return the same body elsewhere; its geometry is shared."""
+        moved = Standing(self.name, pose, self.shape, self.geometry)
+        moved._scene = self._scene
+        return moved
+
+    def distance_bound(self, points: np.ndarray) -> np.ndarray:
+        """Return lower bounds (...) of the distance of points (..., 3) of the base, by the box about the body."""
+        turned = np.einsum("ij,...j->...i", self._inverse[:3, :3], points) + self._inverse[:3, 3]
+        outside = np.maximum(np.maximum(self.low - turned, turned - self.high), 0.0)
+        return np.sqrt((outside**2).sum(axis=-1))
+
+    def holds(self, point: np.ndarray) -> bool:
+        """Return whether a point (3,) of the base is inside a closed surface."""
+        if isinstance(self.shape, Hull) or not self.shape.closed:
+            return False
+        turned = self._inverse[:3, :3] @ point + self._inverse[:3, 3]
+        if (turned < self.low).any() or (turned > self.high).any():
+            return False
+        return bool(self._rays().signed_distance(turned[None])[0] < 0)
+
+    def hides(self, eyes: np.ndarray, segments: np.ndarray) -> np.ndarray:
+        """Return which segments (s, 2, 3) the body hides from eyes (n, 3), in the base, mm; (n, s) bool.
+
+        A segment is hidden if a part of the triangle between it and the eye is inside the body, by more than
+        `SKIN_MM`: a part lies on a table, and edges below it are not hidden by that.
+        """
+        eyes = carry(self._inverse, eyes)
+        ends = carry(self._inverse, segments.reshape(-1, 3)).reshape(-1, 2, 3)
+        if isinstance(self.shape, Hull):
+            return _cut_by_box(eyes, ends, self.low + SKIN_MM, self.high - SKIN_MM)
+        shares = np.linspace(0.0, 1.0, _POINTS)[:, None]
+        points = ends[:, None, 0] + shares * (ends[:, 1] - ends[:, 0])[:, None]
+        rays = points[None] - eyes[:, None, None]
+        lengths = np.sqrt((rays**2).sum(axis=-1))
+        # as far as to shortly before the point
+        rays *= np.maximum(1.0 - SKIN_MM / np.maximum(lengths, SKIN_MM), 0.0)[..., None]
+        origins = np.broadcast_to(eyes[:, None, None], rays.shape)
+        return np.asarray(self._rays().blocked(origins, rays).any(axis=-1))
+
+    def _rays(self) -> RayScene:
+        if self._scene is None:
+            self._scene = RayScene(self.shape.corners, self.shape.triangles, n_threads=1)
+        return self._scene
+
+
+def standing_bodies(bodies: Mapping[str, Body], parameter: str) -> tuple[Standing, ...]:
+    """Return obstacles by name in the base frame, mm."""
+    return tuple(_standing(name, body, f"{parameter} {name!r}") for name, body in bodies.items())
+
+
+def _standing(name: str, body: Body, parameter: str) -> Standing:
+    if isinstance(body, Box):
+        own = Box(body.low, body.high)
+        return Standing(name, body.pose, hull_of(own.corners(), parameter))
+    return Standing(name, np.eye(4), surface_of(*mesh_of(body, parameter)))
+
+
+def _cut_by_box(
+    eyes: np.ndarray, ends: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Return which triangles between eyes (n, 3) and segments (s, 2, 3) meet a box; (n, s) bool.
+
+    They do not if they are apart along a side of the box, the triangle's normal, or a product of their sides.
+    """
+    shape = (len(eyes), len(ends))
+    if (low >= high).any():
+        return np.zeros(shape, dtype=bool)
+    centre = (low + high) / 2
+    half = (high - low) / 2
+    corners = np.empty((*shape, 3, 3))
+    corners[..., 0, :] = (eyes - centre)[:, None]
+    corners[..., 1:, :] = ends - centre
+    apart = (corners.min(axis=2) > half) | (corners.max(axis=2) < -half)
+    meets = ~apart.any(axis=-1)
+    left = corners[meets]
+    sides = np.roll(left, -1, axis=1) - left
+    axes = np.cross(sides[:, :, None], np.eye(3)).reshape(len(left), 9, 3)
+    normal = np.cross(sides[:, 0], sides[:, 1])[:, None]
+    axes = np.concatenate([axes, normal], axis=1)
+    along = np.einsum("mcj,maj->mac", left, axes)
+    reach = np.einsum("maj,j->ma", np.abs(axes), half)
+    split = (along.min(axis=2) > reach) | (along.max(axis=2) < -reach)
+    meets[meets] = ~split.any(axis=1)
+    return meets
+
+
+def _moved(name: str, body: Body, motion: np.ndarray) -> Body:
+    if isinstance(body, Box):
+        return Box(body.low, body.high, compose(motion, body.pose))
+    corners, triangles = mesh_of(body, name)
+    return carry(motion, corners), triangles
+
+
+def geometry_of(shape: Hull | Surface) -> Any:
+    """Return a shape as fcl takes it."""
+    fcl = needed("fcl")
+    corners = np.ascontiguousarray(shape.corners, dtype=np.float64)
+    if isinstance(shape, Hull):
+        count = len(shape.triangles)
+        faces = np.concatenate([np.full((count, 1), 3), shape.triangles], axis=1).ravel()
+        return fcl.Convex(corners, count, faces)
+    model = fcl.BVHModel()
+    model.beginModel(len(corners), len(shape.triangles))
+    model.addSubModel(corners, np.ascontiguousarray(shape.triangles))
+    model.endModel()
+    return model
+
+
+def transform_of(pose: np.ndarray) -> Any:
+    """Return a pose (4, 4) as fcl takes it."""
+    return needed("fcl").Transform(
+        np.ascontiguousarray(pose[:3, :3]), np.ascontiguousarray(pose[:3, 3])
+    )
