@@ -141,6 +141,9 @@ def _check_files(given: Mapping[str, Any]) -> None:
     for name in ("plan", "again"):
         if given.get(name) is not None:
             _check_plan(name, given[name])
+    cell = given.get("cell")
+    if cell is not None and not Path(cell).is_file():
+        raise RequestError.of_rule("cell", "must be an existing file", _place(cell))
     folder = given.get("folder")
     if folder is not None and not Path(folder).is_dir():
         raise RequestError.of_rule("folder", "must be an existing folder", _place(folder))

@@ -26,6 +26,7 @@ from planner.cli.arguments import (
 )
 from planner.cli.parsing.parser import Help, Parser
 from planner.cli.parsing.quantities import MM, lengths, memory, whole
+from planner.cli.robot.definitions import add_reach
 from planner.executors import usable_cores
 
 _DESCRIPTION = """\
@@ -40,6 +41,7 @@ examples:
   aspectgraph plan part.step --select "length > 20" --camera camera.toml
   aspectgraph plan part.stp --dimensions all --camera camera.toml -o plan
   aspectgraph simulate plan
+  aspectgraph reach plan part.step --cell cell.toml
   aspectgraph optics part.step --select "length > 20" --write camera.toml
   aspectgraph batch parts --camera camera.toml --out plans
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
@@ -94,6 +96,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_cameras(commands)
     _add_optics(commands)
     _add_simulate(commands)
+    _add_reach(commands)
     _add_batch(commands)
     _add_graph(commands)
     _add_completion(commands, parser)
@@ -267,6 +270,17 @@ def _add_simulate(commands: Any) -> None:
     )
     add_reading(simulate)
     add_messages(simulate)
+
+
+def _add_reach(commands: Any) -> None:
+    add_reach(
+        _command(
+            commands,
+            "reach",
+            "say which settings of a plan a robot reaches, and where the part should lie",
+            "PLAN PART --cell FILE [options]",
+        )
+    )
 
 
 def _add_cameras(commands: Any) -> None:

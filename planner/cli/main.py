@@ -35,7 +35,11 @@ from planner.executors import usable_cores
 from planner.progress.terminal_text import visible, visible_output
 
 # commands that need nothing that takes long to load
-_MODULES = {"cameras": "planner.cli.catalogue_commands", "completion": "planner.cli.completion"}
+_MODULES = {
+    "cameras": "planner.cli.catalogue_commands",
+    "completion": "planner.cli.completion",
+    "reach": "planner.cli.robot.reach_command",
+}
 # commands that need many compiled loops
 _COMPILING = ("batch", "graph", "optics", "plan")
 

@@ -79,7 +79,7 @@ class Reachability:
         """Return the same as plain values; joints in rad."""
         return {
             name: {
-                fixturing: {"joints": pose.branches[0].tolist()}
+                fixturing: {"joints_rad": pose.branches[0].tolist()}
                 if pose.reached
                 else {"why": pose.why}
                 for fixturing, pose in ((key, poses[number]) for key, poses in self.poses.items())

@@ -1,0 +1,1 @@
+"""Commands about the robot: whether it reaches a plan."""

@@ -1,0 +1,134 @@
+"""The command ``reach``: which settings of a plan a robot reaches, and where the part should lie."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.cli.job import check_same_part, read_part
+from planner.cli.process.exit_codes import DONE, INCOMPLETE
+from planner.exceptions import RequestError
+from planner.plan import InspectionPlan, read_plan
+from planner.progress import terminal_progress
+from planner.progress.text_table import Column, print_table, print_text
+from planner.records.json_file import print_json
+from planner.robot import Cell, Placement, Reachability, propose_placements
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+_ROWS = 5
+# of the longest reach of the arm, where a part is looked for
+_NEAREST = 0.35
+_SIDEWAYS = 0.5
+_FARTHEST = 0.9
+
+
+def reach(options: argparse.Namespace) -> int:
+    """Print which settings of a plan a robot reaches."""
+    if options.within is not None and not options.place:
+        raise RequestError.of_rule("within", "must be given with --place", "none")
+    plan = read_plan(options.plan)
+    cell = Cell.from_toml(options.cell)
+    solid = read_part(options)
+    check_same_part(solid, plan, options.part)
+    if options.place:
+        return _placed(options, plan, solid, cell)
+    told = cell.reachability(plan, solid)
+    if options.json:
+        print_json(told.to_dict())
+        return DONE if told.complete else INCOMPLETE
+    _print_reached(told, cell)
+    if plan.cell and plan.cell["digest"] != cell.to_dict()["digest"]:
+        print_text("note: the plan was made for another cell")
+    return DONE if told.complete else INCOMPLETE
+
+
+def _print_reached(told: Reachability, cell: Cell) -> None:
+    """Print a table of settings and fixturings, and what it says in words."""
+    columns = (Column("setting"), *(Column(name) for name in told.poses))
+    print_table(columns, told.rows())
+    reached = told.reached
+    parts = [f"{int(reached[:, k].sum())} in {name!r}" for k, name in enumerate(told.poses)]
+    total = int(reached.any(axis=1).sum())
+    print_text(
+        f"{total} of {len(told.settings)} settings reached: {', '.join(parts)}. "
+        f"Joints in degrees, by {cell.robot.name!r}."
+    )
+    for name in told.poses:
+        reason = told.most_in_the_way(name)
+        if reason and not told.reached[:, list(told.poses).index(name)].any():
+            print_text(f"{name!r} reaches nothing; most often: {reason}")
+    _print_first_flange(told, cell)
+
+
+def _print_first_flange(told: Reachability, cell: Cell) -> None:
+    """Print the pose of the flange in the first setting that is reached, to compare with the pendant."""
+    for number, setting in enumerate(told.settings):
+        for name, poses in told.poses.items():
+            if poses[number].reached:
+                place = cell.robot.forward(poses[number].branches[0])[:3, 3]
+                shown = " ".join(f"{x:.1f}" for x in place)
+                print_text(
+                    f"{setting} in {name!r}: {cell.robot.tip} at ({shown}) mm in the base, to compare "
+                    "with the pendant"
+                )
+                return
+
+
+def _placed(options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
+    """Print places of the part."""
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        found = propose_placements(
+            plan,
+            solid,
+            cell,
+            **_box(options.within, cell),
+            draws=options.draws,
+            rng=options.seed,
+            progress=progress,
+        )
+    if options.json:
+        print_json([one.to_dict() for one in found])
+    else:
+        _print_places(found, len(plan.settings))
+    return DONE if found and found[0].n_reached == len(plan.settings) else INCOMPLETE
+
+
+def _print_places(found: tuple[Placement, ...], count: int) -> None:
+    """Print the best places, and the first as lines of a cell file."""
+    if not found:
+        print_text("no place was found: each puts the part through something")
+        return
+    columns = (
+        Column("middle of the part (mm)"),
+        Column("turned", right=True),
+        Column("reached", right=True),
+        Column("singular value", right=True),
+        Column("to limit", right=True),
+    )
+    rows = [
+        (
+            " ".join(f"{x:.0f}" for x in one.centre_mm),
+            f"{one.turn_deg:.0f}°",
+            f"{one.n_reached} of {count}",
+            f"{one.singular_value:.2f}",
+            f"{np.degrees(one.to_limit_rad):.0f}°",
+        )
+        for one in found[:_ROWS]
+    ]
+    print_table(columns, rows)
+    for name, fixturing in found[0].fixturings.items():
+        pose = [[round(x, 6) + 0.0 for x in row] for row in fixturing.part2base.tolist()]
+        print(f"part2base = {pose}  # {name}")
+
+
+def _box(corners: list[float] | None, cell: Cell) -> dict[str, Any]:
+    """Return the ranges of places."""
+    if corners is not None:
+        return {axis: (corners[k], corners[k + 3]) for k, axis in enumerate("xyz")}
+    longest = float(cell.robot.chain.reach_mm()[0])
+    sideways = _SIDEWAYS * longest
+    return {"x": (_NEAREST * longest, _FARTHEST * longest), "y": (-sideways, sideways)}
