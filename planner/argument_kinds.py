@@ -17,6 +17,7 @@ MAPPING = "mapping"
 
 _HINTS = {
     "Solid": "read_solid reads one from a file",
+    "Cell": "Cell.from_toml reads one from a file",
     "Camera": "Camera.named and Camera.from_toml make one",
     "PoseUncertainty": "PoseUncertainty.isotropic makes one",
     "Effort": "Effort.named makes one",

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions
     from aspectgraph.visibility.kept_regions import RegionStore
     from planner.progress import Progress
+    from planner.robot import Cell
 
 
 def plan_inspection(
@@ -78,6 +79,7 @@ def plan_inspection(
     focus_margin_mm: float | None = None,
     showing: Detectability = USUAL,
     reach: Reach | None = None,
+    cell: Cell | None = None,
     lamps: Any = None,
     space: Space | None = None,
     effort: Effort | None = None,
@@ -148,6 +150,10 @@ def plan_inspection(
         As in `plan_setting`. With ``state`` it needs a permanent name. A lambda, a nested function
         or an object that cannot be pickled needs an attribute ``state_name``, which describes what
         it permits.
+    cell : Cell, optional
+        Robot that must reach every setting, and how the part lies before it. Each setting of the
+        plan then has a ``fixturing`` and ``joints``. The cell only forbids poses, so the lower
+        bound is proven without it, and holds.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
         Lamps that must light the targets, as in `plan_light`. The plan then has its ``light``. If
         no lamp lights a target in any setting, the program searches for other poses. With "ring",
@@ -192,6 +198,8 @@ def plan_inspection(
     ------
     RequestError
         If an argument breaks its rule.
+    RobotError
+        If a fixturing puts the part through something, or the robot's home is not free.
     PlanFileError
         If the state file belongs to another request, or another version of the program.
     OutputError
@@ -225,6 +233,7 @@ def plan_inspection(
         focus_margin_mm=focus_margin_mm,
         showing=showing,
         reach=reach,
+        cell=cell,
         lamps=lamps,
         space=space,
         effort=effort,

@@ -25,7 +25,7 @@ from planner.request.defaults import (
     position_margin_mm,
 )
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
-from planner.request.reach import Reach
+from planner.request.reach import PoseRegion, Reach
 from planner.request.space import Space
 
 if TYPE_CHECKING:
@@ -62,6 +62,8 @@ class InspectionOptions:
         Conditions under which software can find edges in the image.
     reach : ReachRegion or callable, optional
         Region in which the front nodal point may be. Default: the whole workspace.
+    cell : Cell, optional
+        Robot that must reach every setting, and how the part lies before it. Default: no robot.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
         Lamps that must light the targets. Default: no lamps.
     space : VisibilityRegions or EntityAspectGraph, optional
@@ -104,6 +106,7 @@ class InspectionOptions:
     focus_margin_mm: float | None = None
     showing: Detectability = USUAL
     reach: Reach | None = None
+    cell: PoseRegion | None = None
     lamps: Any = None
     space: Space | None = None
     effort: Effort | None = None
@@ -166,6 +169,7 @@ class InspectionOptions:
             focus_margin_mm=focus,
             focus_reserve=reserve,
             showing=check_showing(self.showing, camera),
+            cell=self.cell,
         )
 
 

@@ -19,7 +19,7 @@ from planner.exceptions import PlanFileError, PlannerError
 from planner.files import plan_file, write_text
 from planner.records.json_file import encoded, read_json
 from planner.records.plan_check import check_plan
-from planner.records.plan_format import FORMAT, VERSION, WITH_DIMENSIONS, check_format
+from planner.records.plan_format import FORMAT, check_format, version_of
 from planner.records.schema import check_schema, field_name
 from planner.rows.plan_tables import PlanTables
 from planner.setting.reason import Reason, kind_of, kinds_record, reasons_from
@@ -87,6 +87,9 @@ class InspectionPlan(PlanTables):
     request : mapping of str to value
         Everything the plan depends on. From the command line, ``source`` says how it read the
         part's file. Empty in plans of program versions that did not store it.
+    cell : mapping of str to value
+        In plans for a robot cell: name of the robot, digest of the cell, and ``part2base`` of each
+        fixturing. Otherwise empty.
     unfinished : bool
         Whether the planning ended early; a longer one may save settings or raise the bound.
     simulation : SimulationResult or None
@@ -113,6 +116,7 @@ class InspectionPlan(PlanTables):
     request: Mapping[str, Any] = field(default_factory=dict)
     unfinished: bool = False
     light: LightPlan | None = None
+    cell: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
@@ -280,7 +284,7 @@ class InspectionPlan(PlanTables):
         kinds = kinds_record(self.uninspectable)
         return {
             "format": FORMAT,
-            "version": WITH_DIMENSIONS if dimensions else VERSION,
+            "version": version_of(bool(dimensions), bool(self.cell)),
             "units": dict(_UNITS),
             "part": self.part,
             "accuracy": self.accuracy,
@@ -296,6 +300,7 @@ class InspectionPlan(PlanTables):
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
             **({"dimensions": dimensions, "features": self._features()} if dimensions else {}),
+            **({"cell": dict(self.cell)} if self.cell else {}),
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
             **({"uninspectable_kinds": kinds} if kinds else {}),
@@ -444,6 +449,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         request=data.get("request", {}),
         unfinished=data.get("unfinished", False),
         light=_light_from(data.get("light")),
+        cell=data.get("cell", {}),
         **{name: data[name] for name in (*_PLAIN_FIELDS, "part", "seed")},
     )
     check_settings(found, data["settings"])

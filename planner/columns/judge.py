@@ -175,6 +175,7 @@ class Judge:
         nearly &= sure >= self.threshold - self._nearness.probability
         self._mask_invisible_around(cam2world, nearly, probability)
         shown = self._detectable(cam2world, nearly, probability, worth)
+        self._keep_reachable(cam2world, nearly, probability)
         inspects = (missed == 0.0) & nearly & shown & (sure >= self.threshold)
         judged = Judgement(inspects, nearly, probability, np.exp(-missed))
         return judged if self._by_witness is None else self._by_witness.of_targets(judged)
@@ -256,6 +257,20 @@ class Judge:
                 nearly[hopeless] = False
                 probability[hopeless] = 0.0
         return shown
+
+    def _keep_reachable(
+        self, cam2world: np.ndarray, nearly: np.ndarray, probability: np.ndarray
+    ) -> None:
+        """Ask a robot's cell, which takes long, only of poses that would otherwise nearly inspect something."""
+        cell = self.requirements.cell
+        rows = np.flatnonzero(nearly.any(axis=1))
+        if cell is None or not rows.size:
+            return
+        constraints = self.constraints
+        wanted = nearly[rows]
+        seen = cell.inspectable(cam2world[rows], constraints.segments, constraints.owner, wanted)
+        probability[rows] = np.where(wanted & ~seen, 0.0, probability[rows])
+        nearly[rows] = seen
 
 
 class _ByWitness:

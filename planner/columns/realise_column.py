@@ -36,6 +36,7 @@ _MEANING = {
     "field_of_view_mm": ReasonKind.TOO_LARGE,
     "workspace_mm": ReasonKind.OUT_OF_REACH,
     "reach": ReasonKind.OUT_OF_REACH,
+    "robot": ReasonKind.OUT_OF_REACH,
     "clearance_mm": ReasonKind.TOO_NEAR,
     "corner_deg": ReasonKind.NO_CORNER,
     "separation_px": ReasonKind.LINE_NEARBY,

@@ -28,6 +28,9 @@ class Repair:
         Size of the changes in the first and the last round, as shares of the parameters' ranges.
     rounds : int
         Number of rounds. The steps shrink by a constant factor.
+    most_unreached : int
+        Give up after this many poses that meet all constraints and that a robot does not reach, if
+        it reaches none.
     """
 
     batch: int = 512
@@ -36,6 +39,7 @@ class Repair:
     first_step: float = 0.2
     last_step: float = 1e-3
     rounds: int = 24
+    most_unreached: int = 500
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def plain_value(value: Any, name: str = "") -> Any:
     TypeError
         If it is none of these: then it cannot tell requests apart.
     """
-    if name == "reach":
+    if name in ("reach", "cell"):
         return reach_identity(value)
     if isinstance(value, np.generic):
         value = value.item()

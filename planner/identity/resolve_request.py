@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from errors.measurands.localisation import Localisation
-from planner.argument_kinds import check_fraction
+from planner.argument_kinds import check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.effort.effort import Effort
@@ -100,7 +100,11 @@ def resolve_request(
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
     found_by = localisation_or_default(options.localisation, items.values())
     items = with_surfaces_of_call(items, options.surfaces_mm, found_by)
-    options = replace(options, localisation=found_by)
+    cell = options.cell
+    if cell is not None:
+        check_kinds(cell=(cell, "Cell"))
+        cell = cell.with_part(part)
+    options = replace(options, localisation=found_by, cell=cell)
     entities, targets = _resolved(solid, items, camera, accuracy, options)
     known = {
         "part": PartRecord.of(part),

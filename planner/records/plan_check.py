@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import PlanFileError
+from planner.records.plan_format import version_of
 from planner.records.schema import field_name, shown
 
 # rotations are stored with all digits; a matrix farther from one was changed
@@ -20,7 +21,6 @@ _RIGID = 1e-6
 # no number of displaced poses that is drawn shows more
 _SHOWN_BY_COUNTING = 0.9999
 _SAME = 1e-6
-_WITH_DIMENSIONS = 2
 
 
 def check_plan(data: Mapping[str, Any]) -> None:
@@ -123,8 +123,8 @@ def _check_witnesses(setting: Mapping[str, Any], dimensions: Mapping[str, Any], 
 def _check_dimensions(data: Mapping[str, Any]) -> None:
     """Check that dimensions are entities of the plan, and that its version says whether there are any."""
     dimensions = data.get("dimensions", {})
-    if bool(dimensions) != (data["version"] == _WITH_DIMENSIONS):
-        rule = "must be 2 in a plan that holds dimensions, and 1 in another"
+    if data["version"] != version_of(bool(dimensions), "cell" in data):
+        rule = "must be 3 in a plan for a robot cell, else 2 in one that holds dimensions, and 1 in another"
         _refuse("version", rule, data["version"])
     for name in dimensions:
         if name not in data["entities"]:

@@ -40,12 +40,14 @@ from planner.request.positions import (
     visibility_slacks,
     workspace_slacks,
 )
-from planner.request.reach import Reach, SignedDistance, check_reach, reach_margin
+from planner.request.reach import PoseRegion, Reach, SignedDistance, check_reach, reach_margin
 from planner.request.space import Space
 from planner.wanted.targets import Target, edge_targets
 
 # Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
 _SURELY = 1.001
+# poses kept to say why they are not reached
+_MISSED = 200
 # fields of `Requirements`
 _NUMBERS = (
     "min_length_px",
@@ -83,6 +85,8 @@ class Requirements:
         margin.
     showing : Detectability
         Conditions under which software can find edges in the image.
+    cell : PoseRegion, optional
+        Poses that a robot reaches, such as a `planner.Cell` with the part in it.
 
     Raises
     ------
@@ -105,6 +109,7 @@ class Requirements:
     focus_margin_mm: float = 0.0
     focus_reserve: FocusReserve = NO_RESERVE
     showing: Detectability = NOT_ASKED
+    cell: PoseRegion | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in _NUMBERS:
@@ -139,6 +144,30 @@ class Requirements:
     def border_px(self) -> float:
         """Width of the sensor's edge strip without targets: safety margin plus surround, px."""
         return self.field_margin_px + self.showing.surround_px
+
+
+@dataclass
+class ArmTally:
+    """Poses that met all other constraints of a request: whether the robot reached one, and some that it did not.
+
+    Attributes
+    ----------
+    n_asked, n_reached : int
+        How many there were.
+    missed : list of array (4, 4)
+        The first that were not reached.
+    """
+
+    n_asked: int = 0
+    n_reached: int = 0
+    missed: list[np.ndarray] = field(default_factory=list)
+
+    def count(self, cam2world: np.ndarray, reached: np.ndarray) -> None:
+        """Take in poses (n, 4, 4), and which were reached (n,)."""
+        self.n_asked += len(reached)
+        self.n_reached += int(reached.sum())
+        if len(self.missed) < _MISSED:
+            self.missed.extend(cam2world[~reached][: _MISSED - len(self.missed)])
 
 
 class Constraints:
@@ -205,6 +234,7 @@ class Constraints:
         self._columns = {"resolution_mm": RESOLUTION, "focus_mm": FOCUS}
         if self._exact_field:
             self._columns["field_of_view_px"] = FIELD_OF_VIEW
+        self.arm = ArmTally()
         self._checks = self._build_checks()
         self._shows = self._build_shows()
 
@@ -362,7 +392,27 @@ class Constraints:
                 mask[left] = check(cam2world[left]).min(axis=(1, 2)) >= 0
         if self._shows and (left := np.flatnonzero(mask)).size:
             mask[left] = self.image.show_all(cam2world[left])
+        if self.requirements.cell is not None and (left := np.flatnonzero(mask)).size:
+            mask[left] = self.is_reached(cam2world[left])
         return mask
+
+    def is_reached(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return which poses (n, 4, 4) a robot reaches with all targets in sight; all of them without a cell; (n,)."""
+        cell = self.requirements.cell
+        if cell is None:
+            return np.ones(len(cam2world), dtype=bool)
+        everyone = np.ones((len(cam2world), len(self.names)), dtype=bool)
+        targets = cell.inspectable(cam2world, self.segments, self.owner, everyone)
+        seen = np.asarray(targets.all(axis=1))
+        self.arm.count(cam2world, seen)
+        return seen
+
+    def explain_reach(self) -> str:
+        """Return in words why no pose that met all else was reached; empty if one was, or none met all else."""
+        cell = self.requirements.cell
+        if cell is None or not self.arm.missed or self.arm.n_reached:
+            return ""
+        return cell.explain(np.array(self.arm.missed), self.segments)
 
     def _may_be_near(self, positions: np.ndarray) -> np.ndarray:
         """Return which positions (n, 3) are not surely farther from the part than the stand-off: by the part's box."""
@@ -409,6 +459,9 @@ class Constraints:
             total[total > 0.0] += 1.0
             if met.size:
                 total[met] = self._share_missed(name, self._shown(name, cam2world[met]))
+        met = np.flatnonzero(total == 0.0)
+        if self.requirements.cell is not None and met.size:
+            total[met] = np.where(self.is_reached(cam2world[met]), 0.0, 1.0)
         return total
 
     def _share_missed(self, name: str, margin: np.ndarray) -> np.ndarray:

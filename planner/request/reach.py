@@ -30,6 +30,43 @@ class ReachRegion(Protocol):
         """Return the signed distance (n,) in mm of positions (n, 3) to the boundary, positive inside."""
 
 
+class PoseRegion(Protocol):
+    """Poses that a robot reaches, and what it sees from them past obstacles; `planner.Cell` is one.
+
+    It only forbids poses, so a bound without it holds.
+    """
+
+    @property
+    def state_name(self) -> str:
+        """What it permits, as a text that lasts."""
+
+    def with_part(self, solid: Any) -> PoseRegion:
+        """Return the same with the part in it."""
+
+    def pose_margin(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return 1 for poses (n, 4, 4) that are reached, otherwise -1; (n,)."""
+
+    def inspectable(
+        self, cam2world: np.ndarray, segments: np.ndarray, owner: np.ndarray, wanted: np.ndarray
+    ) -> np.ndarray:
+        """Return which of the wanted targets (n, k) poses (n, 4, 4) can look at.
+
+        Segments (s, 2, 3) must be seen of the targets (s,) that own them, all from one way the part lies.
+        """
+
+    def explain(self, cam2world: np.ndarray, segments: np.ndarray) -> str:
+        """Return in words why poses (n, 4, 4) are not reached with segments (s, 2, 3) in sight."""
+
+    def placed(self, cam2world: np.ndarray, segments: np.ndarray) -> dict[str, Any]:
+        """Return how the arm stands at a pose (4, 4), by the ways the part lies in which it is reached."""
+
+    def travel_seconds(self, joints: np.ndarray) -> np.ndarray:
+        """Return the time (n, n) between joints (n, 6), s."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a plan file says of it."""
+
+
 class SignedDistance:
     """Distance to a closed triangle mesh, by Open3D's ray casting scene (float32: about 1e-7 of the mesh's size).
 

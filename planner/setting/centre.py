@@ -188,12 +188,14 @@ class _MarginStep:
         )
 
     def is_steady(self, poses: Array) -> NDArray[np.bool_]:
-        """Return from which poses (n, 4, 4) all lines show after all displacements, too."""
+        """Return from which poses (n, 4, 4) all lines show after all displacements, too; a robot must reach them."""
         constraints = self._constraints
-        if not constraints.shows:
-            return np.ones(len(poses), bool)
+        reached = constraints.is_reached(poses)
+        if not constraints.shows or not reached.any():
+            return reached
         displaced = (poses[:, None] @ self._around).reshape(-1, 4, 4)
-        return np.asarray(constraints.image.show_all(displaced).reshape(len(poses), -1).all(axis=1))
+        shown = constraints.image.show_all(displaced).reshape(len(poses), -1).all(axis=1)
+        return np.asarray(shown & reached)
 
     def _displaced(self) -> Array:
         """Return displacements (12, 4, 4) of three standard deviations: along the columns of a root, both ways."""

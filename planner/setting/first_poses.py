@@ -56,7 +56,7 @@ def draw_start(
     drawn = 0
     hits = int(ok.sum())
     given = hits
-    while hits < n and drawn < max_draws:
+    while hits < n and drawn < max_draws and not _gives_up(constraints, repairing):
         positions = sampler.sample(repairing.batch, rng)
         if not len(positions):
             break
@@ -70,7 +70,7 @@ def draw_start(
             # viewpoints are so rare that more draws would take long
             break
     nearest = np.concatenate(tried)
-    if hits < n and len(nearest):
+    if hits < n and len(nearest) and not _gives_up(constraints, repairing):
         nearest = _least_violating(nearest, encoding, constraints, repairing)
         repaired, nearest = repair(n - hits, nearest, encoding, constraints, rng, repairing)
         found.append(repaired)
@@ -101,13 +101,22 @@ def repair(
         children = neighbours(pool, repairing.children, step, encoding, rng)
         bits, ok = snap(children, encoding, constraints)
         found.append(bits[ok])
-        if sum(map(len, found)) >= n:
+        if sum(map(len, found)) >= n or _gives_up(constraints, repairing):
             break
         both = np.concatenate([missed, _violation(children, encoding, constraints)])
         best = np.argsort(both, kind="stable")[: repairing.pool]
         pool = np.concatenate([pool, children])[best]
         missed = both[best]
     return np.concatenate(found)[:n], pool
+
+
+def _gives_up(constraints: Constraints, repairing: Repair) -> bool:
+    """Return whether so many poses met all else and none was reached by the robot that no more are tried.
+
+    Whether a pose is reached is a yes or no, which gives the repair no slope.
+    """
+    arm = constraints.arm
+    return arm.n_reached == 0 and arm.n_asked >= repairing.most_unreached
 
 
 def neighbours(

@@ -181,6 +181,14 @@ def explain_infeasible(
     else the constraints conflict, and those the least violating pose breaks are named. Without a source of chance there
     is no such search.
     """
+    unreached = constraints.explain_reach()
+    if unreached:
+        who = ", ".join(constraints.names)
+        return InfeasibleError(
+            f"the robot reaches no tried pose that meets all else for {who}: {unreached}.",
+            constraint="robot",
+            margin=-1.0,
+        )
     margins = constraints.margins(encoding.poses(tried))
     if rng is None:
         return _nearest_misses(margins, constraints)

@@ -57,6 +57,14 @@ class SensorSetting:
     lines_in_window_px : dict of str to float
         Edges with another visible line in their search window, and the distance of that line, px.
         Only plans with conditions on the image have it.
+    fixturing : str
+        Which way the part lies for it, in plans for a robot cell; otherwise empty.
+    joints : tuple of float
+        Joints (6,) of the robot, rad, in plans for a robot cell; otherwise empty.
+    arm : dict of str to float
+        In plans for a robot cell: ``clearance_robot_mm``, the distance of the closest two bodies,
+        ``to_limit_rad``, that of the joints from their limits, and ``singular_value``, the smallest
+        of the Jacobian with lengths divided by 500 mm.
     """
 
     cam2world: np.ndarray
@@ -75,6 +83,9 @@ class SensorSetting:
     p_all_poses: int = 0
     witness: dict[str, int] = field(default_factory=dict)
     passed_over: dict[str, dict[str, str]] = field(default_factory=dict)
+    fixturing: str = ""
+    joints: tuple[float, ...] = ()
+    arm: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         pose = np.array(self.cam2world, dtype=np.float64)
@@ -135,6 +146,15 @@ class SensorSetting:
                 if self.lines_in_window_px
                 else {}
             ),
+            **(
+                {
+                    "fixturing": self.fixturing,
+                    "joints": list(self.joints),
+                    "arm": dict(self.arm),
+                }
+                if self.fixturing
+                else {}
+            ),
         }
 
     @classmethod
@@ -152,7 +172,7 @@ class SensorSetting:
             Equal to the one written.
         """
         margins = {name: number(value) for name, value in data["margins"].items()}
-        lists = {"entities": tuple(data["entities"]), "history": tuple(data.get("history", ()))}
+        lists = {name: tuple(data.get(name, ())) for name in ("entities", "history", "joints")}
         return cls(**{**data, **lists, "margins": margins})
 
     def __eq__(self, other: object) -> bool:

@@ -13,6 +13,7 @@ from planner.request.witnesses import witness_reasons
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.lines_in_window import with_lines_in_windows
+from planner.steps.reached_settings import in_order_of_arm
 from planner.steps.run import Run
 from planner.travel import order_by, pose_distances
 from planner.wanted.models import Means
@@ -53,13 +54,11 @@ def assembled(
     request = run.request
     # a later run may have come across a view of one that had none of its own
     seen = {name for setting in settings for name in setting.entities}
-    # a better plan follows soon, so its travel is not worth seconds
-    distances = pose_distances(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
-    order = order_by(distances, starts=1) if unfinished else order_by(distances)
     if not unfinished:
         settings = [with_passed_over(request, setting) for setting in settings]
+    cell = request.requirements.cell
     found = InspectionPlan(
-        settings=tuple(settings[i] for i in order),
+        settings=tuple(_in_order(request, settings, unfinished)),
         lower_bound=bound,
         bound_proof=proof,
         uninspectable=_reasons(run, unfinished, seen),
@@ -75,6 +74,7 @@ def assembled(
         requirements=request.requirements.to_dict(),
         request=run.memo.identity,
         unfinished=unfinished,
+        cell={} if cell is None else cell.to_dict(),
     )
     return with_lines_in_windows(found, request)
 
@@ -94,6 +94,18 @@ def with_passed_over(request: Request, setting: SensorSetting) -> SensorSetting:
         for target, reasons in zip(some.targets, why, strict=True)
     }
     return replace(setting, passed_over=over)
+
+
+def _in_order(
+    request: Request, settings: Sequence[SensorSetting], unfinished: bool
+) -> Sequence[SensorSetting]:
+    """Return settings in the order of travel, by the joints of a robot where there is one."""
+    if request.requirements.cell is not None:
+        return in_order_of_arm(request, settings, unfinished=unfinished)
+    # a better plan follows soon, so its travel is not worth seconds
+    distances = pose_distances(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
+    order = order_by(distances, starts=1) if unfinished else order_by(distances)
+    return [settings[i] for i in order]
 
 
 def needed(target: Target) -> set[str]:

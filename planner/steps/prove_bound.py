@@ -117,9 +117,9 @@ class ProofColumns:
         request = self._run.request
         need = request.requirements
         showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
-        if showing == need.showing:
+        if showing == need.showing and need.cell is None:
             return None
-        return replace(request, requirements=replace(need, showing=showing))
+        return replace(request, requirements=replace(need, showing=showing, cell=None))
 
     @cached_property
     def shared(self) -> Shared:
