@@ -46,6 +46,7 @@ from planner.cli.light import with_light
 from planner.cli.optics_ranking import rank_optics
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
+from planner.cli.robot.arm_table import print_arm
 from planner.cli.wanted import Wanted, chosen_entities, localisation_text, read_request
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError
@@ -199,6 +200,8 @@ def _print_planned(
         print_json(plan_record(result, files, job.wanted.left_out))
         return
     terminal_tables.print_plan(result)
+    if result.cell:
+        print_arm(result)
     _print_unit(job.part, job.reading.get("units"))
     _print_left_out(job.wanted)
     if text := localisation_text(options, job.wanted.items):

@@ -26,7 +26,7 @@ from planner.cli.arguments import (
 )
 from planner.cli.parsing.parser import Help, Parser
 from planner.cli.parsing.quantities import MM, lengths, memory, whole
-from planner.cli.robot.definitions import add_reach
+from planner.cli.robot.definitions import add_plan_cell, add_reach
 from planner.executors import usable_cores
 
 _DESCRIPTION = """\
@@ -143,6 +143,7 @@ def _add_plan(commands: Any) -> None:
     add_graph_limit(output, "graph.graphml, the joint graph,", "24; more if it is small")
     add_jobs(_group(plan, "search"), "processes to use, at most one per core", usable_cores())
     add_workspace(_group(plan, "limits"))
+    add_plan_cell(_group(plan, "limits"))
     add_light(plan)
     add_reading(plan)
     add_messages(plan)

@@ -15,6 +15,7 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell, named_by
 from planner.cli.parsing.camera_option import read_camera
+from planner.cli.parsing.cell_option import cell_again, read_cell, without_cell
 from planner.cli.wanted import Wanted, read_request
 from planner.detectability.conditions import Detectability
 from planner.effort.effort import Effort
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 # with --again, what else may be given
 _BESIDE_AGAIN = {
     *("--again", "--out", "--jobs", "--resume", "--force", "--graph-limit", "--simulate"),
-    *("--time-limit", "--json", "--quiet", "--verbose"),
+    *("--time-limit", "--json", "--quiet", "--verbose", "--cell"),
 }
 
 
@@ -102,6 +103,7 @@ def read_job(options: argparse.Namespace) -> Job:
         lamps=_lighting(options),
         localisation=wanted.localisation,
         workspace=default_workspace(solid, camera) if box is None else box,
+        cell=read_cell(options.cell),
     )
     promise = Promise(options.accuracy, options.probability, options.seed)
     resolved = resolve_request(solid, wanted.items, camera, uncertainty, promise, given)
@@ -154,8 +156,9 @@ def _job_again(options: argparse.Namespace) -> Job:
         raise PlanFileError(
             f"{path}: plan file must hold its request. Got one of an earlier version. Plan the part again."
         )
+    cell = cell_again(plan, options.cell, path)
     try:
-        request = restored_request(plan.request)
+        request = restored_request(without_cell(plan.request))
         part, reading = _part_again(options, path, plan.request)
     except PlanFileError as error:
         raise PlanFileError(f"{path}: {error}") from None
@@ -165,7 +168,7 @@ def _job_again(options: argparse.Namespace) -> Job:
     solid = _read(part, reading, options)
     check_same_part(solid, plan, part, hint="plan it from its options")
     items = {record.name: record.item_of(solid) for record in request.targets or ()}
-    given = restored_options(request)
+    given = replace(restored_options(request), cell=cell)
     promise = Promise(request.accuracy, request.probability, request.seed)
     resolved = resolve_request(
         solid, items, request.camera, request.pose_uncertainty, promise, given

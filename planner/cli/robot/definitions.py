@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from planner.cli.arguments import add_messages, add_part, add_reading, add_seed
+from planner.cli.arguments import Options, add_messages, add_part, add_reading, add_seed
 from planner.cli.parsing.quantities import MM, whole
 
 
@@ -17,6 +17,15 @@ def add_cell(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         required=True,
         help="TOML file with the robot, the hand-eye calibration, fixturings and obstacles",
+    )
+
+
+def add_plan_cell(parser: Options) -> None:
+    """Add the cell that a plan is made for."""
+    parser.add_argument(
+        "--cell",
+        metavar="FILE",
+        help="TOML file of a robot cell: the robot must reach every setting (default: no robot)",
     )
 
 

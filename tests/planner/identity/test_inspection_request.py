@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from robot_cells import made_cell, pose
 
 from aspectgraph import read_solid
 from errors.measurands import Localisation
@@ -16,6 +17,7 @@ from planner import (
     Camera,
     Detectability,
     Dimension,
+    Fixturing,
     LampBox,
     Lighting,
     MeshRegion,
@@ -58,6 +60,11 @@ def request_of(solid, wanted=None, promise=(0.98, 0.9, 0), camera=CAMERA, **opti
     return resolve_request(solid, wanted, camera, uncertainty, Promise(*promise), given).request
 
 
+def far_cell():
+    """Return a cell with the block far from the robot."""
+    return made_cell(fixturings={"far": Fixturing(pose((3000.0, 0.0, 0.0)))})
+
+
 # every option of a plan, changed: and what is said of it
 CHANGES = {
     "workspace": ({"workspace": [[-301.0] * 3, [300.0] * 3]}, "workspace changed"),
@@ -68,6 +75,7 @@ CHANGES = {
     "focus_margin_mm": ({"focus_margin_mm": 1.0}, "focus_margin_mm was 0.15 and is now 1"),
     "showing": ({"showing": Detectability(4.0)}, "separation_px was 5 and is now 4"),
     "reach": ({"reach": SphereRegion((0, 0, 0), 900.0)}, "reach changed"),
+    "cell": ({"cell": far_cell()}, "cell changed"),
     "lamps": ({"lamps": Lighting([[0.0, 0.0, 500.0]], together=True)}, "lamps changed"),
     "effort": (
         {"effort": Effort(viewpoints=49)},
