@@ -88,8 +88,7 @@ class InspectionPlan(PlanTables):
         Everything the plan depends on. From the command line, ``source`` says how it read the
         part's file. Empty in plans of program versions that did not store it.
     cell : mapping of str to value
-        In plans for a robot cell: name of the robot, digest of the cell, and ``part2base`` of each
-        fixturing. Otherwise empty.
+        In plans for a robot cell: its robot, its digest, and ``part2base`` of each fixturing.
     unfinished : bool
         Whether the planning ended early; a longer one may save settings or raise the bound.
     simulation : SimulationResult or None
@@ -253,14 +252,8 @@ class InspectionPlan(PlanTables):
 
         Parameters
         ----------
-        n : int
-            Displaced poses per setting.
-        rng : int or numpy.random.Generator
-            Seed.
-        progress : callable, optional
-            ``progress(done, total, label)``.
-        solid : Solid, optional
-            The part. With it, also count the images in which software can find the edges.
+        n, rng, progress, solid
+            As `simulate` takes them.
 
         Returns
         -------

@@ -29,8 +29,8 @@ class Repair:
     rounds : int
         Number of rounds. The steps shrink by a constant factor.
     most_unreached : int
-        Give up after this many poses that meet all constraints and that a robot does not reach, if
-        it reaches none.
+        The search stops after this many poses that meet all constraints, if the robot reaches none
+        of them.
     """
 
     batch: int = 512

@@ -261,7 +261,7 @@ def _hulls(
                 raise RobotError.of_rule(
                     "urdf",
                     f"must have link {name!r} in metres",
-                    f"a body that is {size / 1000:,.0f} m long",
+                    f"a solid that is {size / 1000:,.0f} m long",
                     hint='is its mesh in mm? Give the mesh scale="0.001 0.001 0.001"',
                 )
         hulls.append(tuple(hull_of(corners, f"link {name!r}") for corners in placed))

@@ -116,7 +116,7 @@ def hull_of(points: np.ndarray, parameter: str) -> Hull:
         found = ConvexHull(points)
     except (QhullError, ValueError):
         raise RobotError.of_rule(
-            parameter, "must be a body with a volume", f"{len(points)} points in a plane"
+            parameter, "must be a solid with a volume", f"{len(points)} points in a plane"
         ) from None
     numbers = np.sort(found.vertices)
     place = np.zeros(len(points), dtype=np.int64)

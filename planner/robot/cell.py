@@ -42,9 +42,10 @@ class Cell:
 
     The tip of the robot is the flange: tip(q) · cam2flange = part2base · cam2world.
 
-    **Guarantee.** Joints that `reach` gives are within their limits and bring the camera to the pose. In them no body
-    of the arm or the camera is nearer than `clearance_mm` to an obstacle, to the part or the camera to the arm, and
-    links of the arm that are no neighbours do not touch. Links and the camera count as their convex hulls.
+    **Guarantee.** Joints that `reach` returns are within their limits and bring the camera to the
+    pose. Arm and camera keep `clearance_mm` to obstacles and part, and so does the camera to the
+    arm. Links of the arm that are no neighbours do not touch. Links and the camera count as their
+    convex hulls.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ class Cell:
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Cell:
-        """Read a cell file; see docs/guides/cells.md for its fields."""
+        """Read a cell file; see docs/guides/robot-cells.md for its fields."""
         return cls(**cell_fields(path))
 
     def with_part(self, solid: Solid, *, check: bool = True) -> Cell:
@@ -211,7 +212,7 @@ class Cell:
         cam2world : array, shape (n, 4, 4)
             Poses of the camera in the part's frame, mm.
         segments : array, shape (s, 2, 3)
-            What is looked at, in the part's frame, mm.
+            Segments in the part's frame, mm.
         fixturing : str
             Which way the part lies.
 
@@ -231,23 +232,23 @@ class Cell:
     def inspectable(
         self, cam2world: np.ndarray, segments: np.ndarray, owner: np.ndarray, wanted: np.ndarray
     ) -> np.ndarray:
-        """Return which targets can be looked at from where the robot brings the camera.
+        """Return which targets the camera sees from poses that the robot reaches.
 
         Parameters
         ----------
         cam2world : array, shape (n, 4, 4)
             Poses of the camera in the part's frame, mm.
         segments : array, shape (s, 2, 3)
-            What must be seen of targets, mm.
+            Segments that show the targets, mm.
         owner : array of int, shape (s,)
             Number of each segment's target.
         wanted : array of bool, shape (n, k)
-            Targets that are asked for.
+            The targets of interest.
 
         Returns
         -------
         array of bool, shape (n, k)
-            Of what is wanted: seen past all obstacles in the fixturing in which most of it is.
+            Which of them no obstacle hides, in the fixturing that shows most of them.
         """
         best = np.zeros_like(wanted)
         for name in self.fixturings:
@@ -322,13 +323,13 @@ class Cell:
         return self._reacher(fixturing).blocked_by(np.asarray(q, dtype=np.float64))
 
     def clearance(self, q: np.ndarray, fixturing: str) -> Closeness:
-        """Return the closest two bodies at joints (6,), and their distance in mm."""
+        """Return the closest two objects at joints (6,), and their distance in mm."""
         return Closeness(*self._reacher(fixturing).closest(np.asarray(q, dtype=np.float64)))
 
     def slack_bound(
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf, *, share: float = 1.0
     ) -> np.ndarray:
-        """Return how much farther apart than required all bodies are, at least, for joints (n, 6).
+        """Return by how much all distances exceed those required, at least, for joints (n, 6).
 
         Parameters
         ----------
@@ -344,7 +345,7 @@ class Cell:
         Returns
         -------
         array, shape (n,)
-            Millimetres; negative if the clearance is not kept, -inf if bodies touch.
+            Millimetres; negative if the clearance is not kept, -inf if objects touch.
         """
         reacher = self._reacher(fixturing)
         return reacher.slack(np.asarray(q, dtype=np.float64), share * reacher.required, enough_mm)
@@ -352,7 +353,7 @@ class Cell:
     def distance_bound(
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf
     ) -> np.ndarray:
-        """Return a lower bound (n,) of the distance of any two bodies, as `slack_bound` does without a clearance."""
+        """Return a lower bound (n,) of the distance of any two objects, as `slack_bound` does without a clearance."""
         return np.maximum(self.slack_bound(q, fixturing, enough_mm, share=0.0), 0.0)
 
     @property

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,8 @@ class Arm:
     def __init__(self, bodies: Sequence[Moving]) -> None:
         fcl = needed("fcl")
         self.bodies = tuple(bodies)
+        # bodies of fcl are moved before they are compared, which only one thread may do at a time
+        self.lock = RLock()
         self._grown: dict[tuple[int, float], Any] = {}
         self.placed = [fcl.CollisionObject(geometry_of(body.hull)) for body in bodies]
         self.centres = [body.hull.corners.mean(axis=0) for body in bodies]
@@ -236,6 +239,10 @@ class PairGroup:
 
     def _is_near(self, column: int, frames: np.ndarray) -> bool:
         """Return whether a pair touches or is nearer than required."""
+        with self._arm.lock:
+            return self._looks_near(column, frames)
+
+    def _looks_near(self, column: int, frames: np.ndarray) -> bool:
         number, other, both = self._pairs[column]
         required = float(self.required[column])
         if not both and not isinstance(self._standing[other].shape, Hull):
@@ -280,6 +287,10 @@ class PairGroup:
 
     def distance(self, column: int, frames: np.ndarray) -> float:
         """Return the distance of a pair in one configuration's frames (7, 4, 4), mm; 0 if it touches."""
+        with self._arm.lock:
+            return self._distance(column, frames)
+
+    def _distance(self, column: int, frames: np.ndarray) -> float:
         fcl = needed("fcl")
         number, other, both = self._pairs[column]
         first = self._arm.place(number, frames)

@@ -13,6 +13,7 @@ from planner.exceptions import RobotError
 from planner.robot.cell import Cell
 from planner.robot.reachability import Reachability, reachability_of
 from planner.robot.standing import Fixturing
+from planner.robot.transforms import carry
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -22,7 +23,7 @@ _KEPT = 10
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A place of the part before the robot.
+    """A position of the part before the robot.
 
     Attributes
     ----------
@@ -72,13 +73,12 @@ def propose_placements(
     z: Sequence[float] | None = None,
     draws: int = 300,
     rng: int = 0,
-    progress: Callable[[int, int, str], object] | None = None,
 ) -> tuple[Placement, ...]:
-    """Draw places of the part, and rank them by how many settings of a plan the robot reaches.
+    """Draw positions of the part, and rank them by how many settings of a plan the robot reaches.
 
-    All fixturings move together with their obstacles, and turn about the vertical. The middle of the part in the first
-    fixturing comes to the drawn place. Of equal numbers of settings, the place comes first whose worst setting is
-    farthest from singular joints, then from joint limits.
+    All fixturings move together with their obstacles, and turn about the vertical. The middle of
+    the part in the first fixturing comes to the drawn position. Of equal numbers of settings, the
+    position comes first whose worst setting is farthest from singular joints, then from limits.
 
     Parameters
     ----------
@@ -89,53 +89,78 @@ def propose_placements(
     cell : Cell
         Robot and fixturings.
     x, y, z : sequence of float
-        Ranges (2,) of the middle of the part's bounding box in the base, mm. Without `z` its height stays.
+        Ranges (2,) of the middle of the part's bounding box in the base, mm. Without `z`, its
+        height stays.
     draws : int
-        Places to try.
+        Positions to try.
     rng : int
         Seed.
-    progress : callable, optional
-        ``progress(done, total, label)``.
 
     Returns
     -------
     tuple of Placement
-        At most ten, the best first. Empty if every place puts the part through something.
+        At most ten, the best first. Empty if every position puts the part through something.
 
     Raises
     ------
     RobotError
         If a range is none.
     """
-    check_count("draws", draws, 1)
-    first = next(iter(cell.fixturings.values())).part2base
-    corners = np.asarray(solid.bounds, dtype=np.float64)
-    middle = first[:3, :3] @ corners.mean(axis=0) + first[:3, 3]
-    height = (middle[2], middle[2]) if z is None else z
-    ranges = [_range("x", x), _range("y", y), _range("z", height)]
-    inside = cell.with_part(solid, check=False)
-    drawn = np.random.default_rng(rng).random((draws, 4))
-    found: list[Placement] = []
-    for done, shares in enumerate(drawn):
-        centre = np.array(
-            [low + share * (high - low) for share, (low, high) in zip(shares, ranges, strict=False)]
+    search = PlacementSearch(plan, solid, cell, (x, y, z))
+    return search.run(draws, rng)
+
+
+class PlacementSearch:
+    """What `propose_placements` does, with its progress.
+
+    Parameters
+    ----------
+    plan, solid, cell
+        As `propose_placements` takes them.
+    ranges : sequence of sequence of float
+        Its `x`, `y` and `z`.
+    """
+
+    def __init__(
+        self, plan: Any, solid: Solid, cell: Cell, ranges: Sequence[Sequence[float] | None]
+    ) -> None:
+        self._plan = plan
+        first = next(iter(cell.fixturings.values())).part2base
+        corners = np.asarray(solid.bounds, dtype=np.float64)
+        self._middle = carry(first, corners.mean(axis=0)[None])[0]
+        height = (self._middle[2], self._middle[2])
+        x, y, z = ranges
+        self._ranges = np.array(
+            [_range("x", x), _range("y", y), _range("z", height if z is None else z)]
         )
-        motion = _motion(middle, centre, 2 * np.pi * float(shares[3]))
-        placement = _tried(inside.moved(motion), plan, centre, 360.0 * float(shares[3]))
-        if placement is not None:
-            found.append(placement)
-            found.sort(key=_worth)
-            del found[_KEPT:]
-        if progress is not None:
-            progress(done + 1, draws, "places of the part")
-    return tuple(found)
+        self._inside = cell.with_part(solid, check=False)
+
+    def run(
+        self, draws: int, rng: int, progress: Callable[[int, int, str], object] | None = None
+    ) -> tuple[Placement, ...]:
+        """Return the best placements, and call ``progress(done, total, label)`` on the way."""
+        check_count("draws", draws, 1)
+        low, high = self._ranges.T
+        found: list[Placement] = []
+        for done, shares in enumerate(np.random.default_rng(rng).random((draws, 4)), start=1):
+            centre = low + shares[:3] * (high - low)
+            motion = _motion(self._middle, centre, 2 * np.pi * float(shares[3]))
+            turn_deg = 360.0 * float(shares[3])
+            placement = _tried(self._inside.moved(motion), self._plan, centre, turn_deg)
+            if placement is not None:
+                found.append(placement)
+                found.sort(key=_worth)
+                del found[_KEPT:]
+            if progress is not None:
+                progress(done, draws, "positions of the part")
+        return tuple(found)
 
 
 def _range(name: str, value: Any) -> tuple[float, float]:
     try:
         low, high = (float(number) for number in value)
     except (TypeError, ValueError):
-        low, high = np.nan, np.nan
+        low = high = np.nan
     if not (np.isfinite([low, high]).all() and low <= high):
         raise RobotError.of_rule(name, "must be two finite numbers, the lower first", shown(value))
     return low, high

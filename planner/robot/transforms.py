@@ -35,9 +35,12 @@ def carry(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
 def from_rpy(xyz: np.ndarray, rpy: np.ndarray) -> np.ndarray:
     """Return a pose (4, 4) of URDF's numbers: turned about fixed x, then y, then z, then shifted."""
     roll, pitch, yaw = (float(angle) for angle in rpy)
-    cr, sr = np.cos(roll), np.sin(roll)
-    cp, sp = np.cos(pitch), np.sin(pitch)
-    cy, sy = np.cos(yaw), np.sin(yaw)
+    cr = np.cos(roll)
+    sr = np.sin(roll)
+    cp = np.cos(pitch)
+    sp = np.sin(pitch)
+    cy = np.cos(yaw)
+    sy = np.sin(yaw)
     pose = np.eye(4)
     pose[:3, :3] = [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

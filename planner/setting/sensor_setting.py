@@ -62,9 +62,9 @@ class SensorSetting:
     joints : tuple of float
         Joints (6,) of the robot, rad, in plans for a robot cell; otherwise empty.
     arm : dict of str to float
-        In plans for a robot cell: ``clearance_robot_mm``, the distance of the closest two bodies,
-        ``to_limit_rad``, that of the joints from their limits, and ``singular_value``, the smallest
-        of the Jacobian with lengths divided by 500 mm.
+        In plans for a robot cell. ``clearance_robot_mm`` is the distance of the closest two
+        objects, ``to_limit_rad`` that of the joints from their limits. ``singular_value`` is the
+        smallest of the Jacobian with lengths divided by 500 mm.
     """
 
     cam2world: np.ndarray

@@ -36,7 +36,7 @@ def add_reach(reach: argparse.ArgumentParser) -> None:
     placing.add_argument(
         "--place",
         action="store_true",
-        help="draw other places of the part, and print those from which the robot reaches most",
+        help="draw other positions of the part, and print those from which the robot reaches most",
     )
     placing.add_argument(
         "--within",
@@ -47,8 +47,8 @@ def add_reach(reach: argparse.ArgumentParser) -> None:
         "the robot, mm (default: before the robot, at the height of the cell file)",
     )
     placing.add_argument(
-        "--draws", type=whole, default=300, metavar="N", help="with --place: places to try"
+        "--draws", type=whole, default=300, metavar="N", help="with --place: positions to try"
     )
-    add_seed(placing, "same seed, same places")
+    add_seed(placing, "same seed, same positions")
     add_reading(reach)
     add_messages(reach)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from planner.plan import InspectionPlan, read_plan
 from planner.progress import terminal_progress
 from planner.progress.text_table import Column, print_table, print_text
 from planner.records.json_file import print_json
-from planner.robot import Cell, Placement, Reachability, propose_placements
+from planner.robot import Cell, Placement, Reachability
+from planner.robot.placement import PlacementSearch
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -79,17 +80,10 @@ def _print_first_flange(told: Reachability, cell: Cell) -> None:
 
 
 def _placed(options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
-    """Print places of the part."""
+    """Print positions of the part."""
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
-        found = propose_placements(
-            plan,
-            solid,
-            cell,
-            **_box(options.within, cell),
-            draws=options.draws,
-            rng=options.seed,
-            progress=progress,
-        )
+        search = PlacementSearch(plan, solid, cell, _ranges(options.within, cell))
+        found = search.run(options.draws, options.seed, progress)
     if options.json:
         print_json([one.to_dict() for one in found])
     else:
@@ -100,7 +94,7 @@ def _placed(options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cel
 def _print_places(found: tuple[Placement, ...], count: int) -> None:
     """Print the best places, and the first as lines of a cell file."""
     if not found:
-        print_text("no place was found: each puts the part through something")
+        print_text("no position was found: each puts the part through something")
         return
     columns = (
         Column("middle of the part (mm)"),
@@ -125,10 +119,10 @@ def _print_places(found: tuple[Placement, ...], count: int) -> None:
         print(f"part2base = {pose}  # {name}")
 
 
-def _box(corners: list[float] | None, cell: Cell) -> dict[str, Any]:
-    """Return the ranges of places."""
+def _ranges(corners: list[float] | None, cell: Cell) -> list[tuple[float, float] | None]:
+    """Return the ranges of positions along x, y and z; None: the height of the cell file."""
     if corners is not None:
-        return {axis: (corners[k], corners[k + 3]) for k, axis in enumerate("xyz")}
+        return [(corners[k], corners[k + 3]) for k in range(3)]
     longest = float(cell.robot.chain.reach_mm()[0])
     sideways = _SIDEWAYS * longest
-    return {"x": (_NEAREST * longest, _FARTHEST * longest), "y": (-sideways, sideways)}
+    return [(_NEAREST * longest, _FARTHEST * longest), (-sideways, sideways), None]

@@ -43,7 +43,7 @@ CASES = {
     "mesh in mm": (
         MESH,
         MESH.replace('"0.016', '"300'),
-        "a body that is 300 m long; is its mesh in mm",
+        "a solid that is 300 m long; is its mesh in mm",
     ),
     "no package": ("made_robots", "other", "must name the folder of package 'other'"),
     "no mesh": (
@@ -73,7 +73,7 @@ CASES = {
     ),
     "no geometry": (MESH, "", "must have a mesh, box, cylinder or sphere in link 'link_6'"),
     "negative box": (MESH, '<box size="1 -1 1"/>', "positive size for box of link 'link_6'"),
-    "flat": (MESH, MESH.replace("0.016", "0"), "link 'link_6' must be a body with a volume"),
+    "flat": (MESH, MESH.replace("0.016", "0"), "link 'link_6' must be a solid with a volume"),
 }
 
 

@@ -1,0 +1,222 @@
+"""Plans for a robot cell: all settings are reached, and a cell that forbids nothing changes no bit."""
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from robot_cells import CAM2FLANGE, CAMERA_BODY, TABLE, made_cell, made_robot, pose
+from scipy.spatial.transform import Rotation
+
+from aspectgraph import read_solid
+from planner import (
+    BoxRegion,
+    Camera,
+    Cell,
+    Effort,
+    Fixturing,
+    InspectionPlan,
+    PoseUncertainty,
+    ReasonKind,
+    RequestError,
+    RobotError,
+    plan_inspection,
+)
+from planner.steps.reached_settings import fewest_fixturings
+
+CAMERA = Camera.named("basler-acA2440-20gm-8mm")
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+EFFORT = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+EDGES = {
+    "left": [[60, 20, 10], [60, 40, 10]],
+    "back": [[20, 60, 10], [40, 60, 10]],
+    "corner": [[0, 0, 0], [0, 0, 40]],
+}
+OVER = Rotation.from_euler("x", 180, degrees=True).as_matrix()
+
+
+@pytest.fixture(scope="module")
+def block():
+    return read_solid("examples/two_pocket_block.off")
+
+
+def planned(block, entities=EDGES, **options):
+    return plan_inspection(
+        block, entities, CAMERA, UNCERTAINTY, accuracy=0.95, effort=EFFORT, **options
+    )
+
+
+def apart_from_the_arm(plan):
+    """Return what a plan says, without what only a cell adds."""
+    data = plan.to_dict()
+    del data["version"], data["request"]
+    data.pop("cell", None)
+    for one in data["settings"]:
+        for name in ("fixturing", "joints", "arm"):
+            one.pop(name, None)
+    order = sorted(range(len(data["settings"])), key=lambda k: data["settings"][k]["cam2world"])
+    data["settings"] = [data["settings"][k] for k in order]
+    return data
+
+
+class EveryPose:
+    """A cell that forbids nothing."""
+
+    state_name = "every pose"
+
+    def with_part(self, solid):
+        return self
+
+    def inspectable(self, cam2world, segments, owner, wanted):
+        return wanted.copy()
+
+    def placed(self, cam2world, segments):
+        return {}
+
+    def to_dict(self):
+        return {"robot": "any", "digest": "0", "fixturings": {}}
+
+
+EveryPose.__name__ = "Cell"
+
+
+@pytest.fixture(scope="module")
+def free(block):
+    return planned(block)
+
+
+@pytest.fixture(scope="module")
+def celled(block):
+    fixturings = {"up": Fixturing(pose((600.0, 0.0, 0.0)), {"table": TABLE})}
+    cell = made_cell(fixturings=fixturings)
+    return cell, planned(block, cell=cell)
+
+
+def test_a_cell_that_forbids_nothing_changes_no_bit(block, free):
+    assert apart_from_the_arm(planned(block, cell=EveryPose())) == apart_from_the_arm(free)
+
+
+def test_every_setting_is_reached_without_collision(block, celled):
+    cell, plan = celled
+    assert plan.complete
+    told = cell.reachability(plan, block)
+    assert told.complete
+    inside = cell.with_part(block)
+    for setting in plan.settings:
+        q = np.array([setting.joints])
+        assert inside.free(q, setting.fixturing).all()
+        camera = inside.cam2world(q, setting.fixturing)[0]
+        np.testing.assert_allclose(camera, setting.cam2world, atol=1e-3)
+        assert setting.arm["clearance_robot_mm"] == inside.clearance(q[0], setting.fixturing).mm
+        assert setting.arm["to_limit_rad"] == cell.robot.to_limit_rad(q)[0]
+        assert setting.arm["singular_value"] == pytest.approx(cell.robot.singular_value(q)[0])
+
+
+def test_the_bound_is_proven_without_the_cell(free, celled):
+    assert celled[1].lower_bound == free.lower_bound
+    assert len(celled[1].settings) >= free.lower_bound
+
+
+def test_a_plan_for_a_cell_comes_back_from_its_file(celled, tmp_path):
+    plan = celled[1]
+    plan.write(tmp_path / "plan.json")
+    again = InspectionPlan.read(tmp_path / "plan.json")
+    assert again.to_dict() == plan.to_dict()
+    assert again.to_dict()["version"] == 3
+    assert again.cell == celled[0].to_dict()
+    assert again.settings == plan.settings
+
+
+def test_processes_plan_the_same(block, celled):
+    cell, plan = celled
+    with ProcessPoolExecutor(2) as executor:
+        other = planned(block, cell=cell, executor=executor)
+    assert other.to_dict() == plan.to_dict()
+
+
+def test_a_target_that_only_the_other_side_shows_needs_the_other_fixturing(block):
+    bottom = {"below": [[0, 0, 0], [80, 0, 0]], "above": [[60, 20, 10], [60, 40, 10]]}
+    shelf = {"table": TABLE}
+    up = Fixturing(pose((600.0, 0.0, 0.0)), shelf)
+    over = Fixturing(pose((600.0, 80.0, 40.0), OVER), shelf)
+    both = planned(block, bottom, cell=made_cell(fixturings={"up": up, "turned over": over}))
+    assert both.complete
+    by_target = {name: one.fixturing for one in both.settings for name in one.entities}
+    assert by_target["above"] == "up"
+    fixturings = [one.fixturing for one in both.settings]
+    # one after the other
+    assert fixturings == sorted(fixturings, key=fixturings.index)
+
+
+def test_what_is_out_of_reach_says_what_is_in_the_way(block):
+    far = {"far": Fixturing(pose((3000.0, 0.0, 0.0)))}
+    plan = planned(block, {"left": EDGES["left"]}, cell=made_cell(fixturings=far))
+    assert not plan.settings
+    reason = plan.uninspectable["left"]
+    assert reason.kind == ReasonKind.OUT_OF_REACH
+    assert "the robot reaches no tried pose that meets all else for left" in reason
+    assert "beyond the arm's reach (" in reason
+    assert "in 'far'" in reason
+
+
+def test_a_region_and_a_cell_go_together(block, celled):
+    region = BoxRegion((-500.0, -500.0, 0.0), (500.0, 500.0, 350.0))
+    plan = planned(block, {"left": EDGES["left"]}, cell=celled[0], reach=region)
+    assert plan.complete
+    assert region.margin(np.array([one.position for one in plan.settings])).min() >= 0
+
+
+def test_a_cell_must_be_one(block):
+    with pytest.raises(RequestError, match="cell must be a Cell"):
+        planned(block, cell=made_robot("made_wrist"))
+
+
+def test_a_part_through_the_table_is_refused_before_the_work(block):
+    through = {"up": Fixturing(pose((600.0, 0.0, -20.0)), {"table": TABLE})}
+    with pytest.raises(RobotError, match="part2base must not put the part through other bodies"):
+        planned(block, cell=made_cell(fixturings=through))
+
+
+def test_another_cell_is_another_request(block, celled, tmp_path):
+    state = tmp_path / "state.json"
+    cell = celled[0]
+    first = planned(block, {"left": EDGES["left"]}, cell=cell, state=state)
+    assert (
+        planned(block, {"left": EDGES["left"]}, cell=cell, state=state).settings == first.settings
+    )
+    other = Cell(
+        cell.robot,
+        CAM2FLANGE,
+        camera_body=CAMERA_BODY,
+        clearance_mm=11.0,
+        fixturings=cell.fixturings,
+    )
+    with pytest.raises(ValueError, match="cell changed"):
+        planned(block, {"left": EDGES["left"]}, cell=other, state=state)
+
+
+@pytest.mark.parametrize(
+    ("ways", "chosen"),
+    [
+        ([], ()),
+        ([{"a", "b"}, {"b"}, {"b", "c"}], ("b",)),
+        ([{"a"}, {"b"}, {"a", "b"}], ("a", "b")),
+        ([{"b", "a"}, {"a", "b"}], ("a",)),
+        ([{"a"}, set()], ("a",)),
+    ],
+)
+def test_the_fewest_fixturings_are_chosen(ways, chosen):
+    assert fewest_fixturings(ways) == chosen
+
+
+def test_of_many_fixturings_some_are_chosen():
+    ways = [{f"w{k}", "common" if k % 2 else f"v{k}"} for k in range(20)]
+    chosen = fewest_fixturings(ways)
+    assert all(names.intersection(chosen) for names in ways)
+    assert "common" in chosen
+
+
+def test_settings_without_a_cell_have_no_joints(free):
+    assert {(one.fixturing, one.joints) for one in free.settings} == {("", ())}
+    assert "cell" not in free.to_dict()
+    assert replace(free, cell={}).to_dict() == free.to_dict()
