@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from real_parts import real_part
 
 from aspectgraph import read_dimensions, read_solid
 from aspectgraph.dimensions.features import Attachments
@@ -131,3 +132,19 @@ def test_a_part_of_nist_states_the_zone_of_its_holes():
     assert (hole.tolerance, hole.places) == ("profile", False)
     assert hole.width_mm == pytest.approx(0.010 * inch)
     assert not any(zone and zone.tolerance == "flatness" for own in zones.values() for zone in own)
+
+
+@pytest.mark.parametrize(
+    ("part", "hole", "zone"),
+    [
+        ("nist_ctc_02_ap242.stp", "Linear Size.4", ("flatness", 0.05, True)),
+        ("nist_ctc_02_ap242.stp", "Linear Size.6", ("profile", 0.1, False)),
+        ("nist_d2mi_827-9999-904.stp", "Hole Dimension (193)", ("profile", 0.016 * 25.4, True)),
+    ],
+)
+def test_larger_parts_state_the_zones_of_their_drawings(part, hole, zone):
+    """The face of datum A of CTC 02 is flat to 0.05 mm; D2MI has a profile of .016 in all over."""
+    path = real_part(part)
+    (found,) = {one.name: one.surfaces for one in read_dimensions(path, read_solid(path))}[hole]
+    assert (found.tolerance, found.places) == (zone[0], zone[2])
+    assert found.width_mm == pytest.approx(zone[1])
