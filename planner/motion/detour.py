@@ -80,18 +80,20 @@ class Detours:
         effort: DetourEffort | None = None,
     ):
         self._space = space
-        self._rates = rates
+        self.rates = rates
         self._keep_mm = keep_mm
         self._effort = effort or DetourEffort()
 
-    def find(self, start: np.ndarray, end: np.ndarray, seed: int = 0) -> np.ndarray | None:
+    def find(
+        self, start: np.ndarray, end: np.ndarray, seed: int | list[int] = 0
+    ) -> np.ndarray | None:
         """Return joints (m, k) from start to end, proven free in between; None if no way is found.
 
         Parameters
         ----------
         start, end : array (k,)
             Joints, rad.
-        seed : int
+        seed : int or list of int
             Of the random joints.
         """
         rng = np.random.default_rng(seed)
@@ -176,7 +178,7 @@ class Detours:
 
     def seconds(self, way: np.ndarray) -> float:
         """Return the time of a way (m, k) with a stop at each of its joints."""
-        return float(move_times(way[:-1], way[1:], self._rates).sum())
+        return float(move_times(way[:-1], way[1:], self.rates).sum())
 
 
 def _without_repeats(way: np.ndarray) -> np.ndarray:

@@ -1,0 +1,177 @@
+"""The shortest round whose moves are all proven free: checked only where the round goes.
+
+Times begin as those of straight moves. The moves of the shortest round are checked; a blocked one
+gets a way around, and its time; then the round is found again, until it holds checked moves only.
+Ways around only take longer, so the last round is the shortest of all that were compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.motion.detour import Detours
+from planner.motion.move_time import JointRates, move_times
+from planner.motion.program_record import Move
+from planner.motion.tour import Tour, shortest_tour
+
+_BLOCKED_S = 1e6
+# place and branch at both ends of a move
+_Leg = tuple[int, int, int, int]
+
+
+class CheckedTour(NamedTuple):
+    """A round of moves that are proven free.
+
+    Attributes
+    ----------
+    order : tuple of int
+        The settings, from 0, in the order of the visits.
+    branches : tuple of int
+        The branch in each of them.
+    moves : tuple of Move
+        From home to the first, from each to the next, and back.
+    dropped : tuple of int
+        Settings that no free way was found to.
+    """
+
+    order: tuple[int, ...]
+    branches: tuple[int, ...]
+    moves: tuple[Move, ...]
+    dropped: tuple[int, ...]
+
+
+def straight_costs(
+    home: np.ndarray, branches: Sequence[np.ndarray], rates: JointRates
+) -> np.ndarray:
+    """Return the times of straight moves between all branches, as `shortest_tour` takes them.
+
+    Parameters
+    ----------
+    home : array (k,)
+        Joints, rad.
+    branches : sequence of array (b, k)
+        The branches of each setting, at least one.
+    rates : JointRates
+        Of the robot.
+
+    Returns
+    -------
+    array (n + 1, n + 1, b, b)
+        Seconds; inf for branches that a setting does not have.
+    """
+    n = len(branches) + 1
+    most = max((len(group) for group in branches), default=1)
+    joints = np.full((n, most, len(home)), np.nan)
+    joints[0, 0] = home
+    for place, group in enumerate(branches, 1):
+        joints[place, : len(group)] = group
+    known = ~np.isnan(joints[..., 0])
+    usable = known[:, None, :, None] & known[None, :, None, :]
+    filled = np.where(np.isnan(joints), 0.0, joints)
+    times = move_times(filled[:, None, :, None], filled[None, :, None, :], rates)
+    return np.where(usable, times, np.inf)
+
+
+class TourChecker:
+    """Finds the round through settings in one fixturing.
+
+    Parameters
+    ----------
+    detours : Detours
+        Checks moves, and finds ways around.
+    home : array (k,)
+        Joints at which the round begins and ends, rad.
+    branches : sequence of array (b, k)
+        The branches of each setting, at least one.
+    penalties : array (n, b)
+        Seconds by which a branch must be quicker than another one to be preferred.
+    seed : int
+        Of the ways around.
+    """
+
+    def __init__(
+        self,
+        detours: Detours,
+        home: np.ndarray,
+        branches: Sequence[np.ndarray],
+        penalties: np.ndarray,
+        seed: int = 0,
+    ):
+        self._detours = detours
+        self._joints = [home[None], *branches]
+        self._costs = straight_costs(home, branches, detours.rates)
+        self._penalties = np.zeros(self._costs.shape[1:3])
+        self._penalties[1:] = penalties / 2
+        self._moves: dict[_Leg, Move | None] = {}
+        self._left = list(range(len(branches)))
+        self._seed = seed
+
+    def run(self) -> CheckedTour:
+        """Return the round; settings without a free way are dropped one by one."""
+        while self._left:
+            tour = self._tour()
+            legs = self._legs(tour)
+            unchecked = [leg for leg in legs if leg not in self._moves]
+            for leg in unchecked:
+                self._check(leg)
+            if unchecked:
+                continue
+            blocked = [leg for leg in legs if self._moves[leg] is None]
+            if not blocked:
+                order = tuple(self._left[k] for k in tour.order)
+                return CheckedTour(order, tour.branches, self._driven(legs), self._dropped)
+            self._left.remove(self._worst(blocked))
+        return CheckedTour((), (), (), self._dropped)
+
+    @property
+    def _dropped(self) -> tuple[int, ...]:
+        return tuple(k for k in range(len(self._joints) - 1) if k not in self._left)
+
+    def _tour(self) -> Tour:
+        """Return the shortest round through the settings that are left, by the times known."""
+        places = [0, *(k + 1 for k in self._left)]
+        chosen = np.ix_(places, places)
+        penalties = self._penalties[places]
+        extra = penalties[:, None, :, None] + penalties[None, :, None, :]
+        return shortest_tour(self._costs[chosen] + extra)
+
+    def _legs(self, tour: Tour) -> list[_Leg]:
+        places = [(0, 0)]
+        places += [
+            (self._left[k] + 1, branch) for k, branch in zip(tour.order, tour.branches, strict=True)
+        ]
+        places.append((0, 0))
+        return [(*first, *last) for first, last in pairwise(places)]
+
+    def _check(self, leg: _Leg) -> None:
+        """Find the move of a leg and of the one back."""
+        first, branch, last, branch_there = leg
+        if first > last:
+            # both directions are one way
+            self._check((last, branch_there, first, branch))
+            return
+        start = self._joints[first][branch]
+        end = self._joints[last][branch_there]
+        way = np.array([start, end])
+        if not self._detours.is_free(start, end):
+            seed = [self._seed, *leg]
+            found = self._detours.find(start, end, seed)
+            way = way[:0] if found is None else found
+        back = (last, branch_there, first, branch)
+        seconds = self._detours.seconds(way) if len(way) else _BLOCKED_S
+        self._moves[leg] = Move(way, seconds) if len(way) else None
+        self._moves[back] = Move(way[::-1], seconds) if len(way) else None
+        self._costs[first, last, branch, branch_there] = seconds
+        self._costs[last, first, branch_there, branch] = seconds
+
+    def _worst(self, blocked: list[_Leg]) -> int:
+        """Return the setting at most blocked moves; of several the last one."""
+        ends = [place for leg in blocked for place in (leg[0], leg[2]) if place > 0]
+        return max(set(ends), key=lambda place: (ends.count(place), place)) - 1
+
+    def _driven(self, legs: list[_Leg]) -> tuple[Move, ...]:
+        return tuple(move for leg in legs if (move := self._moves[leg]) is not None)

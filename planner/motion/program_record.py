@@ -1,0 +1,261 @@
+"""A robot program as data: per fixturing the round, its moves and stops; no maker's language."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from planner.motion.move_time import JointRates
+
+FORMAT = "aspectgraph robot program"
+VERSION = 1
+_UNITS = {"joints": "rad", "time": "s", "length": "mm"}
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """Straight joint moves from one stop to the next, each proven free.
+
+    Attributes
+    ----------
+    joints : array (m, k)
+        Joints from start to end, rad: two rows, or more if the move is a detour.
+    seconds : float
+        Time of the whole move, with a stop at each row.
+    """
+
+    joints: np.ndarray
+    seconds: float
+
+    def __post_init__(self) -> None:
+        joints = np.array(self.joints, dtype=np.float64)
+        joints.setflags(write=False)
+        object.__setattr__(self, "joints", joints)
+
+    @property
+    def is_detour(self) -> bool:
+        """Whether the straight move is blocked, so that this one goes around."""
+        return len(self.joints) > 2
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """What is known of the arm at a stop.
+
+    Attributes
+    ----------
+    clearance_mm : float
+        Distance of the closest two bodies.
+    closest : (str, str)
+        These bodies.
+    to_limit_rad : float
+        Least distance of a joint from its limits.
+    singular_value : float
+        Smallest singular value of the Jacobian, lengths divided by 500 mm. Near 0 the arm is
+        singular.
+    """
+
+    clearance_mm: float
+    closest: tuple[str, str]
+    to_limit_rad: float
+    singular_value: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain values, ready for JSON."""
+        return {
+            "clearance_mm": self.clearance_mm,
+            "closest": list(self.closest),
+            "to_limit_rad": self.to_limit_rad,
+            "singular_value": self.singular_value,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """A setting of the plan, and the move that leads to it.
+
+    Attributes
+    ----------
+    setting_idx : int
+        Index of the setting in the plan, from 0. Its image is named after it.
+    move : Move
+        The way there; the last row holds the joints of the stop.
+    arm : ArmState
+        Distances, limits and singularity there.
+    covariance : array (6, 6) or None
+        Covariance of the camera's pose with this arm, as `PoseUncertainty` has it; None if the
+        uncertainty of the arm was not given.
+    probability : dict of str to float
+        P of each target of the setting with this covariance; empty without.
+    """
+
+    setting_idx: int
+    move: Move
+    arm: ArmState
+    covariance: np.ndarray | None = None
+    probability: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def joints(self) -> np.ndarray:
+        """Joints (k,) of the stop, rad."""
+        return self.move.joints[-1]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the stop as plain values, ready for JSON; ``setting`` counts from 1."""
+        found: dict[str, Any] = {
+            "setting": self.setting_idx + 1,
+            "joints": self.joints.tolist(),
+            "move": _move_dict(self.move),
+            "arm": self.arm.to_dict(),
+        }
+        if self.covariance is not None:
+            found["covariance"] = self.covariance.tolist()
+            found["probability"] = dict(self.probability)
+        return found
+
+
+def _move_dict(move: Move) -> dict[str, Any]:
+    return {"seconds": move.seconds, "joints": move.joints.tolist()}
+
+
+@dataclass(frozen=True, eq=False)
+class FixturedTour:
+    """The round through the settings of one fixturing, from home to home.
+
+    Attributes
+    ----------
+    fixturing : str
+        Name of the fixturing in the cell.
+    stops : tuple of Stop
+        In the order of the visits.
+    back : Move
+        From the last stop to home.
+    """
+
+    fixturing: str
+    stops: tuple[Stop, ...]
+    back: Move
+
+    @property
+    def moves(self) -> tuple[Move, ...]:
+        """All moves, the way back last."""
+        return (*(stop.move for stop in self.stops), self.back)
+
+    @property
+    def seconds(self) -> float:
+        """Time of all moves."""
+        return sum(move.seconds for move in self.moves)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the round as plain values, ready for JSON."""
+        return {
+            "fixturing": self.fixturing,
+            "seconds": self.seconds,
+            "stops": [stop.to_dict() for stop in self.stops],
+            "back": _move_dict(self.back),
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RobotProgram:
+    """What a robot drives to take the images of a plan.
+
+    **Guarantee.** Every row of joints is within the limits. Every move between two rows is straight
+    in joints and keeps at least ``keep_mm`` between all bodies of the cell's model, proven and not
+    only checked at steps. Each setting that is not in ``unreached`` is visited once.
+
+    Attributes
+    ----------
+    part, robot : str
+        Names of the part and of the robot.
+    joint_names : tuple of str
+        The joints, in the order of all rows.
+    home : array (k,)
+        Joints at which each round begins and ends, rad.
+    tours : tuple of FixturedTour
+        One round for each fixturing, in the order of the cell.
+    rates : JointRates
+        Speeds and accelerations of the joints, with ``speed`` applied.
+    speed : float
+        Share of the robot's largest joint speeds.
+    keep_mm : float
+        Distance that all bodies keep on the moves, mm.
+    unreached : mapping of int to str
+        Index of each setting that is not visited, from 0, and the reason.
+    coverage : tuple of int
+        Number of settings that one fixturing reaches, that two reach, and so on.
+    digests : mapping of str to str
+        Digests of plan, part and cell.
+    warnings : tuple of str
+        What to look at before driving.
+    """
+
+    part: str
+    robot: str
+    joint_names: tuple[str, ...]
+    home: np.ndarray
+    tours: tuple[FixturedTour, ...]
+    rates: JointRates
+    speed: float
+    keep_mm: float
+    unreached: Mapping[int, str]
+    coverage: tuple[int, ...]
+    digests: Mapping[str, str]
+    warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        names = ", ".join(tour.fixturing for tour in self.tours)
+        missing = f", {len(self.unreached)} not reached" if self.unreached else ""
+        return (
+            f"<RobotProgram of {self.part!r} for {self.robot!r}: {self.n_stops} settings{missing}, "
+            f"fixturings {names or 'none'}, moves {self.seconds:.1f} s>"
+        )
+
+    @property
+    def n_stops(self) -> int:
+        """Number of settings that are visited."""
+        return sum(len(tour.stops) for tour in self.tours)
+
+    @property
+    def seconds(self) -> float:
+        """Time of all moves; settling, images and the change of fixturings come on top."""
+        return sum(tour.seconds for tour in self.tours)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every setting of the plan is visited."""
+        return not self.unreached
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the program as plain Python values, ready for JSON.
+
+        Returns
+        -------
+        dict
+            With format, version and units. Settings count from 1, as in the names of images.
+        """
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "units": dict(_UNITS),
+            "part": self.part,
+            "robot": self.robot,
+            "digests": dict(self.digests),
+            "joint_names": list(self.joint_names),
+            "home": self.home.tolist(),
+            "speed": self.speed,
+            "rates": {
+                "speeds": self.rates.speeds.tolist(),
+                "accelerations": self.rates.accelerations.tolist(),
+            },
+            "keep_mm": self.keep_mm,
+            "seconds": self.seconds,
+            "coverage": list(self.coverage),
+            "unreached": {str(k + 1): why for k, why in self.unreached.items()},
+            "warnings": list(self.warnings),
+            "tours": [tour.to_dict() for tour in self.tours],
+        }
