@@ -94,3 +94,54 @@ def leading_axis(start: np.ndarray, end: np.ndarray, rates: JointRates) -> Leadi
     cruise = float((distances / rates.speeds).max())
     square = float((distances / rates.accelerations).max())
     return LeadingAxis(largest / cruise, largest / square)
+
+
+class Profile(NamedTuple):
+    """A straight joint move in time: between its instants the acceleration is constant.
+
+    Attributes
+    ----------
+    seconds : array (m,)
+        Instants from 0; three for a triangle of speed, four for a trapezoid.
+    shares : array (m,)
+        Share of the way that is driven.
+    rates : array (m,)
+        How fast this share grows, 1/s; 0 at both ends.
+    """
+
+    seconds: np.ndarray
+    shares: np.ndarray
+    rates: np.ndarray
+
+
+def profile(start: np.ndarray, end: np.ndarray, rates: JointRates) -> Profile:
+    """Return how a straight joint move runs from rest to rest.
+
+    Parameters
+    ----------
+    start, end : array (k,)
+        Joints, rad; they differ.
+    rates : JointRates
+        Of the robot.
+
+    Returns
+    -------
+    Profile
+        It ends after the time that `move_times` says.
+    """
+    distances = np.abs(np.asarray(end) - np.asarray(start))
+    cruise = float((distances / rates.speeds).max())
+    square = float((distances / rates.accelerations).max())
+    total = float(move_times(start, end, rates))
+    if cruise * cruise < square:
+        peak = 2.0 / total
+        return Profile(
+            np.array([0.0, total / 2, total]), np.array([0.0, 0.5, 1.0]), np.array([0.0, peak, 0.0])
+        )
+    rising = square / cruise
+    driven = rising / cruise / 2
+    return Profile(
+        np.array([0.0, rising, total - rising, total]),
+        np.array([0.0, driven, 1.0 - driven, 1.0]),
+        np.array([0.0, 1.0 / cruise, 1.0 / cruise, 0.0]),
+    )

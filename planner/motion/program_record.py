@@ -12,7 +12,7 @@ from planner.motion.move_time import JointRates
 
 FORMAT = "aspectgraph robot program"
 VERSION = 1
-_UNITS = {"joints": "rad", "time": "s", "length": "mm"}
+_UNITS = {"joints": "rad", "time": "s", "length": "mm", "flange": "tip to base"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +85,8 @@ class Stop:
         The way there; the last row holds the joints of the stop.
     arm : ArmState
         Distances, limits and singularity there.
+    flange : array (4, 4)
+        Pose of the robot's tip in its base, mm, to compare with the controller.
     covariance : array (6, 6) or None
         Covariance of the camera's pose with this arm, as `PoseUncertainty` has it; None if the
         uncertainty of the arm was not given.
@@ -95,6 +97,7 @@ class Stop:
     setting_idx: int
     move: Move
     arm: ArmState
+    flange: np.ndarray
     covariance: np.ndarray | None = None
     probability: Mapping[str, float] = field(default_factory=dict)
 
@@ -108,6 +111,7 @@ class Stop:
         found: dict[str, Any] = {
             "setting": self.setting_idx + 1,
             "joints": self.joints.tolist(),
+            "flange": self.flange.tolist(),
             "move": _move_dict(self.move),
             "arm": self.arm.to_dict(),
         }

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.motion.move_time import JointRates, leading_axis, move_times
+from planner.motion.move_time import JointRates, leading_axis, move_times, profile
 
 RATES = JointRates(np.array([1.0, 2.0]), np.array([4.0, 1.0]))
 
@@ -86,3 +86,21 @@ def test_as_ruckig_without_a_limit_on_jerk():
         start = np.array(given.current_position)
         end = np.array(given.target_position)
         assert move_times(start, end, rates) == pytest.approx(trajectory.duration, abs=1e-3)
+
+
+@pytest.mark.parametrize("turn", [[3.0, 0.5], [0.16, 0.1], [0.0, -6.0], [0.25, 0.0]])
+def test_the_profile_follows_from_its_accelerations(turn):
+    """Integrated between its instants, the speed gives the way; no joint exceeds its rates."""
+    turn = np.array(turn)
+    found = profile(np.zeros(2), turn, RATES)
+    pieces = np.diff(found.seconds)
+    assert found.seconds[-1] == pytest.approx(move_times(np.zeros(2), turn, RATES))
+    means = (found.rates[1:] + found.rates[:-1]) / 2
+    driven = np.concatenate([[0.0], np.cumsum(means * pieces)])
+    assert driven == pytest.approx(found.shares)
+    assert driven[-1] == pytest.approx(1.0)
+    speeds = np.abs(turn) * found.rates[:, None]
+    assert (speeds <= RATES.speeds * (1 + 1e-9)).all()
+    real = pieces > 0
+    grown = np.abs(np.diff(found.rates))[real] / pieces[real]
+    assert (np.abs(turn) * grown[:, None] <= RATES.accelerations * (1 + 1e-9)).all()

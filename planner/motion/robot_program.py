@@ -1,0 +1,315 @@
+"""From a plan to a robot program: fixturings, rounds of proven moves, uncertainty at each stop."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.argument_kinds import ABOVE_0_TO_1, check_count, check_kinds, check_number
+from planner.exceptions import InfeasibleError, RequestError
+from planner.identity.inspection_request import PartRecord
+from planner.motion.arm_uncertainty import ArmUncertainty
+from planner.motion.checked_tour import TourChecker, straight_costs
+from planner.motion.detour import Detours
+from planner.motion.fixturing_choice import choose_fixturings
+from planner.motion.move_time import JointRates
+from planner.motion.program_record import ArmState, FixturedTour, Move, RobotProgram, Stop
+from planner.motion.stated_probability import shortfalls, stated_probabilities
+from planner.motion.tour import shortest_tour
+from planner.progress import Progress, report
+from planner.records.json_file import encoded
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.plan import InspectionPlan
+    from planner.robot import Cell
+
+# moves keep this share of the distances that poses keep: near a pose at the limit, none could start
+_KEPT_SHARE = 0.5
+# by how much of its time a round may be longer to have branches with a better P
+_LONGER = 0.05
+# below these the report names a stop
+_NEAR_LIMIT_RAD = 0.05
+_NEAR_SINGULAR = 0.05
+
+
+@dataclass(frozen=True)
+class FixturedArm:
+    """The arm in one fixturing of a cell, as moves are checked in it.
+
+    Attributes
+    ----------
+    cell : Cell
+        With the part.
+    fixturing : str
+        One of its fixturings.
+    """
+
+    cell: Cell
+    fixturing: str
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Least joints (6,), rad."""
+        return self.cell.robot.lower
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Largest joints (6,), rad."""
+        return self.cell.robot.upper
+
+    @cached_property
+    def levers_mm(self) -> np.ndarray:
+        """Largest distance (6,) of any moving point from each axis, mm."""
+        return self.cell.levers_mm
+
+    def distance_bound(self, joints: np.ndarray, enough_mm: float) -> np.ndarray:
+        """Return how much farther apart than on a move required all bodies are, at least (n,), mm."""
+        return self.cell.slack_bound(joints, self.fixturing, enough_mm, share=_KEPT_SHARE)
+
+
+def robot_program(
+    plan: InspectionPlan,
+    solid: Solid,
+    cell: Cell,
+    *,
+    speed: float = 1.0,
+    uncertainty: ArmUncertainty | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> RobotProgram:
+    """Make the program that takes the images of a plan.
+
+    Each setting gets the joints and the fixturing in which the whole takes the least time, with the
+    fewest fixturings that reach all settings which can be reached. Every move is proven free.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan, made with this cell or without one.
+    solid : Solid
+        Its part.
+    cell : Cell
+        The robot cell; it must have a ``home``.
+    speed : float
+        Share of the robot's largest joint speeds, in (0, 1].
+    uncertainty : ArmUncertainty, optional
+        Of the joints, the hand-eye calibration and the registration. With it, the program states P
+        at each stop, and prefers the better branch where that costs at most 5 % of the time.
+    seed : int
+        Of the ways around obstacles.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+
+    Returns
+    -------
+    RobotProgram
+        Its ``unreached`` names the settings that the robot does not reach, with reasons.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule, the part is another one, or the cell has no ``home``.
+    RobotError
+        If a fixturing puts the part through something.
+    InfeasibleError
+        If no setting is reached.
+    """
+    check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"), cell=(cell, "Cell"))
+    check_number("speed", speed, ABOVE_0_TO_1)
+    check_count("seed", seed, 0)
+    _check_part(plan, solid)
+    if cell.home is None:
+        hint = "programs begin and end there; Cell.with_home sets it"
+        raise RequestError.of_rule("cell.home", "must be given for a program", "none", hint=hint)
+    if not plan.settings:
+        raise RequestError.of_rule("plan", "must have settings", "none")
+    maker = _ProgramMaker(plan, cell.with_part(solid), speed, uncertainty, seed)
+    return maker.program(progress)
+
+
+def _check_part(plan: InspectionPlan, solid: Solid) -> None:
+    """Refuse a part that is not the plan's; plans of earlier versions do not know their part."""
+    planned = plan.request.get("part")
+    if planned is not None and planned["digest"] != PartRecord.of(solid).digest:
+        raise RequestError.of_rule("solid", "must be the part of the plan", "another shape")
+
+
+@dataclass(frozen=True)
+class _Reached:
+    """How a setting is reached in one fixturing."""
+
+    branches: np.ndarray
+    why: str
+    covariances: np.ndarray | None
+    probabilities: Sequence[Mapping[str, float]]
+    shortfalls: np.ndarray
+
+
+class _ProgramMaker:
+    """Makes the program of one plan in one cell."""
+
+    def __init__(
+        self,
+        plan: InspectionPlan,
+        cell: Cell,
+        speed: float,
+        uncertainty: ArmUncertainty | None,
+        seed: int,
+    ):
+        robot = cell.robot
+        self._plan = plan
+        self._cell = cell
+        self._home = np.array(cell.home, dtype=np.float64)
+        self._speed = speed
+        self._rates = JointRates(robot.speeds, robot.accelerations).scaled(speed)
+        self._uncertainty = uncertainty
+        self._seed = seed
+        self._names = list(cell.fixturings)
+        # reached[f][k]: setting k in fixturing f
+        self._reached: list[list[_Reached]] = []
+
+    def program(self, progress: Progress | None) -> RobotProgram:
+        """Return the program."""
+        steps = len(self._names)
+        for done, name in enumerate(self._names):
+            report(progress, done, 2 * steps, f"joints in fixturing {name}")
+            self._reached.append(self._reach(name))
+        table = np.array([[bool(len(one.branches)) for one in row] for row in self._reached]).T
+        choice = choose_fixturings(table, self._seconds)
+        unreached = {k: self._why_not(k) for k, f in enumerate(choice.of_setting) if f < 0}
+        if len(unreached) == len(self._plan.settings):
+            reasons = "; ".join(f"setting {k + 1}: {why}" for k, why in list(unreached.items())[:3])
+            raise InfeasibleError(f"the robot must reach a setting. Got none: {reasons}.")
+        tours = []
+        for f, name in enumerate(self._names):
+            report(progress, steps + f, 2 * steps, f"moves in fixturing {name}")
+            own = [k for k, chosen in enumerate(choice.of_setting) if chosen == f]
+            if own:
+                tours.append(self._tour(f, own, unreached))
+        report(progress, 2 * steps, 2 * steps, "robot program")
+        kept = tuple(tour for tour in tours if tour.stops)
+        return RobotProgram(
+            part=self._plan.part,
+            robot=self._cell.robot.name,
+            joint_names=tuple(joint.name for joint in self._cell.robot.joints),
+            home=self._home,
+            tours=kept,
+            rates=self._rates,
+            speed=self._speed,
+            keep_mm=_KEPT_SHARE * self._cell.clearance_mm,
+            unreached=dict(sorted(unreached.items())),
+            coverage=choice.coverage,
+            digests=self._digests(),
+            warnings=tuple(self._warnings(kept)),
+        )
+
+    def _reach(self, fixturing: str) -> list[_Reached]:
+        """Return by which joints the settings are reached in a fixturing."""
+        poses = np.array([setting.cam2world for setting in self._plan.settings])
+        found = self._cell.reach(poses, fixturing, all_branches=True)
+        return [self._rated(k, one.branches, one.why, fixturing) for k, one in enumerate(found)]
+
+    def _rated(self, k: int, branches: np.ndarray, why: str, fixturing: str) -> _Reached:
+        if self._uncertainty is None or not len(branches):
+            return _Reached(branches, why, None, (), np.zeros(len(branches)))
+        cell = self._cell
+        covariances = self._uncertainty.covariances(
+            cell.robot, branches, cell.cam2flange, cell.fixturings[fixturing].part2base
+        )
+        stated = stated_probabilities(self._plan, self._plan.settings[k], covariances)
+        return _Reached(branches, why, covariances, stated, shortfalls(stated))
+
+    def _seconds(self, f: int, settings: tuple[int, ...]) -> float:
+        """Return the time of a round of straight moves."""
+        branches = [self._reached[f][k].branches for k in settings]
+        return shortest_tour(straight_costs(self._home, branches, self._rates)).seconds
+
+    def _why_not(self, k: int) -> str:
+        reasons = {name: row[k].why for name, row in zip(self._names, self._reached, strict=True)}
+        if len(set(reasons.values())) == 1:
+            return next(iter(reasons.values()))
+        return ", ".join(f"{name}: {why}" for name, why in reasons.items())
+
+    def _tour(self, f: int, settings: list[int], unreached: dict[int, str]) -> FixturedTour:
+        """Return the round through settings in a fixturing; adds to ``unreached`` what has no free way."""
+        name = self._names[f]
+        reached = [self._reached[f][k] for k in settings]
+        branches = [one.branches for one in reached]
+        detours = Detours(FixturedArm(self._cell, name), self._rates)
+        penalties = self._penalties(reached, self._seconds(f, tuple(settings)))
+        tour = TourChecker(detours, self._home, branches, penalties, self._seed).run()
+        for i in tour.dropped:
+            unreached[settings[i]] = f"{name}: no way without collision was found"
+        stops = tuple(
+            self._stop(f, settings[i], branch, move)
+            for i, branch, move in zip(tour.order, tour.branches, tour.moves[:-1], strict=True)
+        )
+        back = tour.moves[-1] if stops else Move(np.array([self._home, self._home]), 0.0)
+        return FixturedTour(name, stops, back)
+
+    def _penalties(self, reached: Sequence[_Reached], seconds: float) -> np.ndarray:
+        """Return seconds (n, b) for branches with a smaller P; all of a round add up to 5 % of its time."""
+        most = max(len(one.branches) for one in reached)
+        found = np.zeros((len(reached), most))
+        for k, one in enumerate(reached):
+            found[k, : len(one.branches)] = one.shortfalls
+        return found * (_LONGER * seconds / len(reached))
+
+    def _stop(self, f: int, k: int, branch: int, move: Move) -> Stop:
+        name = self._names[f]
+        reached = self._reached[f][k]
+        joints = reached.branches[branch]
+        closest = self._cell.clearance(joints, name)
+        robot = self._cell.robot
+        state = ArmState(
+            closest.mm,
+            (closest.first, closest.second),
+            float(robot.to_limit_rad(joints[None])[0]),
+            float(robot.singular_value(joints[None])[0]),
+        )
+        flange = robot.forward(joints)
+        if reached.covariances is None:
+            return Stop(k, move, state, flange)
+        return Stop(
+            k, move, state, flange, reached.covariances[branch], reached.probabilities[branch]
+        )
+
+    def _digests(self) -> dict[str, str]:
+        text = json.dumps(encoded(self._plan.to_dict()), sort_keys=True)
+        digests = {"plan": hashlib.sha256(text.encode()).hexdigest()}
+        part = self._plan.request.get("part")
+        if part is not None:
+            digests["part"] = str(part["digest"])
+        digests["cell"] = self._cell.state_name
+        return digests
+
+    def _warnings(self, tours: Sequence[FixturedTour]) -> list[str]:
+        stops = sorted(
+            (stop for tour in tours for stop in tour.stops), key=lambda stop: stop.setting_idx
+        )
+        found = []
+        for stop in stops:
+            setting = f"setting {stop.setting_idx + 1}"
+            low = [
+                f"{name} {p:.3f}"
+                for name, p in stop.probability.items()
+                if p < self._plan.probability
+            ]
+            if low:
+                found.append(
+                    f"{setting}: P with this arm is below {self._plan.probability:g} for "
+                    f"{', '.join(low)}."
+                )
+            if stop.arm.to_limit_rad < _NEAR_LIMIT_RAD:
+                turn = np.degrees(stop.arm.to_limit_rad)
+                found.append(f"{setting}: a joint is {turn:.1f} degrees from its limit.")
+            if stop.arm.singular_value < _NEAR_SINGULAR:
+                found.append(f"{setting}: the arm is nearly singular.")
+        return found

@@ -1,0 +1,74 @@
+"""P of a setting's targets with the uncertainty that the arm has at this setting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.wanted.models import EdgeModels
+from planner.wanted.planned import PlannedLength
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
+    from planner.setting.sensor_setting import SensorSetting
+
+
+def stated_probabilities(
+    plan: InspectionPlan, setting: SensorSetting, covariances: np.ndarray
+) -> list[dict[str, float]]:
+    """Return P of the targets of a setting for several covariances of the camera's pose.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives targets, camera and accuracy.
+    setting : SensorSetting
+        One of its settings.
+    covariances : array (n, 6, 6)
+        As `PoseUncertainty` has them.
+
+    Returns
+    -------
+    list of dict of str to float
+        P by target for each covariance, given that the image shows the target.
+    """
+    return [_probabilities(plan, setting, PoseUncertainty(one)) for one in covariances]
+
+
+def _probabilities(
+    plan: InspectionPlan, setting: SensorSetting, uncertainty: PoseUncertainty
+) -> dict[str, float]:
+    means = replace(plan.means, pose_uncertainty=uncertainty)
+    targets = plan.targets
+    found = {}
+    for name in setting.entities:
+        target = targets[name]
+        if isinstance(target, PlannedLength):
+            own = replace(means, accuracy=target.accuracy)
+            model = EdgeModels(target.ends[None], own)
+            seen = model.probability_where(setting.cam2world[None], np.ones((1, 1), dtype=bool))
+            found[name] = float(seen[0])
+        else:
+            found[name] = float(target.describe(setting.cam2world, means).probability)
+    return found
+
+
+def shortfalls(probabilities: Sequence[dict[str, float]]) -> np.ndarray:
+    """Return how much worse each of several branches is than the best: 0 for the best, at most 1.
+
+    Parameters
+    ----------
+    probabilities : sequence of dict of str to float
+        P by target for each branch.
+
+    Returns
+    -------
+    array (n,)
+        Differences of the smallest P.
+    """
+    worst = np.array([min(found.values(), default=1.0) for found in probabilities])
+    return worst.max(initial=0.0) - worst
