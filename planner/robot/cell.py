@@ -350,6 +350,39 @@ class Cell:
         reacher = self._reacher(fixturing)
         return reacher.slack(np.asarray(q, dtype=np.float64), share * reacher.required, enough_mm)
 
+    def free_shares(
+        self,
+        q: np.ndarray,
+        turn: np.ndarray,
+        reach: np.ndarray,
+        fixturing: str,
+        *,
+        kept: float = 1.0,
+    ) -> np.ndarray:
+        """Return which share of a turn is proven free to both sides of joints.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6)
+            Joints, rad.
+        turn : array, shape (6,)
+            A straight move in joints, rad.
+        reach : array, shape (n,)
+            Shares of it beyond which nothing need be known.
+        fixturing : str
+            Which way the part lies.
+        kept : float
+            Share of the clearance that all bodies must keep.
+
+        Returns
+        -------
+        array, shape (n,)
+            Joints ``q + t * turn`` are free for all t of a smaller size. At most `reach`; not
+            positive if the joints themselves are not free. Limits of joints are not looked at.
+        """
+        joints = np.asarray(q, dtype=np.float64)
+        return self._reacher(fixturing).free_shares(joints, turn, reach, kept)
+
     def distance_bound(
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf
     ) -> np.ndarray:

@@ -187,6 +187,16 @@ class PairGroup:
             ]
         )
 
+    @property
+    def pairs(self) -> list[tuple[int, int, bool]]:
+        """The pairs: a body of the arm, and a body that stands still or, if the third is true, one of the arm."""
+        return self._pairs
+
+    @property
+    def arm(self) -> Arm:
+        """The arm with the camera."""
+        return self._arm
+
     def names(self, column: int) -> tuple[str, str]:
         """Return the names of a pair by its number."""
         first, second, both = self._pairs[column]

@@ -10,9 +10,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 
+from planner.robot.advance import Advance
 from planner.robot.arm import Robot
 from planner.robot.collisions import HAND, Surroundings
 from planner.robot.transforms import compose, invert
@@ -198,6 +200,17 @@ class Reacher:
         for row in np.flatnonzero(result < enough_mm):
             result[row] = group.closest(frames[row], bounds[row], required, enough_mm)[0]
         return result
+
+    @cached_property
+    def advance(self) -> Advance:
+        """How far straight moves stay free."""
+        return Advance(self._robot.chain, self._around.all.arm, self._around.all)
+
+    def free_shares(
+        self, q: np.ndarray, turn: np.ndarray, reach: np.ndarray, kept: float
+    ) -> np.ndarray:
+        """Return which share of a turn is free to both sides of joints (n, 6), see `Cell.free_shares`."""
+        return self.advance.shares(self._robot.chain.frames(q), turn, reach, kept)
 
     def closest(self, q: np.ndarray) -> tuple[float, str, str]:
         """Return the distance of the closest two bodies, and their names, for joints (6,)."""
