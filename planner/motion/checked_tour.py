@@ -1,8 +1,8 @@
 """The shortest round whose moves are all proven free: checked only where the round goes.
 
-Times begin as those of straight moves. The moves of the shortest round are checked; a blocked one
-gets a way around, and its time; then the round is found again, until it holds checked moves only.
-Ways around only take longer, so the last round is the shortest of all that were compared.
+Times begin as those of straight moves. The moves of the shortest round are checked, and a blocked
+one counts as a quarter longer. Where the shortest round still needs it, a way around is sought, and
+its own time counts. This ends when the round holds moves only that are proven free.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ from planner.motion.move_time import JointRates, move_times
 from planner.motion.program_record import Move
 from planner.motion.tour import Tour, shortest_tour
 
+# of a move without a way
 _BLOCKED_S = 1e6
+# what a way around takes longer, before one is known
+_LONGER = 1.25
 # place and branch at both ends of a move
 _Leg = tuple[int, int, int, int]
 
@@ -107,6 +110,7 @@ class TourChecker:
         self._penalties = np.zeros(self._costs.shape[1:3])
         self._penalties[1:] = penalties / 2
         self._moves: dict[_Leg, Move | None] = {}
+        self._blocked: set[_Leg] = set()
         self._left = list(range(len(branches)))
         self._seed = seed
 
@@ -148,7 +152,7 @@ class TourChecker:
         return [(*first, *last) for first, last in pairwise(places)]
 
     def _check(self, leg: _Leg) -> None:
-        """Find the move of a leg and of the one back."""
+        """Check the straight move of a leg; if it is known to be blocked, seek a way around."""
         first, branch, last, branch_there = leg
         if first > last:
             # both directions are one way
@@ -156,15 +160,31 @@ class TourChecker:
             return
         start = self._joints[first][branch]
         end = self._joints[last][branch_there]
-        way = np.array([start, end])
-        if not self._detours.is_free(start, end):
-            seed = [self._seed, *leg]
-            found = self._detours.find(start, end, seed)
-            way = way[:0] if found is None else found
+        if leg in self._blocked:
+            way = self._detours.find(start, end, [self._seed, *leg])
+            if way is None:
+                self._settle(leg, None, _BLOCKED_S)
+            else:
+                self._settle(leg, way, self._detours.seconds(way))
+            return
+        straight = np.array([start, end])
+        seconds = self._detours.seconds(straight)
+        if self._detours.is_free(start, end):
+            self._settle(leg, straight, seconds)
+        else:
+            self._blocked.add(leg)
+            self._set_cost(leg, _LONGER * seconds)
+
+    def _settle(self, leg: _Leg, way: np.ndarray | None, seconds: float) -> None:
+        """Keep the way of a leg, and the same way back."""
+        first, branch, last, branch_there = leg
         back = (last, branch_there, first, branch)
-        seconds = self._detours.seconds(way) if len(way) else _BLOCKED_S
-        self._moves[leg] = Move(way, seconds) if len(way) else None
-        self._moves[back] = Move(way[::-1], seconds) if len(way) else None
+        self._moves[leg] = None if way is None else Move(way, seconds)
+        self._moves[back] = None if way is None else Move(way[::-1], seconds)
+        self._set_cost(leg, seconds)
+
+    def _set_cost(self, leg: _Leg, seconds: float) -> None:
+        first, branch, last, branch_there = leg
         self._costs[first, last, branch, branch_there] = seconds
         self._costs[last, first, branch_there, branch] = seconds
 

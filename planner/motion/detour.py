@@ -13,6 +13,9 @@ import numpy as np
 from planner.motion.free_move import JointSpace, check_move
 from planner.motion.move_time import JointRates, move_times
 
+# a shortcut must save this share of the time
+_LEAST_GAIN = 0.02
+
 
 class DetourEffort(NamedTuple):
     """How long a way around is sought.
@@ -29,7 +32,7 @@ class DetourEffort(NamedTuple):
 
     trials: int = 400
     step_rad: float = 0.5
-    shortcuts: int = 60
+    shortcuts: int = 20
 
 
 class _Tree:
@@ -66,8 +69,6 @@ class Detours:
         The robot and its surroundings.
     rates : JointRates
         Of its joints; shortcuts save time.
-    keep_mm : float
-        Distance that every move keeps, mm.
     effort : DetourEffort
         How long to seek.
     """
@@ -76,12 +77,10 @@ class Detours:
         self,
         space: JointSpace,
         rates: JointRates,
-        keep_mm: float = 0.0,
         effort: DetourEffort | None = None,
     ):
         self._space = space
         self.rates = rates
-        self._keep_mm = keep_mm
         self._effort = effort or DetourEffort()
 
     def find(
@@ -102,7 +101,7 @@ class Detours:
 
     def is_free(self, start: np.ndarray, end: np.ndarray) -> bool:
         """Return whether the straight move is proven free."""
-        return check_move(self._space, start, end, self._keep_mm).free
+        return check_move(self._space, start, end).free
 
     def _connect(
         self, start: np.ndarray, end: np.ndarray, rng: np.random.Generator
@@ -149,6 +148,7 @@ class Detours:
 
     def _shortened(self, way: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Replace pieces between random points of the way by straight moves that are free and quicker."""
+        way = self._straightened(way)
         for _ in range(self._effort.shortcuts):
             if len(way) == 2:
                 break
@@ -159,7 +159,8 @@ class Detours:
             )
             shorter = np.concatenate([way[: legs[0] + 1], [first, last], way[legs[1] + 1 :]])
             shorter = _without_repeats(shorter)
-            if self.seconds(shorter) < self.seconds(way) and self.is_free(first, last):
+            is_worth = self.seconds(shorter) < (1.0 - _LEAST_GAIN) * self.seconds(way)
+            if is_worth and self.is_free(first, last):
                 way = shorter
         return self._straightened(way)
 

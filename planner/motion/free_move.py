@@ -1,27 +1,24 @@
 """Straight joint moves that are proven free: conservative advancement.
 
-At joints q the bodies that may collide are at least d(q) apart. A turn by dq moves no point farther
-than the sum of lever times abs(dq), and lets no two bodies approach each other by more. So a pose
-with d(q) > m proves all poses of the line up to d(q) - m of motion to either side. The middle is
-asked first, and what it leaves open is halved again.
+At any joints of the line, the distances of all bodies prove that a share of the whole move to both
+sides is free too: no body can move far enough to touch another. The middle is asked first, and what
+it leaves open is halved again. Steps would miss thin bodies.
 """
 
 from __future__ import annotations
 
 import itertools
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 MOST_POSES = 4000
 """A line that needs more poses counts as blocked."""
-_LEAST_GAIN_MM = 0.02
-# distances above this much more than must be kept need not be exact: spheres give them quickly
-_ENOUGH_MM = 60.0
+_LEAST_SHARE = 2e-5
 
 
 class JointSpace(Protocol):
-    """What a move needs to know of a robot and what stands around it; `planner.robot.Cell` knows it."""
+    """What a move needs to know of a robot and what stands around it."""
 
     @property
     def lower(self) -> np.ndarray:
@@ -31,12 +28,8 @@ class JointSpace(Protocol):
     def upper(self) -> np.ndarray:
         """Largest joints (k,), rad."""
 
-    @property
-    def levers_mm(self) -> np.ndarray:
-        """Largest distance (k,) of any moving point from each axis, mm."""
-
-    def distance_bound(self, joints: np.ndarray, enough_mm: float) -> np.ndarray:
-        """Return lower bounds (n,) on the distances of bodies, mm, exact below ``enough_mm``."""
+    def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
+        """Return which share of a turn (k,) is free to both sides of joints (n, k): at most reach (n,)."""
 
 
 class MoveCheck(NamedTuple):
@@ -57,10 +50,8 @@ class MoveCheck(NamedTuple):
     blocked_at: float = np.nan
 
 
-def check_move(
-    space: JointSpace, start: np.ndarray, end: np.ndarray, keep_mm: float = 0.0
-) -> MoveCheck:
-    """Prove that a straight joint move keeps a distance, or say where that fails.
+def check_move(space: JointSpace, start: np.ndarray, end: np.ndarray) -> MoveCheck:
+    """Prove that a straight joint move is free, or say where that fails.
 
     Parameters
     ----------
@@ -68,48 +59,42 @@ def check_move(
         The robot and its surroundings.
     start, end : array (k,)
         Joints, rad.
-    keep_mm : float
-        Distance that all bodies keep, mm.
 
     Returns
     -------
     MoveCheck
-        Free only if proven. A line that comes within 0.02 mm of ``keep_mm`` is not free.
+        Free only if proven. A line on which less than 0.00002 of it is free around some joints
+        counts as blocked.
     """
     turn = np.asarray(end) - np.asarray(start)
-    motion_mm = float((space.levers_mm * np.abs(turn)).sum())
     open_parts = np.array([[0.0, 1.0]])
     asked = 0
     while len(open_parts):
         middles = open_parts.mean(axis=1)
-        halves_mm = motion_mm * (open_parts[:, 1] - open_parts[:, 0]) / 2
-        enough_mm = keep_mm + min(float(halves_mm.max()), _ENOUGH_MM) + _LEAST_GAIN_MM
-        gaps = space.distance_bound(start + middles[:, None] * turn, enough_mm) - keep_mm
+        halves = (open_parts[:, 1] - open_parts[:, 0]) / 2
+        shares = space.free_shares(start + middles[:, None] * turn, turn, halves)
         asked += len(middles)
-        blocked = gaps <= _LEAST_GAIN_MM
+        blocked = shares < np.minimum(halves, _LEAST_SHARE)
         if blocked.any() or asked > MOST_POSES:
-            worst = int(gaps.argmin())
-            return MoveCheck(False, asked, float(middles[worst]))
-        open_parts = _left_open(open_parts, middles, gaps, motion_mm)
+            return MoveCheck(False, asked, float(middles[int(shares.argmin())]))
+        open_parts = _left_open(open_parts, middles, shares)
     return MoveCheck(True, asked)
 
 
-def _left_open(
-    parts: np.ndarray, middles: np.ndarray, gaps: np.ndarray, motion_mm: float
-) -> np.ndarray:
-    """Return what the distances in the middles do not prove: up to two parts of each."""
-    reach = gaps / motion_mm if motion_mm > 0 else np.ones_like(gaps)
-    before = np.stack([parts[:, 0], middles - reach], axis=1)
-    after = np.stack([middles + reach, parts[:, 1]], axis=1)
+def _left_open(parts: np.ndarray, middles: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Return what the middles do not prove: up to two parts of each."""
+    before = np.stack([parts[:, 0], middles - shares], axis=1)
+    after = np.stack([middles + shares, parts[:, 1]], axis=1)
     both = np.concatenate([before, after])
-    return both[both[:, 1] > both[:, 0]]
+    # what rounding leaves of a part is less than any share that is asked for
+    return both[both[:, 1] - both[:, 0] > 1e-12]
 
 
-def check_path(space: JointSpace, path: Any, keep_mm: float = 0.0) -> MoveCheck:
+def check_path(space: JointSpace, path: np.ndarray) -> MoveCheck:
     """Check the straight moves between the joints (n, k) of a path, see `check_move`."""
     asked = 0
     for start, end in itertools.pairwise(path):
-        found = check_move(space, start, end, keep_mm)
+        found = check_move(space, start, end)
         asked += found.poses
         if not found.free:
             return MoveCheck(False, asked, found.blocked_at)

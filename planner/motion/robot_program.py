@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,14 +63,9 @@ class FixturedArm:
         """Largest joints (6,), rad."""
         return self.cell.robot.upper
 
-    @cached_property
-    def levers_mm(self) -> np.ndarray:
-        """Largest distance (6,) of any moving point from each axis, mm."""
-        return self.cell.levers_mm
-
-    def distance_bound(self, joints: np.ndarray, enough_mm: float) -> np.ndarray:
-        """Return how much farther apart than on a move required all bodies are, at least (n,), mm."""
-        return self.cell.slack_bound(joints, self.fixturing, enough_mm, share=_KEPT_SHARE)
+    def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
+        """Return which share of a turn (6,) is free to both sides of joints (n, 6): at most reach (n,)."""
+        return self.cell.free_shares(joints, turn, reach, self.fixturing, kept=_KEPT_SHARE)
 
 
 def robot_program(
@@ -227,9 +221,9 @@ class _ProgramMaker:
         return _Reached(branches, why, covariances, stated, shortfalls(stated))
 
     def _seconds(self, f: int, settings: tuple[int, ...]) -> float:
-        """Return the time of a round of straight moves."""
+        """Return about the time of a round of straight moves."""
         branches = [self._reached[f][k].branches for k in settings]
-        return shortest_tour(straight_costs(self._home, branches, self._rates)).seconds
+        return shortest_tour(straight_costs(self._home, branches, self._rates), kicks=0).seconds
 
     def _why_not(self, k: int) -> str:
         reasons = {name: row[k].why for name, row in zip(self._names, self._reached, strict=True)}

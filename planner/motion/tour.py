@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.motion.tour_search import improved_order
+from planner.motion.tour_search import KICKS, improved_order
 
 EXACT_UP_TO = 10
 """Up to this many settings the round is the shortest of all."""
@@ -37,7 +37,7 @@ class Tour(NamedTuple):
     seconds: float
 
 
-def shortest_tour(costs: np.ndarray) -> Tour:
+def shortest_tour(costs: np.ndarray, kicks: int = KICKS) -> Tour:
     """Find a short round.
 
     **Guarantee.** Up to 10 settings it is the shortest over all orders and branches. Beyond, no
@@ -47,6 +47,8 @@ def shortest_tour(costs: np.ndarray) -> Tour:
     ----------
     costs : array (n + 1, n + 1, b, b)
         Seconds, see the module.
+    kicks : int
+        Beyond 10 settings, how often the best round is disturbed and improved again.
 
     Returns
     -------
@@ -56,7 +58,7 @@ def shortest_tour(costs: np.ndarray) -> Tour:
     n = len(costs) - 1
     if n == 0:
         return Tour((), (), 0.0)
-    order = exact_order(costs) if n <= EXACT_UP_TO else improved_order(costs)
+    order = exact_order(costs) if n <= EXACT_UP_TO else improved_order(costs, kicks)
     return best_branches(costs, order)
 
 

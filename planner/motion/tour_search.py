@@ -11,13 +11,15 @@ import itertools
 
 import numpy as np
 
-_KICKS = 24
+KICKS = 24
+"""How often the best round is disturbed and improved again."""
+
 _LONGEST_PIECE = 3
 # an improvement must be more than rounding, s
 _LEAST_S = 1e-9
 
 
-def improved_order(costs: np.ndarray, kicks: int = _KICKS) -> list[int]:
+def improved_order(costs: np.ndarray, kicks: int = KICKS) -> list[int]:
     """Return a short order that no reversal or relocation shortens.
 
     Parameters

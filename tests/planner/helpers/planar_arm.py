@@ -6,12 +6,13 @@ import numpy as np
 class PlanarArm:
     """Two thin links in a plane; obstacles are segments (n, 2, 2), mm."""
 
-    def __init__(self, obstacles, lengths=(400.0, 300.0)):
+    def __init__(self, obstacles, lengths=(400.0, 300.0), keep=0.0):
         self.obstacles = np.asarray(obstacles, dtype=float)
         self.lengths = lengths
         self.lower = np.full(2, -np.pi)
         self.upper = np.full(2, np.pi)
         self.levers_mm = np.array([sum(lengths), lengths[1]])
+        self.keep = keep
         self.asked = 0
 
     def points(self, joints):
@@ -24,7 +25,13 @@ class PlanarArm:
         tip = elbow + second * np.stack([np.cos(b), np.sin(b)], axis=1)
         return np.stack([np.zeros_like(elbow), elbow, tip], axis=1)
 
-    def distance_bound(self, joints, enough_mm=np.inf):
+    def free_shares(self, joints, turn, reach):
+        motion = (self.levers_mm * np.abs(turn)).sum()
+        gaps = self.distances(joints) - self.keep
+        shares = gaps / motion if motion > 0 else np.where(gaps > 0, np.inf, -1.0)
+        return np.minimum(shares, reach)
+
+    def distances(self, joints):
         points = self.points(joints)
         self.asked += len(points)
         gaps = [

@@ -21,8 +21,8 @@ NEEDLE = [[[460.0, 60.0], [660.0, 90.0]]]
 
 
 def run(obstacles, penalties=0.0, effort=None, branches=BRANCHES):
-    arm = PlanarArm(obstacles)
-    detours = Detours(arm, RATES, 2.0, effort)
+    arm = PlanarArm(obstacles, keep=2.0)
+    detours = Detours(arm, RATES, effort)
     most = max(len(group) for group in branches)
     extra = np.broadcast_to(penalties, (len(branches), most))
     return arm, TourChecker(detours, HOME, branches, extra).run()
@@ -39,7 +39,7 @@ def assert_driven(arm, tour, branches=BRANCHES):
         assert move.seconds == pytest.approx(legs.sum())
         for first, last in pairwise(move.joints):
             line = first + np.linspace(0, 1, 400)[:, None] * (last - first)
-            assert (arm.distance_bound(line) > 2.0).all()
+            assert (arm.distances(line) > 2.0).all()
 
 
 def test_without_obstacles_it_is_the_shortest_of_all():

@@ -22,7 +22,7 @@ def needle(angle, near=650.0, far=690.0):
 def at_steps(arm, start, end, step=0.05):
     n = int(np.ceil(np.abs(end - start).max() / step)) + 1
     joints = start + np.linspace(0, 1, n)[:, None] * (end - start)
-    return (arm.distance_bound(joints) > 0).all()
+    return (arm.distances(joints) > 0).all()
 
 
 def test_a_needle_between_two_steps_is_found():
@@ -39,8 +39,8 @@ def test_a_needle_between_two_steps_is_found():
 @pytest.mark.parametrize(("keep", "free"), [(0.0, True), (9.9, True), (10.1, False)])
 def test_the_distance_that_is_kept(keep, free):
     """The tip of the stretched arm turns on a circle of 700 mm; the point stands at 710 mm."""
-    arm = PlanarArm([[[0.0, 710.0], [0.0, 711.0]]])
-    found = check_move(arm, np.array([0.5, 0.0]), np.array([2.5, 0.0]), keep)
+    arm = PlanarArm([[[0.0, 710.0], [0.0, 711.0]]], keep=keep)
+    found = check_move(arm, np.array([0.5, 0.0]), np.array([2.5, 0.0]))
     assert found.free is free
 
 
@@ -54,9 +54,9 @@ def test_proven_moves_are_free_at_a_much_finer_step():
         line = start + np.linspace(0, 1, 1500)[:, None] * (end - start)
         if proven:
             n_free += 1
-            assert (arm.distance_bound(line) > 0).all()
+            assert (arm.distances(line) > 0).all()
         else:
-            assert (arm.distance_bound(line) < 3.0).any()
+            assert (arm.distances(line) < 3.0).any()
     assert 3 <= n_free <= 37
 
 
@@ -70,21 +70,21 @@ def test_no_motion_is_one_pose():
 
 
 def blocked_sweep():
-    arm = PlanarArm([needle(0.5, 500.0, 900.0)])
+    arm = PlanarArm([needle(0.5, 500.0, 900.0)], keep=5.0)
     return arm, np.array([0.0, 0.0]), np.array([1.0, 0.0])
 
 
 def test_a_detour_goes_around():
     """The arm must fold to under 500 mm to pass: both joints and the distance are checked apart."""
     arm, start, end = blocked_sweep()
-    detours = Detours(arm, RATES, keep_mm=5.0)
+    detours = Detours(arm, RATES)
     assert not detours.is_free(start, end)
     way = detours.find(start, end, seed=3)
     assert np.array_equal(way[0], start)
     assert np.array_equal(way[-1], end)
     for first, last in itertools.pairwise(way):
         line = first + np.linspace(0, 1, 500)[:, None] * (last - first)
-        assert (arm.distance_bound(line) > 5.0).all()
+        assert (arm.distances(line) > 5.0).all()
     tips = np.concatenate(
         [
             arm.points(first + np.linspace(0, 1, 200)[:, None] * (last - first))
@@ -93,7 +93,7 @@ def test_a_detour_goes_around():
     )
     radius = np.linalg.norm(tips[:, 2], axis=1)
     assert radius.min() < 500.0
-    assert check_path(arm, way, 5.0).free
+    assert check_path(arm, way).free
 
 
 def test_the_same_seed_gives_the_same_way():
