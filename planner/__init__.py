@@ -45,10 +45,16 @@ if TYPE_CHECKING:
     from planner.light.lighting import Lighting as Lighting
     from planner.light.plan_light import plan_light as plan_light
     from planner.light.ring_space import RingSpace as RingSpace
+    from planner.motion.arm_uncertainty import ArmUncertainty as ArmUncertainty
+    from planner.motion.program_record import RobotProgram as RobotProgram
+    from planner.motion.robot_program import robot_program as robot_program
     from planner.optics.proposal import OpticsProposal as OpticsProposal
     from planner.optics.proposal import optics_table as optics_table
     from planner.optics.propose import propose_optics as propose_optics
     from planner.output.pose_files import write_poses as write_poses
+    from planner.output.programs import CameraSignals as CameraSignals
+    from planner.output.programs import program_text as program_text
+    from planner.output.programs import write_program as write_program
     from planner.plan import InspectionPlan as InspectionPlan
     from planner.plan import read_plan as read_plan
     from planner.pose_prediction import PosePrediction as PosePrediction
@@ -110,9 +116,13 @@ _NAMES = {
     "planner.light.lighting": ("Lighting",),
     "planner.light.plan_light": ("plan_light",),
     "planner.light.ring_space": ("RingSpace",),
+    "planner.motion.arm_uncertainty": ("ArmUncertainty",),
+    "planner.motion.program_record": ("RobotProgram",),
+    "planner.motion.robot_program": ("robot_program",),
     "planner.optics.proposal": ("OpticsProposal", "optics_table"),
     "planner.optics.propose": ("propose_optics",),
     "planner.output.pose_files": ("write_poses",),
+    "planner.output.programs": ("CameraSignals", "program_text", "write_program"),
     "planner.plan": ("InspectionPlan", "read_plan"),
     "planner.pose_prediction": ("PosePrediction", "predict"),
     "planner.report.figure": ("plan_figure",),
