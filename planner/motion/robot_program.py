@@ -208,7 +208,20 @@ class _ProgramMaker:
         """Return by which joints the settings are reached in a fixturing."""
         poses = np.array([setting.cam2world for setting in self._plan.settings])
         found = self._cell.reach(poses, fixturing, all_branches=True)
-        return [self._rated(k, one.branches, one.why, fixturing) for k, one in enumerate(found)]
+        return [
+            self._rated(k, self._near_home(one.branches), one.why, fixturing)
+            for k, one in enumerate(found)
+        ]
+
+    def _near_home(self, branches: np.ndarray) -> np.ndarray:
+        """Return the same configurations, each joint at the full turn nearest to home: cables wind least."""
+        robot = self._cell.robot
+        whole = 2 * np.pi
+        turned = branches + whole * np.round((self._home - branches) / whole)
+        turned = np.where(turned > robot.upper, turned - whole, turned)
+        turned = np.where(turned < robot.lower, turned + whole, turned)
+        within = (turned >= robot.lower) & (turned <= robot.upper)
+        return np.where(within, turned, branches)
 
     def _rated(self, k: int, branches: np.ndarray, why: str, fixturing: str) -> _Reached:
         if self._uncertainty is None or not len(branches):

@@ -1,0 +1,195 @@
+"""From a plan to a program: every setting reached, every move free at a fine step, P stated again."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from robot_cells import CAM2FLANGE, TABLE, made_cell, pose
+from robot_programs import ENTITIES, FIXTURINGS, HOME, block, cell, plan_of, program, reached_poses
+
+from planner import (
+    ArmUncertainty,
+    Box,
+    Fixturing,
+    InfeasibleError,
+    InspectionPlan,
+    PoseUncertainty,
+    RequestError,
+    robot_program,
+    simulate_setting,
+)
+from planner.motion.move_time import move_times
+
+
+def stops(of):
+    return [(tour, stop) for tour in of.tours for stop in tour.stops]
+
+
+def test_every_setting_is_visited_once_in_a_fixturing_that_reaches_it():
+    found = program()
+    assert sorted(stop.setting_idx for _, stop in stops(found)) == list(range(5))
+    assert found.complete
+    assert [tour.fixturing for tour in found.tours] == ["up", "turned over"]
+    # three settings by the better fixturing, all by both
+    assert found.coverage == (3, 5)
+
+
+def test_the_joints_bring_the_camera_to_the_planned_poses():
+    poses = reached_poses()
+    for tour, stop in stops(program()):
+        part2base = FIXTURINGS[tour.fixturing].part2base
+        flange = cell().robot.forward(stop.joints)
+        camera = np.linalg.inv(part2base) @ flange @ CAM2FLANGE
+        np.testing.assert_allclose(camera, poses[stop.setting_idx], atol=1e-4)
+        np.testing.assert_allclose(flange, stop.flange, atol=1e-9)
+
+
+def test_moves_are_free_at_a_fine_step():
+    known = cell().with_part(block())
+    for tour in program().tours:
+        here = np.array(HOME)
+        for move in tour.moves:
+            assert np.array_equal(move.joints[0], here)
+            here = move.joints[-1]
+            for start, end in pairwise(move.joints):
+                line = start + np.linspace(0, 1, 300)[:, None] * (end - start)
+                slack = known.slack_bound(line, tour.fixturing, 1.0, share=0.5)
+                assert (slack > 0).all()
+        assert np.array_equal(here, HOME)
+
+
+def test_times_are_those_of_the_moves_at_the_speed_that_was_asked():
+    found = program()
+    assert np.array_equal(found.rates.speeds, 0.5 * cell().robot.speeds)
+    for tour in found.tours:
+        for move in tour.moves:
+            assert move.seconds == pytest.approx(
+                move_times(move.joints[:-1], move.joints[1:], found.rates).sum()
+            )
+    assert found.seconds == pytest.approx(sum(tour.seconds for tour in found.tours))
+
+
+def test_a_slower_program_takes_longer():
+    plan = plan_of(reached_poses())
+    slow = robot_program(plan, block(), cell(), speed=0.1)
+    assert slow.seconds > 1.5 * program().seconds
+
+
+def test_twice_the_same():
+    plan = plan_of(reached_poses())
+    texts = {json.dumps(robot_program(plan, block(), cell(), seed=2).to_dict()) for _ in range(2)}
+    assert len(texts) == 1
+
+
+def test_without_an_uncertainty_of_the_arm_p_is_not_stated():
+    found = robot_program(plan_of(reached_poses()[:2]), block(), cell())
+    assert all(stop.covariance is None and not stop.probability for _, stop in stops(found))
+    assert found.warnings == ()
+
+
+def test_an_arm_as_the_plan_assumes_states_the_probability_of_the_plan():
+    """Without errors of joints Σ(q) is that of the hand-eye pose, whatever the joints."""
+    plan = plan_of(reached_poses()[:2], accuracy=0.995)
+    hand_eye = PoseUncertainty.isotropic(translation_mm=0.2, rotation_rad=0.003)
+    found = robot_program(plan, block(), cell(), uncertainty=ArmUncertainty(0.0, hand_eye))
+    for _, stop in stops(found):
+        np.testing.assert_allclose(stop.covariance, hand_eye.covariance, atol=1e-12)
+        setting = plan.settings[stop.setting_idx]
+        simulated = simulate_setting(
+            setting, ENTITIES, plan.camera, hand_eye, accuracy=0.995, sensor_limits=False
+        )
+        for name, rate in simulated.items():
+            assert rate.low - 0.005 <= stop.probability[name] <= rate.high + 0.005
+
+
+def test_a_shaky_arm_is_warned_of():
+    plan = plan_of(reached_poses()[:2], accuracy=0.999)
+    found = robot_program(plan, block(), cell(), uncertainty=ArmUncertainty(0.01))
+    assert any("P with this arm is below 0.9 for near" in text for text in found.warnings)
+
+
+def test_the_record_is_json():
+    record = json.loads(json.dumps(program().to_dict(), allow_nan=False))
+    assert record["joint_names"][0] == "shoulder_pan"
+    assert record["unreached"] == {}
+    assert [tour["fixturing"] for tour in record["tours"]] == ["up", "turned over"]
+    assert {stop["setting"] for tour in record["tours"] for stop in tour["stops"]} == {
+        1,
+        2,
+        3,
+        4,
+        5,
+    }
+
+
+def far_away(n=1):
+    poses = reached_poses()[:n].copy()
+    poses[:, :3, 3] += [5000.0, 0.0, 0.0]
+    return poses
+
+
+def test_settings_out_of_reach_are_named():
+    plan = plan_of(np.concatenate([reached_poses()[:2], far_away()]))
+    found = robot_program(plan, block(), cell())
+    assert found.unreached == {2: "beyond the arm's reach"}
+    assert not found.complete
+    assert "1 not reached" in repr(found)
+
+
+def test_nothing_reached_is_an_error_with_the_reason():
+    with pytest.raises(InfeasibleError, match=r"setting 1: beyond the arm's reach"):
+        robot_program(plan_of(far_away()), block(), cell())
+
+
+def test_one_fixturing_is_used_where_it_is_enough():
+    own = made_cell(fixturings={**FIXTURINGS, "up again": FIXTURINGS["up"]}, home=HOME)
+    up_only = [stop.setting_idx for tour, stop in stops(program()) if tour.fixturing == "up"]
+    found = robot_program(plan_of(reached_poses()[up_only]), block(), own)
+    assert [tour.fixturing for tour in found.tours] == ["up"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"speed": 0.0}, "speed must be in"),
+        ({"speed": 1.5}, "speed must be in"),
+        ({"seed": -1}, "seed must be an integer"),
+        ({"cell": "cell.toml"}, "cell must be a Cell"),
+        ({"cell": made_cell(fixturings=FIXTURINGS)}, "cell.home must be given"),
+        ({"plan": plan_of([], uninspectable=dict.fromkeys(ENTITIES, "no"))}, "plan must have set"),
+        ({"plan": None}, "plan must be an InspectionPlan"),
+    ],
+    ids=lambda one: one if isinstance(one, str) else next(iter(one)),
+)
+def test_bad_arguments(changes, message):
+    given = {"plan": plan_of(reached_poses()[:1]), "cell": cell(), **changes}
+    plan = given.pop("plan")
+    with pytest.raises(RequestError, match=message):
+        robot_program(plan, block(), given.pop("cell"), **given)
+
+
+def test_another_part_is_refused():
+    request = {"part": {"digest": "0" * 64}}
+    plan = InspectionPlan(**{**plan_of(reached_poses()[:1]).__dict__, "request": request})
+    with pytest.raises(RequestError, match="solid must be the part of the plan"):
+        robot_program(plan, block(), cell())
+
+
+def test_a_quarter_turn_of_the_whole_cell_changes_no_time():
+    """The made robot's base is a square, so only the first joint's angles shift."""
+    carry = pose(rotation=[[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    table = Box(TABLE.low, TABLE.high, carry)
+    fixturings = {
+        name: Fixturing(carry @ one.part2base, {"table": table}) for name, one in FIXTURINGS.items()
+    }
+    own = made_cell(fixturings=fixturings, home=(HOME[0] + np.pi / 2, *HOME[1:]))
+    plan = plan_of(reached_poses())
+    turned = robot_program(plan, block(), own)
+    straight = robot_program(plan, block(), cell())
+    assert turned.seconds == pytest.approx(straight.seconds, rel=1e-6)
+    for (_, stop), (_, other) in zip(stops(turned), stops(straight), strict=True):
+        assert stop.setting_idx == other.setting_idx
+        np.testing.assert_allclose(
+            stop.joints - other.joints, [np.pi / 2, 0, 0, 0, 0, 0], atol=1e-6
+        )
