@@ -1,0 +1,299 @@
+"""Every format is read back by its own rules: its joints lead the camera to the planned poses, in the right order."""
+
+import csv
+import io
+import json
+import re
+from datetime import date
+
+import numpy as np
+import pytest
+from robot_cells import CAM2FLANGE
+from robot_programs import FIXTURINGS, HOME, cell, plan_of, program, reached_poses
+
+from planner import CameraSignals, OutputError, RequestError, program_text, write_program
+from planner.output.programs import FORMATS
+from planner.output.programs.driving import plain
+
+DAY = date(2026, 3, 1)
+SIGNALS = CameraSignals(settle_s=0.7, output=3, ready=5, pulse_s=0.2, timeout_s=4.0)
+LANGUAGES = ("urscript", "rapid", "krl", "ros", "csv")
+_NUMBER = r"-?\d+(?:\.\d+)?"
+
+
+def text(language):
+    return program_text(program(), language, signals=SIGNALS, made=DAY)
+
+
+def numbers(words):
+    return np.array([float(word) for word in re.findall(_NUMBER, words)])
+
+
+def from_urscript(script):
+    """Targets of movej in rad, and images, in the order of the program."""
+    for line in script.splitlines():
+        if match := re.match(r"\s*movej\(\[(.*)\], a=(.*), v=(.*)\)$", line):
+            yield "joints", numbers(match[1])
+        elif match := re.match(r'\s*take_image\("(.*)"\)', line):
+            yield "image", match[1]
+        elif match := re.match(r'\s*popup\("Part in fixturing (.*)\?"', line):
+            yield "fixturing", match[1]
+
+
+def from_rapid(module):
+    """Targets by their names, in rad."""
+    targets = {
+        match[1]: np.radians(numbers(match[2]))
+        for match in re.finditer(r"CONST jointtarget (\w+):=\[\[(.*?)\],\[9E9", module)
+    }
+    for line in module.splitlines():
+        if match := re.match(r"\s*MoveAbsJ (\w+),v1000\\T:=(.*),fine,tool0;", line):
+            yield "joints", targets[match[1]]
+        elif match := re.match(r'\s*TakeImage "(.*)";', line):
+            yield "image", match[1]
+        elif match := re.match(r'\s*UIMsgBox "Part in fixturing (.*)\?";', line):
+            yield "fixturing", match[1]
+
+
+def from_krl(source):
+    """Axis angles in rad; the first PTP of a round is to where the robot stands."""
+    stands = False
+    for line in source.splitlines():
+        if match := re.match(r"PTP \{(.*)\}$", line):
+            names, angles = zip(*(word.split() for word in match[1].split(",")), strict=True)
+            assert names == ("A1", "A2", "A3", "A4", "A5", "A6")
+            joints = np.radians([float(angle) for angle in angles])
+            if stands:
+                np.testing.assert_allclose(joints, HOME, atol=1e-7)
+                stands = False
+            else:
+                yield "joints", joints
+        elif match := re.match(r"; (setting_\d+\.png)$", line):
+            yield "image", match[1]
+        elif match := re.match(r"; Put the part in fixturing (.*), then", line):
+            stands = True
+            yield "fixturing", match[1]
+
+
+def from_ros(data):
+    for turn in json.loads(data)["rounds"]:
+        yield "fixturing", turn["fixturing"]
+        for step in turn["steps"]:
+            if "image" in step:
+                yield "image", step["image"]
+                continue
+            points = step["joint_trajectory"]["points"]
+            for point in points[1:]:
+                if not np.any(point["velocities"]):
+                    yield "joints", np.array(point["positions"])
+
+
+def from_csv(table):
+    rows = csv.DictReader(line for line in io.StringIO(table) if not line.startswith("#"))
+    for row in rows:
+        joints = np.array([float(value) for name, value in row.items() if name.endswith("_rad")])
+        if row["step"] == "start":
+            np.testing.assert_allclose(joints, HOME, atol=1e-7)
+            yield "fixturing", row["fixturing"]
+            continue
+        yield "joints", joints
+        if row["image"]:
+            assert row["image"] == f"setting_{int(row['setting']):02d}.png"
+            yield "image", row["image"]
+
+
+PARSERS = {
+    "urscript": from_urscript,
+    "rapid": from_rapid,
+    "krl": from_krl,
+    "ros": from_ros,
+    "csv": from_csv,
+}
+
+
+def read_back(language):
+    return list(PARSERS[language](text(language)))
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_joints_lead_to_the_pose_of_the_image_that_is_taken_there(language):
+    poses = reached_poses()
+    images = []
+    for kind, value in read_back(language):
+        if kind == "fixturing":
+            part2base = FIXTURINGS[value].part2base
+        elif kind == "joints":
+            joints = value
+        else:
+            k = int(re.fullmatch(r"setting_(\d+)\.png", value)[1]) - 1
+            images.append(k)
+            camera = np.linalg.inv(part2base) @ cell().robot.forward(joints) @ CAM2FLANGE
+            np.testing.assert_allclose(camera, poses[k], atol=2e-4)
+    assert sorted(images) == list(range(len(poses)))
+    # the order of the round is not that of the plan, so names by place would be wrong
+    assert images != sorted(images)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_all_rows_of_the_moves_are_there_and_the_round_ends_at_home(language):
+    rows = [value for kind, value in read_back(language) if kind == "joints"]
+    expected = [row for tour in program().tours for move in tour.moves for row in move.joints[1:]]
+    np.testing.assert_allclose(rows, expected, atol=2e-8)
+    np.testing.assert_allclose(rows[-1], HOME, atol=1e-7)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_head(language):
+    written = text(language)
+    assert "2026-03-01" in written
+    assert "Run at reduced speed first. Checked against the model of the cell only." in written
+    for value in program().digests.values():
+        assert value in written
+    for name in ("shoulder_pan", "wrist_3"):
+        assert name in written
+
+
+def test_urscript_stops_unless_the_robot_stands_at_home():
+    script = text("urscript")
+    home = re.search(r"home = \[(.*)\]", script)
+    np.testing.assert_allclose(numbers(home[1]), HOME, atol=1e-8)
+    for part in re.split(r"\n  # fixturing ", script)[1:]:
+        assert part.index("check_home(home)") < part.index("movej")
+    assert re.search(r"> 0\.01:\s+stop_with\(.*\)", script)
+    assert re.search(r"def stop_with.*?halt\s+end", script, re.DOTALL)
+
+
+def test_urscript_rates_give_the_time_of_the_move():
+    """The leading joint, from rest to rest at the rates in the program, by hand."""
+    here = np.array(HOME)
+    seconds = []
+    for match in re.finditer(r"movej\(\[(.*)\], a=(.*), v=(.*)\)", text("urscript")):
+        there = numbers(match[1])
+        way = np.abs(there - here).max()
+        a = float(match[2])
+        v = float(match[3])
+        seconds.append(way / v + v / a if way > v * v / a else 2 * np.sqrt(way / a))
+        here = there
+    assert sum(seconds) == pytest.approx(program().seconds, rel=1e-5)
+
+
+def test_urscript_blocks_are_closed():
+    depth = 0
+    for line in text("urscript").splitlines():
+        words = line.split("#")[0].strip()
+        depth += bool(re.match(r"(def|while|if)\b.*:$", words))
+        depth -= words == "end"
+        assert depth >= 0
+    assert depth == 0
+
+
+def test_rapid_times_and_blocks():
+    module = text("rapid")
+    times = [float(t) for t in re.findall(r"\\T:=([\d.]+)", module)]
+    assert sum(times) == pytest.approx(program().seconds, abs=0.01)
+    for opening, closing in (("PROC ", "ENDPROC"), ("IF ", "ENDIF"), ("MODULE ", "ENDMODULE")):
+        lines = [line.strip() for line in module.splitlines()]
+        assert sum(line.startswith(opening) for line in lines) == lines.count(closing)
+    for statement in re.findall(r"^    \w.*$", module, re.MULTILINE):
+        is_block = statement.strip().startswith(("IF", "ENDIF"))
+        assert is_block or statement.endswith(";")
+    main = module[module.index("PROC main") :]
+    assert main.index("CheckHome;") < main.index("MoveAbsJ")
+    assert len(re.findall(r"Abs\(now\.robax\.rax_\d-jHome\.robax\.rax_\d\)>0\.573", module)) == 6
+    assert all(len(name) <= 32 for name in re.findall(r"jointtarget (\w+):=", module))
+
+
+def test_krl_asks_for_home_before_each_round():
+    source = text("krl")
+    for part in source.split("; Put the part in fixturing")[1:]:
+        assert part.index("WHILE") < part.index("PTP")
+        loop = part[part.index("WHILE") : part.index("ENDWHILE")]
+        assert "HALT" in loop
+        angles = [float(a) for a in re.findall(r"\$AXIS_ACT\.A\d-\(([-\d.]+)\)", loop)]
+        np.testing.assert_allclose(np.radians(angles), HOME, atol=1e-7)
+    assert source.count("DEF ") == 1
+    assert source.rstrip().endswith("END")
+    assert "$VEL_AXIS[i]=50" in source
+
+
+@pytest.mark.parametrize(
+    ("language", "wanted"),
+    [
+        ("urscript", ["sleep(0.7)", "digital_out(3, True)", "digital_in(5)", "waited > 4"]),
+        ("rapid", ["\\InPos,0.7", "\\PLength:=0.2", "\\MaxTime:=4"]),
+        ("krl", ["WAIT SEC 0.7", "$OUT[3]=TRUE", "WAIT FOR $IN[5]"]),
+        ("ros", ['"settle_s": 0.7', '"wait_for_camera_s": 4.0']),
+        ("csv", ["# Wait 0.7 s"]),
+    ],
+)
+def test_settling_trigger_and_answer(language, wanted):
+    for words in wanted:
+        assert words in text(language)
+
+
+def test_ros_points_are_those_of_cubic_splines():
+    """Between points, the cubic through places and speeds has one acceleration: the trapezoid itself."""
+    rates = program().rates
+    for turn in json.loads(text("ros"))["rounds"]:
+        for step in turn["steps"]:
+            if "image" in step:
+                continue
+            points = step["joint_trajectory"]["points"]
+            times = [
+                p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in points
+            ]
+            for k in range(len(points) - 1):
+                dt = times[k + 1] - times[k]
+                if dt < 1e-6:
+                    continue
+                p0, p1 = (np.array(points[k + i]["positions"]) for i in (0, 1))
+                v0, v1 = (np.array(points[k + i]["velocities"]) for i in (0, 1))
+                # the third derivative of the cubic Hermite spline
+                jerk = (6 * (v0 + v1) - 12 * (p1 - p0) / dt) / dt**2
+                assert np.abs(jerk * dt).max() < 1e-4
+                assert (np.abs(v1) <= rates.speeds * (1 + 1e-9)).all()
+                assert (np.abs((v1 - v0) / dt) <= rates.accelerations * (1 + 1e-6)).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [('a"b\nc', "a_b_c"), ("größe", "gr__e"), ("x" * 80, "x" * 57 + "..."), ("up (1)", "up (1)")],
+)
+def test_names_cannot_break_a_program(name, expected):
+    assert plain(name) == expected
+
+
+@pytest.mark.parametrize("language", FORMATS)
+def test_files_by_format(language, tmp_path):
+    path = write_program(program(), tmp_path / FORMATS[language], format=language)
+    assert path.read_text(encoding="utf-8") == program_text(program(), language)
+
+
+@pytest.mark.parametrize(
+    ("name", "language"),
+    [
+        ("a.script", "urscript"),
+        ("a.MOD", "rapid"),
+        ("a.src", "krl"),
+        ("a.csv", "csv"),
+        ("a.json", "json"),
+    ],
+)
+def test_files_by_suffix(name, language, tmp_path):
+    path = write_program(program(), tmp_path / name)
+    assert path.read_text(encoding="utf-8") == program_text(program(), language)
+
+
+def test_bad_input(tmp_path):
+    with pytest.raises(RequestError, match="format must be one of urscript, rapid"):
+        program_text(program(), "fanuc")
+    with pytest.raises(RequestError, match="program must be a RobotProgram"):
+        program_text(plan_of(reached_poses()[:1]), "csv")
+    with pytest.raises(RequestError, match=r"path must end in \.script"):
+        write_program(program(), tmp_path / "a.ls")
+    with pytest.raises(OutputError):
+        write_program(program(), tmp_path / "none" / "a.csv")
+    with pytest.raises(RequestError, match="settle_s must be finite"):
+        CameraSignals(settle_s=-1.0)
+    with pytest.raises(RequestError, match="output must be an integer"):
+        CameraSignals(output=1.5)
