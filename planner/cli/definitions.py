@@ -26,7 +26,7 @@ from planner.cli.arguments import (
 )
 from planner.cli.parsing.parser import Help, Parser
 from planner.cli.parsing.quantities import MM, lengths, memory, whole
-from planner.cli.robot.definitions import add_plan_cell, add_reach
+from planner.cli.robot.definitions import add_plan_cell, add_program, add_reach
 from planner.executors import usable_cores
 
 _DESCRIPTION = """\
@@ -42,6 +42,7 @@ examples:
   aspectgraph plan part.stp --dimensions all --camera camera.toml -o plan
   aspectgraph simulate plan
   aspectgraph reach plan part.step --cell cell.toml
+  aspectgraph program plan part.step --cell cell.toml --format rapid
   aspectgraph optics part.step --select "length > 20" --write camera.toml
   aspectgraph batch parts --camera camera.toml --out plans
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
@@ -97,6 +98,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_optics(commands)
     _add_simulate(commands)
     _add_reach(commands)
+    _add_program(commands)
     _add_batch(commands)
     _add_graph(commands)
     _add_completion(commands, parser)
@@ -279,6 +281,17 @@ def _add_reach(commands: Any) -> None:
             commands,
             "reach",
             "say which settings of a plan a robot reaches, and where the part should lie",
+            "PLAN PART --cell FILE [options]",
+        )
+    )
+
+
+def _add_program(commands: Any) -> None:
+    add_program(
+        _command(
+            commands,
+            "program",
+            "write a robot program that takes the images of a plan",
             "PLAN PART --cell FILE [options]",
         )
     )

@@ -38,6 +38,7 @@ from planner.progress.terminal_text import visible, visible_output
 _MODULES = {
     "cameras": "planner.cli.catalogue_commands",
     "completion": "planner.cli.completion",
+    "program": "planner.cli.robot.program_command",
     "reach": "planner.cli.robot.reach_command",
 }
 # commands that need many compiled loops

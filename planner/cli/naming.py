@@ -27,6 +27,11 @@ _OPTIONS = {
     "memory_limit_bytes": "--memory-limit",
     "bodies": "--body",
     "distances_mm": "--distances",
+    "joints_rad": "--sigma-joints",
+    "ready": "--ready-input",
+    "settle_s": "--settle",
+    "cell.home": "home_deg of the cell file",
+    "solid": "the part",
 }
 
 # what helps at a shell, where that is not what helps in a call, of the error with this name

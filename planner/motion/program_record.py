@@ -168,8 +168,9 @@ class RobotProgram:
     """What a robot drives to take the images of a plan.
 
     **Guarantee.** Every row of joints is within the limits. Every move between two rows is straight
-    in joints and keeps at least ``keep_mm`` between all bodies of the cell's model, proven and not
-    only checked at steps. Each setting that is not in ``unreached`` is visited once.
+    in joints. In the cell's model it keeps at least ``keep_mm`` to the part and obstacles, and links
+    do not touch each other, proven and not only checked at steps. Each setting that is not in
+    ``unreached`` is visited once.
 
     Attributes
     ----------
@@ -186,7 +187,7 @@ class RobotProgram:
     speed : float
         Share of the robot's largest joint speeds.
     keep_mm : float
-        Distance that all bodies keep on the moves, mm.
+        Distance that moves keep to part and obstacles, mm. Links of the arm only do not touch.
     unreached : mapping of int to str
         Index of each setting that is not visited, from 0, and the reason.
     coverage : tuple of int

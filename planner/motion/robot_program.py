@@ -124,7 +124,7 @@ def robot_program(
         raise RequestError.of_rule("cell.home", "must be given for a program", "none", hint=hint)
     if not plan.settings:
         raise RequestError.of_rule("plan", "must have settings", "none")
-    maker = _ProgramMaker(plan, cell.with_part(solid), speed, uncertainty, seed)
+    maker = _ProgramMaker(plan, solid, cell, speed=speed, uncertainty=uncertainty, seed=seed)
     return maker.program(progress)
 
 
@@ -152,14 +152,17 @@ class _ProgramMaker:
     def __init__(
         self,
         plan: InspectionPlan,
+        solid: Solid,
         cell: Cell,
+        *,
         speed: float,
         uncertainty: ArmUncertainty | None,
         seed: int,
     ):
         robot = cell.robot
         self._plan = plan
-        self._cell = cell
+        self._given = cell
+        self._cell = cell.with_part(solid)
         self._home = np.array(cell.home, dtype=np.float64)
         self._speed = speed
         self._rates = JointRates(robot.speeds, robot.accelerations).scaled(speed)
@@ -294,7 +297,7 @@ class _ProgramMaker:
         part = self._plan.request.get("part")
         if part is not None:
             digests["part"] = str(part["digest"])
-        digests["cell"] = self._cell.state_name
+        digests["cell"] = self._given.to_dict()["digest"]
         return digests
 
     def _warnings(self, tours: Sequence[FixturedTour]) -> list[str]:
@@ -302,6 +305,9 @@ class _ProgramMaker:
             (stop for tour in tours for stop in tour.stops), key=lambda stop: stop.setting_idx
         )
         found = []
+        planned = getattr(self._plan, "cell", None)
+        if planned and planned["digest"] != self._given.to_dict()["digest"]:
+            found.append("the plan was made for another cell.")
         for stop in stops:
             setting = f"setting {stop.setting_idx + 1}"
             low = [

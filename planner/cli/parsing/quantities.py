@@ -94,6 +94,30 @@ def lengths(text: str) -> list[float]:
         raise argparse.ArgumentTypeError(f"must be numbers like 250,400. Got {text!r}.") from None
 
 
+def sigma_pair(text: str) -> tuple[float, float]:
+    """Return standard deviations of a pose: a length in mm and an angle in rad.
+
+    Parameters
+    ----------
+    text : str
+        Like ``0.05,0.0005`` or ``50um,0.5mrad``.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is no such pair.
+    """
+    words = text.split(",")
+    try:
+        if len(words) == 2:
+            return MM(words[0]), RAD(words[1])
+    except argparse.ArgumentTypeError:
+        pass
+    raise argparse.ArgumentTypeError(
+        f"must be a length and an angle like 0.05mm,0.5mrad. Got {text!r}."
+    )
+
+
 # no file has more solids; Python reads no number of more than some thousand digits
 _WHOLE = re.compile(r"[-+]?\d{1,400}", re.ASCII)
 _INDEX = re.compile(r"\d{1,18}", re.ASCII)

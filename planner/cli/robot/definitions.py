@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from planner.cli.arguments import Options, add_messages, add_part, add_reading, add_seed
-from planner.cli.parsing.quantities import MM, whole
+from planner.cli.parsing.quantities import MM, RAD, SECONDS, SHARE, sigma_pair, whole
 
 
 def add_cell(parser: argparse.ArgumentParser) -> None:
@@ -52,3 +52,72 @@ def add_reach(reach: argparse.ArgumentParser) -> None:
     add_seed(placing, "same seed, same positions")
     add_reading(reach)
     add_messages(reach)
+
+
+def add_program(program: argparse.ArgumentParser) -> None:
+    """Add the options of `program`."""
+    add_cell(program)
+    output = program.add_argument_group("program")
+    output.add_argument(
+        "--format",
+        choices=("urscript", "rapid", "krl", "ros", "csv", "json"),
+        default="urscript",
+        help="language of the controller; ros: trajectories as JSON, json: all data",
+    )
+    output.add_argument(
+        "--out",
+        "-o",
+        metavar="FILE",
+        help="file to write; one that exists is replaced (default: inspection.script, .mod, .src, "
+        ".csv, inspection_ros.json or program.json)",
+    )
+    output.add_argument(
+        "--speed",
+        type=SHARE,
+        default=0.5,
+        metavar="S",
+        help="share of the joints' largest speeds, like 0.5 or 50%%",
+    )
+    output.add_argument(
+        "--settle", type=SECONDS, default=0.5, metavar="S", help="wait before each image, s"
+    )
+    output.add_argument(
+        "--trigger-output",
+        type=whole,
+        default=1,
+        metavar="N",
+        help="digital output that triggers the camera",
+    )
+    output.add_argument(
+        "--ready-input",
+        type=whole,
+        default=1,
+        metavar="N",
+        help="digital input at which the camera says that the image is taken",
+    )
+    add_seed(output, "same seed, same ways around obstacles")
+    arm = program.add_argument_group(
+        "uncertainty of the arm", "With one of these, the program states P for each setting."
+    )
+    arm.add_argument(
+        "--sigma-joints",
+        type=RAD,
+        metavar="RAD",
+        help="standard deviation of each joint, like 0.1mrad (default: none)",
+    )
+    arm.add_argument(
+        "--sigma-hand-eye",
+        type=sigma_pair,
+        metavar="MM,RAD",
+        help="standard deviations of the hand-eye calibration per axis, like 0.05mm,0.5mrad "
+        "(default: none)",
+    )
+    arm.add_argument(
+        "--sigma-part",
+        type=sigma_pair,
+        metavar="MM,RAD",
+        help="standard deviations of the part's registration about its origin, per axis "
+        "(default: none)",
+    )
+    add_reading(program)
+    add_messages(program)

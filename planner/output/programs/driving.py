@@ -134,7 +134,7 @@ def head_lines(program: RobotProgram, made: date) -> list[str]:
         "Joints: " + ", ".join(plain(name, 40) for name in program.joint_names),
         f"Settings: {program.n_stops}; moves take {program.seconds:.1f} s at the program's speed, "
         f"which is {100 * program.speed:.0f} % of the joints' speeds",
-        f"Every move keeps {program.keep_mm:g} mm to everything in the model.",
+        f"Every move keeps {program.keep_mm:g} mm to part and obstacles in the model.",
         *(_flange_line(program)),
         *(f"Not reached: setting {k + 1}: {plain(w, 120)}" for k, w in program.unreached.items()),
         *(f"Warning: {plain(text, 160)}" for text in program.warnings),

@@ -1,0 +1,116 @@
+"""The command ``program``: a robot program that takes the images of a plan."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from errors.formatting import probability_text
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.cli.job import check_same_part, read_part
+from planner.cli.process.exit_codes import DONE, INCOMPLETE
+from planner.files import check_file_place
+from planner.motion.arm_uncertainty import ArmUncertainty
+from planner.motion.program_record import FixturedTour, RobotProgram, Stop
+from planner.motion.robot_program import robot_program
+from planner.output.pose_files import image_name
+from planner.output.programs import FORMATS, CameraSignals, write_program
+from planner.plan import read_plan
+from planner.progress import terminal_progress
+from planner.progress.terminal_text import visible
+from planner.progress.text_table import Column, print_table, print_text
+from planner.records.json_file import print_json
+from planner.robot import Cell
+
+
+def program(options: argparse.Namespace) -> int:
+    """Write a robot program, and print its rounds."""
+    out = FORMATS[options.format] if options.out is None else options.out
+    check_file_place(out, "--out")
+    signals = CameraSignals(
+        settle_s=options.settle, output=options.trigger_output, ready=options.ready_input
+    )
+    plan = read_plan(options.plan)
+    cell = Cell.from_toml(options.cell)
+    solid = read_part(options)
+    check_same_part(solid, plan, options.part)
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        made = robot_program(
+            plan,
+            solid,
+            cell,
+            speed=options.speed,
+            uncertainty=_uncertainty(options),
+            seed=options.seed,
+            progress=progress,
+        )
+    path = write_program(made, out, format=options.format, signals=signals)
+    if options.json:
+        print_json(made.to_dict())
+    else:
+        _print_program(made)
+        print(visible(str(path)))
+    return DONE if made.complete else INCOMPLETE
+
+
+def _uncertainty(options: argparse.Namespace) -> ArmUncertainty | None:
+    """Return the uncertainty of the arm, if any of it is given."""
+    joints = options.sigma_joints
+    hand_eye = _isotropic(options.sigma_hand_eye)
+    part = _isotropic(options.sigma_part)
+    if joints is None and hand_eye is None and part is None:
+        return None
+    return ArmUncertainty(0.0 if joints is None else joints, hand_eye, part)
+
+
+def _isotropic(sigmas: tuple[float, float] | None) -> PoseUncertainty | None:
+    if sigmas is None:
+        return None
+    return PoseUncertainty.isotropic(translation_mm=sigmas[0], rotation_rad=sigmas[1])
+
+
+def _print_program(made: RobotProgram) -> None:
+    """Print the rounds, what is not reached, and what to look at."""
+    states_p = any(stop.probability for tour in made.tours for stop in tour.stops)
+    columns = [
+        Column("part lies"),
+        Column("setting", right=True),
+        Column("image"),
+        Column("joints (degrees)"),
+        Column("move (s)", right=True),
+    ]
+    if states_p:
+        columns.append(Column("smallest P", right=True))
+    rows = [_row(tour, stop, states_p) for tour in made.tours for stop in tour.stops]
+    print_table(columns, rows)
+    rounds = "1 round" if len(made.tours) == 1 else f"{len(made.tours)} rounds"
+    detours = sum(move.is_detour for tour in made.tours for move in tour.moves)
+    around = f", {detours} of them around something" if detours else ""
+    n_moves = sum(len(tour.moves) for tour in made.tours)
+    print_text(
+        f"{rounds} from home to home, {n_moves} moves{around}, {made.seconds:.1f} s at "
+        f"{100 * made.speed:.0f} % of the joints' speeds; all keep {made.keep_mm:g} mm to "
+        "part and obstacles"
+    )
+    if len(made.coverage) > 1:
+        counts = [f"{k}: {count}" for k, count in enumerate(made.coverage, 1)]
+        print_text(f"settings reached by the number of fixturings: {', '.join(counts)}")
+    for k, why in made.unreached.items():
+        print_text(f"setting {k + 1} is not reached: {why}")
+    for text in made.warnings:
+        print_text(f"warning: {text}")
+
+
+def _row(tour: FixturedTour, stop: Stop, states_p: bool) -> tuple[str, ...]:
+    angles = " ".join(f"{angle + 0.0:.1f}" for angle in np.round(np.degrees(stop.joints), 1))
+    row = (
+        tour.fixturing,
+        str(stop.setting_idx + 1),
+        image_name(stop.setting_idx),
+        angles,
+        f"{stop.move.seconds:.1f}",
+    )
+    if not states_p:
+        return row
+    return (*row, probability_text(min(stop.probability.values(), default=1.0)))
