@@ -57,8 +57,8 @@ def main(argv=None):
         request, effort = request_of(path)
         centring = replace(effort.centring, give_up=args.give_up)
         for k, setting in enumerate(plan.settings):
-            own = request.restricted_to(setting.entities)
-            checks = DisplacedChecks(request, setting.entities)
+            own = request.at_pose(setting.cam2world, setting.entities)
+            checks = DisplacedChecks(own, setting.entities)
             began = time.process_time()
             pose = centred(own, setting.cam2world, centring, seed=k)
             seconds = time.process_time() - began

@@ -38,6 +38,7 @@ from seen_lines import Lines
 from aspectgraph import read_solid
 from errors.measurands import Circle
 from planner import read_plan
+from planner.wanted.planned import targets_of
 
 DENSE = 24
 SHORT_MM = 0.05
@@ -185,7 +186,7 @@ def judge_setting(plan, setting, lines, renderer, args, rng):
     strip = plan.requirements.get("surround_px", 0.0)
     every = np.ones(args.poses, bool)
     for name in setting.entities:
-        target = plan.targets[name]
+        target = targets_of(plan.targets, setting)[name]
         points = target_points(target)
         good = np.empty(args.poses, bool)
         for start in range(0, args.poses, 1000):

@@ -36,7 +36,7 @@ class Effort:
         the program tries optimistic columns.
     witnesses : int
         Largest number of sets of entities that the program considers for one dimension. A model may
-        offer more.
+        offer more. With 1, it takes the first, of whole entities.
 
     pricing : Pricing
         How the program draws and improves candidate poses. The default of this and the following

@@ -12,7 +12,7 @@ from planner.camera.camera import Camera
 from planner.request.constraints import Constraints
 from planner.request.necessary import widest_view_mm
 from planner.request.objective import Objective
-from planner.wanted.witness_choice import WitnessChoice
+from planner.wanted.witness_choice import PREFERRED, WitnessChoice
 
 # what a constraint that is not met says of a witness
 _WHY = {
@@ -73,8 +73,10 @@ def choice_for(camera: Camera, most: int) -> WitnessChoice:
     camera : Camera
         The camera.
     most : int
-        Witnesses of a dimension at most.
+        Witnesses of a dimension at most. With 1 it is the preferred one, of whole entities.
     """
+    if most == 1:
+        return PREFERRED
     across = min(camera.sensor_size_mm) * camera.focus_distance_mm / camera.image_distance_mm
     return WitnessChoice(most, widest_view_mm(camera), across / 4)
 
