@@ -22,7 +22,7 @@ from planner.cli.parsing.quantities import localisation_words
 from planner.exceptions import OutputError, RequestError
 from planner.files import check_file_place
 
-_COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "graph_limit": 0, "rows": 1}
+_COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "draws": 1, "graph_limit": 0, "rows": 1}
 # of what is counted
 _MOST = 10**9
 # as `planner.request.defaults.MOST_SEED`, which takes a second to load
@@ -117,7 +117,8 @@ def check_inputs(options: Any) -> None:
         _check_new_camera(given["write"])
     if given.get("localisation") is not None:
         localisation_words(given["localisation"])
-    _check_workspace(given.get("workspace"))
+    _check_box("workspace", given.get("workspace"))
+    _check_box("within", given.get("within"), flat=True)
     _check_optics(given)
     _check_image(given)
     for name, other in (("contrast", "lamps"), *((one, "light") for one in _OF_LIGHT)):
@@ -186,15 +187,15 @@ def _check_new_camera(path: str) -> None:
         raise OutputError(f"--write must be a new file. Got {path!r}, which exists.")
 
 
-def _check_workspace(numbers: Sequence[float] | None) -> None:
-    """Refuse what is no box; whether it is around the part is known later."""
+def _check_box(name: str, numbers: Sequence[float] | None, *, flat: bool = False) -> None:
+    """Refuse what is no box, which may be flat or not; whether it is around the part is known later."""
     if numbers is None:
         return
     corners = [list(numbers[:3]), list(numbers[3:])]
-    ordered = all(low < high for low, high in zip(*corners, strict=True))
+    ordered = all(low < high or (flat and low == high) for low, high in zip(*corners, strict=True))
     if not (ordered and all(map(math.isfinite, numbers))):
         rule = "must be finite, lower corner first"
-        raise RequestError.of_rule("workspace", rule, str(corners))
+        raise RequestError.of_rule(name, rule, str(corners))
 
 
 def _check_optics(given: Mapping[str, Any]) -> None:

@@ -32,9 +32,9 @@ def reach(options: argparse.Namespace) -> int:
     if options.within is not None and not options.place:
         raise RequestError.of_rule("within", "must be given with --place", "none")
     plan = read_plan(options.plan)
-    cell = Cell.from_toml(options.cell)
     solid = read_part(options)
     check_same_part(solid, plan, options.part)
+    cell = Cell.from_toml(options.cell)
     if options.place:
         return _placed(options, plan, solid, cell)
     told = cell.reachability(plan, solid)

@@ -24,6 +24,7 @@ NEEDED = {
     "batch": ["parts", *CAMERA, "--out", "out"],
     "simulate": ["plan.json"],
     "optics": ["box.off", "--all"],
+    "reach": ["plan.json", "box.off", "--cell", "cell.toml"],
 }
 NO_NUMBER = ["many"]
 NEGATIVE = ["-1"]
@@ -32,9 +33,11 @@ BAD = {
     "--again": ["nowhere.json"],
     "--body": ["pinhole"],
     "--camera": ["pinhole"],
+    "--cell": ["nowhere.toml"],
     "--contrast": ["2"],
     "--dimensions": ["nowhere.toml"],
     "--distances": ["near"],
+    "--draws": ["0"],
     "--effort": ["none"],
     "--entities": ["?"],
     "--field-margin-px": NEGATIVE,
@@ -75,6 +78,7 @@ BAD = {
     "--time-limit": ["0"],
     "--units": ["ell"],
     "--visibility-radius-mm": NEGATIVE,
+    "--within": ["1", "1", "1", "0", "0", "0"],
     "--write": ["camera.txt"],
     "--workspace": ["1", "1", "1", "0", "0", "0"],
 }
@@ -104,6 +108,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "box.off").write_text(BOX)
     (tmp_path / "file").write_text("")
+    (tmp_path / "cell.toml").write_text("")
     plan().write(tmp_path / "plan.json")
     return tmp_path
 

@@ -90,7 +90,7 @@ def test_a_mesh_hides_what_its_box_does():
     # rays meet the skin, and miss what is between them
     assert (seen != whole).mean() < 0.05
     assert 0.1 < seen.mean() < 0.9
-    assert not mesh.hides(EYE, LINE + [0.0, 0.0, 100.0]).any()
+    assert not mesh.hides(EYE, LINE + np.array([0.0, 0.0, 100.0])).any()
 
 
 def test_moved_fixturings_take_their_obstacles_along():
