@@ -71,7 +71,7 @@ def test_unknown_name_is_refused():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"version": 3}, "version must be 1 or 2. Got 3"),
+        ({"version": 4}, "version must be 1, 2 or 3. Got 4"),
         (
             {"format": "a shopping list"},
             "format must be 'aspectgraph inspection plan'. Got 'a shopping list'",

@@ -100,3 +100,54 @@ def test_bad_input_is_one_line(words, message, tmp_path, capsys):
     told = capsys.readouterr().err
     assert message in told
     assert len(told.strip().splitlines()) == 1
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory):
+    """Return a folder with a plan for a cell, and the cell's file."""
+    folder = tmp_path_factory.mktemp("planned")
+    path = cell_file(folder)
+    words = ["--entities", "17", "--camera", "basler-acA2440-20gm-8mm", "--accuracy", "0.98"]
+    words += ["--effort", "quick", "--simulate", "1000", "--jobs", "1", "--quiet"]
+    out = str(folder / "plan")
+    assert main(["plan", PART, *words, "--cell", path, "--out", out]) == 0
+    return out, path
+
+
+def test_a_plan_for_a_cell_is_reached(planned, capsys):
+    out, path = planned
+    plan = json.loads(Path(out, "plan.json").read_text("utf-8"))
+    assert plan["version"] == 3
+    assert plan["cell"]["robot"] == "made_parallel"
+    assert plan["settings"][0]["fixturing"] == "up"
+    assert main(["reach", out, PART, "--cell", path, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["setting_01"]["up"]["joints_rad"] == plan["settings"][0]["joints"]
+
+
+def test_another_cell_is_noted(planned, tmp_path, capsys):
+    out, path = planned
+    assert main(["reach", out, PART, "--cell", path]) == 0
+    assert "another cell" not in capsys.readouterr().out
+    main(["reach", out, PART, "--cell", cell_file(tmp_path, x=610)])
+    assert "note: the plan was made for another cell" in capsys.readouterr().out
+
+
+def test_a_plan_for_a_cell_is_planned_again_with_its_cell(planned, tmp_path, capsys):
+    out, path = planned
+    again = ["plan", "--again", out, "--out", str(tmp_path / "again"), "--quiet", "--jobs", "1"]
+    assert main(again) == 2
+    assert "--cell must be given for a plan of a robot cell" in capsys.readouterr().err
+    assert main([*again, "--cell", cell_file(tmp_path, x=610)]) == 2
+    assert "--cell must be the cell of the plan" in capsys.readouterr().err
+    assert main([*again, "--cell", path]) == 0
+    printed = capsys.readouterr().out
+    assert "part lies" in printed
+    assert "made_parallel reaches all settings, with the part lying 'up'." in printed
+    first, second = (
+        json.loads(Path(folder, "plan.json").read_text("utf-8"))["settings"]
+        for folder in (out, tmp_path / "again")
+    )
+    assert first == second
+    without = ["plan", "--again", PLAN, "--out", str(tmp_path / "none"), "--quiet"]
+    assert main([*without, "--cell", path]) == 2
