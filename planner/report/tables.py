@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
+import numpy as np
 from scipy.spatial.transform import Rotation
 
 from errors.formatting import is_nearly_one, probability_text
@@ -208,6 +209,38 @@ def robot(plan: InspectionPlan) -> str:
     """Return the poses in the order of travel: front nodal point, quaternion, and roll, pitch, yaw."""
     if not plan.settings:
         return ""
+    return arm(plan) + _poses(plan)
+
+
+def arm(plan: InspectionPlan) -> str:
+    """Return how the robot stands in each setting of a plan for a cell; nothing of another plan."""
+    if not plan.cell:
+        return ""
+    body = []
+    for k, setting in enumerate(plan.settings, start=1):
+        if not setting.fixturing:
+            continue
+        cells = [f"<td>{escape(setting.fixturing)}</td>"]
+        cells += [f"<td class=n>{np.degrees(angle) + 0.0:.2f}</td>" for angle in setting.joints]
+        cells.append(f"<td class=n>{setting.arm['clearance_robot_mm']:.1f}</td>")
+        cells.append(f"<td>{escape(setting.arm.get('closest', ''))}</td>")
+        cells.append(f"<td class=n>{np.degrees(setting.arm['to_limit_rad']):.0f}</td>")
+        cells.append(f"<td class=n>{setting.arm['singular_value']:.2f}</td>")
+        body.append(f"<tr><td>{setting_link(k)}</td>{''.join(cells)}</tr>")
+    joints = "".join(f'<th class="n">Joint {k} (°)</th>' for k in range(1, 7))
+    head = (
+        f"<th>Setting</th><th>Part lies</th>{joints}<th class=n>Clearance (mm)</th><th>between</th>"
+        "<th class=n>To limit (°)</th><th class=n>Singular value</th>"
+    )
+    return (
+        f'<div class="scroll"><table class="arm"><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table>'
+        f"</div><p class='note'>{escape(plan.cell['robot'])} reaches these settings. The clearance is the distance of "
+        "the closest two objects that may touch. The limit is that of the nearest joint. At a singular value of 0 "
+        "joints turn fast for a slow camera. Its lengths are divided by 500 mm.</p>"
+    )
+
+
+def _poses(plan: InspectionPlan) -> str:
     body = []
     for k, setting in enumerate(plan.settings, start=1):
         turn = Rotation.from_matrix(setting.cam2world[:3, :3])

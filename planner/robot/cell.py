@@ -36,6 +36,9 @@ from planner.robot.transforms import carry, compose, invert
 if TYPE_CHECKING:
     from aspectgraph import Solid
 
+# of a cell without anything that may be touched; a file holds no infinite number
+_FAR_MM = 1e6
+
 
 class Cell:
     """A robot that holds a camera, and everything it must not touch.
@@ -283,9 +286,11 @@ class Cell:
             branches = self.reach(cam2world[None], name)[0].branches
             if len(branches) and not (self.hidden_by(cam2world[None], segments, name) != "").any():
                 q = branches[:1]
+                near = self.clearance(q[0], name)
                 found[name] = ArmAt(
                     tuple(q[0].tolist()),
-                    self.clearance(q[0], name).mm,
+                    min(near.mm, _FAR_MM),
+                    f"{near.first} and {near.second}" if near.first else "",
                     float(self.robot.to_limit_rad(q)[0]),
                     float(self.robot.singular_value(q)[0]),
                 )

@@ -55,6 +55,8 @@ class ArmAt(NamedTuple):
         Six, rad.
     clearance_mm : float
         Distance of the closest two bodies.
+    closest : str
+        Their names.
     to_limit_rad : float
         Distance of the joints from their nearest limit.
     singular_value : float
@@ -63,6 +65,7 @@ class ArmAt(NamedTuple):
 
     joints: tuple[float, ...]
     clearance_mm: float
+    closest: str
     to_limit_rad: float
     singular_value: float
 

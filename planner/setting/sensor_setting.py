@@ -61,8 +61,8 @@ class SensorSetting:
         Which way the part lies for it, in plans for a robot cell; otherwise empty.
     joints : tuple of float
         Joints (6,) of the robot, rad, in plans for a robot cell; otherwise empty.
-    arm : dict of str to float
-        In plans for a robot cell. ``clearance_robot_mm`` is the distance of the closest two
+    arm : dict of str to float or str
+        In plans for a robot cell. ``clearance_robot_mm`` is the distance of the ``closest`` two
         objects, ``to_limit_rad`` that of the joints from their limits. ``singular_value`` is the
         smallest of the Jacobian with lengths divided by 500 mm.
     """
@@ -85,7 +85,7 @@ class SensorSetting:
     passed_over: dict[str, dict[str, str]] = field(default_factory=dict)
     fixturing: str = ""
     joints: tuple[float, ...] = ()
-    arm: dict[str, float] = field(default_factory=dict)
+    arm: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         pose = np.array(self.cam2world, dtype=np.float64)

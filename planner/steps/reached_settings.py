@@ -79,6 +79,7 @@ def _standing(setting: SensorSetting, fixturing: str, arm: Any) -> SensorSetting
         joints=arm.joints,
         arm={
             "clearance_robot_mm": arm.clearance_mm,
+            "closest": arm.closest,
             "to_limit_rad": arm.to_limit_rad,
             "singular_value": arm.singular_value,
         },

@@ -22,6 +22,7 @@ from planner import (
     RobotError,
     plan_inspection,
 )
+from planner.report.tables import arm
 from planner.steps.reached_settings import fewest_fixturings
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
@@ -224,3 +225,13 @@ def test_settings_without_a_cell_have_no_joints(free):
     assert {(one.fixturing, one.joints) for one in free.settings} == {("", ())}
     assert "cell" not in free.to_dict()
     assert replace(free, cell={}).to_dict() == free.to_dict()
+
+
+def test_the_report_states_the_joints(celled, free):
+    table = arm(celled[1])
+    first = celled[1].settings[0]
+    assert "<td>up</td>" in table
+    for angle in np.degrees(first.joints):
+        assert f">{angle + 0.0:.2f}</td>" in table
+    assert first.arm["closest"].split(" and ")[0] in table
+    assert arm(free) == ""
