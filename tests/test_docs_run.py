@@ -211,9 +211,10 @@ def robot_programs(names):
     import numpy as np
 
     pose = names["pose"]
-    assert names["printed"].splitlines() == [
-        names[maker] for maker in ("ur", "kuka", "fanuc", "abb")
-    ]
+    *written, ur, kuka, fanuc, abb = names["printed"].splitlines()
+    assert [ur, kuka, fanuc, abb] == [names[maker] for maker in ("ur", "kuka", "fanuc", "abb")]
+    assert written[0].startswith("<RobotProgram of 'two_pocket_block'")
+    assert any(line.strip().startswith("movej(") for line in written)
     assert np.allclose(
         names["part2base"] @ names["plan"].settings[0].cam2world, pose @ names["cam2flange"]
     )

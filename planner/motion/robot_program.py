@@ -80,8 +80,8 @@ def robot_program(
 ) -> RobotProgram:
     """Make the program that takes the images of a plan.
 
-    Each setting gets the joints and the fixturing in which the whole takes the least time, with the
-    fewest fixturings that reach all settings which can be reached. Every move is proven free.
+    The program uses the fewest fixturings that reach all settings that can be reached. It chooses
+    joints and order so that the moves take little time. Every move is proven free of collisions.
 
     Parameters
     ----------

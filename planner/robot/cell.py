@@ -364,7 +364,7 @@ class Cell:
         *,
         kept: float = 1.0,
     ) -> np.ndarray:
-        """Return which share of a turn is proven free to both sides of joints.
+        """Return which share of a turn is proven free in both directions from joints.
 
         Parameters
         ----------
@@ -373,17 +373,17 @@ class Cell:
         turn : array, shape (6,)
             A straight move in joints, rad.
         reach : array, shape (n,)
-            Shares of it beyond which nothing need be known.
+            Largest shares of it that are of interest.
         fixturing : str
             Which way the part lies.
         kept : float
-            Share of the clearance that all bodies must keep.
+            Share of the clearance that must be kept.
 
         Returns
         -------
         array, shape (n,)
-            Joints ``q + t * turn`` are free for all t of a smaller size. At most `reach`; not
-            positive if the joints themselves are not free. Limits of joints are not looked at.
+            Joints ``q + t * turn`` are free for all t of a smaller size. At most `reach`. It is not
+            positive if the joints themselves are not free. Limits of joints do not count.
         """
         joints = np.asarray(q, dtype=np.float64)
         return self._reacher(fixturing).free_shares(joints, turn, reach, kept)
