@@ -28,7 +28,6 @@ _OPTIONS = {
     "bodies": "--body",
     "distances_mm": "--distances",
     "joints_rad": "--sigma-joints",
-    "ready": "--ready-input",
     "settle_s": "--settle",
     "cell.home": "home_deg of the cell file",
     "solid": "the part",

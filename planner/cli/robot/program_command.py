@@ -29,7 +29,9 @@ def program(options: argparse.Namespace) -> int:
     out = FORMATS[options.format] if options.out is None else options.out
     check_file_place(out, "--out")
     signals = CameraSignals(
-        settle_s=options.settle, output=options.trigger_output, ready=options.ready_input
+        settle_s=options.settle,
+        trigger_output=options.trigger_output,
+        ready_input=options.ready_input,
     )
     plan = read_plan(options.plan)
     cell = Cell.from_toml(options.cell)

@@ -30,9 +30,9 @@ class CameraSignals:
     ----------
     settle_s : float
         Wait after each stop, s.
-    output : int
+    trigger_output : int
         Number of the digital output that triggers the camera.
-    ready : int
+    ready_input : int
         Number of the digital input at which the camera says that the image is taken.
     pulse_s : float
         Length of the trigger, s.
@@ -46,15 +46,15 @@ class CameraSignals:
     """
 
     settle_s: float = 0.5
-    output: int = 1
-    ready: int = 1
+    trigger_output: int = 1
+    ready_input: int = 1
     pulse_s: float = 0.1
     timeout_s: float = 10.0
 
     def __post_init__(self) -> None:
         for name in ("settle_s", "pulse_s", "timeout_s"):
             check_number(name, getattr(self, name), NOT_NEGATIVE)
-        for name in ("output", "ready"):
+        for name in ("trigger_output", "ready_input"):
             check_count(name, getattr(self, name), 0, 4096)
 
 

@@ -69,10 +69,10 @@ def _round(tour: FixturedTour, program: RobotProgram, signals: CameraSignals) ->
             lines += [
                 f"; {step.image}",
                 f"WAIT SEC {signals.settle_s:g}",
-                f"$OUT[{signals.output}]=TRUE",
+                f"$OUT[{signals.trigger_output}]=TRUE",
                 f"WAIT SEC {signals.pulse_s:g}",
-                f"$OUT[{signals.output}]=FALSE",
-                f"WAIT FOR $IN[{signals.ready}]",
+                f"$OUT[{signals.trigger_output}]=FALSE",
+                f"WAIT FOR $IN[{signals.ready_input}]",
             ]
     return lines
 

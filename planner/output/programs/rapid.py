@@ -40,7 +40,7 @@ def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
     lines = [
         "MODULE Inspection",
         *(f"  ! {line}" for line in head_lines(program, made)),
-        f"  ! doCamera is digital output {signals.output}, diCamera is digital input {signals.ready}.",
+        f"  ! doCamera is digital output {signals.trigger_output}, diCamera is digital input {signals.ready_input}.",
         "  ! Replace tool0 by a tool with the mass of the camera.",
         *targets,
         "  PROC main()",

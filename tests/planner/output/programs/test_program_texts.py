@@ -16,7 +16,7 @@ from planner.output.programs import FORMATS
 from planner.output.programs.driving import plain
 
 DAY = date(2026, 3, 1)
-SIGNALS = CameraSignals(settle_s=0.7, output=3, ready=5, pulse_s=0.2, timeout_s=4.0)
+SIGNALS = CameraSignals(settle_s=0.7, trigger_output=3, ready_input=5, pulse_s=0.2, timeout_s=4.0)
 LANGUAGES = ("urscript", "rapid", "krl", "ros", "csv")
 _NUMBER = r"-?\d+(?:\.\d+)?"
 
@@ -295,5 +295,5 @@ def test_bad_input(tmp_path):
         write_program(program(), tmp_path / "none" / "a.csv")
     with pytest.raises(RequestError, match="settle_s must be finite"):
         CameraSignals(settle_s=-1.0)
-    with pytest.raises(RequestError, match="output must be an integer"):
-        CameraSignals(output=1.5)
+    with pytest.raises(RequestError, match="trigger_output must be an integer"):
+        CameraSignals(trigger_output=1.5)
