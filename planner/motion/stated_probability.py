@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.wanted.models import EdgeModels
-from planner.wanted.planned import PlannedLength
+from planner.wanted.planned import PlannedLength, targets_of
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
@@ -43,7 +43,7 @@ def _probabilities(
     plan: InspectionPlan, setting: SensorSetting, uncertainty: PoseUncertainty
 ) -> dict[str, float]:
     means = replace(plan.means, pose_uncertainty=uncertainty)
-    targets = plan.targets
+    targets = targets_of(plan.targets, setting)
     found = {}
     for name in setting.entities:
         target = targets[name]

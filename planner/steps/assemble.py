@@ -140,7 +140,7 @@ def with_late_targets(
         plan,
         unfinished=True,
         uninspectable={**plan.uninspectable, **dict.fromkeys(late, _LATE)},
-        entities={target.name: target.witness.ends for target in targets},
+        entities={target.name: target.witnesses[0].ends for target in targets},
         dimensions={n: t for n, t in measured.items() if isinstance(t, PlannedDimension)},
     )
 

@@ -35,7 +35,9 @@ def in_order_of_arm(
     cell = request.requirements.cell
     assert cell is not None
     placed = [
-        cell.placed(one.cam2world, request.restricted_to(one.entities).constraints.segments)
+        cell.placed(
+            one.cam2world, request.at_pose(one.cam2world, one.entities).constraints.segments
+        )
         for one in settings
     ]
     chosen = fewest_fixturings([set(ways) for ways in placed])
