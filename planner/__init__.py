@@ -10,6 +10,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from errors.measurands import Decision as Decision
+    from errors.measurands import DecisionRule as DecisionRule
     from errors.measurands import Localisation as Localisation
     from planner.batch.folder_of_parts import plan_folder as plan_folder
     from planner.batch.part_request import PartRequest as PartRequest
@@ -45,6 +47,13 @@ if TYPE_CHECKING:
     from planner.light.lighting import Lighting as Lighting
     from planner.light.plan_light import plan_light as plan_light
     from planner.light.ring_space import RingSpace as RingSpace
+    from planner.measuring.measurer import MeasureOptions as MeasureOptions
+    from planner.measuring.measurer import Measurer as Measurer
+    from planner.measuring.measurer import measure as measure
+    from planner.measuring.merge import Result as Result
+    from planner.measuring.poses.registration import Registration as Registration
+    from planner.measuring.reading import Reading as Reading
+    from planner.measuring.results import MeasurementResults as MeasurementResults
     from planner.motion.arm_uncertainty import ArmUncertainty as ArmUncertainty
     from planner.motion.program_record import RobotProgram as RobotProgram
     from planner.motion.robot_program import robot_program as robot_program
@@ -85,7 +94,7 @@ if TYPE_CHECKING:
     from planner.wanted.planned import PlannedDimension as PlannedDimension
 
 _NAMES = {
-    "errors.measurands": ("Localisation",),
+    "errors.measurands": ("Decision", "DecisionRule", "Localisation"),
     "planner.batch.folder_of_parts": ("plan_folder",),
     "planner.batch.part_request": ("PartRequest",),
     "planner.batch.part_result": ("PartResult",),
@@ -119,6 +128,11 @@ _NAMES = {
     "planner.motion.arm_uncertainty": ("ArmUncertainty",),
     "planner.motion.program_record": ("RobotProgram",),
     "planner.motion.robot_program": ("robot_program",),
+    "planner.measuring.measurer": ("MeasureOptions", "Measurer", "measure"),
+    "planner.measuring.merge": ("Result",),
+    "planner.measuring.reading": ("Reading",),
+    "planner.measuring.poses.registration": ("Registration",),
+    "planner.measuring.results": ("MeasurementResults",),
     "planner.optics.proposal": ("OpticsProposal", "optics_table"),
     "planner.optics.propose": ("propose_optics",),
     "planner.output.pose_files": ("write_poses",),

@@ -37,7 +37,8 @@ RESULTS = {
     "VisibilityRegions", "AxisDisplacement", "DisplacementTerms", "MonteCarloEstimate",
     "SegmentDisplacement", "SegmentError", "GAResult", "Generation", "History", "Cover",
     "InspectionPlan", "LightPlan", "LitImage", "OpticsProposal", "PartResult", "PlannedDimension",
-    "PosePrediction", "ReasonKind", "SensorSetting", "SimulationResult", "SuccessRate",
+    "Decision", "MeasurementResults", "PosePrediction", "Reading", "ReasonKind", "Result",
+    "SensorSetting", "SimulationResult", "SuccessRate",
 }  # fmt: skip
 # goes away with the option that needs it
 WITHOUT_EXAMPLE = {"LampsTogether"}

@@ -39,6 +39,7 @@ PLACES = {
         "batch": (2.75, "all parts of a folder"),
         "inspection": (1.5, "the whole plan"),
         "pose_prediction": (0.2, "probability from one pose"),
+        "measuring": (2.75, "images to values"),
         "optics": (1.5, "cameras and lenses, ranked"),
         "output": (4, "folder, pose files, tables"),
         "steps": (1.5, "columns, bound, cover"),

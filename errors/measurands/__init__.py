@@ -7,7 +7,14 @@ part, where lines and circles are fitted; a displaced pose moves all of it toget
 
 from errors.exceptions import MeasurandError
 from errors.measurands import kinds as _kinds  # noqa: F401  registers them
-from errors.measurands.conformity import acceptance_limits, uncertainty_ratio
+from errors.measurands.conformity import (
+    Decision,
+    DecisionRule,
+    acceptance_limits,
+    conformance_probability,
+    decide,
+    uncertainty_ratio,
+)
 from errors.measurands.geometry import Circle, Geometry, Line
 from errors.measurands.localisation import Localisation
 from errors.measurands.measurand import Measurand
@@ -16,6 +23,8 @@ from errors.measurands.registry import kind, kinds, measurand
 
 __all__ = [
     "Circle",
+    "Decision",
+    "DecisionRule",
     "Geometry",
     "Line",
     "Localisation",
@@ -24,6 +33,8 @@ __all__ = [
     "MeasurandModel",
     "Prediction",
     "acceptance_limits",
+    "conformance_probability",
+    "decide",
     "kind",
     "kinds",
     "measurand",

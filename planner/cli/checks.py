@@ -54,6 +54,7 @@ _RULES = {
     "speed": ABOVE_0_TO_1,
     "settle": NOT_NEGATIVE,
     "sigma_joints": NOT_NEGATIVE,
+    "coverage": ABOVE_0_TO_1,
     "time_limit": POSITIVE_SECONDS,
     "gap": FROM_0_BELOW_1,
     "give_up": FROM_0_BELOW_1,
@@ -148,6 +149,13 @@ def _check_files(given: Mapping[str, Any]) -> None:
     cell = given.get("cell")
     if cell is not None and not Path(cell).is_file():
         raise RequestError.of_rule("cell", "must be an existing file", _place(cell))
+    images = given.get("images")
+    if images is not None and not Path(images).is_dir():
+        raise RequestError.of_rule("images", "must be an existing folder", _place(images))
+    register = given.get("register")
+    if register not in (None, "none", "edges") and not Path(register).is_file():
+        rule = "must be none or name an existing file"
+        raise RequestError.of_rule("register", rule, repr(register))
     folder = given.get("folder")
     if folder is not None and not Path(folder).is_dir():
         raise RequestError.of_rule("folder", "must be an existing folder", _place(folder))

@@ -24,6 +24,7 @@ from planner.cli.arguments import (
     add_wanted,
     add_workspace,
 )
+from planner.cli.measuring.options import add_measure_options
 from planner.cli.parsing.parser import Help, Parser
 from planner.cli.parsing.quantities import MM, lengths, memory, whole
 from planner.cli.robot.definitions import add_plan_cell, add_program, add_reach
@@ -43,6 +44,7 @@ examples:
   aspectgraph simulate plan
   aspectgraph reach plan part.step --cell cell.toml
   aspectgraph program plan part.step --cell cell.toml --format rapid
+  aspectgraph measure plan images --part part.stp --out results
   aspectgraph optics part.step --select "length > 20" --write camera.toml
   aspectgraph batch parts --camera camera.toml --out plans
   aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
@@ -57,7 +59,8 @@ A dimensions file adds what is measured, and its tolerance:
   bore = { diameter = "r3", tolerance = [-0.05, 0.05] }
 
 exit codes: 0 done, 1 plan incomplete, 2 bad input
-(1 also if the simulation contradicts the plan, or the work was interrupted;
+(1 also if the simulation contradicts the plan, a measured part does not
+conform, or the work was interrupted; 3 if an image cannot be registered;
 141 if a reader such as head closes the pipe early)"""
 
 _COLUMNS = """\
@@ -99,6 +102,14 @@ def build_parser() -> argparse.ArgumentParser:
     _add_simulate(commands)
     _add_reach(commands)
     _add_program(commands)
+    add_measure_options(
+        _command(
+            commands,
+            "measure",
+            "measure a part in images of a plan's settings, and decide whether it conforms",
+            "PLAN IMAGES --part PART --out DIR [options]",
+        )
+    )
     _add_batch(commands)
     _add_graph(commands)
     _add_completion(commands, parser)

@@ -1,8 +1,9 @@
 """The command line: what can be asked, and how errors and exit codes come out.
 
 Results go to standard output, progress and errors to standard error. Exit codes: 0 done, 1 the plan is
-incomplete (or was interrupted, or its simulation contradicts it), 2 bad input, 141 nobody reads the output
-any more. The imports that take time happen inside the commands, so ``--help`` is immediate.
+incomplete (or was interrupted, or its simulation contradicts it, or a part does not conform), 2 bad input, 3 an
+image could not be registered, 141 nobody reads the output any more. The imports that take time happen inside the
+commands, so ``--help`` is immediate.
 """
 
 from __future__ import annotations
@@ -34,10 +35,11 @@ from planner.cli.process.streams import (
 from planner.executors import usable_cores
 from planner.progress.terminal_text import visible, visible_output
 
-# commands that need nothing that takes long to load
+# commands with a module of their own
 _MODULES = {
     "cameras": "planner.cli.catalogue_commands",
     "completion": "planner.cli.completion",
+    "measure": "planner.cli.measuring.command",
     "program": "planner.cli.robot.program_command",
     "reach": "planner.cli.robot.reach_command",
 }

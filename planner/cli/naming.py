@@ -11,6 +11,7 @@ from typing import Any
 _OPTIONS = {
     "part": "the part",
     "plan": "the plan",
+    "images": "the images",
     "folder": "the folder of parts",
     "covariance": "--sigma-mm or --sigma-rad",
     "pose_uncertainty": "--sigma-mm or --sigma-rad",

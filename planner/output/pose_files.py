@@ -30,6 +30,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.argument_kinds import check_kinds
 from planner.files import write_text
+from planner.setting.image_names import image_name
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
@@ -251,11 +252,6 @@ def nerfstudio_json(plan: InspectionPlan) -> str:
         "frames": frames,
     }
     return json.dumps(data, indent=1) + "\n"
-
-
-def image_name(setting_idx: int) -> str:
-    """Return the file name of the image a setting will take."""
-    return f"setting_{setting_idx + 1:02d}.png"
 
 
 def inverse(cam2world: np.ndarray) -> np.ndarray:

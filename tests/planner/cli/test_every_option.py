@@ -25,6 +25,7 @@ NEEDED = {
     "simulate": ["plan.json"],
     "optics": ["box.off", "--all"],
     "reach": ["plan.json", "box.off", "--cell", "cell.toml"],
+    "measure": ["plan.json", "parts", "--part", "box.off", "--out", "out"],
 }
 NO_NUMBER = ["many"]
 NEGATIVE = ["-1"]
@@ -35,6 +36,8 @@ BAD = {
     "--camera": ["pinhole"],
     "--cell": ["nowhere.toml"],
     "--contrast": ["2"],
+    "--coverage": ["2"],
+    "--exit": ["never"],
     "--dimensions": ["nowhere.toml"],
     "--distances": ["near"],
     "--draws": ["0"],
@@ -61,8 +64,11 @@ BAD = {
     "--part": ["nowhere.step"],
     "--picture": ["edges.txt"],
     "--poses": ["0"],
+    "--register": ["nowhere.json"],
+    "--rule": ["best"],
     "--probability": ["nan"],
     "--rows": ["0"],
+    "--serial": [" "],
     "--scheduler": ["nowhere"],
     "--seed": NEGATIVE,
     "--select": ["colour = red"],

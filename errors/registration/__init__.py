@@ -1,0 +1,9 @@
+"""Registration: a camera's pose and the deviations of a part's surfaces, estimated together, with their covariance.
+
+Algebra without images. Rows say how far points were found off their prediction and how unknowns move them; a normal
+prior says what is known of the unknowns beforehand.
+"""
+
+from errors.registration.posterior import Posterior, Rows, posterior
+
+__all__ = ["Posterior", "Rows", "posterior"]

@@ -1,0 +1,1 @@
+"""The command ``measure``: its options, and what it does."""

@@ -1,0 +1,71 @@
+"""The options of ``measure``."""
+
+from __future__ import annotations
+
+import argparse
+
+from planner.cli.arguments import add_messages, add_reading
+from planner.cli.parsing.quantities import MM, SHARE
+
+_CODES = """\
+exit codes:
+  0  everything that has a tolerance conforms (--exit measured: everything is measured)
+  1  something does not conform, is undecided or is not measured
+  2  bad input
+  3  an image cannot be registered"""
+
+
+def add_measure_options(measure: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    measure.epilog = _CODES
+    measure.add_argument("plan", metavar="PLAN", help="plan.json, or the folder it is in")
+    measure.add_argument(
+        "images",
+        metavar="IMAGES",
+        help="folder with setting_01.png and so on: PNG, TIFF, BMP or NumPy, 8 or 16 bits",
+    )
+    measure.add_argument("--part", metavar="PART", required=True, help="the part of the plan")
+    measure.add_argument("--out", "-o", metavar="DIR", required=True, help="folder for the results")
+    poses = measure.add_argument_group("poses and surfaces")
+    poses.add_argument(
+        "--register",
+        metavar="none|FILE",
+        default="none",
+        help="none: the poses are those of the plan; or a JSON file with camera poses by setting, "
+        "such as setting_01, camera to world",
+    )
+    poses.add_argument(
+        "--surfaces-mm",
+        type=MM,
+        metavar="MM",
+        help="standard deviation of the position of the part's faces along their normals "
+        "(default: that of the plan)",
+    )
+    deciding = measure.add_argument_group("deciding")
+    deciding.add_argument(
+        "--coverage",
+        type=SHARE,
+        default=0.8,
+        metavar="SHARE",
+        help="least share of an edge or rim that must be found; otherwise it is not measured",
+    )
+    deciding.add_argument(
+        "--rule",
+        choices=("iso", "simple", "guard"),
+        default="iso",
+        help="iso: ISO 14253-1, right with 95 %%; simple: no guard bands; guard: guard bands of U",
+    )
+    deciding.add_argument(
+        "--exit",
+        choices=("conforms", "measured"),
+        default="conforms",
+        help="exit with 0 if everything conforms, or if everything is measured",
+    )
+    images = measure.add_argument_group("images")
+    images.add_argument("--serial", metavar="TEXT", help="name of the measured part, for the files")
+    images.add_argument(
+        "--partial", action="store_true", help="measure although images are missing"
+    )
+    images.add_argument("--allow-lossy", action="store_true", help="accept JPEG files")
+    add_reading(measure)
+    add_messages(measure)

@@ -1,0 +1,365 @@
+"""Measuring: from a plan, its part and its images to results."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.measurands import DecisionRule, Localisation
+from planner.exceptions import RequestError
+from planner.identity.inspection_request import PartRecord
+from planner.identity.program import program_version
+from planner.measuring.entity_scan import entity_samples, scan_entity
+from planner.measuring.image.image_files import ImageSet, Shot, read_images, shots_of
+from planner.measuring.image.picture import Picture
+from planner.measuring.merge import Result, merged
+from planner.measuring.part_model import PartModel
+from planner.measuring.poses.registered import Registered, as_given
+from planner.measuring.poses.registration import GIVEN, PLANNED, Registration
+from planner.measuring.reading import Reading, covariance_of, read_value
+from planner.measuring.results import MeasurementResults
+from planner.setting.image_names import setting_name
+from planner.verify.setting_record import search_windows_px
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.plan import InspectionPlan
+
+FLOOR_PX = 0.08
+"""Error that all points of an entity have in common, px, where the plan does not state one."""
+COVERAGE_SHARE = 0.8
+"""Share of an entity's samples that must be found."""
+NEAR_PX = 3.0
+"""Entities are searched this far from a registered prediction, px."""
+
+# windows of unregistered images begin with the plan's, which are three standard deviations wide
+_ROOM_PX = 2.0
+_MOST_TOLERANCE_PX = 6.0
+
+
+@dataclass(frozen=True)
+class MeasureOptions:
+    """How images are measured.
+
+    Attributes
+    ----------
+    registration : Registration
+        How poses are known.
+    localisation : Localisation or None
+        How well edges are found; its floor counts. None is the plan's, or a floor of 0.08 px.
+    coverage : float
+        Share of an entity that must be found, in (0, 1].
+    rule : DecisionRule
+        How it is decided.
+
+    Raises
+    ------
+    RequestError
+        If the coverage is not in (0, 1].
+
+    Examples
+    --------
+    >>> from planner import MeasureOptions, Registration
+    >>> MeasureOptions(Registration.none()).coverage
+    0.8
+    """
+
+    registration: Registration
+    localisation: Localisation | None = None
+    coverage: float = COVERAGE_SHARE
+    rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
+
+    def __post_init__(self) -> None:
+        if not 0 < self.coverage <= 1:
+            raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
+
+
+class Measurer:
+    """Measures parts by images of a plan's settings; rays and surfaces are found once.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+
+    Raises
+    ------
+    RequestError
+        If the part is not the plan's, or the plan has no settings.
+
+    Examples
+    --------
+    >>> from aspectgraph import Solid
+    >>> from planner import Measurer, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> measurer = Measurer(plan, Solid.read("examples/two_pocket_block.off"))
+    >>> measurer.shots[0].name
+    'setting_01'
+    """
+
+    def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
+        record = plan.request.get("part")
+        self._digest = PartRecord.of(solid).digest
+        if record is not None and record["digest"] != self._digest:
+            raise RequestError.of_rule(
+                "part",
+                "must be the one that was planned",
+                f"{solid.name!r}, which has another shape",
+            )
+        if not plan.settings:
+            raise RequestError.of_rule("plan", "must have a setting", "one without settings")
+        self.plan = plan
+        self.shots = shots_of(plan)
+        inspected = {name: plan.targets[name] for name in plan.inspected}
+        self.targets = inspected
+        self.model = PartModel(solid, inspected)
+
+    def measure(
+        self,
+        images: str | os.PathLike[str] | Mapping[Any, Any],
+        options: MeasureOptions,
+        *,
+        serial: str = "",
+        partial: bool = False,
+        allow_lossy: bool = False,
+    ) -> MeasurementResults:
+        """Measure one part.
+
+        Parameters
+        ----------
+        images : path or mapping
+            A folder with an image for each setting, or images by setting, see `read_images`.
+        options : MeasureOptions
+            How.
+        serial : str
+            Name of the part, for the files.
+        partial : bool
+            Whether images may be missing.
+        allow_lossy : bool
+            Whether JPEG files are accepted.
+
+        Returns
+        -------
+        MeasurementResults
+            A result for each target.
+
+        Raises
+        ------
+        RequestError
+            If images are missing or wrong.
+        """
+        camera = self.plan.camera
+        found = read_images(images, self.shots, camera, partial=partial, allow_lossy=allow_lossy)
+        registered: dict[str, Registered] = {}
+        failed: dict[str, str] = {}
+        readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
+        pictures = {}
+        for shot in self.shots:
+            if shot.name not in found.images:
+                continue
+            picture = Picture.of(shot.name, found.images[shot.name], camera)
+            pictures[shot.name] = picture
+            registered[shot.name] = self._registered(shot, options)
+            for reading in self._read(shot, picture, registered[shot.name], options):
+                readings[reading.name].append(reading)
+        results = {
+            name: merged(name, self.plan.targets[name], own, options.rule)
+            for name, own in readings.items()
+        }
+        results |= self._not_planned(options.rule)
+        return MeasurementResults(
+            {name: results[name] for name in self.plan.entities},
+            registered,
+            failed,
+            options.rule,
+            serial,
+            self._correlation(results, registered),
+            self._source(found),
+            tuple(found.notes),
+            pictures,
+        )
+
+    def _registered(self, shot: Shot, options: MeasureOptions) -> Registered:
+        how = options.registration
+        planned = np.asarray(self.plan.settings[shot.setting].cam2world)
+        uncertainty = how.pose_uncertainty or self.plan.pose_uncertainty
+        pose = planned
+        if how.method == GIVEN:
+            stem = shot.name if shot.name in how.poses else setting_name(shot.setting)
+            if stem not in how.poses:
+                raise RequestError.of_rule(
+                    "register", "must hold the pose of every image", f"none of {shot.name}"
+                )
+            pose = how.poses[stem]
+        return as_given(
+            self.model, pose, uncertainty.covariance, self._surfaces_mm(how), how.method
+        )
+
+    def _surfaces_mm(self, how: Registration) -> float:
+        if how.surfaces_mm is not None:
+            return how.surfaces_mm
+        return max((one.surfaces_mm for one in self.targets.values()), default=0.0)
+
+    def _read(
+        self, shot: Shot, picture: Picture, registered: Registered, options: MeasureOptions
+    ) -> list[Reading]:
+        """Return the readings of an image."""
+        half = self._half_px(shot, registered)
+        found = []
+        for name in shot.targets:
+            target = self.targets[name]
+            where = (name, shot.name, shot.setting)
+            if target.in_image:
+                reason = "the length of an edge needs its corners, which are not searched for yet"
+                found.append(Reading(*where, reason=reason))
+                continue
+            edges = list(self.model.measured[name])
+            samples = entity_samples(self.model, edges, registered, picture.camera, half[name])
+            scans = [
+                scan_entity(
+                    self.model,
+                    edge,
+                    frame,
+                    samples.of(k),
+                    picture,
+                    registered,
+                    half_px=half[name],
+                    coverage=options.coverage,
+                )
+                for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
+            ]
+            floor = self._floor_px(target.localisation, options)
+            found.append(read_value(where, target.measurand, scans, registered, self.model, floor))
+        return found
+
+    def _half_px(self, shot: Shot, registered: Registered) -> dict[str, float]:
+        """Return how far from its prediction each target is searched, px."""
+        room = {name: self._tolerance_px(name, registered) for name in shot.targets}
+        if registered.method != PLANNED:
+            return {name: max(NEAR_PX, more + _ROOM_PX) for name, more in room.items()}
+        windows = search_windows_px(self.plan, self.plan.settings[shot.setting])
+        return {name: windows[name] + more + _ROOM_PX for name, more in room.items()}
+
+    def _tolerance_px(self, name: str, registered: Registered) -> float:
+        """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 6."""
+        target = self.targets[name]
+        share = target.permitted_error_px(registered.cam2world, self.plan.camera)
+        if target.tolerance is None or share is None:
+            return 0.0
+        lower, upper = target.tolerance
+        return min((upper - lower) * share / target.permitted_error, _MOST_TOLERANCE_PX)
+
+    def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
+        how = options.localisation or planned
+        return how.floor_px if how.floor_px > 0 else FLOOR_PX
+
+    def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
+        """Return results of what the plan does not inspect: the reason is the plan's."""
+        return {
+            name: merged(name, self.plan.targets[name], (), rule, f"not planned: {reason}")
+            for name, reason in self.plan.uninspectable.items()
+        }
+
+    def _correlation(
+        self, results: Mapping[str, Result], registered: Mapping[str, Registered]
+    ) -> NDArray[np.float64]:
+        """Return the correlation of measured values of one image by its pose and surfaces."""
+        names = [name for name in self.plan.entities if results[name].measured]
+        correlation = np.eye(len(names))
+        for image, one in registered.items():
+            own = {
+                name: reading
+                for name in names
+                for reading in results[name].readings
+                if reading.image == image
+                and reading.measured
+                # of merged values nothing is stated
+                and len(results[name].readings) == 1
+            }
+            if len(own) < 2:
+                continue
+            covariance = covariance_of(own, one.covariance)
+            for i, first in enumerate(own):
+                for j, second in enumerate(own):
+                    if i != j:
+                        u = own[first].standard_uncertainty * own[second].standard_uncertainty
+                        at = names.index(first), names.index(second)
+                        correlation[at] = covariance[i, j] / u
+        return correlation
+
+    def _source(self, found: ImageSet) -> dict[str, Any]:
+        return {
+            "program": program_version(),
+            "part": self.plan.part,
+            "part_digest": self._digest,
+            "images": dict(found.digests),
+        }
+
+
+def measure(
+    plan: InspectionPlan,
+    solid: Solid,
+    images: str | os.PathLike[str] | Mapping[Any, Any],
+    *,
+    registration: Registration | None = None,
+    localisation: Localisation | None = None,
+    coverage: float = COVERAGE_SHARE,
+    rule: DecisionRule | None = None,
+) -> MeasurementResults:
+    """Measure one part in images of a plan's settings.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    images : path or mapping
+        A folder with ``setting_01.png`` and so on; or the number of a setting, from 1, to a file or to an array (h, w)
+        of grey values.
+    registration : Registration, optional
+        How the poses are known. Default: planned poses.
+    localisation : Localisation, optional
+        How well edges are found; only its floor counts, because single points are judged by their own residuals.
+        Default: that of the plan.
+    coverage : float
+        Share of an entity that must be found, in (0, 1].
+    rule : DecisionRule, optional
+        How it is decided. Default: ISO 14253-1 with 95 %.
+
+    Returns
+    -------
+    MeasurementResults
+        A result for each target.
+
+    Raises
+    ------
+    RequestError
+        If the part is not the plan's, or images are missing or wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from aspectgraph import Solid
+    >>> from planner import measure, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> solid = Solid.read("examples/two_pocket_block.off")
+    >>> width, height = plan.camera.resolution
+    >>> dark = {k + 1: np.full((height, width), k, np.uint8) for k in range(len(plan.settings))}
+    >>> measure(plan, solid, dark).measured
+    False
+    """
+    how = MeasureOptions(
+        registration or Registration.none(),
+        localisation,
+        coverage,
+        rule or DecisionRule.iso14253(),
+    )
+    return Measurer(plan, solid).measure(images, how)

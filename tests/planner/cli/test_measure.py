@@ -1,0 +1,109 @@
+"""The command ``measure``: files, exit codes, and errors in one line."""
+
+import json
+
+import numpy as np
+import pytest
+from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
+from PIL import Image
+
+from planner.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A plan, its part, images of a good plate and of one that is too wide, and the exact poses."""
+    root = tmp_path_factory.mktemp("measure")
+    solid = thick_plate()
+    lines = [f"OFF\n{len(solid.vertices)} {len(solid.triangles)} 0"]
+    lines += [" ".join(map(repr, vertex)) for vertex in solid.vertices.tolist()]
+    lines += [f"3 {a} {b} {c}" for a, b, c in solid.triangles.tolist()]
+    (root / "plate.off").write_text("\n".join(lines))
+    plan = measured_plan(solid, ["width"], request={})
+    plan.write(root / "plan.json")
+    for name, width in (("good", 0.0), ("wide", 0.5)):
+        (root / name).mkdir()
+        for k, image in photograph(fine_plate(width=width), POSES).items():
+            Image.fromarray(image).save(root / name / f"setting_{k:02d}.png")
+    poses = {f"setting_{k + 1:02d}": pose.tolist() for k, pose in enumerate(POSES)}
+    given = {"poses": poses, "covariance": np.diag([1e-8] * 3 + [1e-12] * 3).tolist()}
+    (root / "poses.json").write_text(json.dumps(given))
+    (root / "bad.json").write_text(json.dumps({"setting_01": [[1, 2], [3, 4]]}))
+    (root / "few.json").write_text(json.dumps({"setting_01": poses["setting_01"]}))
+    return root
+
+
+def run(folder, images, *more, out="out"):
+    return main(
+        [
+            *("measure", str(folder / "plan.json"), str(folder / images)),
+            *("--part", str(folder / "plate.off"), "--units", "mm"),
+            *("--out", str(folder / out), *more),
+        ]
+    )
+
+
+def given(folder, name="poses.json"):
+    return "--register", str(folder / name)
+
+
+def test_a_good_part_conforms(folder, capsys):
+    assert run(folder, "good", *given(folder), "--serial", "N0012") == 0
+    out = capsys.readouterr().out
+    assert "1 of 1 target measured in 2 images" in out
+    data = json.loads((folder / "out" / "results.json").read_text())
+    assert data["serial"] == "N0012"
+    assert data["results"][0]["decision"] == "conforms"
+    assert (folder / "out" / "results.csv").read_text().count("\n") == 2
+
+
+def test_a_wide_part_does_not(folder, capsys):
+    assert run(folder, "wide", *given(folder)) == 1
+    assert "1 does not conform" in " ".join(capsys.readouterr().out.split())
+    assert run(folder, "wide", *given(folder), "--exit", "measured") == 0
+
+
+def test_json(folder, capsys):
+    assert run(folder, "good", *given(folder), "--json") == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["results"][0]["name"] == "width"
+    assert set(data["images"]) == {"setting_01", "setting_02"}
+
+
+@pytest.mark.parametrize(
+    ("images", "more", "message"),
+    [
+        ("nowhere", [], "aspectgraph: the images must be an existing folder. Got"),
+        ("good", ["--register", "none.json"], "--register must be none or name an existing file."),
+        ("good", ["--coverage", "0"], "--coverage must be in (0, 1]. Got 0."),
+        ("good", ["--surfaces-mm", "-1"], "--surfaces-mm must be finite and not negative. Got -1."),
+    ],
+    ids=["no folder", "no poses", "coverage", "surfaces"],
+)
+def test_bad_input(folder, capsys, images, more, message):
+    assert run(folder, images, *more, out="bad") == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (folder / "bad").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("bad.json", "the pose of setting_01 must be a matrix (4, 4) of numbers"),
+        ("few.json", "--register must hold the pose of every image. Got none of setting_02."),
+        ("plate.off", "--register must be JSON"),
+    ],
+)
+def test_bad_poses(folder, capsys, name, message):
+    assert run(folder, "good", *given(folder, name), out="bad") == 2
+    assert message in capsys.readouterr().err
+
+
+def test_missing_images(folder, capsys, tmp_path):
+    (tmp_path / "setting_02.png").write_bytes((folder / "good" / "setting_02.png").read_bytes())
+    assert run(folder, tmp_path, *given(folder)) == 2
+    assert "Got no setting_01; --partial measures what is there." in capsys.readouterr().err
+    assert run(folder, tmp_path, *given(folder), "--partial") == 0
+    assert "setting_01: no image" in capsys.readouterr().out

@@ -1,0 +1,117 @@
+"""A thick plate with two holes, a plan of four of its dimensions made by hand, and images of plates that deviate."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import holed_plate as plates
+import numpy as np
+
+from aspectgraph import Solid
+from errors.measurands import Circle, Line, Localisation
+from planner import Camera, PlannedDimension, PoseUncertainty, SensorSetting, look_at
+from planner.identity.inspection_request import PartRecord
+from planner.plan import InspectionPlan
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks" / "images"))
+from part_images import Optics, PartImages
+from rendered_images import Lamp
+
+# 0.17 mm are a pixel
+CAMERA = Camera(25.0, (0.0138, 0.0138), (640, 512), 8.0, 300.0)
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.002)
+TOP = 40.0
+POSES = look_at([[60.0, -70.0, 325.0], [10.0, 110.0, 325.0]], [40.0, 25.0, TOP], roll=0.1)
+LAMP = Lamp(np.array([150.0, 260.0, 340.0]))
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def thick_plate(holes=plates.HOLES):
+    """The plate of 40 mm: from above, the lower rims are far from the upper ones in the image."""
+    thin = plates.holed_plate(holes)
+    return Solid(thin.vertices * [1.0, 1.0, TOP / plates.HEIGHT], thin.faces, name="plate")
+
+
+def upper_rims(solid):
+    """Ids of the upper rims of the left and the right hole."""
+    rims = [rim for rim in solid.rims() if abs(rim.centre[2] - TOP) < 1e-6]
+    return tuple(rim.id for rim in sorted(rims, key=lambda rim: rim.centre[0]))
+
+
+def fine_plate(left=0.0, right=0.0, height=0.0, width=0.0):
+    """Vertices and triangles of a plate whose holes have other radii, whose top is higher and which is wider, mm."""
+    holes = {
+        name: (centre, radius + more)
+        for (name, (centre, radius)), more in zip(plates.HOLES.items(), (left, right), strict=True)
+    }
+    chords = plates.N
+    plates.N = 240
+    try:
+        solid = thick_plate(holes)
+    finally:
+        plates.N = chords
+    vertices = solid.vertices.copy()
+    vertices[vertices[:, 2] > 5, 2] += height
+    vertices[vertices[:, 1] > 49, 1] += width
+    return vertices, solid.triangles
+
+
+def dimension(kind, entities, geometry, tolerance, direction=None):
+    return PlannedDimension(
+        kind,
+        entities,
+        geometry,
+        0.05,
+        Localisation.gaussian(0.1),
+        tolerance,
+        direction,
+        surfaces_mm=0.02,
+    )
+
+
+def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, **changes):
+    """A plan whose settings all measure the given dimensions."""
+    circles = {
+        name: Circle([*centre, TOP], UP, radius) for name, (centre, radius) in plates.HOLES.items()
+    }
+    rims = dict(zip(plates.HOLES, upper_rims(solid), strict=True))
+    sides = [Line([0.0, y, TOP], [80.0, y, TOP]) for y in (0.0, 50.0)]
+    every = {
+        "left": dimension("diameter", (rims["left"],), (circles["left"],), (-0.1, 0.1)),
+        "right": dimension("diameter", (rims["right"],), (circles["right"],), (-0.1, 0.1)),
+        "apart": dimension(
+            "centre_distance", tuple(rims.values()), tuple(circles.values()), (-0.1, 0.1)
+        ),
+        "width": dimension("distance", ("front", "back"), tuple(sides), (-0.2, 0.2)),
+    }
+    dimensions = {name: every[name] for name in names}
+    planned = [
+        SensorSetting(
+            pose, tuple(names), dict.fromkeys(names, 0.95), {"focus_mm": 1.0}, 1.0, 1, 1, "by hand"
+        )
+        for pose in POSES[:settings]
+    ]
+    fields = {
+        "settings": planned,
+        "lower_bound": 1,
+        "uninspectable": {},
+        "entities": {name: np.asarray(one.points[[0, 40]]) for name, one in dimensions.items()},
+        "camera": CAMERA,
+        "pose_uncertainty": UNCERTAINTY,
+        "accuracy": 0.99,
+        "probability": 0.9,
+        "workspace": np.array([[-500.0] * 3, [500.0] * 3]),
+        "part": "plate",
+        "dimensions": dimensions,
+        "request": {"part": {"name": "plate", "digest": PartRecord.of(solid).digest}},
+    }
+    return InspectionPlan(**(fields | changes))
+
+
+def photograph(mesh, poses, seed=1, **optics):
+    """Images by number of the setting, from 1, of a mesh from poses."""
+    given = {"matrix": CAMERA.matrix, "size": CAMERA.resolution, "noise": 0.005, **optics}
+    images = PartImages(*mesh, Optics(**given))
+    rng = np.random.default_rng(seed)
+    return {k + 1: images.image(pose, [LAMP], rng) for k, pose in enumerate(poses)}

@@ -1,0 +1,162 @@
+"""From rendered images of a deviating plate to values: the ray renderer shares no code with what measures."""
+
+import dataclasses
+import json
+
+import jsonschema
+import numpy as np
+import pytest
+from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
+
+from errors.measurands import Decision, DecisionRule
+from planner import MeasureOptions, Measurer, Registration, RequestError, measure
+from planner.measuring.results import COLUMNS, results_schema
+
+MADE = {"left": 0.05, "right": 0.0, "width": 0.08}
+TRUE = {"left": 0.1, "right": 0.0, "apart": 0.0, "width": 0.08}
+
+
+@pytest.fixture(scope="module")
+def solid():
+    return thick_plate()
+
+
+@pytest.fixture(scope="module")
+def images():
+    return photograph(fine_plate(**MADE), POSES)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return Registration.given(
+        {k + 1: pose for k, pose in enumerate(POSES)}, np.diag([1e-8] * 3 + [1e-12] * 3)
+    )
+
+
+@pytest.fixture(scope="module")
+def results(solid, images, exact):
+    return measure(measured_plan(solid), solid, images, registration=exact)
+
+
+@pytest.mark.parametrize("name", list(TRUE))
+def test_a_deviation_is_read_within_its_uncertainty(results, name):
+    one = results[name]
+    assert one.measured, one.reason
+    assert abs(one.deviation - TRUE[name]) < one.expanded_uncertainty
+    # a twentieth of a pixel, whatever the uncertainty says
+    assert abs(one.deviation - TRUE[name]) < 0.012
+
+
+def test_budget_sums_to_the_variance(results):
+    for readings in results.readings.values():
+        for one in readings:
+            if one.measured:
+                total = sum(one.budget.values())
+                assert total == pytest.approx(one.standard_uncertainty**2, rel=1e-9)
+
+
+def test_the_uncertainty_of_a_planned_pose_is_that_of_the_plan(solid, images):
+    """What pose and surfaces add is computed by differences here, and by the model of the plan there."""
+    plan = measured_plan(solid)
+    results = measure(plan, solid, images, registration=Registration.none())
+    for name in ("right", "width"):
+        (reading, *_) = [one for one in results[name].readings if one.measured]
+        pose = np.asarray(plan.settings[reading.setting].cam2world)
+        budget = plan.dimensions[name].describe(pose, plan.means).budget
+        by_pose = budget["translation"] + budget["rotation"]
+        assert reading.budget["pose"] == pytest.approx(by_pose, rel=0.05)
+        # the plan knows no tilts of faces
+        assert 0.9 < reading.budget["surfaces"] / budget["surfaces"] < 3
+
+
+def test_points_have_states_and_places(results):
+    for reading in results["width"].readings:
+        for points in reading.points:
+            found = points[points["state"] == 0]
+            assert np.isfinite(found["residual_px"]).all()
+            assert (np.abs(found["residual_px"]) < 1).all()
+            assert set(points.dtype.names) >= {"u", "v", "x", "y", "z", "state"}
+
+
+def test_results_are_valid_and_written_whole(results, tmp_path):
+    path = results.write(tmp_path / "results.json")
+    data = json.loads(path.read_text())
+    jsonschema.Draft202012Validator(results_schema()).validate(data)
+    rows = results.write_csv(tmp_path / "results.csv").read_text().splitlines()
+    assert rows[0].split(",") == list(COLUMNS)
+    assert len(rows) == 1 + len(results)
+    matrix = np.array(data["correlation"])
+    assert np.linalg.eigvalsh((matrix + matrix.T) / 2).min() > -1e-9
+
+
+def test_the_same_images_give_the_same_bytes(solid, images, exact, results):
+    again = measure(measured_plan(solid), solid, images, registration=exact)
+    assert json.dumps(again.to_dict()) == json.dumps(results.to_dict())
+
+
+def test_a_measurer_measures_many_parts(solid, exact):
+    measurer = Measurer(measured_plan(solid, ["width"]), solid)
+    wide = [
+        measurer.measure(
+            photograph(fine_plate(width=more), POSES), MeasureOptions(exact), serial=f"N{more}"
+        )
+        for more in (0.0, 0.3)
+    ]
+    difference = wide[1]["width"].value - wide[0]["width"].value
+    assert difference == pytest.approx(0.3, abs=0.01)
+    assert wide[0]["width"].decision is Decision.CONFORMS
+    assert wide[1]["width"].decision is Decision.DOES_NOT_CONFORM
+    assert wide[1].serial == "N0.3"
+
+
+def test_an_overexposed_image_is_not_measured(solid, exact):
+    bright = photograph(fine_plate(), POSES, exposure=2.5)
+    results = measure(measured_plan(solid, ["left"]), solid, bright, registration=exact)
+    assert results["left"].decision is Decision.NOT_MEASURED
+    assert "overexposed" in results["left"].reason
+
+
+def test_a_black_image_is_not_measured(solid, exact):
+    black = {1: np.zeros((512, 640), np.uint8), 2: np.ones((512, 640), np.uint8)}
+    results = measure(measured_plan(solid), solid, black, registration=exact)
+    assert results.counts == {"not measured": 4}
+    assert "weak" in results["left"].reason
+
+
+def test_a_rim_that_is_half_covered_is_not_measured(solid, exact, images, results):
+    covered = {k: image.copy() for k, image in images.items()}
+    for k, reading in enumerate(results["left"].readings):
+        middle = int(np.median(reading.points[0]["u"]))
+        covered[k + 1][:, :middle] = 20
+    results = measure(measured_plan(solid, ["left"]), solid, covered, registration=exact)
+    assert results["left"].decision is Decision.NOT_MEASURED
+    assert "was found" in results["left"].reason
+
+
+def test_rules_and_coverage(solid, images, exact):
+    plan = measured_plan(solid, ["left"])
+    simple = measure(plan, solid, images, registration=exact, rule=DecisionRule.simple())
+    assert str(simple.rule) == "simple acceptance"
+    with pytest.raises(RequestError, match=r"coverage must be in \(0, 1\]. Got 1.2"):
+        measure(plan, solid, images, coverage=1.2)
+
+
+def test_another_part_is_refused(solid, images):
+    plan = measured_plan(solid)
+    request = {"part": {"name": "plate", "digest": "0" * 64}}
+    with pytest.raises(RequestError, match="part must be the one that was planned"):
+        measure(dataclasses.replace(plan, request=request), solid, images)
+
+
+def test_lengths_of_edges_are_named(solid, images, exact):
+    """An edge's length needs its corners."""
+    plan = measured_plan(solid, ["left"])
+    setting = dataclasses.replace(plan.settings[0], entities=("front",), probability={"front": 0.9})
+    lengths = dataclasses.replace(
+        plan,
+        settings=[setting],
+        entities={"front": np.array([[0.0, 0, 40], [80, 0, 40]])},
+        dimensions={},
+    )
+    one = measure(lengths, solid, {1: images[1]}, registration=exact)["front"]
+    assert "corners" in one.reason
