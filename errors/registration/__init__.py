@@ -4,6 +4,7 @@ Algebra without images. Rows say how far points were found off their prediction 
 prior says what is known of the unknowns beforehand.
 """
 
+from errors.registration.gauge import rests_on_prior, undetermined
 from errors.registration.posterior import Posterior, Rows, posterior
 
-__all__ = ["Posterior", "Rows", "posterior"]
+__all__ = ["Posterior", "Rows", "posterior", "rests_on_prior", "undetermined"]

@@ -154,7 +154,7 @@ def _check_files(given: Mapping[str, Any]) -> None:
         raise RequestError.of_rule("images", "must be an existing folder", _place(images))
     register = given.get("register")
     if register not in (None, "none", "edges") and not Path(register).is_file():
-        rule = "must be none or name an existing file"
+        rule = "must be edges, none or name an existing file"
         raise RequestError.of_rule("register", rule, repr(register))
     folder = given.get("folder")
     if folder is not None and not Path(folder).is_dir():

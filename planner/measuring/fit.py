@@ -50,7 +50,7 @@ class Fit(NamedTuple):
     residual: Array
 
 
-def _modes(geometry: Geometry, design: Array) -> Array:
+def floor_modes(geometry: Geometry, design: Array) -> Array:
     """Return how far points (m, q) are off in each mode of the localisation's floor, px."""
     if isinstance(geometry, Circle):
         return np.stack([np.ones(len(design)), *(0.5 * design[:, :2].T)], axis=1)
@@ -193,8 +193,8 @@ def robust_fit(geometry: Geometry, flat: Array, px_per_mm: Array) -> tuple[Fit, 
     final = kept * px_per_mm**2
     fitted, design, residual = fit_entities(geometry, flat[None], final)
     rows = design * (px_per_mm * kept)[:, None]
-    covariance = np.linalg.inv(rows.T @ rows)
-    common = covariance @ (rows.T @ (_modes(geometry, design) * kept[:, None]))
+    covariance = np.asarray(np.linalg.inv(rows.T @ rows), dtype=np.float64)
+    common = covariance @ (rows.T @ (floor_modes(geometry, design) * kept[:, None]))
     return Fit(fitted[0], covariance, common, residual[0] * px_per_mm), kept
 
 

@@ -19,8 +19,9 @@ from planner.measuring.image.image_files import ImageSet, Shot, read_images, sho
 from planner.measuring.image.picture import Picture
 from planner.measuring.merge import Result, merged
 from planner.measuring.part_model import PartModel
-from planner.measuring.poses.registered import Registered, as_given
-from planner.measuring.poses.registration import GIVEN, PLANNED, Registration
+from planner.measuring.poses.register import NotRegisteredError, register
+from planner.measuring.poses.registered import Registered, as_given, prior_covariance
+from planner.measuring.poses.registration import GIVEN, OWN_EDGES, PLANNED, Registration
 from planner.measuring.reading import Reading, covariance_of, read_value
 from planner.measuring.results import MeasurementResults
 from planner.setting.image_names import setting_name
@@ -39,6 +40,8 @@ NEAR_PX = 3.0
 
 # windows of unregistered images begin with the plan's, which are three standard deviations wide
 _ROOM_PX = 2.0
+# settings that an image is compared with which does not show its own
+_MOST_LOOKS = 30
 _MOST_TOLERANCE_PX = 6.0
 
 
@@ -164,11 +167,23 @@ class Measurer:
         for shot in self.shots:
             if shot.name not in found.images:
                 continue
-            picture = Picture.of(shot.name, found.images[shot.name], camera)
-            pictures[shot.name] = picture
-            registered[shot.name] = self._registered(shot, options)
-            for reading in self._read(shot, picture, registered[shot.name], options):
-                readings[reading.name].append(reading)
+            pictures[shot.name] = Picture.of(shot.name, found.images[shot.name], camera)
+        for own in self._by_setting(pictures):
+            try:
+                one = self._registered(own, pictures, options)
+            except NotRegisteredError as error:
+                failed |= {shot.name: str(error) for shot in own}
+                continue
+            for shot in own:
+                registered[shot.name] = one
+                for reading in self._read(shot, pictures[shot.name], one, options):
+                    readings[reading.name].append(reading)
+        for shot in self.shots:
+            if shot.name in failed:
+                reason = f"the image cannot be registered: {failed[shot.name]}"
+                for name in shot.targets:
+                    where = (name, shot.name, shot.setting)
+                    readings[name].append(Reading(*where, reason=reason))
         results = {
             name: merged(name, self.plan.targets[name], own, options.rule)
             for name, own in readings.items()
@@ -186,11 +201,31 @@ class Measurer:
             pictures,
         )
 
-    def _registered(self, shot: Shot, options: MeasureOptions) -> Registered:
+    def _by_setting(self, pictures: Mapping[str, Picture]) -> list[list[Shot]]:
+        """Return the shots that have an image, those of one setting together."""
+        found: dict[int, list[Shot]] = {}
+        for shot in self.shots:
+            if shot.name in pictures:
+                found.setdefault(shot.setting, []).append(shot)
+        return list(found.values())
+
+    def _registered(
+        self, shots: list[Shot], pictures: Mapping[str, Picture], options: MeasureOptions
+    ) -> Registered:
+        """Return the pose of a setting, given its shots."""
         how = options.registration
+        shot = shots[0]
         planned = np.asarray(self.plan.settings[shot.setting].cam2world)
         uncertainty = how.pose_uncertainty or self.plan.pose_uncertainty
         pose = planned
+        if how.method == OWN_EDGES:
+            prior = prior_covariance(self.model, uncertainty.covariance, self._surfaces_mm(how))
+            own = [pictures[one.name] for one in shots]
+            try:
+                return register(self.model, own, planned, prior)
+            except NotRegisteredError as error:
+                like = self._looks_like(own, shot.setting, prior)
+                raise NotRegisteredError(f"{error}{like and f'; it {like}'}") from None
         if how.method == GIVEN:
             stem = shot.name if shot.name in how.poses else setting_name(shot.setting)
             if stem not in how.poses:
@@ -201,6 +236,26 @@ class Measurer:
         return as_given(
             self.model, pose, uncertainty.covariance, self._surfaces_mm(how), how.method
         )
+
+    def _looks_like(self, pictures: list[Picture], setting: int, prior: NDArray[np.float64]) -> str:
+        """Say what an image shows that does not show its setting; empty if that is not known."""
+        poses = [np.asarray(one.cam2world) for one in self.plan.settings]
+        tried = [
+            (f"looks like {setting_name(k)}", pictures, pose)
+            for k, pose in enumerate(poses[:_MOST_LOOKS])
+            if k != setting
+        ]
+        turned = [one.turned() for one in pictures]
+        tried.append(("looks turned by 180 degrees", turned, poses[setting]))
+        mirrored = [one.mirrored() for one in pictures]
+        tried.append(("looks mirrored", mirrored, poses[setting]))
+        for text, shown, pose in tried:
+            try:
+                register(self.model, shown, pose, prior)
+            except NotRegisteredError:
+                continue
+            return text
+        return ""
 
     def _surfaces_mm(self, how: Registration) -> float:
         if how.surfaces_mm is not None:
@@ -325,7 +380,7 @@ def measure(
         A folder with ``setting_01.png`` and so on; or the number of a setting, from 1, to a file or to an array (h, w)
         of grey values.
     registration : Registration, optional
-        How the poses are known. Default: planned poses.
+        How the poses are known. Default: from the part's own edges.
     localisation : Localisation, optional
         How well edges are found; only its floor counts, because single points are judged by their own residuals.
         Default: that of the plan.
@@ -357,7 +412,7 @@ def measure(
     False
     """
     how = MeasureOptions(
-        registration or Registration.none(),
+        registration or Registration.own_edges(),
         localisation,
         coverage,
         rule or DecisionRule.iso14253(),

@@ -117,6 +117,7 @@ def merged(
         nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
         return Result(*known, *nothing, reason or "no image shows it", tuple(readings))
     value, u, notes = _weighted(good)
+    notes += tuple(dict.fromkeys(note for one in good for note in one.notes))
     deviation = value - target.nominal
     decision = decide(deviation, u, target.tolerance, rule)
     probability = math.nan

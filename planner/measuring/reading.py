@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,9 +12,12 @@ from numpy.typing import NDArray
 
 from aspectgraph.entities.carriers import PARAMETERS
 from errors.measurands import Measurand
+from errors.measurands.conformity import COVERAGE
 from errors.measurands.fitted import Frame
+from errors.registration import rests_on_prior
 from planner.measuring.entity_scan import EntityScan
 from planner.measuring.fit import carried_back, fit_entities
+from planner.measuring.monte_carlo import TOLERATED, drawn_uncertainty
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.registered import Registered, displaced
 
@@ -59,6 +63,10 @@ class Reading:
         The samples of each entity.
     gradient : array (n,)
         Of the value by the unknowns of the image.
+    drawn_uncertainty : float
+        U by drawing instead of derivatives, see `planner.measuring.monte_carlo`.
+    notes : tuple of str
+        What the user should know.
     """
 
     name: str
@@ -73,6 +81,8 @@ class Reading:
     counts: dict[str, int] = field(default_factory=dict)
     points: tuple[NDArray[np.void], ...] = ()
     gradient: Array = field(default_factory=lambda: np.empty(0))
+    drawn_uncertainty: float = math.nan
+    notes: tuple[str, ...] = ()
 
     @property
     def measured(self) -> bool:
@@ -118,18 +128,23 @@ def read_value(
     floor = 0.0
     gradient = np.zeros(model.n_unknowns)
     rms = []
+    noise = []
     for scan, fit, frame, own in zip(scans, fits, measurand.frames, by_fitted, strict=True):
         kept = np.isfinite(scan.points["residual_px"]) & (scan.points["state"] == 0)
         residual = scan.points["residual_px"][kept]
         variance = float((residual**2).sum() / max(len(residual) - len(own), 1))
         rms.append(float((residual**2).mean()))
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
+        noise.append((math.sqrt(variance * alike), floor_px))
         random += variance * alike * float(own @ fit.covariance @ own)
         floor += floor_px**2 * float(((own @ fit.common) ** 2).sum())
         unknowns, rows = _fitted_by_unknowns(scan, frame, registered, model)
         np.add.at(gradient, unknowns, own @ rows)
     budget = _budget(gradient, registered.covariance, random, floor)
     u = math.sqrt(max(math.fsum(budget.values()), 0.0))
+    # of the name, so that no other target changes the draws
+    seed = zlib.crc32(where[0].encode())
+    drawn = drawn_uncertainty(measurand, scans, registered, model, noise, seed)
     return Reading(
         *where,
         value=value,
@@ -140,7 +155,22 @@ def read_value(
         counts=counts,
         points=points,
         gradient=gradient,
+        drawn_uncertainty=drawn,
+        notes=_notes(COVERAGE * u, drawn, gradient, registered),
     )
+
+
+def _notes(
+    expanded: float, drawn: float, gradient: Array, registered: Registered
+) -> tuple[str, ...]:
+    notes = []
+    if abs(drawn - expanded) > TOLERATED * expanded:
+        notes.append(f"U is {drawn:.4g} by drawing and {expanded:.4g} by derivatives")
+    if registered.prior is not None and rests_on_prior(
+        registered.covariance, registered.prior, gradient, expanded / COVERAGE
+    ):
+        notes.append("rests on the robot's pose, not on the image")
+    return tuple(notes)
 
 
 def _counts(scans: Sequence[EntityScan]) -> dict[str, int]:

@@ -246,8 +246,10 @@ def _reading_dict(one: Reading) -> dict[str, Any]:
         "variance": dict(one.budget),
         "found_share": one.found_share,
         "rms_px": _number(one.rms_px),
+        "U_drawn": _number(one.drawn_uncertainty),
         "samples": dict(one.counts),
         "reason": one.reason,
+        "notes": list(one.notes),
     }
 
 

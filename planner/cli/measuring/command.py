@@ -60,4 +60,6 @@ def measure(options: argparse.Namespace) -> int:
 def _registration(options: argparse.Namespace) -> Registration:
     if options.register == "none":
         return Registration.none(options.surfaces_mm)
+    if options.register == "edges":
+        return Registration.own_edges(options.surfaces_mm)
     return Registration.read(Path(options.register), options.surfaces_mm)

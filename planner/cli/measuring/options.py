@@ -29,10 +29,11 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
     poses = measure.add_argument_group("poses and surfaces")
     poses.add_argument(
         "--register",
-        metavar="none|FILE",
-        default="none",
-        help="none: the poses are those of the plan; or a JSON file with camera poses by setting, "
-        "such as setting_01, camera to world",
+        metavar="edges|none|FILE",
+        default="edges",
+        help="edges: pose and surfaces are estimated from the part's own edges; none: the poses are "
+        "those of the plan; or a JSON file with camera poses by setting, such as setting_01, camera "
+        "to world",
     )
     poses.add_argument(
         "--surfaces-mm",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,14 @@ class Picture:
         """Return an image of 8 or 16 bits, or of floats in [0, 1]."""
         grey = np.ascontiguousarray(image, dtype=np.float32)
         return cls(name, grey, white_of(image), noise_of(grey), camera)
+
+    def turned(self) -> Picture:
+        """Return the image turned by 180 degrees."""
+        return replace(self, grey=np.ascontiguousarray(self.grey[::-1, ::-1]))
+
+    def mirrored(self) -> Picture:
+        """Return the image with left and right exchanged."""
+        return replace(self, grey=np.ascontiguousarray(self.grey[:, ::-1]))
 
     @property
     def clipped_share(self) -> float:

@@ -112,9 +112,18 @@ class Samples:
 
     def of(self, edge: int) -> Samples:
         """Return the samples of one edge, by its number."""
-        own = self.edge == edge
-        parts = (self.edge, self.share, self.points, self.tangents, self.visible, self.apart)
-        return Samples(*(part[own] for part in parts))
+        return self.chosen(self.edge == edge)
+
+    def chosen(self, which: NDArray[np.bool_]) -> Samples:
+        """Return some of the samples, given which (m,)."""
+        return Samples(
+            self.edge[which],
+            self.share[which],
+            self.points[which],
+            self.tangents[which],
+            self.visible[which],
+            self.apart[which],
+        )
 
 
 class PartEdges:

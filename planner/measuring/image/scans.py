@@ -196,7 +196,7 @@ def find_edges(
         Place and state for each.
     """
     places, grey = profiles_of(image, centres, across, half_px)
-    outside = ~np.isfinite(grey).all(axis=1)
+    outside = np.asarray(~np.isfinite(grey).all(axis=1))
     grey = np.where(outside[:, None], 0.0, grey)
     slope = gradients_of(grey)
     wanted = np.zeros(len(grey), dtype=np.int64) if sign is None else sign

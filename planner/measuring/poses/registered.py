@@ -50,11 +50,13 @@ class Registered:
         Square of the pose's displacement in standard deviations of the plan's uncertainty; 6 on average.
     notes : tuple of str
         What the user should know.
+    prior : array (6 + 3k, 6 + 3k) or None
+        What was known before the image; None if nothing is estimated.
     """
 
     cam2world: Array
-    deviations: Array
-    covariance: Array
+    deviations: Array = field(repr=False)
+    covariance: Array = field(repr=False)
     method: str
     shift_px: float = 0.0
     used: int = 0
@@ -62,6 +64,7 @@ class Registered:
     misfit_px: float = float("nan")
     chi2: float = float("nan")
     notes: tuple[str, ...] = field(default=())
+    prior: Array | None = field(default=None, repr=False)
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""

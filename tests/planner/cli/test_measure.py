@@ -74,7 +74,11 @@ def test_json(folder, capsys):
     ("images", "more", "message"),
     [
         ("nowhere", [], "aspectgraph: the images must be an existing folder. Got"),
-        ("good", ["--register", "none.json"], "--register must be none or name an existing file."),
+        (
+            "good",
+            ["--register", "none.json"],
+            "--register must be edges, none or name an existing file.",
+        ),
         ("good", ["--coverage", "0"], "--coverage must be in (0, 1]. Got 0."),
         ("good", ["--surfaces-mm", "-1"], "--surfaces-mm must be finite and not negative. Got -1."),
     ],

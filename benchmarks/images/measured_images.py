@@ -1,0 +1,199 @@
+"""The referee of `aspectgraph measure`: images of parts that deviate, from poses that deviate, against the truth.
+
+For each part that is drawn (surfaces off by normal deviations, see `part_images`) and each setting of a plan an image
+is rendered from a displaced pose, under the lamp, of 17 around the camera, under which the weakest points are
+strongest. `planner.measure` reads all dimensions. A table tells by kind, and by how the poses were known, the bias of
+the readings, their root mean square error, the mean stated u, the share of errors within 2 u, how many were measured,
+and false finds: readings that are off by more than a pixel. The last lines tell how deviations were recovered, and the
+processor time of an image.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from dimension_images import as_measured
+from part_images import DeviatingPart, Optics, PartImages
+from rendered_images import Lamp, Renderer, found_points
+from scipy.spatial.transform import Rotation
+
+from aspectgraph import read_solid
+from planner import MeasureOptions, Measurer, PoseUncertainty, Registration, read_plan
+
+METHODS = ("planned", "own edges", "given")
+
+
+@dataclass
+class Row:
+    """One reading: values are deviations from nominal, mm or degrees."""
+
+    seed: int
+    method: str
+    name: str
+    kind: str
+    truth: float
+    read: float
+    u: float
+    pixel: float
+    reason: str
+
+
+def best_lamp(renderer: Renderer, pose, measured, rng) -> Lamp:
+    """Return the lamp under which the tenth weakest point of all dimensions of a setting is strongest."""
+    places = [own for one in measured for own in one.points(8)]
+    points, tangents = (np.concatenate(own) for own in zip(*places, strict=True))
+    centre = points.mean(axis=0)
+    away = np.linalg.norm(pose[:3, 3] - centre)
+    best = (-1.0, None)
+    turns = [(0.0, 0.0)] + [(tilt, k * np.pi / 4) for tilt in (0.6, 1.1) for k in range(8)]
+    for tilt, turn in turns:
+        way = [np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt)]
+        lamp = Lamp(centre + 1.3 * away * pose[:3, :3] @ way)
+        step = np.quantile(found_points(renderer, pose, points, tangents, lamp, rng)[1], 0.1)
+        if step > best[0]:
+            best = (step, lamp)
+    return best[1]
+
+
+def displaced(pose, sigmas, rng):
+    """Return where the camera really is."""
+    move = np.eye(4)
+    draw = rng.normal(size=6) * sigmas
+    move[:3, :3] = Rotation.from_rotvec(draw[3:]).as_matrix()
+    move[:3, 3] = draw[:3]
+    return pose @ move
+
+
+def rows_of(options) -> list[Row]:
+    """Measure all parts that are drawn."""
+    plan = read_plan(options.plan)
+    sigmas = plan.pose_uncertainty.sigmas * options.sigma
+    plan = replace(plan, pose_uncertainty=PoseUncertainty(np.diag(sigmas**2)))
+    part = DeviatingPart(options.part)
+    measurer = Measurer(plan, read_solid(options.part))
+    measured = {name: as_measured(one) for name, one in plan.dimensions.items()}
+    matrix = plan.camera.matrix
+    draw = np.random.default_rng(99)
+    renderer = Renderer(part.vertices, part.triangles, matrix, samples=2)
+    poses = [np.asarray(setting.cam2world) for setting in plan.settings]
+    lamps = [
+        best_lamp(renderer, pose, [measured[name] for name in setting.entities], draw)
+        for pose, setting in zip(poses, plan.settings, strict=True)
+    ]
+    optics = Optics(matrix, plan.camera.resolution, exposure=options.exposure, gloss=options.gloss)
+    rows = []
+    spent = dict.fromkeys(METHODS, 0.0)
+    for seed in range(options.first, options.first + options.parts):
+        rng = np.random.default_rng(seed)
+        part.deviate(rng, options.planes, options.cylinders, options.planes / 2)
+        images = PartImages(part.vertices, part.triangles, optics)
+        real = [displaced(pose, sigmas, rng) for pose in poses]
+        taken = {
+            k + 1: images.image(pose, [lamp], rng)
+            for k, (pose, lamp) in enumerate(zip(real, lamps, strict=True))
+        }
+        truth = {name: part.true_value(one) for name, one in measured.items()}
+        exact = Registration.given(
+            {k + 1: pose for k, pose in enumerate(real)}, np.diag([1e-8] * 3 + [1e-12] * 3)
+        )
+        for method, how in zip(
+            METHODS, (Registration.none(), Registration.own_edges(), exact), strict=True
+        ):
+            began = time.process_time()
+            results = measurer.measure(taken, MeasureOptions(how))
+            spent[method] += time.process_time() - began
+            rows += [_row(plan, seed, method, one, truth[one.name]) for one in results]
+        print(f"part {seed}", end=" ", file=sys.stderr, flush=True)
+    for method, seconds in spent.items():
+        print(f"{method}: {seconds / options.parts / len(poses):.2f} s of processor time an image")
+    return rows
+
+
+def _row(plan, seed, method, result, truth) -> Row:
+    target = plan.dimensions[result.name]
+    pixel = np.nan
+    if result.readings and target.unit == "mm":
+        pose = plan.settings[result.readings[0].setting].cam2world
+        pixel = target.permitted_error / target.permitted_error_px(pose, plan.camera)
+    return Row(
+        seed,
+        method,
+        result.name,
+        result.kind,
+        truth,
+        result.deviation,
+        result.standard_uncertainty,
+        pixel,
+        result.reason,
+    )
+
+
+def show(rows: list[Row]) -> None:
+    """Print the table."""
+    print(
+        f"{'poses':<11}{'kind':<17}{'n':>5}{'read':>6}{'bias':>8}{'rms':>8}{'u':>8}"
+        f"{'in 2u':>7}{'false':>6}   µm, mdeg"
+    )
+    for method in METHODS:
+        for kind in dict.fromkeys(row.kind for row in rows):
+            own = [row for row in rows if row.method == method and row.kind == kind]
+            good = [row for row in own if not row.reason]
+            if not good:
+                print(f"{method:<11}{kind:<17}{len(own):>5}{0:>6}")
+                continue
+            error = np.array([row.read - row.truth for row in good]) * 1000
+            u = np.array([row.u for row in good]) * 1000
+            pixel = np.array([row.pixel for row in good]) * 1000
+            wrong = int(np.sum(np.abs(error) > pixel))
+            print(
+                f"{method:<11}{kind:<17}{len(own):>5}{len(good):>6}{error.mean():8.1f}"
+                f"{np.sqrt((error**2).mean()):8.1f}{u.mean():8.1f}"
+                f"{np.mean(np.abs(error) <= 2 * u):7.3f}{wrong:>6}"
+            )
+        good = [row for row in rows if row.method == method and not row.reason]
+        sized = [row for row in good if row.kind == "diameter" and row.truth != 0]
+        if len(sized) > 2:
+            truth = np.array([row.truth for row in sized])
+            read = np.array([row.read for row in sized])
+            slope, offset = np.polyfit(truth, read, 1)
+            print(
+                f"{method}: deviations of diameters {truth.min() * 1000:.0f} to "
+                f"{truth.max() * 1000:.0f} µm read with slope {slope:.3f}, "
+                f"offset {offset * 1000:.1f} µm"
+            )
+
+
+def main() -> int:
+    """Measure, print the table, write the readings."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("plan", type=Path)
+    parser.add_argument("part", type=Path)
+    parser.add_argument("--parts", type=int, default=10)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--sigma", type=float, default=1.0, help="times the plan's, also stated")
+    parser.add_argument("--planes", type=float, default=0.02, help="deviations, mm")
+    parser.add_argument("--cylinders", type=float, default=0.03, help="deviations, mm")
+    parser.add_argument("--exposure", type=float, default=1.0)
+    parser.add_argument("--gloss", type=float, default=0.0)
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    rows = rows_of(options)
+    show(rows)
+    if options.csv:
+        with options.csv.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(asdict(rows[0])))
+            writer.writeheader()
+            writer.writerows(map(asdict, rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
