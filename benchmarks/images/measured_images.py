@@ -24,7 +24,14 @@ from rendered_images import Lamp, Renderer, found_points
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import read_solid
-from planner import MeasureOptions, Measurer, PoseUncertainty, Registration, read_plan
+from planner import (
+    Localisation,
+    MeasureOptions,
+    Measurer,
+    PoseUncertainty,
+    Registration,
+    read_plan,
+)
 
 METHODS = ("planned", "own edges", "given")
 
@@ -87,6 +94,9 @@ def rows_of(options) -> list[Row]:
         for pose, setting in zip(poses, plan.settings, strict=True)
     ]
     optics = Optics(matrix, plan.camera.resolution, exposure=options.exposure, gloss=options.gloss)
+    floor = None
+    if options.floor is not None:
+        floor = Localisation.gaussian(0.1, floor_px=options.floor)
     rows = []
     spent = dict.fromkeys(METHODS, 0.0)
     for seed in range(options.first, options.first + options.parts):
@@ -106,7 +116,7 @@ def rows_of(options) -> list[Row]:
             METHODS, (Registration.none(), Registration.own_edges(), exact), strict=True
         ):
             began = time.process_time()
-            results = measurer.measure(taken, MeasureOptions(how))
+            results = measurer.measure(taken, MeasureOptions(how, floor))
             spent[method] += time.process_time() - began
             rows += [_row(plan, seed, method, one, truth[one.name]) for one in results]
         print(f"part {seed}", end=" ", file=sys.stderr, flush=True)
@@ -183,6 +193,7 @@ def main() -> int:
     parser.add_argument("--cylinders", type=float, default=0.03, help="deviations, mm")
     parser.add_argument("--exposure", type=float, default=1.0)
     parser.add_argument("--gloss", type=float, default=0.0)
+    parser.add_argument("--floor", type=float, help="of the localisation, px")
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
     rows = rows_of(options)

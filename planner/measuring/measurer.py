@@ -54,7 +54,8 @@ class MeasureOptions:
     registration : Registration
         How poses are known.
     localisation : Localisation or None
-        How well edges are found; its floor counts. None is the plan's, or a floor of 0.08 px.
+        How well edges are found; only its floor counts, because single points are judged by their own residuals. None
+        is the plan's, or a floor of 0.08 px if that has none.
     coverage : float
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule
@@ -312,8 +313,9 @@ class Measurer:
         return min((upper - lower) * share / target.permitted_error, _MOST_TOLERANCE_PX)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
-        how = options.localisation or planned
-        return how.floor_px if how.floor_px > 0 else FLOOR_PX
+        if options.localisation is not None:
+            return options.localisation.floor_px
+        return planned.floor_px if planned.floor_px > 0 else FLOOR_PX
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""
