@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from planner.optics.proposal import OpticsProposal as OpticsProposal
     from planner.optics.proposal import optics_table as optics_table
     from planner.optics.propose import propose_optics as propose_optics
+    from planner.output.measured_report import measured_html as measured_html
     from planner.output.pose_files import write_poses as write_poses
     from planner.output.programs import CameraSignals as CameraSignals
     from planner.output.programs import program_text as program_text
@@ -135,6 +136,7 @@ _NAMES = {
     "planner.measuring.results": ("MeasurementResults",),
     "planner.optics.proposal": ("OpticsProposal", "optics_table"),
     "planner.optics.propose": ("propose_optics",),
+    "planner.output.measured_report": ("measured_html",),
     "planner.output.pose_files": ("write_poses",),
     "planner.output.programs": ("CameraSignals", "program_text", "write_program"),
     "planner.plan": ("InspectionPlan", "read_plan"),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-RESTS_SHARE = 0.5
+RESTS_SHARE = 0.8
 """A value rests on the prior if its standard deviation falls to no less than this share of it."""
 
 
@@ -50,8 +50,8 @@ def rests_on_prior(
     Returns
     -------
     bool
-        True if the unknowns are half of its variance or more, and their part of its standard deviation has not fallen
-        below half of what it was before.
+        True if the unknowns are half of its variance or more, and their part of its standard deviation has fallen by
+        less than a fifth (`RESTS_SHARE`).
     """
     after = float(gradient @ covariance @ gradient)
     before = float(gradient @ prior @ gradient)

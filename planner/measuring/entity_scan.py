@@ -41,6 +41,8 @@ POINT = np.dtype(
     [
         ("u", float),
         ("v", float),
+        ("nu", float),
+        ("nv", float),
         ("x", float),
         ("y", float),
         ("z", float),
@@ -60,8 +62,8 @@ class EntityScan:
     edge : PartEdge
         The entity.
     points : structured array (m,)
-        u, v: found place, px (of what was not found, where it was looked for). x, y, z: the sample, mm. share: where on
-        the entity. residual_px: distance from the fit. state: see `State`.
+        u, v: found place, px (of what was not found, where it was looked for). nu, nv: unit vector across. x, y, z: the
+        sample, mm. share: where on the entity. residual_px: distance from the fit. state: see `State`.
     directions : array (k, 2)
         x/z and y/z of the rays of found points.
     origins : array (k, 3)
@@ -178,6 +180,7 @@ def scan_entity(
         state[np.flatnonzero(kept)[~good]] = State.OUTLIER
     points = np.zeros(len(state), dtype=POINT)
     points["u"], points["v"] = pixels.T
+    points["nu"], points["nv"] = across.T
     points["x"], points["y"], points["z"] = samples.points.T
     points["share"] = samples.share
     points["residual_px"] = residual

@@ -198,9 +198,21 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(found),
-            tuple(found.notes),
+            (*found.notes, *self._image_notes(pictures, registered)),
             pictures,
         )
+
+    @staticmethod
+    def _image_notes(
+        pictures: Mapping[str, Picture], registered: Mapping[str, Registered]
+    ) -> list[str]:
+        """Return what is wrong with exposure and focus of images."""
+        blurs = {name: one.blur_px for name, one in registered.items()}
+        return [
+            f"{name}: {note}"
+            for name, picture in pictures.items()
+            for note in picture.notes(blurs.get(name, 0.0))
+        ]
 
     def _by_setting(self, pictures: Mapping[str, Picture]) -> list[list[Shot]]:
         """Return the shots that have an image, those of one setting together."""

@@ -263,6 +263,7 @@ def _image_dict(one: Registered) -> dict[str, Any]:
         "used": one.used,
         "offered": one.offered,
         "misfit_px": _number(one.misfit_px),
+        "blur_px": _number(one.blur_px),
         "chi2": _number(one.chi2),
         "notes": list(one.notes),
     }

@@ -65,6 +65,11 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
     images = measure.add_argument_group("images")
     images.add_argument("--serial", metavar="TEXT", help="name of the measured part, for the files")
     images.add_argument(
+        "--parts",
+        action="store_true",
+        help="IMAGES holds a folder of images for each of many parts, named by their serials",
+    )
+    images.add_argument(
         "--partial", action="store_true", help="measure although images are missing"
     )
     images.add_argument("--allow-lossy", action="store_true", help="accept JPEG files")

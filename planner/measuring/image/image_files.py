@@ -27,6 +27,10 @@ LOSSY = (".jpg", ".jpeg")
 _LUMINANCE = np.array([0.299, 0.587, 0.114])
 _ORIENTATION = 0x0112
 _LISTED = 6
+# means of the four positions differ by more than this share only behind a colour filter; unless all is dark
+_MOSAIC = 0.05
+_FEW = 10_000
+_DARK = 0.02
 
 
 @dataclass(frozen=True)
@@ -205,6 +209,11 @@ def _read(item: Any, allow_lossy: bool) -> tuple[Image, str, list[str]]:
         except OSError as error:
             raise _wrong(f"cannot be read: {error.strerror}") from None
         array, notes = _decoded(path, allow_lossy)
+        if array.ndim == 2 and _is_mosaic(array) and not allow_lossy:
+            rule = (
+                "looks like the mosaic of a colour camera; convert it to grey, or use --allow-lossy"
+            )
+            raise _wrong(rule)
     else:
         array = np.asarray(item)
         digest = hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
@@ -274,6 +283,23 @@ def _as_grey(array: Image) -> tuple[Image, list[str]]:
         array = np.left_shift(array.astype(np.uint16), 16 - bits)
         notes.append(f"16 bits that hold {bits}")
     return array, notes
+
+
+def _is_mosaic(array: Image) -> bool:
+    """Return whether pixels of the four positions in squares of two by two differ as those of a colour filter do."""
+    height, width = (size // 2 * 2 for size in array.shape)
+    parts = [
+        float(array[i:height:2, j:width:2].astype(np.float64).mean())
+        for i in range(2)
+        for j in range(2)
+    ]
+    if array.size < _FEW or not np.isfinite(parts).all():
+        return False
+    return bool(max(parts) - min(parts) > _MOSAIC * max(max(parts), _DARK * _most(array)))
+
+
+def _most(array: Image) -> float:
+    return float(np.iinfo(array.dtype).max) if array.dtype.kind in "ui" else 1.0
 
 
 def _is_share(array: Image) -> bool:

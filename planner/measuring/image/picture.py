@@ -10,6 +10,17 @@ from numpy.typing import NDArray
 from planner.camera.camera import Camera
 from planner.measuring.image.scans import CLIPPED_SHARE, Scans, find_edges, noise_of, white_of
 
+MOST_CLIPPED = 0.05
+"""Share of an image that may be overexposed without a note."""
+BRIGHT_SHARE = 0.995
+"""An image is as bright as this share of its pixels at most."""
+DARK_SHARE = 0.25
+"""Share of white below which an image is dark."""
+WELL_EXPOSED = 0.8
+"""Share of white that the bright part of an image should have."""
+MOST_BLUR_PX = 2.0
+"""Blur across edges from which on an image has a note."""
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -40,6 +51,19 @@ class Picture:
         """Return an image of 8 or 16 bits, or of floats in [0, 1]."""
         grey = np.ascontiguousarray(image, dtype=np.float32)
         return cls(name, grey, white_of(image), noise_of(grey), camera)
+
+    def notes(self, blur_px: float) -> list[str]:
+        """Return what is wrong with the exposure, and with the focus, given the blur across edges in px."""
+        found = []
+        bright = float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
+        if self.clipped_share > MOST_CLIPPED:
+            share = f"{100 * self.clipped_share:.0f} % of the image is overexposed"
+            found.append(f"{share}: expose for half of the time or less")
+        elif bright < DARK_SHARE:
+            found.append(f"dark: expose for {WELL_EXPOSED / max(bright, 0.004):.1f} times as long")
+        if blur_px > MOST_BLUR_PX:
+            found.append(f"blurred: edges are spread with a standard deviation of {blur_px:.1f} px")
+        return found
 
     def turned(self) -> Picture:
         """Return the image turned by 180 degrees."""

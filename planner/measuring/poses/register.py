@@ -31,7 +31,7 @@ from planner.measuring.image.samples import (
 from planner.measuring.image.scans import State
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.coarse import coarse_shift
-from planner.measuring.poses.registered import Registered, displaced
+from planner.measuring.poses.registered import SAMPLE, Registered, displaced
 
 Array = NDArray[np.float64]
 
@@ -112,6 +112,8 @@ class _Found:
 
     offset: Array
     good: NDArray[np.bool_]
+    state: NDArray[np.int64]
+    blur_px: Array
 
 
 def register(model: PartModel, pictures: list[Picture], planned: Array, prior: Array) -> Registered:
@@ -228,7 +230,7 @@ def _scanned(
     sign: NDArray[np.int64],
 ) -> _Found:
     found = picture.find(*places, half, sign)
-    return _Found(found.offset, found.state == State.FOUND)
+    return _Found(found.offset, found.state == State.FOUND, found.state, found.blur_px)
 
 
 def _solved(task: _Task, x: Array, across: Array, found: list[_Found], *, final: bool) -> Posterior:
@@ -334,6 +336,18 @@ def _checked(
         used=int(agree.sum()),
         offered=len(agree),
         misfit_px=misfit,
+        blur_px=float(np.median(np.concatenate([one.blur_px[one.good] for one in found]))),
         chi2=chi2,
         prior=task.prior,
+        samples=_states(centres, agree, found),
     )
+
+
+def _states(centres: Array, agree: NDArray[np.bool_], found: list[_Found]) -> NDArray[np.void]:
+    """Return samples with what became of them in the image in which most were found."""
+    samples = np.zeros(len(centres), dtype=SAMPLE)
+    samples["u"], samples["v"] = centres.T
+    best = max(found, key=lambda one: int(one.good.sum()))
+    lost = np.where(best.good, int(State.OUTLIER), best.state)
+    samples["state"] = np.where(agree, int(State.FOUND), lost)
+    return samples

@@ -14,6 +14,8 @@ from planner.measuring.part_model import POSE, PartModel
 
 Array = NDArray[np.float64]
 
+SAMPLE = np.dtype([("u", float), ("v", float), ("state", np.int64)])
+"""A sample of a registration."""
 FREE_MM = 2.0
 """Standard deviation of a surface that a target measures: nothing is assumed of it."""
 CYLINDER_SHARE = 3.0
@@ -46,12 +48,16 @@ class Registered:
         Samples that were searched for.
     misfit_px : float
         Median distance of found points from the registered part, px.
+    blur_px : float
+        Standard deviation of the image's blur across edges, px.
     chi2 : float
         Square of the pose's displacement in standard deviations of the plan's uncertainty; 6 on average.
     notes : tuple of str
         What the user should know.
     prior : array (6 + 3k, 6 + 3k) or None
         What was known before the image; None if nothing is estimated.
+    samples : structured array (m,)
+        u, v: the samples at the registered pose, px; state: see `planner.measuring.image.scans.State`.
     """
 
     cam2world: Array
@@ -62,9 +68,11 @@ class Registered:
     used: int = 0
     offered: int = 0
     misfit_px: float = float("nan")
+    blur_px: float = float("nan")
     chi2: float = float("nan")
     notes: tuple[str, ...] = field(default=())
     prior: Array | None = field(default=None, repr=False)
+    samples: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, SAMPLE), repr=False)
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""

@@ -111,3 +111,18 @@ def test_missing_images(folder, capsys, tmp_path):
     assert "Got no setting_01; --partial measures what is there." in capsys.readouterr().err
     assert run(folder, tmp_path, *given(folder), "--partial") == 0
     assert "setting_01: no image" in capsys.readouterr().out
+
+
+def test_a_folder_of_parts(folder, tmp_path, capsys):
+    for serial, images in (("N1", "good"), ("N2", "wide")):
+        (tmp_path / serial).symlink_to(folder / images)
+    assert run(folder, tmp_path, *given(folder), "--parts") == 1
+    decisions = [
+        json.loads((folder / "out" / serial / "results.json").read_text())["results"][0]["decision"]
+        for serial in ("N1", "N2")
+    ]
+    assert decisions == ["conforms", "does not conform"]
+    assert (folder / "out" / "N2" / "report.html").exists()
+    assert run(folder, tmp_path, *given(folder), "--parts", "--serial", "N3") == 2
+    assert run(folder, tmp_path / "N1", *given(folder), "--parts") == 2
+    assert "the images must hold a folder for each part" in capsys.readouterr().err

@@ -75,6 +75,19 @@ def test_files_that_are_refused(tmp_path, files, message):
         read_images(folder(tmp_path, **files), SHOTS, CAMERA)
 
 
+def test_a_mosaic_of_colours(tmp_path):
+    large = Camera(8.0, (0.01, 0.01), (160, 120), 8.0, 300.0)
+    v, u = np.mgrid[:120, :160]
+    scene = 100 + 60 * np.sin(u / 20) * np.cos(v / 15)
+    mosaic = scene.copy()
+    mosaic[::2, ::2] *= 0.7
+    path = folder(tmp_path, setting_01=scene.astype(np.uint8), setting_02=mosaic.astype(np.uint8))
+    with pytest.raises(RequestError, match=r"Got setting_02: looks like the mosaic of a colour"):
+        read_images(path, SHOTS, large, partial=True)
+    found = read_images(path, SHOTS, large, partial=True, allow_lossy=True)
+    assert len(found.images) == 2
+
+
 def test_the_same_image_twice(tmp_path):
     same = grey()
     files = three(setting_01=same, setting_03=same)

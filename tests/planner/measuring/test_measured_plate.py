@@ -9,7 +9,15 @@ import pytest
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 
 from errors.measurands import Decision, DecisionRule
-from planner import MeasureOptions, Measurer, Registration, RequestError, measure
+from planner import (
+    LightPlan,
+    LitImage,
+    MeasureOptions,
+    Measurer,
+    Registration,
+    RequestError,
+    measure,
+)
 from planner.measuring.results import COLUMNS, results_schema
 
 MADE = {"left": 0.05, "right": 0.0, "width": 0.08}
@@ -131,6 +139,32 @@ def test_a_rim_that_is_half_covered_is_not_measured(solid, exact, images, result
     results = measure(measured_plan(solid, ["left"]), solid, covered, registration=exact)
     assert results["left"].decision is Decision.NOT_MEASURED
     assert "was found" in results["left"].reason
+
+
+def test_notes_on_exposure(solid, exact, images):
+    plan = measured_plan(solid, ["left"], settings=1)
+    dark = measure(plan, solid, {1: images[1] // 8}, registration=exact)
+    assert any("setting_01: dark: expose for" in note for note in dark.notes)
+    bright = np.clip(images[1].astype(int) * 4, 0, 255).astype(np.uint8)
+    over = measure(plan, solid, {1: bright}, registration=exact)
+    assert any("of the image is overexposed" in note for note in over.notes)
+
+
+def test_several_lamps_of_a_setting(solid, images, exact):
+    """Each target is measured in the image whose lamp shows it; both images have one pose."""
+    plan = measured_plan(solid, ["left", "right"], settings=1)
+    lit = (LitImage((0,), {"left": 0.5}), LitImage((1,), {"right": 0.5}))
+    lamps = np.array([[0.0, 0, 500], [100.0, 0, 500]])
+    light = LightPlan("placed", 0.1, 0.05, "dark", lamps, (lit,), ({},), 1, "by hand")
+    both = dataclasses.replace(plan, light=light)
+    taken = {"setting_01_1": images[1], "setting_01_2": images[1] // 2}
+    results = measure(both, solid, taken)
+    assert [r.image for r in results["left"].readings] == ["setting_01_1"]
+    assert [r.image for r in results["right"].readings] == ["setting_01_2"]
+    first, second = results.images.values()
+    np.testing.assert_array_equal(first.cam2world, second.cam2world)
+    for name in ("left", "right"):
+        assert abs(results[name].deviation - TRUE[name]) < results[name].expanded_uncertainty
 
 
 def test_rules_and_coverage(solid, images, exact):

@@ -1,0 +1,73 @@
+"""The report of a measurement shows what was measured: counted in its own text."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
+
+from planner import Registration, measure, measured_html
+from planner.measuring.image.scans import State
+from planner.output.overlay import COLOURS, residual_svg, value_svg
+
+
+@pytest.fixture(scope="module")
+def results():
+    solid = thick_plate()
+    images = photograph(fine_plate(left=0.05), POSES)
+    plan = measured_plan(solid, ["left", "right"])
+    exact = Registration.given({1: POSES[0], 2: POSES[1]})
+    return measure(plan, solid, images, registration=exact)
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    return measured_html(results)
+
+
+def test_every_target_and_image_is_there(page, results):
+    for one in results:
+        assert f"{one.nominal:g} mm" in page
+        assert one.decision.value in page
+    assert page.count('<section class="target"') == 2
+    assert page.count('<section class="picture"') == 2
+    assert "ISO 14253-1, 95 %" in page
+
+
+def test_nothing_outside_the_page_is_needed(page):
+    assert not re.search(r'(?:src|href)="(?!#|data:)', page)
+
+
+def test_pictures_are_well_formed(page):
+    for svg in re.findall(r"<svg.*?</svg>", page, re.S):
+        ET.fromstring(svg)
+
+
+def test_each_point_is_drawn_with_the_colour_of_its_state(results):
+    points = results["left"].readings[0].points[0]
+    drawn = residual_svg(points, "one")
+    for state in State:
+        n = int(np.sum(points["state"] == state))
+        paths = re.findall(rf'stroke="{COLOURS[state]}"[^>]* d="([^"]*)"', drawn)
+        assert sum(path.count("M") for path in paths) == n
+
+
+def test_the_value_stands_in_its_tolerance(results):
+    one = results["left"]
+    drawn = ET.fromstring(value_svg(one, results.rule))
+    tolerance = next(part for part in drawn.iter("rect") if part.get("class") == "tolerance")
+    circle = next(drawn.iter("circle"))
+    left, wide = float(tolerance.get("x")), float(tolerance.get("width"))
+    share = (float(circle.get("cx")) - left) / wide
+    # of -0.1 to 0.1
+    assert share == pytest.approx((one.deviation + 0.1) / 0.2, abs=0.01)
+
+
+def test_what_is_not_measured_comes_first_and_is_named():
+    solid = thick_plate()
+    plan = measured_plan(solid, ["left"], settings=1)
+    dark = measure(plan, solid, {1: np.zeros((512, 640), np.uint8)})
+    page = measured_html(dark)
+    assert "Not measured: setting_01: the image cannot be registered" in page
+    assert "Cannot be registered: only" in page
