@@ -24,7 +24,7 @@ from planner.output.overlay import (
     residual_svg,
     value_svg,
 )
-from planner.wanted.planned import tolerance_text
+from planner.wanted.words.tolerance_texts import tolerance_text
 
 _ORDER = (
     Decision.NOT_MEASURED,

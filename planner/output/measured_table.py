@@ -8,7 +8,7 @@ from planner.measuring.merge import Result
 from planner.measuring.results import MeasurementResults
 from planner.progress.text_table import Column, print_table, print_text, words
 from planner.report.wording import count
-from planner.wanted.planned import tolerance_text
+from planner.wanted.words.tolerance_texts import tolerance_text
 
 
 def print_results(results: MeasurementResults) -> None:

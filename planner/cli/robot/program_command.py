@@ -14,7 +14,6 @@ from planner.files import check_file_place
 from planner.motion.arm_uncertainty import ArmUncertainty
 from planner.motion.program_record import FixturedTour, RobotProgram, Stop
 from planner.motion.robot_program import robot_program
-from planner.output.pose_files import image_name
 from planner.output.programs import FORMATS, CameraSignals, write_program
 from planner.plan import read_plan
 from planner.progress import terminal_progress
@@ -22,6 +21,7 @@ from planner.progress.terminal_text import visible
 from planner.progress.text_table import Column, print_table, print_text
 from planner.records.json_file import print_json
 from planner.robot import Cell
+from planner.setting.image_names import image_name
 
 
 def program(options: argparse.Namespace) -> int:

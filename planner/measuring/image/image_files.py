@@ -299,7 +299,9 @@ def _is_mosaic(array: Image) -> bool:
 
 
 def _most(array: Image) -> float:
-    return float(np.iinfo(array.dtype).max) if array.dtype.kind in "ui" else 1.0
+    if array.dtype.kind not in "ui":
+        return 1.0
+    return float(np.iinfo(array.dtype.name).max)
 
 
 def _is_share(array: Image) -> bool:

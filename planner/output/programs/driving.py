@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_number
 from planner.motion.move_time import JointRates, LeadingAxis, leading_axis, move_times
 from planner.motion.program_record import FixturedTour, Move, RobotProgram
-from planner.output.pose_files import image_name
+from planner.setting.image_names import image_name
 
 HOME_TOLERANCE_RAD = 0.01
 """A program starts only if each joint is within this much of home."""
