@@ -28,7 +28,7 @@ from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.deadline import check_deadline
 from aspectgraph.visibility.scene import Scene
 from aspectgraph.visibility.united_sets import Blockers
-from compiled.decorators import entry_kernel, kernel_without_refcounts
+from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts
 
 if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
@@ -37,6 +37,11 @@ _BOX = np.arange(6)
 # cells from which simplifying pays, and cells to reserve room for at first
 _SIMPLIFY_ABOVE = 4096
 _ROOM = 1 << 11
+# labels: of cells with unblocked parts, and of cells whose first part was cut off and not the second
+_OPEN = np.uint64(1)
+_FIRST_CUT_OFF = np.uint64(2)
+# planes of a set whose crossing is remembered
+_BITS = 64
 # blocked sets between two looks at the clock
 _SETS_AT_A_TIME = 64
 
@@ -106,72 +111,126 @@ def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int, deadline: float) -
     n_sets = len(shadows.first) - 1
     done = 0
     limit = _SIMPLIFY_ABOVE
-    open_cells = _open_cells(cx)
+    n_simple = int(cx.count[N_CELLS])
     while True:
         check_deadline(deadline)
         end = min(done + _SETS_AT_A_TIME, n_sets)
-        done, open_cells = _insert(
-            cx, shadows.first, shadows.plane, shadows.side, (done, end), limit, open_cells
-        )
+        done = _insert(cx, shadows.first, shadows.plane, shadows.side, (done, end), limit, n_simple)
         if done < n_sets and cx.count[N_CELLS] <= limit:
             continue
         cx = simplify(cx, _BOX, n_cells)
         if done == n_sets:
             return cx
         limit = max(_SIMPLIFY_ABOVE, 16 * n_leaves(cx))
-        open_cells = _open_cells(cx)
-
-
-def _open_cells(cx: Complex) -> np.ndarray:
-    """Return the numbers of all leaves that no set blocks."""
-    n_cells = cx.count[N_CELLS]
-    is_leaf = cx.cell[:n_cells, CELL_CHILD] < 0
-    return np.flatnonzero(is_leaf & (cx.label[:n_cells, 0] == 1))
-
-
-@kernel_without_refcounts
-def _disjoint(cx, c, plane, side):
-    """Whether one of the set's own planes separates it from cell c."""
-    for j in range(len(plane)):
-        if cell_side(cx, c, plane[j]) == (2 if side[j] > 0 else 1):
-            return True
-    return False
+        n_simple = int(cx.count[N_CELLS])
+        _open_inner_cells(cx)
 
 
 @entry_kernel
-def _insert(cx, first, plane, side, sets, limit, unblocked):
-    """Block sets `sets[0]` up to `sets[1]`, or until the complex has `limit` cells.
+def _open_inner_cells(cx):
+    """Label every split cell `_OPEN`, as a cell with unblocked parts; `_insert` finds out where there are none."""
+    for c in range(cx.count[N_CELLS]):
+        if cx.cell[c, CELL_CHILD] >= 0:
+            cx.label[c, 0] = _OPEN
 
-    Return the number of the next set, and the cells that are still unblocked. A blocked cell is not cut again, and a
-    set that misses a cell does not cut it.
+
+@kernel_without_refcounts
+def _meets(cx, c, plane, side, crossing):
+    """Whether the set may meet unblocked parts of cell c, and which planes may still cross those, one bit each.
+
+    Parts that are all blocked close a split cell for good. Planes beyond the last bit always may cross.
     """
-    open_cells = [np.int64(c) for c in unblocked]
+    child = cx.cell[c, CELL_CHILD]
+    if (
+        child >= 0
+        and cx.label[c, 0] != 0
+        and cx.label[child, 0] == 0
+        and cx.label[cx.cell[c, CELL_CHILD + 1], 0] == 0
+    ):
+        cx.label[c, 0] = 0
+    if cx.label[c, 0] == 0:
+        return False, crossing
+    for j in range(len(plane)):
+        bit = np.uint64(1) << np.uint64(j) if j < _BITS else np.uint64(0)
+        if bit != 0 and crossing & bit == 0:
+            continue
+        place = cell_side(cx, c, plane[j])
+        if place == (2 if side[j] > 0 else 1):
+            return False, crossing
+        if place != CROSSED:
+            crossing &= ~bit
+    return True, crossing
+
+
+@kernel
+def _block(cx, c, plane, side, crossing):
+    """Cut the set out of leaf c, which it may meet."""
+    inside = c
+    for j in range(len(plane)):
+        if j < _BITS and not (crossing >> np.uint64(j)) & np.uint64(1):
+            continue
+        place = cell_side(cx, inside, plane[j])
+        if place == CROSSED:
+            split_cell(cx, inside, plane[j])
+            keep = 0 if side[j] > 0 else 1
+            # which of its parts was cut off, and comes first
+            cx.label[inside, 0] = _OPEN | (_FIRST_CUT_OFF if keep == 1 else np.uint64(0))
+            inside = np.int64(cx.cell[inside, CELL_CHILD + keep])
+        elif place == (2 if side[j] > 0 else 1):
+            return
+    cx.label[inside, 0] = 0
+
+
+@kernel
+def _leaves_met(cx, plane, side, n_simple):
+    """Leaves of the tree's first `n_simple` cells that the set may meet, by number, and planes that may cross each."""
+    cells = [np.int64(0) for _ in range(0)]
+    planes = [np.uint64(0) for _ in range(0)]
+    stack = [(np.int64(0), ~np.uint64(0))]
+    while len(stack) > 0:
+        c, crossing = stack.pop()
+        met, crossing = _meets(cx, c, plane, side, crossing)
+        if not met:
+            continue
+        child = np.int64(cx.cell[c, CELL_CHILD])
+        if child < 0 or child >= n_simple:
+            cells.append(c)
+            planes.append(crossing)
+        else:
+            stack.append((child, crossing))
+            stack.append((np.int64(cx.cell[c, CELL_CHILD + 1]), crossing))
+    order = np.argsort(np.array(cells))
+    return [(cells[k], planes[k]) for k in order]
+
+
+@entry_kernel
+def _insert(cx, first, plane, side, sets, limit, n_simple):
+    """Block sets `sets[0]` up to `sets[1]`, or until the complex has `limit` cells; return the next set's number.
+
+    A blocked cell is not cut again, and a set that misses a cell does not cut it, nor look at its parts. The cells are
+    cut in the order of a list of all unblocked cells: at first the leaves among the first `n_simple` cells by their
+    number, and later in the place of a cell its parts, those cut off first.
+    """
     for k in range(sets[0], sets[1]):
         if cx.count[N_CELLS] > limit:
-            return k, np.array(open_cells)
+            return k
         own_plane = plane[first[k] : first[k + 1]]
         own_side = side[first[k] : first[k + 1]]
-        still_open = [np.int64(0) for _ in range(0)]
-        for c in open_cells:
-            if _disjoint(cx, c, own_plane, own_side):
-                still_open.append(c)
-                continue
-            inside = c
-            for j in range(len(own_plane)):
-                place = cell_side(cx, inside, own_plane[j])
-                if place == CROSSED:
-                    split_cell(cx, inside, own_plane[j])
-                    keep = 0 if own_side[j] > 0 else 1
-                    still_open.append(np.int64(cx.cell[inside, CELL_CHILD + 1 - keep]))
-                    inside = np.int64(cx.cell[inside, CELL_CHILD + keep])
-                elif place == (2 if own_side[j] > 0 else 1):
-                    still_open.append(inside)
-                    inside = np.int64(-1)
-                    break
-            if inside >= 0:
-                cx.label[inside, 0] = 0
-        open_cells = still_open
-    return sets[1], np.array(open_cells)
+        for root in _leaves_met(cx, own_plane, own_side, n_simple):
+            stack = [root]
+            while len(stack) > 0:
+                c, crossing = stack.pop()
+                met, crossing = _meets(cx, c, own_plane, own_side, crossing)
+                if not met:
+                    continue
+                child = np.int64(cx.cell[c, CELL_CHILD])
+                if child < 0:
+                    _block(cx, c, own_plane, own_side, crossing)
+                    continue
+                cut_off = 0 if cx.label[c, 0] & _FIRST_CUT_OFF else 1
+                stack.append((np.int64(cx.cell[c, CELL_CHILD + 1 - cut_off]), crossing))
+                stack.append((np.int64(cx.cell[c, CELL_CHILD + cut_off]), crossing))
+    return sets[1]
 
 
 def compact(cx: Complex, origin: np.ndarray) -> Region:
