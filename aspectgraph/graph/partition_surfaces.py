@@ -10,7 +10,7 @@ import numpy as np
 from aspectgraph.entities.straight_edges import Entity
 from aspectgraph.exact.grid import Grid
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.blocked_sets import CONTRAST, EDGE_AND_END, VERTEX_AND_ENTITY
+from aspectgraph.visibility.casting import CONTRAST, EDGE_AND_END, VERTEX_AND_ENTITY
 from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.overlay import SharedPlanes
 from aspectgraph.visibility.scene import Scene

@@ -30,7 +30,8 @@ from aspectgraph.exact.grid import Grid
 from aspectgraph.exact.planes import plane_through
 from aspectgraph.light.contrast import NONE
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.blocked_sets import CONTRAST, FACE, blockers
+from aspectgraph.visibility.blocked_sets import blockers
+from aspectgraph.visibility.casting import CONTRAST, FACE
 from aspectgraph.visibility.scene import Scene, chords, line_ends
 from aspectgraph.visibility.united_sets import Blockers, united
 

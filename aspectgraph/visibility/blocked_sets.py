@@ -23,81 +23,183 @@ re-entrant one.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from aspectgraph.exact.planes import find_plane, height, plane_through, side_of
+from aspectgraph.exact.planes import side_of
 from aspectgraph.solid.solid import Solid
+from aspectgraph.visibility.casting import Jobs, cast_all, in_the_way
 from aspectgraph.visibility.deadline import check_deadline
+from aspectgraph.visibility.free_discs import free_disc
 from aspectgraph.visibility.scene import Scene, chords, end_resolution, entity_ends, line_ends
 from aspectgraph.visibility.united_sets import Blockers, united
-from compiled.decorators import entry_kernel, kernel_without_refcounts, put
+from compiled.decorators import entry_kernel
 
 if TYPE_CHECKING:
     from aspectgraph.entities.straight_edges import Entity
 
-# how a plane came about: FACE (face, -1, -1), EDGE_AND_END (edge's two vertices, end of the entity), or
-# VERTEX_AND_ENTITY (vertex, both ends of the entity), or, of lamps, CONTRAST (both ends of the entity, brighter face)
-FACE, EDGE_AND_END, VERTEX_AND_ENTITY, CONTRAST = range(4)
+
+class Unblocked(Protocol):
+    """What is left of the viewpoints after the faces next to an entity, so that others need not be looked at."""
+
+    def sides(self, planes: np.ndarray) -> np.ndarray:
+        """Return, for planes (n, 4), whether viewpoints are left on the positive and the negative side: (n, 2) bool."""
 
 
-def blockers(scene: Scene, solid: Solid, entity: Entity, deadline: float = math.inf) -> Blockers:
-    """All blocked sets of one entity: the faces next to it first, then every other piece in its way.
+def blockers(
+    scene: Scene,
+    solid: Solid,
+    entity: Entity,
+    deadline: float = math.inf,
+    unblocked: Unblocked | None = None,
+) -> Blockers:
+    """Blocked sets of one entity whose union are all: first the faces next to it, then other pieces in its way.
 
     Those of a rim or arc are the blocked sets of all its chords, for a viewpoint that misses a part of one misses a
-    part of the whole.
+    part of the whole. Of a rim with a free disc they are the blocked sets of the disc (see `free_discs`).
+
+    Parameters
+    ----------
+    scene, solid
+        The solid on its grid, and itself.
+    entity : Entity
+    deadline : float
+        Time (`time.time`) by which to end.
+    unblocked : Unblocked, optional
+        What the faces next to the entity leave; sets that miss it may be missing.
+
+    Raises
+    ------
+    DeadlineError
+        If they are not complete by then.
     """
+    disc = free_disc(scene, solid, entity)
+    matters = _behind_which_some_are_left(scene, unblocked)
+    if disc is not None:
+        on_side = np.ones(2, bool) if unblocked is None else unblocked.sides(disc.plane[None])[0]
+        by_disc = (disc.certified | ~on_side).all(axis=1)
+        if by_disc.any():
+            check_deadline(deadline)
+            return _disc_blockers(scene, solid, entity, disc.corners, by_disc, matters)
     parts = []
     for chord in chords(entity):
         check_deadline(deadline)
         settle_thin = entity.kind != "edge" or entity.part is not None
-        parts.append(_chord_blockers(scene, solid, chord, settle_thin))
+        parts.append(_chord_blockers(scene, solid, chord, matters, settle_thin))
     return parts[0] if len(parts) == 1 else united(parts)
 
 
-def _chord_blockers(scene: Scene, solid: Solid, entity: Entity, settle_thin: bool) -> Blockers:
+def wedge_blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
+    """Blocked sets of the faces next to an entity alone."""
+    none = np.empty(0, np.int64)
+    return cast_all(scene, _wedge(scene, solid, entity), Jobs(none, np.zeros(1, int), none), True)
+
+
+def _behind_which_some_are_left(scene: Scene, unblocked: Unblocked | None) -> np.ndarray:
+    """Whether viewpoints are left behind each piece, (n,) bool; it blocks no others."""
+    if unblocked is None:
+        return np.ones(len(scene.pieces.face), bool)
+    sides = unblocked.sides(scene.planes)
+    behind = (scene.side_of_face[scene.pieces.face] > 0).astype(int)
+    return np.asarray(sides[scene.plane_of_face[scene.pieces.face], behind])
+
+
+def _disc_blockers(
+    scene: Scene,
+    solid: Solid,
+    entity: Entity,
+    corners: np.ndarray,
+    by_disc: np.ndarray,
+    matters: np.ndarray,
+) -> Blockers:
+    """Blocked sets of a rim with a free disc: those of its faces, then one per piece and, where need be, chord.
+
+    `by_disc`: for which shells the disc does.
+    """
+    wedge = _wedge(scene, solid, entity)
+    order = in_the_way(scene, corners, *_behind_disc(scene, corners, *wedge))
+    by_piece = by_disc[solid.face_shell[scene.pieces.face]]
+    jobs = Jobs(*_disc_jobs(scene, order[matters[order]], corners, by_piece))
+    return cast_all(scene, wedge, jobs, True)
+
+
+def _behind_disc(
+    scene: Scene, corners: np.ndarray, first: np.ndarray, plane: np.ndarray, side: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Those sets of a wedge of which every plane has the whole disc on its other side, or on it."""
+    beyond = np.array(
+        [
+            all(
+                s * side_of(scene.planes[p], scene.points[v], scene.resolution) <= 0
+                for v in corners
+            )
+            for p, s in zip(plane, side, strict=True)
+        ]
+    )
+    kept = [k for k in range(len(first) - 1) if beyond[first[k] : first[k + 1]].all()]
+    rows = [np.arange(first[k], first[k + 1]) for k in kept]
+    flat = np.concatenate(rows) if rows else np.empty(0, int)
+    return np.cumsum([0] + [len(row) for row in rows]), plane[flat], side[flat]
+
+
+@entry_kernel
+def _disc_jobs(scene, order, corners, by_disc):
+    """Hulls to cast sets for: of each piece the part of the disc in front of it, and chords that cross its plane.
+
+    A hull ends at corners, so what is in front of the piece between the last one and its plane is left to the chord.
+    """
+    m = len(corners)
+    piece = [np.int64(0) for _ in range(0)]
+    first = [np.int64(0)]
+    hulls = [np.int64(0) for _ in range(0)]
+    place = np.empty(m, np.int64)
+    for k in order:
+        face = scene.pieces.face[k]
+        plane = scene.planes[scene.plane_of_face[face]]
+        behind = -1
+        for j in range(m):
+            place[j] = scene.side_of_face[face] * side_of(
+                plane, scene.points[corners[j]], scene.resolution
+            )
+            if place[j] < 0:
+                behind = j
+        as_polygon = by_disc[k] and (place >= 0).sum() > 2
+        if as_polygon:
+            # in order around the disc, from behind the plane if it crosses
+            for i in range(m):
+                j = (behind + 1 + i) % m
+                if place[j] >= 0:
+                    hulls.append(np.int64(corners[j]))
+            piece.append(k)
+            first.append(len(hulls))
+        for j in range(m):
+            i = (j + 1) % m
+            if (place[i] > 0 or place[j] > 0) and (not as_polygon or place[i] < 0 or place[j] < 0):
+                hulls.append(np.int64(corners[j]))
+                hulls.append(np.int64(corners[i]))
+                piece.append(k)
+                first.append(len(hulls))
+    return np.array(piece), np.array(first), np.array(hulls)
+
+
+def _chord_blockers(
+    scene: Scene, solid: Solid, entity: Entity, matters: np.ndarray, settle_thin: bool
+) -> Blockers:
     """All blocked sets of one straight entity.
 
     `settle_thin`: where an end is so little in front of a far piece that the plane through it and an edge of the piece
     is the piece's own to within the resolution, take the exact sides. Chords, of which there are many at all angles,
     meet this; an edge's sets stay as they always were, open to that side.
     """
-    a, b = entity_ends(scene, solid, entity)
-    line = line_ends(scene, solid, entity)
     scene = scene._replace(resolution=end_resolution(scene, solid, entity))
-    wedge_first, wedge_plane, wedge_side = _wedge(scene, solid, entity)
-    n_face_planes = len(scene.planes)
-    room = n_face_planes + 3 * len(scene.pieces.vertices)
-    planes = np.empty((room, 4), np.int64)
-    planes[:n_face_planes] = scene.planes
-    origin = np.full((room, 4), -1, np.int32)
-    origin[:n_face_planes, 0] = FACE
-    origin[scene.plane_of_face[::-1], 1] = np.arange(len(scene.plane_of_face))[::-1]
-    in_the_way = _facing(scene, a, b, wedge_first, wedge_plane, wedge_side)
-    size = _apparent_size(scene.points, scene.pieces, in_the_way, a, b)
-    order = in_the_way[np.argsort(-size, kind="stable")]
-    piece_plane = scene.plane_of_face[scene.pieces.face]
-    piece_side = scene.side_of_face[scene.pieces.face]
-    first, plane, side, n_planes = _cast(
-        scene.points,
-        scene.pieces,
-        order,
-        (piece_plane, piece_side),
-        planes,
-        n_face_planes,
-        origin,
-        np.array([a, b, *line]),
-        settle_thin,
-        scene.resolution,
-    )
-    return Blockers(
-        np.concatenate([wedge_first, wedge_first[-1] + first[1:]]).astype(np.int32),
-        np.concatenate([wedge_plane, plane]).astype(np.int32),
-        np.concatenate([wedge_side, side]).astype(np.int8),
-        planes[:n_planes].copy(),
-        origin[:n_planes].copy(),
-    )
+    ends = np.array(entity_ends(scene, solid, entity))
+    wedge = _wedge(scene, solid, entity)
+    order = in_the_way(scene, ends, *wedge)
+    order = order[matters[order]]
+    hulls = np.tile(ends, len(order))
+    jobs = Jobs(order, np.arange(0, len(hulls) + 1, len(ends)), hulls)
+    return cast_all(scene, wedge, jobs, settle_thin, line_ends(scene, solid, entity))
 
 
 def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -111,171 +213,3 @@ def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.n
     first = np.cumsum([0] + [len(halves) for halves in ordered])
     flat = np.array([half for halves in ordered for half in halves])
     return first, flat[:, 0], flat[:, 1]
-
-
-@entry_kernel
-def _facing(scene, a, b, wedge_first, wedge_plane, wedge_side):
-    """Pieces with an end of the entity in front of them that are not wholly inside one blocked set of the wedge."""
-    points = scene.points
-    pieces = scene.pieces
-    result = np.empty(len(pieces.face), np.int64)
-    n = 0
-    for piece in range(len(pieces.face)):
-        face = pieces.face[piece]
-        plane = scene.planes[scene.plane_of_face[face]]
-        side = scene.side_of_face[face]
-        if (
-            side * side_of(plane, points[a], scene.resolution) <= 0
-            and side * side_of(plane, points[b], scene.resolution) <= 0
-        ):
-            continue
-        hidden = False
-        for k in range(len(wedge_first) - 1):
-            inside = True
-            for j in range(wedge_first[k], wedge_first[k + 1]):
-                for i in range(pieces.first[piece], pieces.first[piece + 1]):
-                    point = points[pieces.vertices[i]]
-                    if (
-                        wedge_side[j]
-                        * side_of(scene.planes[wedge_plane[j]], point, scene.resolution)
-                        < 0
-                    ):
-                        inside = False
-            hidden |= inside
-        if not hidden:
-            result[n] = piece
-            n += 1
-    return result[:n]
-
-
-@entry_kernel
-def _apparent_size(points, pieces, chosen, a, b):
-    """Rough solid angle of pieces seen from the middle of the entity; only orders the work."""
-    size = np.zeros(len(chosen))
-    p = np.zeros(3)
-    q = np.zeros(3)
-    centre = np.zeros(3)
-    normal = np.zeros(3)
-    for k in range(len(chosen)):
-        loop = pieces.vertices[pieces.first[chosen[k]] : pieces.first[chosen[k] + 1]]
-        for axis in range(3):
-            centre[axis] = normal[axis] = 0.0
-        for i in range(len(loop)):
-            for axis in range(3):
-                eye = 0.5 * (points[a, axis] + points[b, axis])
-                p[axis] = points[loop[i], axis] - eye
-                q[axis] = points[loop[(i + 1) % len(loop)], axis] - eye
-                centre[axis] += p[axis] / len(loop)
-            for axis in range(3):
-                j = (axis + 1) % 3
-                m = (axis + 2) % 3
-                normal[axis] += p[j] * q[m] - p[m] * q[j]
-        square = along = 0.0
-        for axis in range(3):
-            square += centre[axis] * centre[axis]
-            along += normal[axis] * centre[axis]
-        size[k] = abs(along) / max(np.sqrt(square), 1.0) ** 3
-    return size
-
-
-@kernel_without_refcounts
-def _separates(plane, points, loop, others, settle_thin, resolution):
-    """Side of the plane on which the loop lies with `others` on the opposite side or on the plane; 0 if none."""
-    positive = negative = False
-    for tolerance in (resolution, 0.0):
-        for v in loop:
-            s = side_of(plane, points[v], tolerance)
-            positive |= s > 0
-            negative |= s < 0
-        if positive or negative or not settle_thin:
-            break
-        # an end just in front of P and far from O: without this plane the set would be open to that side
-        resolution = 0.0
-    if positive == negative:
-        return 0
-    side = 1 if positive else -1
-    for v in others:
-        if side * side_of(plane, points[v], resolution) > 0:
-            return 0
-    return side
-
-
-@kernel_without_refcounts
-def _side_of_loop(plane, points, loop):
-    """Side of the plane on which the loop's farthest vertex lies."""
-    farthest = np.int64(0)
-    for v in loop:
-        h = height(plane, points[v])
-        if abs(h) > abs(farthest):
-            farthest = h
-    return 1 if farthest > 0 else -1
-
-
-@kernel_without_refcounts
-def _side_of_set(plane, points, loop, others, settle_thin, resolution):
-    """Side of the plane on which the set lies: that of O, or where O lies in the plane, away from the other end."""
-    if settle_thin and resolution > 0.0 and len(others) == 1:
-        flat = True
-        for v in loop:
-            flat &= side_of(plane, points[v], resolution) == 0
-        if flat:
-            return -side_of(plane, points[others[0]], 0.0)
-    return _side_of_loop(plane, points, loop)
-
-
-@entry_kernel
-def _cast(points, pieces, order, placed, planes, n_planes, origin, ends, settle_thin, resolution):
-    """Blocked sets of the pieces in the given order; appends their planes to `planes` and `origin`."""
-    n_face_planes = n_planes
-    room = len(order) + 3 * len(pieces.vertices)
-    first = np.zeros(len(order) + 1, np.int32)
-    plane_list = np.empty(room, np.int32)
-    side_list = np.empty(room, np.int8)
-    piece_plane, piece_side = placed
-    n = 0
-    for row in range(len(order)):
-        piece = order[row]
-        loop = pieces.vertices[pieces.first[piece] : pieces.first[piece + 1]]
-        own = piece_plane[piece]
-        outward = piece_side[piece]
-        plane_list[n] = own
-        side_list[n] = -outward
-        start = n
-        n = n + 1
-        for i in range(len(loop)):
-            following = loop[(i + 1) % len(loop)]
-            for kind in range(3):
-                # kind 0 and 1: edge of O with an end in front of P; kind 2: vertex of O with ab
-                if kind < 2:
-                    if outward * side_of(planes[own], points[ends[kind]], resolution) <= 0:
-                        continue
-                    trio = np.array([loop[i], following, ends[kind]])
-                    others = ends[1 - kind : 2 - kind]
-                else:
-                    # the plane of a stretch is that of its edge's line
-                    trio = np.array([loop[i], ends[2], ends[3]])
-                    others = ends[:0]
-                plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
-                if (
-                    not plane.any()
-                    or _separates(plane, points, loop, others, settle_thin, resolution) == 0
-                ):
-                    continue
-                known = find_plane(planes, n_planes, points, trio, resolution)
-                if known < 0:
-                    known = n_planes
-                    put(planes[known], plane)
-                    origin[known, 0] = EDGE_AND_END if kind < 2 else VERTEX_AND_ENTITY
-                    put(origin[known, 1:], trio)
-                    n_planes += 1
-                repeated = False
-                for k in range(start, n):
-                    repeated |= plane_list[k] == known
-                if not repeated:
-                    plane_list[n] = known
-                    side_list[n] = _side_of_set(
-                        planes[known], points, loop, others, settle_thin, resolution
-                    )
-                    n += 1
-        first[row + 1] = n
-    return first, plane_list[:n].copy(), side_list[:n].copy(), max(n_planes, n_face_planes)

@@ -15,6 +15,10 @@ from aspectgraph.cells.arrays import (
     CELL_CHILD,
     CROSSED,
     N_CELLS,
+    N_VERTICES,
+    NEGATIVE,
+    POSITIVE,
+    SIGN_PLANE,
     Complex,
     add_box,
     allocate,
@@ -24,7 +28,7 @@ from aspectgraph.cells.point_location import Tree, tree_of
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.blocked_sets import blockers
+from aspectgraph.visibility.blocked_sets import blockers, wedge_blockers
 from aspectgraph.visibility.deadline import check_deadline
 from aspectgraph.visibility.scene import Scene
 from aspectgraph.visibility.united_sets import Blockers
@@ -89,19 +93,74 @@ def observable_region(
     DeadlineError
         If the region is not complete by then.
     """
-    return carved_region(blockers(scene, solid, entity, deadline), box, deadline)
+    left = None
+    if entity.kind != "edge":
+        wedge = wedge_blockers(scene, solid, entity)
+        left = _Left(_complex(wedge, box, deadline))
+        if not left.any:
+            return carved_region(wedge, box, deadline)
+    return carved_region(blockers(scene, solid, entity, deadline, left), box, deadline)
+
+
+class _Left:
+    """What a complex leaves unblocked.
+
+    Parameters
+    ----------
+    cx : Complex
+    """
+
+    def __init__(self, cx: Complex) -> None:
+        self._cx = cx
+        n_cells = cx.count[N_CELLS]
+        is_leaf = cx.cell[:n_cells, CELL_CHILD] < 0
+        self._cells = np.flatnonzero(is_leaf & (cx.label[:n_cells, 0] == _OPEN))
+
+    @property
+    def any(self) -> bool:
+        """Whether it leaves anything."""
+        return len(self._cells) > 0
+
+    def sides(self, planes: np.ndarray) -> np.ndarray:
+        """Return, for planes (n, 4), whether it leaves anything on the positive and the negative side: (n, 2) bool."""
+        table = np.concatenate([self._cx.planes, planes])
+        return np.asarray(
+            _sides(self._cx._replace(planes=table), self._cells, len(self._cx.planes))
+        )
+
+
+@entry_kernel
+def _sides(cx, cells, first):
+    """Whether any of some cells has a part on the positive, and on the negative side of each plane from `first` on."""
+    # the planes may have the numbers of others that were asked for before
+    for v in range(cx.count[N_VERTICES]):
+        cx.vertex[v, SIGN_PLANE] = -1
+    result = np.zeros((len(cx.planes) - first, 2), np.bool_)
+    for row in range(len(result)):
+        for c in cells:
+            place = cell_side(cx, c, first + row)
+            result[row, 0] |= (place & POSITIVE) != 0
+            result[row, 1] |= (place & NEGATIVE) != 0
+            if result[row, 0] and result[row, 1]:
+                break
+    return result
 
 
 def carved_region(shadows: Blockers, box: np.ndarray, deadline: float = math.inf) -> Region:
     """Return the region of all points of a box, planes (6, 4), that no blocked set holds."""
+    cx = _complex(shadows, box, deadline)
+    box_origin = np.full((len(box), 4), -1, np.int32)
+    return compact(cx, np.concatenate([box_origin, shadows.origin]))
+
+
+def _complex(shadows: Blockers, box: np.ndarray, deadline: float) -> Complex:
+    """Return cells of a box, labelled `_OPEN` where no blocked set holds them; its planes come first."""
     planes = np.concatenate([box, shadows.planes])
     shifted = shadows._replace(plane=shadows.plane + len(box))
-    cx = with_room(
+    return with_room(
         lambda n_cells: _cut(planes, shifted, n_cells, deadline),
         n_cells=max(_ROOM, 32 * len(shadows.first)),
     )
-    box_origin = np.full((len(box), 4), -1, np.int32)
-    return compact(cx, np.concatenate([box_origin, shadows.origin]))
 
 
 def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int, deadline: float) -> Complex:

@@ -26,7 +26,7 @@ from aspectgraph.cells.arrays import (
 from aspectgraph.cells.simplify import n_leaves, simplify
 from aspectgraph.cells.split import cell_side, split_cell
 from aspectgraph.exact.planes import find_parallel, find_plane
-from aspectgraph.visibility.blocked_sets import CONTRAST, FACE
+from aspectgraph.visibility.casting import CONTRAST, FACE
 from aspectgraph.visibility.entity_region import Region
 from aspectgraph.visibility.scene import Scene
 from compiled.decorators import entry_kernel, kernel

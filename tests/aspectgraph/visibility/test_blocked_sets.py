@@ -8,7 +8,8 @@ import solids
 
 from aspectgraph.entities.straight_edges import resolve_entities
 from aspectgraph.exact.planes import side_of
-from aspectgraph.visibility.blocked_sets import EDGE_AND_END, FACE, VERTEX_AND_ENTITY, blockers
+from aspectgraph.visibility.blocked_sets import blockers
+from aspectgraph.visibility.casting import EDGE_AND_END, FACE, VERTEX_AND_ENTITY
 from aspectgraph.visibility.scene import entity_ends, make_scene
 
 pytestmark = pytest.mark.uncompiled
