@@ -128,19 +128,22 @@ def _behind_disc(
     scene: Scene, corners: np.ndarray, first: np.ndarray, plane: np.ndarray, side: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Those sets of a wedge of which every plane has the whole disc on its other side, or on it."""
-    beyond = np.array(
-        [
-            all(
-                s * side_of(scene.planes[p], scene.points[v], scene.resolution) <= 0
-                for v in corners
-            )
-            for p, s in zip(plane, side, strict=True)
-        ]
-    )
+    beyond = _beyond(scene, corners, plane, side)
     kept = [k for k in range(len(first) - 1) if beyond[first[k] : first[k + 1]].all()]
     rows = [np.arange(first[k], first[k + 1]) for k in kept]
     flat = np.concatenate(rows) if rows else np.empty(0, int)
     return np.cumsum([0] + [len(row) for row in rows]), plane[flat], side[flat]
+
+
+@entry_kernel
+def _beyond(scene, corners, plane, side):
+    """Whether no corner is on the given side of each plane."""
+    result = np.ones(len(plane), np.bool_)
+    for j in range(len(plane)):
+        for v in corners:
+            if side[j] * side_of(scene.planes[plane[j]], scene.points[v], scene.resolution) > 0:
+                result[j] = False
+    return result
 
 
 @entry_kernel

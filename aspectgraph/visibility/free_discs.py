@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -130,6 +131,12 @@ def _counter_clockwise(outline: list[_Point]) -> list[_Point] | None:
 def _turn(a: _Point, b: _Point, p: _Point) -> int:
     """Twice the area of the triangle a, b, p: positive where p is to the left of a to b."""
     return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+
+
+@lru_cache(maxsize=1)
+def _edge_ends(solid: Solid) -> np.ndarray:
+    """Vertices of all edges, (n, 2): made once for all rims of a part."""
+    return np.array([edge.vertices for edge in solid.edges])
 
 
 def _length(vector: Sequence[int]) -> float:
@@ -286,18 +293,16 @@ class _Shape:
 
     def _edges_within(self, chords: set[int]) -> list[int]:
         """Edges in the plane, other than the chords, that meet the disc's relative interior."""
-        ends = np.array([edge.vertices for edge in self._solid.edges])
-        flat = self._flat[ends]
-        candidates = np.flatnonzero(
-            (self._heights[ends] == 0).all(axis=1)
-            & (flat.min(axis=1) < self._high).all(axis=1)
-            & (flat.max(axis=1) > self._low).all(axis=1)
+        ends = _edge_ends(self._solid)
+        in_plane = np.flatnonzero((self._heights == 0)[ends].all(axis=1))
+        flat = self._flat[ends[in_plane]]
+        near = (flat.min(axis=1) < self._high).all(axis=1) & (flat.max(axis=1) > self._low).all(
+            axis=1
         )
         return [
             edge_id
-            for edge_id in candidates.tolist()
-            if edge_id not in chords
-            and self._crosses([(x, y, 1) for x, y in flat[edge_id].tolist()])
+            for edge_id, pair in zip(in_plane[near].tolist(), flat[near].tolist(), strict=True)
+            if edge_id not in chords and self._crosses([(x, y, 1) for x, y in pair])
         ]
 
     def _parts(self, edge_id: int) -> bool:
