@@ -13,6 +13,9 @@ import numpy as np
 
 from aspectgraph.cells.arrays import (
     CELL_CHILD,
+    CORNER_FIRST,
+    CORNER_LIST,
+    CORNER_SIZE,
     CROSSED,
     N_CELLS,
     N_VERTICES,
@@ -26,7 +29,7 @@ from aspectgraph.cells.arrays import (
 )
 from aspectgraph.cells.point_location import Tree, tree_of
 from aspectgraph.cells.simplify import n_leaves, simplify
-from aspectgraph.cells.split import cell_side, split_cell
+from aspectgraph.cells.split import cell_side, split_cell, vertex_sign
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers, wedge_blockers
 from aspectgraph.visibility.deadline import check_deadline
@@ -99,7 +102,8 @@ def observable_region(
         left = _Left(_complex(wedge, box, deadline))
         if not left.any:
             return carved_region(wedge, box, deadline)
-    return carved_region(blockers(scene, solid, entity, deadline, left), box, deadline)
+    sets = blockers(scene, solid, entity, deadline, left)
+    return carved_region(sets, box, deadline, least_first=entity.kind != "edge")
 
 
 class _Left:
@@ -146,24 +150,37 @@ def _sides(cx, cells, first):
     return result
 
 
-def carved_region(shadows: Blockers, box: np.ndarray, deadline: float = math.inf) -> Region:
-    """Return the region of all points of a box, planes (6, 4), that no blocked set holds."""
-    cx = _complex(shadows, box, deadline)
+def carved_region(
+    shadows: Blockers,
+    box: np.ndarray,
+    deadline: float = math.inf,
+    *,
+    least_first: bool = False,
+) -> Region:
+    """Return the region of all points of a box, planes (6, 4), that no blocked set holds.
+
+    `least_first` changes how cells are cut: faster, above all for sets of many planes. Edges stay as they always were.
+    """
+    cx = _complex(shadows, box, deadline, least_first)
     box_origin = np.full((len(box), 4), -1, np.int32)
     return compact(cx, np.concatenate([box_origin, shadows.origin]))
 
 
-def _complex(shadows: Blockers, box: np.ndarray, deadline: float) -> Complex:
+def _complex(
+    shadows: Blockers, box: np.ndarray, deadline: float, least_first: bool = False
+) -> Complex:
     """Return cells of a box, labelled `_OPEN` where no blocked set holds them; its planes come first."""
     planes = np.concatenate([box, shadows.planes])
     shifted = shadows._replace(plane=shadows.plane + len(box))
     return with_room(
-        lambda n_cells: _cut(planes, shifted, n_cells, deadline),
+        lambda n_cells: _cut(planes, shifted, n_cells, deadline, least_first),
         n_cells=max(_ROOM, 32 * len(shadows.first)),
     )
 
 
-def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int, deadline: float) -> Complex:
+def _cut(
+    planes: np.ndarray, shadows: Blockers, n_cells: int, deadline: float, least_first: bool
+) -> Complex:
     """Cut the box by all blocked sets, simplifying whenever the cells have multiplied, and at the end."""
     cx = allocate(planes, n_cells)
     cx.label[add_box(cx, _BOX)] = 1
@@ -174,7 +191,16 @@ def _cut(planes: np.ndarray, shadows: Blockers, n_cells: int, deadline: float) -
     while True:
         check_deadline(deadline)
         end = min(done + _SETS_AT_A_TIME, n_sets)
-        done = _insert(cx, shadows.first, shadows.plane, shadows.side, (done, end), limit, n_simple)
+        done = _insert(
+            cx,
+            shadows.first,
+            shadows.plane,
+            shadows.side,
+            (done, end),
+            limit,
+            n_simple,
+            least_first,
+        )
         if done < n_sets and cx.count[N_CELLS] <= limit:
             continue
         cx = simplify(cx, _BOX, n_cells)
@@ -221,23 +247,77 @@ def _meets(cx, c, plane, side, crossing):
     return True, crossing
 
 
+@kernel_without_refcounts
+def _cut_off(cx, c, plane, side):
+    """Split cell c and return the part on the given side; the other one comes first in the order of work."""
+    split_cell(cx, c, plane)
+    keep = 0 if side > 0 else 1
+    cx.label[c, 0] = _OPEN | (_FIRST_CUT_OFF if keep == 1 else np.uint64(0))
+    return np.int64(cx.cell[c, CELL_CHILD + keep])
+
+
 @kernel
 def _block(cx, c, plane, side, crossing):
-    """Cut the set out of leaf c, which it may meet."""
+    """Cut the set out of leaf c, which it may meet, by its planes in order."""
     inside = c
     for j in range(len(plane)):
         if j < _BITS and not (crossing >> np.uint64(j)) & np.uint64(1):
             continue
         place = cell_side(cx, inside, plane[j])
         if place == CROSSED:
-            split_cell(cx, inside, plane[j])
-            keep = 0 if side[j] > 0 else 1
-            # which of its parts was cut off, and comes first
-            cx.label[inside, 0] = _OPEN | (_FIRST_CUT_OFF if keep == 1 else np.uint64(0))
-            inside = np.int64(cx.cell[inside, CELL_CHILD + keep])
+            inside = _cut_off(cx, inside, plane[j], side[j])
         elif place == (2 if side[j] > 0 else 1):
             return
     cx.label[inside, 0] = 0
+
+
+@kernel
+def _block_least(cx, c, plane, side, crossing):
+    """Cut the set out of leaf c, which it may meet, by the plane first that leaves the fewest corners.
+
+    Sets of many planes miss about half of the leaves that none of their planes misses. That shows after fewer cuts.
+    """
+    inside = c
+    todo = np.empty(len(plane), np.int64)
+    n = 0
+    for j in range(len(plane)):
+        if j >= _BITS or (crossing >> np.uint64(j)) & np.uint64(1):
+            todo[n] = j
+            n += 1
+    while n > 0:
+        least = np.inf
+        best = kept = 0
+        for i in range(n):
+            j = todo[i]
+            place = cell_side(cx, inside, plane[j])
+            if place == (2 if side[j] > 0 else 1):
+                return
+            if place != CROSSED:
+                continue
+            share = _share_ahead(cx, inside, plane[j], side[j])
+            if share < least:
+                least = share
+                best = kept
+            todo[kept] = j
+            kept += 1
+        if kept > 0:
+            j = todo[best]
+            todo[best] = todo[kept - 1]
+            kept -= 1
+            inside = _cut_off(cx, inside, plane[j], side[j])
+        n = kept
+    cx.label[inside, 0] = 0
+
+
+@kernel_without_refcounts
+def _share_ahead(cx, c, plane, side):
+    """Share of the corners of cell c on the given side of a plane."""
+    first = cx.cell[c, CORNER_FIRST]
+    n = 0
+    for k in range(first, first + cx.cell[c, CORNER_SIZE]):
+        if vertex_sign(cx, plane, cx.lists[CORNER_LIST, k]) * side > 0:
+            n += 1
+    return n / cx.cell[c, CORNER_SIZE]
 
 
 @kernel
@@ -263,7 +343,7 @@ def _leaves_met(cx, plane, side, n_simple):
 
 
 @entry_kernel
-def _insert(cx, first, plane, side, sets, limit, n_simple):
+def _insert(cx, first, plane, side, sets, limit, n_simple, least_first):
     """Block sets `sets[0]` up to `sets[1]`, or until the complex has `limit` cells; return the next set's number.
 
     A blocked cell is not cut again, and a set that misses a cell does not cut it, nor look at its parts. The cells are
@@ -284,7 +364,10 @@ def _insert(cx, first, plane, side, sets, limit, n_simple):
                     continue
                 child = np.int64(cx.cell[c, CELL_CHILD])
                 if child < 0:
-                    _block(cx, c, own_plane, own_side, crossing)
+                    if least_first:
+                        _block_least(cx, c, own_plane, own_side, crossing)
+                    else:
+                        _block(cx, c, own_plane, own_side, crossing)
                     continue
                 cut_off = 0 if cx.label[c, 0] & _FIRST_CUT_OFF else 1
                 stack.append((np.int64(cx.cell[c, CELL_CHILD + 1 - cut_off]), crossing))
