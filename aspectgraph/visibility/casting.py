@@ -57,7 +57,7 @@ def cast_all(
     settle_thin: bool,
     line: tuple[int, int] | None = None,
 ) -> Blockers:
-    """The sets of a wedge, then those of all jobs; the planes through both ends of a stretch are those of its `line`."""
+    """The sets of a wedge, then those of all jobs. A plane through both ends of a stretch is that of its `line`."""
     wedge_first, wedge_plane, wedge_side = wedge
     n_face_planes = len(scene.planes)
     n_corners = np.diff(scene.pieces.first)[jobs.piece]
