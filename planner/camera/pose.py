@@ -12,6 +12,8 @@ paper   the frame of Yang & Ciarallo (2001), eqs 4–9: C1 right, C2 up, C3 back
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
@@ -117,6 +119,21 @@ def look_at(
     cam2world = np.zeros((n, 4, 4))
     look_along(positions, target, turns, cam2world)
     return cam2world
+
+
+def pose_between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:
+    """Return the pose (4, 4) after a part of the straight way and of the turn to another one, less than half a turn."""
+    turn = [
+        [math.fsum(float(first[k, i] * last[k, j]) for k in range(3)) for j in range(3)]
+        for i in range(3)
+    ]
+    axis = [turn[2][1] - turn[1][2], turn[0][2] - turn[2][0], turn[1][0] - turn[0][1]]
+    twice_sine = math.hypot(*axis)
+    angle = math.atan2(twice_sine, turn[0][0] + turn[1][1] + turn[2][2] - 1.0)
+    share = part * angle / twice_sine if twice_sine > 0.0 else 0.0
+    between = moved(first, np.array([[0.0, 0.0, 0.0, *(share * x for x in axis)]]), 1.0)[0]
+    between[:3, 3] = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
+    return np.asarray(between)
 
 
 def moved(cam2world: np.ndarray, moves: np.ndarray, unit_mm: float) -> np.ndarray:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import pose_between
 from planner.columns.judge import Judge
 from planner.columns.realise_column import best_supported, joint_counts, keeps
 from planner.effort.poses import Centring
 from planner.executors import Shared
-from planner.setting.centre import centred
+from planner.setting.centre import centred, least_share
 from planner.setting.pose_setting import setting_at
 from planner.setting.sensor_setting import SensorSetting
 from planner.verify.p_all import DisplacedChecks
@@ -23,6 +25,8 @@ _NEAR_POSES = 1000
 _FAR_POSES = 400
 _FAR_SIGMAS = 2.0
 _WORSE = 0.01
+# of the way to a pose that loses, one after the other
+_PARTS = (0.5, 0.25, 0.125)
 
 
 def centre_setting(
@@ -49,18 +53,35 @@ def centre_setting(
         For the same targets, with their P_all.
     """
     judge: Judge = shared.value
-    request = judge.request.at_pose(setting.cam2world, setting.entities)
-    # a line may come into view beyond a cliff, so shorter moves come next
-    for first in range(min(2, len(centring.steps))):
-        shorter = replace(centring, steps=centring.steps[first:])
-        pose = centred(request, setting.cam2world, shorter, seed)
-        if not ((pose != setting.cam2world).any() and _inspects(judge, pose, setting.entities)):
+    for pose in _off_limits(judge, setting, seed, centring):
+        if not _inspects(judge, pose, setting.entities):
             continue
         own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
         if not _loses(judge, setting, own, seed, centring.give_up):
             setting = best_supported(judge, [own, setting], seed)
             break
     return with_p_all(judge, setting, seed, poses)
+
+
+def _off_limits(
+    judge: Judge, setting: SensorSetting, seed: int, centring: Centring
+) -> Iterator[np.ndarray]:
+    """Yield poses with a larger least share, the best first: a line may come into view beyond a cliff."""
+    request = judge.request.at_pose(setting.cam2world, setting.entities)
+    start = setting.cam2world
+    found = []
+    for first in range(len(centring.steps)):
+        shorter = replace(centring, steps=centring.steps[first:])
+        pose = centred(request, start, shorter, seed)
+        if (pose != start).any():
+            found.append(pose)
+            yield pose
+    before = least_share(request, start)
+    for part, pose in itertools.product(_PARTS if before else (), found[:1]):
+        between = pose_between(start, pose, part)
+        after = least_share(request, between)
+        if before is not None and after is not None and after.share > before.share:
+            yield between
 
 
 def with_p_all(judge: Judge, setting: SensorSetting, seed: int, poses: int) -> SensorSetting:

@@ -2,10 +2,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from planner import PoseUncertainty, UncertaintyError, look_at
-from planner.camera.pose import aim, cam_to_paper, paper_displacement_jacobian, world_to_cam
+from planner.camera.pose import (
+    aim,
+    cam_to_paper,
+    paper_displacement_jacobian,
+    pose_between,
+    world_to_cam,
+)
 
 pytestmark = pytest.mark.uncompiled
 
@@ -185,3 +191,20 @@ def test_a_target_however_near_gives_the_direction(away):
     pose = look_at([[0.0, 0.0, 0.0]], [3.0 * away, 4.0 * away, 0.0])[0]
     assert pose[:3, 2] == pytest.approx([0.6, 0.8, 0.0], abs=1e-12)
     assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.25, 0.5, 1.0])
+def test_a_pose_between_two_has_its_part_of_the_way_and_of_the_turn(part):
+    """Against the interpolation of scipy (Slerp)."""
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        ends = np.tile(np.eye(4), (2, 1, 1))
+        turns = Rotation.from_rotvec(rng.normal(0.0, 0.4, (2, 3)))
+        ends[:, :3, :3] = turns.as_matrix()
+        ends[:, :3, 3] = rng.normal(0.0, 100.0, (2, 3))
+        between = pose_between(ends[0], ends[1], part)
+        expected = Slerp([0.0, 1.0], turns)(part).as_matrix()
+        assert between[:3, :3] == pytest.approx(expected, abs=1e-12)
+        assert between[:3, 3] == pytest.approx((1 - part) * ends[0, :3, 3] + part * ends[1, :3, 3])
+    same = np.eye(4)
+    assert np.array_equal(pose_between(same, same, part), same)

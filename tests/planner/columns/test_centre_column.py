@@ -1,0 +1,58 @@
+"""A setting is moved off its limits as far as nothing is measured less often from there."""
+
+import numpy as np
+import pytest
+from grid_box import EDGES, BoxSpace
+
+from planner import Camera, PoseUncertainty, look_at
+from planner.columns import centre_column
+from planner.columns.centre_column import centre_setting
+from planner.columns.judge import Judge
+from planner.effort.effort import Effort
+from planner.effort.poses import Centring
+from planner.executors import Shared
+from planner.request.request import Request
+from planner.setting.centre import least_share
+from planner.setting.pose_setting import setting_at
+
+CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+NAME = "+z-y"
+SPACE = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
+REQUEST = Request(SPACE, (NAME,), CAMERA, UNCERTAINTY, 0.98, 0.9)
+# the edge is near to a side of the picture from the one, and in its middle from the other
+START = look_at([[160.0, 0.0, 460.0]], [160.0, 0.0, 60.0])[0]
+MIDDLE = look_at([[60.0, 0.0, 460.0]], [60.0, 0.0, 60.0])[0]
+
+
+def moved_to(furthest_mm, monkeypatch, better=(MIDDLE,)):
+    """Move the setting where poses farther from it than so much measure less often."""
+    poses = iter(better)
+    monkeypatch.setattr(centre_column, "centred", lambda *arguments: next(poses))
+
+    def loses(judge, before, after, seed, give_up):
+        way = np.linalg.norm(after.cam2world[:3, 3] - before.cam2world[:3, 3])
+        return bool(way > furthest_mm)
+
+    monkeypatch.setattr(centre_column, "_loses", loses)
+    given = setting_at(REQUEST, START, (NAME,), "given")
+    effort = Centring(steps=(0.02,) * len(better))
+    return centre_setting(Shared(Judge(REQUEST, Effort())), given, 0, 1000, effort)
+
+
+@pytest.mark.parametrize(
+    ("furthest_mm", "way_mm"), [(1000, 100.0), (60, 50.0), (49, 25.0), (20, 12.5), (5, 0.0)]
+)
+def test_it_goes_as_far_as_nothing_is_lost(furthest_mm, way_mm, monkeypatch):
+    """All of the 100 mm, or a half, a quarter, an eighth of them, or it stays."""
+    setting = moved_to(furthest_mm, monkeypatch)
+    assert START[0, 3] - setting.cam2world[0, 3] == pytest.approx(way_mm)
+    shares = [least_share(REQUEST, pose).share for pose in (START, setting.cam2world)]
+    assert (shares[1] > shares[0]) == (way_mm > 0)
+    assert set(setting.p_all) == {NAME}
+
+
+def test_a_shorter_search_comes_before_a_part_of_the_way(monkeypatch):
+    near = look_at([[130.0, 0.0, 460.0]], [130.0, 0.0, 60.0])[0]
+    setting = moved_to(40, monkeypatch, (MIDDLE, near))
+    assert np.array_equal(setting.cam2world, near)
