@@ -21,9 +21,12 @@ from planner import read_plan
 from planner.callbacks import Deadline
 from planner.cli.job import read_job
 from planner.cli.main import build_parser
+from planner.columns.centre_column import centre_setting
+from planner.columns.judge import Judge
+from planner.executors import Shared
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.inspection import _request
-from planner.setting.centre import centred, least_share
+from planner.setting.centre import least_share
 from planner.verify.p_all import DisplacedChecks
 
 
@@ -56,11 +59,13 @@ def main(argv=None):
         plan = read_plan(path)
         request, effort = request_of(path)
         centring = replace(effort.centring, give_up=args.give_up)
+        shared = Shared(Judge(request, effort))
         for k, setting in enumerate(plan.settings):
             own = request.at_pose(setting.cam2world, setting.entities)
             checks = DisplacedChecks(own, setting.entities)
             began = time.process_time()
-            pose = centred(own, setting.cam2world, centring, seed=k)
+            # few poses, as P_all is counted below
+            pose = centre_setting(shared, setting, k, 1000, centring).cam2world
             seconds = time.process_time() - began
             row = []
             for at in (setting.cam2world, pose):
