@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.camera.pose import pose_between
+from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.columns.judge import Judge
 from planner.columns.realise_column import best_supported, joint_counts, keeps
 from planner.effort.poses import Centring
