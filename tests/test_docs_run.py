@@ -258,6 +258,16 @@ def many_cores(names):
 
 # they print nothing
 SILENT = ("light", "many-cores")
+def measuring(names):
+    results = names["results"]
+    # known because the images are rendered: benchmarks/images/measured_example.py
+    true = {"bore_25": 24.8098, "bore_35": 34.9835, "slot_width": 49.9978, "bore_35_back": 34.8587}
+    for name, value in true.items():
+        assert abs(results[name].value - value) < results[name].expanded_uncertainty
+    assert names["printed"].count(" conforms") == 4
+    assert "<svg" in names["page"]
+
+
 CHECKS = {
     function.__name__.replace("_", "-"): function
     for function in (
@@ -271,5 +281,6 @@ CHECKS = {
         pose_uncertainty,
         robot_programs,
         many_cores,
+        measuring,
     )
 }

@@ -55,6 +55,7 @@ def test_all_that_is_shown_is_tested_here():
         "graph",
         "simulate",
         "cameras",
+        "measure",
     ]
     rest = [words(command) for command in COMMANDS if command not in OWN]
     assert rest == [["pip", "install", ".[step]"]]
@@ -70,6 +71,7 @@ def test_commands_run_as_printed(clone, capsys):
     settings, dimensions, verdict = PRINTED.split("\n\n")
     for quoted in (*settings.splitlines(), *dimensions.splitlines(), verdict):
         assert " ".join(quoted.split()) in " ".join(out.split())
+    assert "4 of 4 targets measured in 2 images" in " ".join(out.split())
     assert "Save TOML" in (clone / "edges.html").read_text(encoding="utf-8")
     assert len(read_graphml(clone / "graph.graphml")) > 1
     check_table(read_plan(clone / "plan" / "plan.json"))
