@@ -17,6 +17,7 @@ from planner.identity.program import program_version
 from planner.measuring.entity_scan import entity_samples, scan_entity
 from planner.measuring.image.image_files import ImageSet, Shot, read_images, shots_of
 from planner.measuring.image.picture import Picture
+from planner.measuring.length import read_length
 from planner.measuring.merge import Result, merged
 from planner.measuring.part_model import PartModel
 from planner.measuring.poses.register import NotRegisteredError, register
@@ -285,8 +286,11 @@ class Measurer:
             target = self.targets[name]
             where = (name, shot.name, shot.setting)
             if target.in_image:
-                reason = "the length of an edge needs its corners, which are not searched for yet"
-                found.append(Reading(*where, reason=reason))
+                (edge,) = self.model.measured[name]
+                how = (half[name], options.coverage, self._floor_px(target.localisation, options))
+                found.append(
+                    read_length(where, target.measurand, edge, picture, registered, self.model, how)
+                )
                 continue
             edges = list(self.model.measured[name])
             samples = entity_samples(self.model, edges, registered, picture.camera, half[name])

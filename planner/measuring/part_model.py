@@ -24,6 +24,8 @@ POSE = 6
 
 # a requested circle is the part's if centre and radius agree to this share of the radius
 _SAME = 1e-3
+# edges meet where their ends are this near
+_MEETS_MM = 1e-3
 # cosine from which on a surface faces across an entity, and so moves its value
 _ACROSS = 0.1
 
@@ -85,6 +87,17 @@ class PartModel:
         """Return how points (n, 3) of an edge move with `unknowns_of` it; (n, 3, 6)."""
         return self.carriers.displacement(self.carried_by[edge.name], points)
 
+    def leaving(self, edge: PartEdge, end: Array) -> list[PartEdge]:
+        """Return the straight edges that leave an end (3,) of an edge."""
+        return [
+            other
+            for other in self.edges.edges
+            if isinstance(other.geometry, Line)
+            and not set(other.edge_ids) & set(edge.edge_ids)
+            and min(np.linalg.norm(other.geometry.p - end), np.linalg.norm(other.geometry.q - end))
+            < _MEETS_MM
+        ]
+
     def _carry(self, edge: PartEdge) -> None:
         if edge.name in self._curves:
             pair = self.carriers.of_curve(self._curves[edge.name])
@@ -124,6 +137,9 @@ class PartModel:
 
     def _free_surfaces(self, target: PlannedTarget, edges: tuple[PartEdge, ...]) -> None:
         frames = target.measurand.frames
+        if target.in_image:
+            self._free_ends(edges[0])
+            return
         for edge, frame in zip(edges, frames, strict=True):
             pair = self.carried_by[edge.name]
             if isinstance(edge.geometry, Line):
@@ -134,3 +150,15 @@ class PartModel:
                         self.free.add(k)
             else:
                 self.free.add(pair[1])
+
+    def _free_ends(self, edge: PartEdge) -> None:
+        """Let the surfaces that end an edge be free: those of the edges that leave its ends, across it."""
+        line = edge.geometry
+        if not isinstance(line, Line):
+            return
+        for end in (line.p, line.q):
+            for other in self.leaving(edge, end):
+                for k in self.carried_by[other.name]:
+                    normal = self.carriers.surfaces[k].normals(end[None])[0]
+                    if abs(normal @ line.direction) > _ACROSS:
+                        self.free.add(k)

@@ -115,7 +115,7 @@ def read_value(
     floor_px : float
         Error across an entity that all of its points have in common, px.
     """
-    counts = _counts(scans)
+    counts = counts_of(scans)
     share = min(scan.found_share for scan in scans)
     points = tuple(scan.points for scan in scans)
     reasons = [scan.reason for scan in scans if scan.reason]
@@ -140,7 +140,7 @@ def read_value(
         floor += floor_px**2 * float(((own @ fit.common) ** 2).sum())
         unknowns, rows = _fitted_by_unknowns(scan, frame, registered, model)
         np.add.at(gradient, unknowns, own @ rows)
-    budget = _budget(gradient, registered.covariance, random, floor)
+    budget = budget_of(gradient, registered.covariance, random, floor)
     u = math.sqrt(max(math.fsum(budget.values()), 0.0))
     # of the name, so that no other target changes the draws
     seed = zlib.crc32(where[0].encode())
@@ -173,7 +173,8 @@ def _notes(
     return tuple(notes)
 
 
-def _counts(scans: Sequence[EntityScan]) -> dict[str, int]:
+def counts_of(scans: Sequence[EntityScan]) -> dict[str, int]:
+    """Return the number of samples of several entities by what became of them."""
     total: dict[str, int] = {}
     for scan in scans:
         for name, n in scan.counts.items():
@@ -181,7 +182,8 @@ def _counts(scans: Sequence[EntityScan]) -> dict[str, int]:
     return total
 
 
-def _budget(gradient: Array, covariance: Array, random: float, floor: float) -> dict[str, float]:
+def budget_of(gradient: Array, covariance: Array, random: float, floor: float) -> dict[str, float]:
+    """Return the variance of a value by `SOURCES`, given its gradient by the unknowns and their covariance."""
     by_pose = gradient[:POSE]
     by_surface = gradient[POSE:]
     parts = (

@@ -298,10 +298,8 @@ def _is_mosaic(array: Image) -> bool:
     return bool(max(parts) - min(parts) > _MOSAIC * max(max(parts), _DARK * _most(array)))
 
 
-def _most(array: Image) -> float:
-    if array.dtype.kind not in "ui":
-        return 1.0
-    return float(np.iinfo(array.dtype.name).max)
+def _most(array: NDArray[Any]) -> float:
+    return float(np.iinfo(array.dtype).max) if array.dtype.kind in "ui" else 1.0
 
 
 def _is_share(array: Image) -> bool:

@@ -82,13 +82,18 @@ class Registered:
         return points + model.displacement(edge, points) @ own
 
 
-def prior_covariance(model: PartModel, pose_covariance: Array, surfaces_mm: float) -> Array:
-    """Return what is known of pose and surfaces before an image is looked at: a covariance (6 + 3k, 6 + 3k)."""
+def prior_covariance(
+    model: PartModel, pose_covariance: Array, surfaces_mm: float, *, free: bool = True
+) -> Array:
+    """Return what is known of pose and surfaces before an image is looked at: a covariance (6 + 3k, 6 + 3k).
+
+    Of surfaces that a target measures nothing is assumed, unless ``free`` is False.
+    """
     variances = np.zeros(model.n_unknowns)
     sigma = max(surfaces_mm, LEAST_MM)
     for k, one in enumerate(model.carriers.surfaces):
         start = POSE + PARAMETERS * k
-        if k in model.free:
+        if free and k in model.free:
             sigmas = np.full(PARAMETERS, FREE_MM)
         elif one.is_plane:
             sigmas = sigma * np.array([1.0, TILT_SHARE, TILT_SHARE])
@@ -104,7 +109,7 @@ def as_given(
     model: PartModel, cam2world: Array, pose_covariance: Array, surfaces_mm: float, method: str
 ) -> Registered:
     """Return an image whose pose is given, with its covariance; nothing is estimated."""
-    covariance = prior_covariance(model, pose_covariance, surfaces_mm)
+    covariance = prior_covariance(model, pose_covariance, surfaces_mm, free=False)
     nothing = np.zeros(model.n_unknowns - POSE)
     return Registered(np.asarray(cam2world, dtype=np.float64), nothing, covariance, method)
 

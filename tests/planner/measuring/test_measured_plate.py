@@ -182,15 +182,52 @@ def test_another_part_is_refused(solid, images):
         measure(dataclasses.replace(plan, request=request), solid, images)
 
 
-def test_lengths_of_edges_are_named(solid, images, exact):
-    """An edge's length needs its corners."""
-    plan = measured_plan(solid, ["left"])
-    setting = dataclasses.replace(plan.settings[0], entities=("front",), probability={"front": 0.9})
-    lengths = dataclasses.replace(
-        plan,
-        settings=[setting],
-        entities={"front": np.array([[0.0, 0, 40], [80, 0, 40]])},
-        dimensions={},
-    )
-    one = measure(lengths, solid, {1: images[1]}, registration=exact)["front"]
-    assert "corners" in one.reason
+ENDS = {
+    "front": [[0.0, 0, 40], [80, 0, 40]],
+    "left": [[0.0, 0, 40], [0, 50, 40]],
+    "right": [[80.0, 0, 40], [80, 50, 40]],
+}
+
+
+def lengths_plan(plan):
+    """The same settings for lengths of edges."""
+    settings = [
+        dataclasses.replace(one, entities=tuple(ENDS), probability=dict.fromkeys(ENDS, 0.9))
+        for one in plan.settings
+    ]
+    ends = {name: np.array(points) for name, points in ENDS.items()}
+    return dataclasses.replace(plan, settings=settings, entities=ends, dimensions={})
+
+
+@pytest.mark.parametrize("poses", ["given", "own edges"])
+def test_lengths_of_edges_end_at_corners(solid, images, exact, poses):
+    """The plate is 0.08 mm wider: the edges at its sides are longer by that, the one in front is not."""
+    how = exact if poses == "given" else Registration.own_edges()
+    results = measure(lengths_plan(measured_plan(solid)), solid, images, registration=how)
+    for name, true in (("front", 0.0), ("left", 0.08), ("right", 0.08)):
+        one = results[name]
+        assert one.measured, one.reason
+        assert abs(one.deviation - true) < one.expanded_uncertainty
+        # a fifth of a pixel
+        assert abs(one.deviation - true) < 0.035
+        assert one.expanded_uncertainty < 0.1
+
+
+def test_the_uncertainty_of_a_length_is_that_of_the_plan(solid, images):
+    """With planned poses, what the pose adds is computed by differences here, and by the model of the plan there."""
+    plan = lengths_plan(measured_plan(solid))
+    results = measure(plan, solid, images, registration=Registration.none())
+    for name in ("front", "left"):
+        for reading in results[name].readings:
+            pose = np.asarray(plan.settings[reading.setting].cam2world)
+            budget = plan.targets[name].describe(pose, plan.means).budget
+            by_pose = budget["translation"] + budget["rotation"]
+            assert reading.budget["pose"] == pytest.approx(by_pose, rel=0.05)
+
+
+def test_an_edge_without_a_corner_is_named(solid, images, exact):
+    covered = {k: image.copy() for k, image in images.items()}
+    covered[1][:, :] = np.where(np.arange(640) < 200, 12, covered[1])
+    plan = lengths_plan(measured_plan(solid, settings=1))
+    results = measure(plan, solid, {1: covered[1]}, registration=exact)
+    assert "not measured" in results.counts
