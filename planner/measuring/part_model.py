@@ -15,7 +15,7 @@ from planner.measuring.image.samples import PartEdge, PartEdges
 from planner.wanted.planned import PlannedTarget
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid
+    from aspectgraph import Arc, Solid
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,8 @@ POSE = 6
 
 # a requested circle is the part's if centre and radius agree to this share of the radius
 _SAME = 1e-3
+# of arcs, rad
+_ANGLE = 1e-3
 # edges meet where their ends are this near
 _MEETS_MM = 1e-3
 # cosine from which on a surface faces across an entity, and so moves its value
@@ -128,8 +130,7 @@ class PartModel:
             same_size = abs(curve.radius_mm - geometry.radius_mm) <= allowed
             if not same_size or np.linalg.norm(curve.centre - geometry.centre) > allowed:
                 continue
-            covered = curve.end_rad - curve.start_rad >= geometry.span_rad - 1e-3
-            if covered:
+            if _holds(curve, geometry):
                 return next(edge for edge in self.edges.edges if edge.name == curve.id)
         raise RequestError.of_rule(
             "part", "must be the one that was planned", f"one without the rim or arc of {target!r}"
@@ -162,3 +163,16 @@ class PartModel:
                     normal = self.carriers.surfaces[k].normals(end[None])[0]
                     if abs(normal @ line.direction) > _ACROSS:
                         self.free.add(k)
+
+
+def _holds(curve: Arc, geometry: Circle) -> bool:
+    """Return whether a rim or arc is the one of a circle's angles: one circle may carry several arcs."""
+    span = curve.end_rad - curve.start_rad
+    if span < geometry.span_rad - _ANGLE:
+        return False
+    if span >= 2 * np.pi - _ANGLE:
+        return True
+    (middle,) = geometry.points(np.array([geometry.span_rad / 2])) - geometry.centre
+    across = np.cross(curve.axis, curve.reference)
+    angle = float(np.arctan2(middle @ across, middle @ curve.reference))
+    return bool((angle - curve.start_rad) % (2 * np.pi) <= span)

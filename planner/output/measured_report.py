@@ -216,7 +216,8 @@ def _image_words(one: Registered, clipped: float) -> str:
     bright = f" {100 * clipped:.1f} % of the image is overexposed." if clipped >= 0.001 else ""
     if one.method != "own edges":
         return f"The pose is {one.method}.{bright}"
+    notes = "".join(f" {note[0].upper()}{note[1:]}." for note in one.notes)
     return (
         f"Registered to own edges: the image was {one.shift_px:.1f} px off its prediction, "
-        f"{one.misfit_px:.3f} px after it; {one.used} of {one.offered} samples agree.{bright}"
+        f"{one.misfit_px:.3f} px after it; {one.used} of {one.offered} samples agree.{bright}{notes}"
     )

@@ -39,9 +39,6 @@ def image_notes(results: MeasurementResults) -> Iterable[str]:
         yield f"note: {note}"
     for name, why in results.failed.items():
         yield f"{name} cannot be registered: {why}"
-    for name, one in results.images.items():
-        for note in one.notes:
-            yield f"{name}: {note}"
 
 
 def verdict(results: MeasurementResults) -> str:

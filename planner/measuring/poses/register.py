@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.registration import Posterior, Rows, posterior
+from errors.registration import Posterior, Rows, posterior, undetermined
 from planner.camera.camera import Camera
 from planner.measuring.fit import TUKEY, scale_of, tukey_weights
 from planner.measuring.image.picture import Picture
@@ -54,6 +54,14 @@ MOST_CHI2 = 30.0
 LEAST_SAMPLES = 50
 """An image with fewer samples is not registered."""
 
+_POSE_WORDS = (
+    "position across, along its x axis",
+    "position across, along its y axis",
+    "distance from the part",
+    "turn about its x axis",
+    "turn about its y axis",
+    "turn about its optical axis",
+)
 _COARSE_PX = 1.5
 _SIGMAS = 3.0
 _ROOM_PX = 2.0
@@ -338,9 +346,20 @@ def _checked(
         misfit_px=misfit,
         blur_px=float(np.median(np.concatenate([one.blur_px[one.good] for one in found]))),
         chi2=chi2,
+        notes=_little_known(estimate.covariance[:POSE, :POSE], task.prior[:POSE, :POSE]),
         prior=task.prior,
         samples=_states(centres, agree, found),
     )
+
+
+def _little_known(covariance: Array, prior: Array) -> tuple[str, ...]:
+    """Say what of the pose the image says little about."""
+    sigmas = np.sqrt(np.diag(prior))
+    names = {
+        _POSE_WORDS[int(np.argmax(np.abs(direction) / sigmas))]
+        for direction in undetermined(covariance, prior)
+    }
+    return tuple(f"the image says little about the camera's {name}" for name in sorted(names))
 
 
 def _states(centres: Array, agree: NDArray[np.bool_], found: list[_Found]) -> NDArray[np.void]:
