@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from planner.measuring.measurer import Measurer as Measurer
     from planner.measuring.measurer import measure as measure
     from planner.measuring.merge import Result as Result
+    from planner.measuring.poses.fiducials import Fiducials as Fiducials
     from planner.measuring.poses.registration import Registration as Registration
     from planner.measuring.reading import Reading as Reading
     from planner.measuring.results import MeasurementResults as MeasurementResults
@@ -132,6 +133,7 @@ _NAMES = {
     "planner.measuring.measurer": ("MeasureOptions", "Measurer", "measure"),
     "planner.measuring.merge": ("Result",),
     "planner.measuring.reading": ("Reading",),
+    "planner.measuring.poses.fiducials": ("Fiducials",),
     "planner.measuring.poses.registration": ("Registration",),
     "planner.measuring.results": ("MeasurementResults",),
     "planner.optics.proposal": ("OpticsProposal", "optics_table"),

@@ -4,8 +4,8 @@ For each part that is drawn (surfaces off by normal deviations, see `part_images
 is rendered from a displaced pose, under the lamp, of 17 around the camera, under which the weakest points are
 strongest. `planner.measure` reads all dimensions. A table tells by kind, and by how the poses were known, the bias of
 the readings, their root mean square error, the mean stated u, the share of errors within 2 u, how many were measured,
-and false finds: readings that are off by more than a pixel and 3 u. The last lines tell how deviations were recovered, and the
-processor time of an image.
+and false finds: readings that are off by more than a pixel and 3 u. The last lines tell how deviations were
+recovered, and the processor time of an image.
 """
 
 from __future__ import annotations

@@ -153,7 +153,10 @@ def _check_files(given: Mapping[str, Any]) -> None:
     if images is not None and not Path(images).is_dir():
         raise RequestError.of_rule("images", "must be an existing folder", _place(images))
     register = given.get("register")
-    if register not in (None, "none", "edges") and not Path(register).is_file():
+    if (
+        register not in (None, "none", "edges")
+        and not Path(register.removeprefix("edges+")).is_file()
+    ):
         rule = "must be edges, none or name an existing file"
         raise RequestError.of_rule("register", rule, repr(register))
     folder = given.get("folder")

@@ -20,9 +20,16 @@ from planner.measuring.image.picture import Picture
 from planner.measuring.length import read_length
 from planner.measuring.merge import Result, merged
 from planner.measuring.part_model import PartModel
+from planner.measuring.poses.fiducials import NoFiducialsError, locate
 from planner.measuring.poses.register import NotRegisteredError, register
 from planner.measuring.poses.registered import Registered, as_given, prior_covariance
-from planner.measuring.poses.registration import GIVEN, OWN_EDGES, PLANNED, Registration
+from planner.measuring.poses.registration import (
+    BOTH,
+    GIVEN,
+    OWN_EDGES,
+    PLANNED,
+    Registration,
+)
 from planner.measuring.reading import Reading, covariance_of, read_value
 from planner.measuring.results import MeasurementResults
 from planner.setting.image_names import setting_name
@@ -232,11 +239,17 @@ class Measurer:
         planned = np.asarray(self.plan.settings[shot.setting].cam2world)
         uncertainty = how.pose_uncertainty or self.plan.pose_uncertainty
         pose = planned
-        if how.method == OWN_EDGES:
-            prior = prior_covariance(self.model, uncertainty.covariance, self._surfaces_mm(how))
-            own = [pictures[one.name] for one in shots]
+        known = uncertainty.covariance
+        own = [pictures[one.name] for one in shots]
+        if how.board is not None:
             try:
-                return register(self.model, own, planned, prior)
+                pose, known = locate(how.board, own, planned, known)
+            except NoFiducialsError as error:
+                raise NotRegisteredError(str(error)) from None
+        if how.method in (OWN_EDGES, BOTH):
+            prior = prior_covariance(self.model, known, self._surfaces_mm(how))
+            try:
+                return register(self.model, own, pose, prior)
             except NotRegisteredError as error:
                 like = self._looks_like(own, shot.setting, prior)
                 raise NotRegisteredError(f"{error}{like and f'; it {like}'}") from None
@@ -247,9 +260,7 @@ class Measurer:
                     "register", "must hold the pose of every image", f"none of {shot.name}"
                 )
             pose = how.poses[stem]
-        return as_given(
-            self.model, pose, uncertainty.covariance, self._surfaces_mm(how), how.method
-        )
+        return as_given(self.model, pose, known, self._surfaces_mm(how), how.method)
 
     def _looks_like(self, pictures: list[Picture], setting: int, prior: NDArray[np.float64]) -> str:
         """Say what an image shows that does not show its setting; empty if that is not known."""

@@ -19,6 +19,8 @@ from planner.output.measured_table import print_results
 from planner.plan import read_plan
 from planner.records.json_file import print_json
 
+WITH_EDGES = "edges+"
+"""Before the file of a board whose pose the part's own edges improve."""
 FILES = ("results.json", "results.csv", "report.html")
 
 _RULES = {
@@ -97,4 +99,9 @@ def _registration(options: argparse.Namespace) -> Registration:
         return Registration.none(options.surfaces_mm)
     if options.register == "edges":
         return Registration.own_edges(options.surfaces_mm)
+    path = options.register.removeprefix(WITH_EDGES)
+    if path != options.register:
+        return Registration.both(path, options.surfaces_mm)
+    if Path(path).suffix.lower() == ".toml":
+        return Registration.fiducials(path, options.surfaces_mm)
     return Registration.read(Path(options.register), options.surfaces_mm)

@@ -29,11 +29,11 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
     poses = measure.add_argument_group("poses and surfaces")
     poses.add_argument(
         "--register",
-        metavar="edges|none|FILE",
+        metavar="edges|none|FILE|edges+FILE",
         default="edges",
         help="edges: pose and surfaces are estimated from the part's own edges; none: the poses are "
-        "those of the plan; or a JSON file with camera poses by setting, such as setting_01, camera "
-        "to world",
+        "those of the plan; a JSON file: camera poses by setting, such as setting_01, camera to "
+        "world; a TOML file: a ChArUco board, with edges+ before it improved by the part's edges",
     )
     poses.add_argument(
         "--surfaces-mm",

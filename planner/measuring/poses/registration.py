@@ -14,11 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
+from planner.measuring.poses.fiducials import Fiducials
 from planner.setting.image_names import setting_name
 
 PLANNED = "planned"
 GIVEN = "given"
 OWN_EDGES = "own edges"
+FIDUCIALS = "fiducials"
+BOTH = "fiducials and own edges"
 _RIGID = 1e-6
 
 
@@ -30,7 +33,7 @@ class Registration:
 
     Attributes
     ----------
-    method : {"planned", "given", "own edges"}
+    method : {"planned", "given", "own edges", "fiducials", "fiducials and own edges"}
         Its name.
     surfaces_mm : float or None
         Standard deviation of the position of faces along their normals. None is that of the plan.
@@ -38,6 +41,8 @@ class Registration:
         Given poses, by the setting's name.
     pose_uncertainty : PoseUncertainty or None
         Of given poses. None is that of the plan.
+    board : Fiducials or None
+        What the fiducials are.
 
     Raises
     ------
@@ -55,6 +60,7 @@ class Registration:
     surfaces_mm: float | None = None
     poses: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     pose_uncertainty: PoseUncertainty | None = None
+    board: Fiducials | None = None
 
     def __post_init__(self) -> None:
         value = self.surfaces_mm
@@ -94,6 +100,48 @@ class Registration:
             The registration.
         """
         return cls(OWN_EDGES, surfaces_mm)
+
+    @classmethod
+    def fiducials(
+        cls, board: Fiducials | str | PathLike[str], surfaces_mm: float | None = None
+    ) -> Registration:
+        """Return that of a ChArUco board at a known position; needs the extra ``fiducials``.
+
+        Parameters
+        ----------
+        board : Fiducials or path
+            The board, or its TOML file.
+        surfaces_mm : float, optional
+            Standard deviation of the position of faces along their normals, mm. Default: that of the plan.
+
+        Returns
+        -------
+        Registration
+            The registration.
+        """
+        known = board if isinstance(board, Fiducials) else Fiducials.read(board)
+        return cls(FIDUCIALS, surfaces_mm, board=known)
+
+    @classmethod
+    def both(
+        cls, board: Fiducials | str | PathLike[str], surfaces_mm: float | None = None
+    ) -> Registration:
+        """Return that of a ChArUco board, whose pose the part's own edges then improve.
+
+        Parameters
+        ----------
+        board : Fiducials or path
+            The board, or its TOML file.
+        surfaces_mm : float, optional
+            Standard deviation of the position of faces along their normals, mm. Default: that of the plan.
+
+        Returns
+        -------
+        Registration
+            The registration.
+        """
+        known = board if isinstance(board, Fiducials) else Fiducials.read(board)
+        return cls(BOTH, surfaces_mm, board=known)
 
     @classmethod
     def given(
