@@ -58,7 +58,8 @@ def test_the_value_stands_in_its_tolerance(results):
     drawn = ET.fromstring(value_svg(one, results.rule))
     tolerance = next(part for part in drawn.iter("rect") if part.get("class") == "tolerance")
     circle = next(drawn.iter("circle"))
-    left, wide = float(tolerance.get("x")), float(tolerance.get("width"))
+    left = float(tolerance.get("x"))
+    wide = float(tolerance.get("width"))
     share = (float(circle.get("cx")) - left) / wide
     # of -0.1 to 0.1
     assert share == pytest.approx((one.deviation + 0.1) / 0.2, abs=0.01)
