@@ -105,9 +105,7 @@ print(f"U by drawing: {reading.drawn_uncertainty * 1000:.1f} µm")
 # robot does not separate from others have no value, but a reason.
 
 # %%
-planned = measure(
-    plan, solid, examples / "measured/images", registration=Registration.none()
-)
+planned = measure(plan, solid, examples / "measured/images", registration=Registration.none())
 for one, other in zip(results, planned, strict=True):
     before = f"± {other.expanded_uncertainty:.3f} mm" if other.measured else other.reason
     print(f"{one.name:13} ± {one.expanded_uncertainty:.3f} mm, with planned poses {before}")

@@ -258,6 +258,8 @@ def many_cores(names):
 
 # they print nothing
 SILENT = ("light", "many-cores")
+
+
 def measuring(names):
     results = names["results"]
     # known because the images are rendered: benchmarks/images/measured_example.py
