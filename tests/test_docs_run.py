@@ -252,6 +252,15 @@ def robot_programs(names):
     )
 
 
+def robot_cells(names):
+    import numpy as np
+
+    assert names["printed"].startswith("True [[")
+    # the camera looks down from 300 mm above the table, and the flange is 90 mm above it
+    flange = names["robot"].forward(names["answer"].branches[0])
+    assert np.allclose(flange[:3, 3], [630.0, 30.0, 390.0])
+
+
 def many_cores(names):
     assert names["together"] == names["alone"]
 
@@ -282,6 +291,7 @@ CHECKS = {
         margins_and_budgets,
         pose_uncertainty,
         robot_programs,
+        robot_cells,
         many_cores,
         measuring,
     )
