@@ -81,7 +81,10 @@ if TYPE_CHECKING:
     from planner.robot import Box as Box
     from planner.robot import Cell as Cell
     from planner.robot import Fixturing as Fixturing
+    from planner.robot import Placement as Placement
+    from planner.robot import Reachability as Reachability
     from planner.robot import Robot as Robot
+    from planner.robot import propose_placements as propose_placements
     from planner.setting.plan_setting import plan_setting as plan_setting
     from planner.setting.reason import Reason as Reason
     from planner.setting.reason import ReasonKind as ReasonKind
@@ -149,7 +152,15 @@ _NAMES = {
     "planner.request.constraints": ("Requirements",),
     "planner.request.defaults": ("default_workspace",),
     "planner.request.reach": ("BoxRegion", "MeshRegion", "SphereRegion"),
-    "planner.robot": ("Box", "Cell", "Fixturing", "Robot"),
+    "planner.robot": (
+        "Box",
+        "Cell",
+        "Fixturing",
+        "Placement",
+        "Reachability",
+        "Robot",
+        "propose_placements",
+    ),
     "planner.setting.plan_setting": ("plan_setting",),
     "planner.setting.reason": ("Reason", "ReasonKind"),
     "planner.setting.sensor_setting": ("SensorSetting",),

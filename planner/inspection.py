@@ -44,7 +44,7 @@ from planner.light.plan_light import chosen_lamps
 from planner.light.ring_space import RingSpace
 from planner.plan import InspectionPlan
 from planner.progress import labelled
-from planner.request.reach import PoseRegion, Reach
+from planner.request.reach import Reach
 from planner.request.request import Request
 from planner.request.space import Space
 from planner.request.target_space import TargetSpace
@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions
     from aspectgraph.visibility.kept_regions import RegionStore
     from planner.progress import Progress
+    from planner.robot import Cell
 
 
 def plan_inspection(
@@ -78,7 +79,7 @@ def plan_inspection(
     focus_margin_mm: float | None = None,
     showing: Detectability = USUAL,
     reach: Reach | None = None,
-    cell: PoseRegion | None = None,
+    cell: Cell | None = None,
     lamps: Any = None,
     space: Space | None = None,
     effort: Effort | None = None,

@@ -25,11 +25,12 @@ from planner.request.defaults import (
     position_margin_mm,
 )
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
-from planner.request.reach import PoseRegion, Reach
+from planner.request.reach import Reach
 from planner.request.space import Space
 
 if TYPE_CHECKING:
     from planner.light.lighting import Lighting
+    from planner.robot import Cell
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ class InspectionOptions:
     focus_margin_mm: float | None = None
     showing: Detectability = USUAL
     reach: Reach | None = None
-    cell: PoseRegion | None = None
+    cell: Cell | None = None
     lamps: Any = None
     space: Space | None = None
     effort: Effort | None = None
@@ -169,7 +170,6 @@ class InspectionOptions:
             focus_margin_mm=focus,
             focus_reserve=reserve,
             showing=check_showing(self.showing, camera),
-            cell=self.cell,
         )
 
 

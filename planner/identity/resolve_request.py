@@ -100,11 +100,7 @@ def resolve_request(
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
     found_by = localisation_or_default(options.localisation, items.values())
     items = with_surfaces_of_call(items, options.surfaces_mm, found_by)
-    cell = options.cell
-    if cell is not None:
-        check_kinds(cell=(cell, "Cell"))
-        cell = cell.with_part(part)
-    options = replace(options, localisation=found_by, cell=cell)
+    options = replace(options, localisation=found_by)
     entities, targets = _resolved(solid, items, camera, accuracy, options)
     known = {
         "part": PartRecord.of(part),
@@ -113,6 +109,10 @@ def resolve_request(
         "ring": _ring(options, lighting),
         **promised(camera, pose_uncertainty, promise, options),
     }
+    if options.cell is not None:
+        check_kinds(cell=(options.cell, "Cell"))
+        need = known["requirements"]
+        known["requirements"] = replace(need, cell=options.cell.region(part))
     if options.effort is None and not all(target.in_image for target in targets):
         known["effort"] = Effort.for_dimensions()
     return ResolvedRequest(InspectionRequest(**known), entities, targets)

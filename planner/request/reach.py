@@ -31,7 +31,7 @@ class ReachRegion(Protocol):
 
 
 class PoseRegion(Protocol):
-    """Poses that a robot reaches, and what it sees from them past obstacles; `planner.Cell` is one.
+    """Poses that a robot reaches, and what it sees from them past obstacles; `planner.Cell.region` makes one.
 
     It only forbids poses, so a bound without it holds.
     """
@@ -39,9 +39,6 @@ class PoseRegion(Protocol):
     @property
     def state_name(self) -> str:
         """What it permits, as a text that lasts."""
-
-    def with_part(self, solid: Any) -> PoseRegion:
-        """Return the same with the part in it."""
 
     def pose_margin(self, cam2world: np.ndarray) -> np.ndarray:
         """Return 1 for poses (n, 4, 4) that are reached, otherwise -1; (n,)."""

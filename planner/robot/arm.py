@@ -15,8 +15,7 @@ from aspectgraph.files import read_text
 from planner.argument_kinds import POSITIVE, shown
 from planner.exceptions import RobotError
 from planner.robot.bodies import Hull, hull_of, read_triangles, round_points
-from planner.robot.branches import Branches
-from planner.robot.kinematics import Chain
+from planner.robot.branches import Branches, Chain
 from planner.robot.transforms import carry, check_pose, compose
 from planner.robot.urdf import N_JOINTS, Shape, UrdfArm, read_urdf
 
@@ -50,18 +49,31 @@ class Joint:
 class Robot:
     """A serial arm of six turning joints; `from_urdf` makes one.
 
-    Lengths are in mm, angles in rad. The base is the frame of the base link, the tip that of the link the camera is
-    fixed to.
+    Lengths are in mm, angles in rad. The base is the frame of the base link. The tip is the frame
+    of the link that carries the camera.
 
-    **Guarantee.** Forward kinematics brings the tip to the pose a branch was asked for, to 10⁻⁶ rad and 10⁻³ mm. All
-    branches are within the joints' limits. The same URDF gives the same branches in the same order.
+    **Guarantee.** Forward kinematics confirms each branch, to 10⁻⁶ rad and 10⁻³ mm. All branches
+    are within the joints' limits. The same URDF gives the same branches in the same order.
+
+    Parameters
+    ----------
+    text : str
+        The URDF.
+    tip : str
+        Link that carries the camera.
+    base : str or None
+        Link whose frame is the base.
+    accelerations : array (6,)
+        Largest accelerations, rad/s².
+    hulls : tuple of tuple of Hull
+        Convex hulls of the links, in the frames of the joints.
 
     Attributes
     ----------
     name : str
         Name in the URDF.
     tip : str
-        Link the camera is fixed to.
+        Link that carries the camera.
     joints : tuple of Joint
         Six, from the base to the tip.
     segment_names : tuple of str
@@ -107,7 +119,7 @@ class Robot:
         path : str or Path
             A URDF file. A xacro file must be expanded before.
         tip : str
-            Link the camera is fixed to; ``flange`` and ``tool0`` of one robot may have different axes.
+            Link that carries the camera; ``flange`` and ``tool0`` of one robot may have different axes.
         base : str, optional
             Link whose frame is the robot's base. Default: ``base_link``, otherwise the first link. The pendant of a
             UR shows ``base``, which is turned by 180° about z.
@@ -156,41 +168,120 @@ class Robot:
         return tips.reshape(*joints.shape[:-1], 4, 4)
 
     def link_poses(self, q: np.ndarray) -> np.ndarray:
-        """Return the frames of the links of `segment_names` in the base, (n, 7, 4, 4), for joints (n, 6)."""
+        """Return the frames of the links of `segment_names` in the base.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6)
+            Joints, rad.
+
+        Returns
+        -------
+        array, shape (n, 7, 4, 4)
+            Poses, mm.
+        """
         return compose(self.chain.frames(np.asarray(q, dtype=np.float64)), self.chain.links)
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """Return the Jacobian of the tip for joints (n, 6).
+        """Return the Jacobian of the tip.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6)
+            Joints, rad.
 
         Returns
         -------
         array, shape (n, 6, 6)
-            Rows 0 to 2: velocity of the tip, mm/rad; rows 3 to 5: its angular velocity. In the base's axes.
+            Rows 0 to 2: velocity of the tip, mm/rad; rows 3 to 5: its angular velocity. In the
+            base's axes.
         """
         return self.chain.jacobian(self.chain.frames(np.asarray(q, dtype=np.float64)))
 
     def singular_value(self, q: np.ndarray) -> np.ndarray:
-        """Return the smallest singular value (n,) of the Jacobian, its lengths divided by 500 mm; 0: singular."""
+        """Return the smallest singular value of the Jacobian, its lengths divided by 500 mm.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6)
+            Joints, rad.
+
+        Returns
+        -------
+        array, shape (n,)
+            It is 0 where the arm is singular.
+        """
         jacobian = self.jacobian(q)
         jacobian[:, :3] /= _UNIT_LENGTH_MM
         return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[:, -1])
 
     def to_limit_rad(self, q: np.ndarray) -> np.ndarray:
-        """Return how far the joints (n, 6) are from the nearest limit (n,); negative beyond it."""
+        """Return how far the joints are from the nearest limit.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6)
+            Joints, rad.
+
+        Returns
+        -------
+        array, shape (n,)
+            Angles, rad; negative beyond a limit.
+        """
         joints = np.asarray(q, dtype=np.float64)
         return np.minimum(joints - self.lower, self.upper - joints).min(axis=-1)
 
     def branches(self, flange: Any) -> np.ndarray:
-        """Return all joints (k, 6) within limits that bring the tip to a pose (4, 4) in the base; k may be 0."""
+        """Return all joints within limits that bring the tip to a pose.
+
+        Parameters
+        ----------
+        flange : array_like, shape (4, 4)
+            Pose of the tip in the base, mm.
+
+        Returns
+        -------
+        array, shape (k, 6)
+            Joints, rad, in one order; k is at most 8, and 0 out of reach.
+
+        Raises
+        ------
+        RobotError
+            If the pose is no rigid motion, or the arm has no closed form.
+        """
         return self.branches_of(check_pose("flange", flange)[None])[0]
 
     def branches_of(self, flanges: np.ndarray) -> list[np.ndarray]:
-        """Return `branches` of many poses (n, 4, 4)."""
+        """Return the `branches` of many poses.
+
+        Parameters
+        ----------
+        flanges : array, shape (n, 4, 4)
+            Poses of the tip in the base, mm.
+
+        Returns
+        -------
+        list of array (k, 6)
+            One for each pose.
+        """
         q, owner = self.solutions(flanges)
         return np.split(q, np.searchsorted(owner, np.arange(1, len(flanges))))[: len(flanges)]
 
     def solutions(self, flanges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the branches (m, 6) of poses (n, 4, 4) in one array, and the number of each one's pose (m,)."""
+        """Return the branches of many poses in one array.
+
+        Parameters
+        ----------
+        flanges : array, shape (n, 4, 4)
+            Poses of the tip in the base, mm.
+
+        Returns
+        -------
+        q : array, shape (m, 6)
+            Joints, rad.
+        owner : array of int, shape (m,)
+            Number of each one's pose.
+        """
         return self._solver().of(flanges)
 
     def check_solvable(self) -> None:
@@ -198,11 +289,33 @@ class Robot:
         self._solver()
 
     def solvable(self, flanges: np.ndarray) -> np.ndarray:
-        """Return to which poses (n, 4, 4) joints lead without any limits; (n,) bool."""
+        """Return to which poses joints lead, whatever their limits.
+
+        Parameters
+        ----------
+        flanges : array, shape (n, 4, 4)
+            Poses of the tip in the base, mm.
+
+        Returns
+        -------
+        array of bool, shape (n,)
+            True where there are joints.
+        """
         return self._solver().exist(flanges)
 
     def turns(self, q: Any) -> np.ndarray:
-        """Return all joints (t, 6) within limits that differ from `q` (6,) by full turns, `q` first."""
+        """Return all joints within limits that differ from given ones by full turns.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,)
+            Joints, rad.
+
+        Returns
+        -------
+        array, shape (t, 6)
+            Joints, rad, the given ones first.
+        """
         return self._solver().turns(np.asarray(q, dtype=np.float64))
 
     def _solver(self) -> Branches:

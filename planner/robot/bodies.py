@@ -80,7 +80,13 @@ class Box:
         object.__setattr__(self, "pose", check_pose("pose", self.pose))
 
     def corners(self) -> np.ndarray:
-        """Return the corners (8, 3) in the frame of what the box belongs to, mm."""
+        """Return the corners.
+
+        Returns
+        -------
+        array, shape (8, 3)
+            In the frame of what the box belongs to, mm.
+        """
         sides = np.array([self.low, self.high])
         every = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
         return carry(self.pose, sides[every, np.arange(3)])

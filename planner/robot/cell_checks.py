@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -140,12 +140,14 @@ def _touches(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) 
 
 
 def check_part_stands_free(
-    fixturing: str, part: Standing, others: Iterable[Standing], bases: Sequence[Moving]
+    fixturing: str, part: Standing, others: Iterable[Standing], arm: Iterable[Moving]
 ) -> None:
     """Raise if a fixturing puts the part through an obstacle or the robot's base."""
     fcl = needed("fcl")
-    rule = f"must not put the part through other bodies in fixturing {fixturing!r}"
-    for body in bases:
+    rule = f"must not put the part through other objects in fixturing {fixturing!r}"
+    for body in arm:
+        if body.segment > 0:
+            continue
         base = Standing(body.name, np.eye(4), body.hull)
         if fcl.collide(part.placed, base.placed) or part.holds(body.hull.corners.mean(axis=0)):
             raise RobotError.of_rule("part2base", rule, f"it is in {body.name}")
@@ -153,6 +155,13 @@ def check_part_stands_free(
         depth = _depth(part, other)
         if depth > SKIN_MM:
             raise RobotError.of_rule("part2base", rule, f"{depth:.3g} mm deep in {other.name}")
+
+
+def check_home_is_free(fixturing: str, words: str) -> None:
+    """Raise if something is wrong with home in a fixturing, in words."""
+    if words:
+        rule = f"must be free of collisions in fixturing {fixturing!r}"
+        raise RobotError.of_rule("home", rule, words)
 
 
 def _depth(part: Standing, other: Standing) -> float:

@@ -6,6 +6,7 @@ fcl is asked for the pairs that they leave open.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from threading import RLock
@@ -13,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from planner.robot.bodies import Hull, grown
-from planner.robot.branches import needed
+from planner.robot.arm import Robot
+from planner.robot.bodies import Body, Box, Hull, grown, hull_of, mesh_of
+from planner.robot.branches import Chain, needed
 from planner.robot.standing import Standing, geometry_of, transform_of
-from planner.robot.transforms import carry
+from planner.robot.transforms import carry, compose
 
 HAND = 6
 """The segment that carries the camera."""
@@ -314,3 +316,47 @@ class PairGroup:
             if body.holds(carry(segment, self._arm.centres[number][None])[0]):
                 return 0.0
         return max(0.0, float(fcl.distance(first, body.placed)))
+
+
+def bodies_of(robot: Robot, cam2flange: np.ndarray, camera: Sequence[Body]) -> list[Moving]:
+    """Return the links of an arm, and behind them what its hand carries, given in the camera's frame."""
+    bodies = [
+        Moving(name, segment, hull)
+        for segment, (name, hulls) in enumerate(zip(robot.segment_names, robot.hulls, strict=True))
+        for hull in hulls
+    ]
+    in_hand = compose(robot.chain.tip, cam2flange)
+    for body in camera:
+        points = body.corners() if isinstance(body, Box) else mesh_of(body, "camera_body")[0]
+        bodies.append(Moving("camera", HAND, hull_of(carry(in_hand, points), "camera_body")))
+    return bodies
+
+
+def farthest_points(chain: Chain, arm: Arm) -> np.ndarray:
+    """Return how far from each joint's axis (6,) a point of the arm can be, at most: lengths of links add up; mm."""
+    offsets = np.sqrt((chain.steps[:, :3, 3] ** 2).sum(axis=1))
+    farthest = np.zeros(HAND + 1)
+    for body in arm.bodies:
+        size = float(np.sqrt((body.hull.corners**2).sum(axis=1)).max())
+        farthest[body.segment] = max(farthest[body.segment], size)
+    levers = np.zeros(HAND)
+    for joint in range(HAND):
+        lengths = np.concatenate([[0.0], np.cumsum(offsets[joint + 1 :])])
+        levers[joint] = (lengths + farthest[joint + 1 :]).max()
+    return levers
+
+
+def digest_of(
+    numbers: tuple[Any, ...], arm: Arm, places: Iterable[tuple[str, np.ndarray, Sequence[Standing]]]
+) -> str:
+    """Return the SHA-256 of an arm, of numbers, and of what stands still by name and pose."""
+    digest = hashlib.sha256(repr(numbers).encode())
+    for body in arm.bodies:
+        digest.update(body.hull.corners.tobytes())
+    for name, pose, standing in places:
+        digest.update(repr((name, pose.tolist())).encode())
+        for one in standing:
+            digest.update(repr((one.name, one.pose.tolist())).encode())
+            digest.update(one.shape.corners.tobytes())
+            digest.update(one.shape.triangles.astype("<i8").tobytes())
+    return digest.hexdigest()

@@ -52,7 +52,13 @@ class Placement:
     to_limit_rad: float
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the same as plain values."""
+        """Return the same as plain values.
+
+        Returns
+        -------
+        dict
+            By attribute, and ``part2base`` of each fixturing.
+        """
         return {
             "centre_mm": list(self.centre_mm),
             "turn_deg": self.turn_deg,

@@ -1,4 +1,4 @@
-"""Which settings of a plan a robot reaches, in which fixturing."""
+"""Which settings of a plan a robot reaches in which fixturing, and what planning asks of a cell."""
 
 from __future__ import annotations
 
@@ -8,12 +8,23 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from planner.robot.pose_reach import PoseReach, most_often
+from planner.robot.arm import Robot
+from planner.robot.collisions import Closeness
+from planner.robot.pose_reach import ArmAt, PoseReach, most_often
 
 
 class _Cell(Protocol):
+    robot: Robot
+
     @property
     def fixturings(self) -> Mapping[str, Any]: ...
+
+    @property
+    def state_name(self) -> str: ...
+
+    def to_dict(self) -> dict[str, Any]: ...
+
+    def clearance(self, q: np.ndarray, fixturing: str) -> Closeness: ...
 
     def reach(
         self, cam2world: np.ndarray, fixturing: str, *, all_branches: bool = False
@@ -22,6 +33,10 @@ class _Cell(Protocol):
     def hidden_by(
         self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str
     ) -> np.ndarray: ...
+
+
+# of a cell without anything that may be touched; a file holds no infinite number
+_FAR_MM = 1e6
 
 
 class _Setting(Protocol):
@@ -65,18 +80,41 @@ class Reachability:
         return bool(self.reached.any(axis=1).all())
 
     def most_in_the_way(self, fixturing: str) -> str:
-        """Return the reason that most settings give in a fixturing; empty if all are reached."""
+        """Return the reason that most settings give in a fixturing.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        str
+            Empty if all are reached.
+        """
         return most_often([pose.why for pose in self.poses[fixturing] if pose.why])
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Return the table: the setting, then for each fixturing its joints in degrees or why there are none."""
+        """Return the table: the setting, then for each fixturing its joints or why there are none.
+
+        Returns
+        -------
+        list of tuple of str
+            Joints are in degrees.
+        """
         return [
             (name, *(_words(poses[number]) for poses in self.poses.values()))
             for number, name in enumerate(self.settings)
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the same as plain values; joints in rad."""
+        """Return the same as plain values.
+
+        Returns
+        -------
+        dict
+            By setting and fixturing: ``joints_rad``, or ``why``.
+        """
         return {
             name: {
                 fixturing: {"joints_rad": pose.branches[0].tolist()}
@@ -121,3 +159,107 @@ def _words(pose: PoseReach) -> str:
         return pose.why
     degrees = np.round(np.degrees(pose.branches[0]), 1) + 0.0
     return " ".join(f"{angle:.1f}" for angle in degrees)
+
+
+class CellRegion:
+    """A `planner.request.reach.PoseRegion`.
+
+    Parameters
+    ----------
+    cell : Cell
+        With the part in it.
+    """
+
+    def __init__(self, cell: _Cell) -> None:
+        self._cell = cell
+
+    @property
+    def state_name(self) -> str:
+        """Digest of the cell."""
+        return self._cell.state_name
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a plan file says of the cell."""
+        return self._cell.to_dict()
+
+    def inspectable(
+        self, cam2world: np.ndarray, segments: np.ndarray, owner: np.ndarray, wanted: np.ndarray
+    ) -> np.ndarray:
+        """Return which targets the camera sees from poses that the robot reaches.
+
+        Parameters
+        ----------
+        cam2world : array, shape (n, 4, 4)
+            Poses of the camera in the part's frame, mm.
+        segments : array, shape (s, 2, 3)
+            Segments that show the targets, mm.
+        owner : array of int, shape (s,)
+            Number of each segment's target.
+        wanted : array of bool, shape (n, k)
+            The targets of interest.
+
+        Returns
+        -------
+        array of bool, shape (n, k)
+            Which of them no obstacle hides, in the fixturing that shows most of them.
+        """
+        best = np.zeros_like(wanted)
+        for name in self._cell.fixturings:
+            left = np.flatnonzero(best.sum(axis=1) < wanted.sum(axis=1))
+            told = self._cell.reach(cam2world[left], name)
+            left = left[[one.reached for one in told]]
+            hidden = self._cell.hidden_by(cam2world[left], segments, name) != ""
+            seen = wanted[left]
+            for target in range(wanted.shape[1]):
+                seen[:, target] &= ~hidden[:, owner == target].any(axis=1)
+            better = seen.sum(axis=1) > best[left].sum(axis=1)
+            best[left[better]] = seen[better]
+        return best
+
+    def explain(self, cam2world: np.ndarray, segments: np.ndarray) -> str:
+        """Return why poses (n, 4, 4) are not reached with all segments (s, 2, 3) in sight, in words."""
+        parts = []
+        for name in self._cell.fixturings:
+            hidden = self._cell.hidden_by(cam2world, segments, name)
+            reasons = [
+                one.why or next((f"{body} hides it" for body in row if body), "")
+                for one, row in zip(self._cell.reach(cam2world, name), hidden, strict=True)
+            ]
+            words = most_often([reason for reason in reasons if reason])
+            parts.append(f"{words} ({reasons.count(words)} of {len(reasons)} poses in {name!r})")
+        return ", ".join(parts)
+
+    def placed(self, cam2world: np.ndarray, segments: np.ndarray) -> dict[str, ArmAt]:
+        """Return how the robot stands at a pose (4, 4) with all segments (s, 2, 3) in sight, by fixturing."""
+        found = {}
+        for name in self._cell.fixturings:
+            branches = self._cell.reach(cam2world[None], name)[0].branches
+            if (
+                len(branches)
+                and not (self._cell.hidden_by(cam2world[None], segments, name) != "").any()
+            ):
+                q = branches[:1]
+                near = self._cell.clearance(q[0], name)
+                found[name] = ArmAt(
+                    tuple(q[0].tolist()),
+                    min(near.mm, _FAR_MM),
+                    f"{near.first} and {near.second}" if near.first else "",
+                    float(self._cell.robot.to_limit_rad(q)[0]),
+                    float(self._cell.robot.singular_value(q)[0]),
+                )
+        return found
+
+    def travel_seconds(self, joints: np.ndarray) -> np.ndarray:
+        """Return the least time (n, n) between joints (n, 6), at full speed, s."""
+        turns = np.abs(joints[:, None] - joints[None])
+        return np.asarray((turns / self._cell.robot.speeds).max(axis=-1))
+
+    def pose_margin(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return 1 for poses (n, 4, 4) that are reached in some fixturing, otherwise -1; (n,)."""
+        margin = np.full(len(cam2world), -1.0)
+        for name in self._cell.fixturings:
+            left = np.flatnonzero(margin < 0)
+            if left.size:
+                told = self._cell.reach(cam2world[left], name)
+                margin[left[[one.reached for one in told]]] = 1.0
+        return margin

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,7 +44,18 @@ class Fixturing:
         object.__setattr__(self, "obstacles", dict(self.obstacles))
 
     def moved(self, motion: np.ndarray) -> Fixturing:
-        """Return the same moved by a pose (4, 4) of the base, mm."""
+        """Return the same fixturing, moved in the base.
+
+        Parameters
+        ----------
+        motion : array, shape (4, 4)
+            The motion, mm.
+
+        Returns
+        -------
+        Fixturing
+            With its obstacles moved, too.
+        """
         obstacles = {name: _moved(name, body, motion) for name, body in self.obstacles.items()}
         return Fixturing(compose(motion, self.part2base), obstacles)
 
@@ -133,6 +144,18 @@ def _standing(name: str, body: Body, parameter: str) -> Standing:
         own = Box(body.low, body.high)
         return Standing(name, body.pose, hull_of(own.corners(), parameter))
     return Standing(name, np.eye(4), surface_of(*mesh_of(body, parameter)))
+
+
+def hidden_by(
+    standing: Sequence[Standing], part2base: np.ndarray, eyes: np.ndarray, segments: np.ndarray
+) -> np.ndarray:
+    """Return the names (n, s) of what hides segments (s, 2, 3) of a part from eyes (n, 3) in its frame; else empty."""
+    eyes = carry(part2base, eyes)
+    placed = carry(part2base, segments.reshape(-1, 3)).reshape(-1, 2, 3)
+    names = np.full((len(eyes), len(segments)), "", dtype=object)
+    for body in standing:
+        names[(names == "") & body.hides(eyes, placed)] = body.name
+    return names
 
 
 def _cut_by_box(

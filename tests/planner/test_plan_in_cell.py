@@ -64,7 +64,7 @@ class EveryPose:
 
     state_name = "every pose"
 
-    def with_part(self, solid):
+    def region(self, solid):
         return self
 
     def inspectable(self, cam2world, segments, owner, wanted):
@@ -179,7 +179,7 @@ def test_a_cell_must_be_one(block):
 
 def test_a_part_through_the_table_is_refused_before_the_work(block):
     through = {"up": Fixturing(pose((600.0, 0.0, -20.0)), {"table": TABLE})}
-    with pytest.raises(RobotError, match="part2base must not put the part through other bodies"):
+    with pytest.raises(RobotError, match="part2base must not put the part through other objects"):
         planned(block, cell=made_cell(fixturings=through))
 
 

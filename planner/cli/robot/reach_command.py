@@ -63,6 +63,9 @@ def _print_reached(told: Reachability, cell: Cell) -> None:
         if reason and not told.reached[:, list(told.poses).index(name)].any():
             print_text(f"{name!r} reaches nothing; most often: {reason}")
     _print_first_flange(told, cell)
+    if cell.pairs_left_out:
+        pairs = ", ".join(" and ".join(pair) for pair in cell.pairs_left_out)
+        print_text(f"not compared, because the arm is built so: {pairs}")
 
 
 def _print_first_flange(told: Reachability, cell: Cell) -> None:

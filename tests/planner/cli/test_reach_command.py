@@ -40,6 +40,9 @@ def test_a_plan_that_is_reached(tmp_path, capsys):
     assert f"{count} of {count} settings reached: {count} in 'up'" in printed
     assert "setting_01 in 'up': tool0 at (" in printed
     assert "Joints in degrees, by 'made_parallel'" in printed
+    assert (
+        "not compared, because the arm is built so: link_3 and link_5, link_4 and link_6" in printed
+    )
 
 
 def test_a_plan_that_is_not(tmp_path, capsys):

@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import Solid
 from planner import Box, Cell, Fixturing, RobotError
 from planner.robot import branches
+from planner.robot.reachability import CellRegion
 from planner.robot.transforms import compose, invert
 
 SIZE = np.array([200.0, 120.0, 80.0])
@@ -110,8 +111,9 @@ def test_clearances_and_slacks_agree(asked):
     cell = asked[0]
     q = random_joints(cell.robot, np.random.default_rng(2), 60)
     exact = np.array([cell.clearance(one, "up").mm for one in q])
-    np.testing.assert_allclose(cell.distance_bound(q, "up"), exact, atol=1e-9)
-    quick = cell.distance_bound(q, "up", 20.0)
+    distances = np.maximum(cell.slack_bound(q, "up", share=0.0), 0.0)
+    np.testing.assert_allclose(distances, exact, atol=1e-9)
+    quick = np.maximum(cell.slack_bound(q, "up", 20.0, share=0.0), 0.0)
     assert (quick <= exact + 1e-9).all()
     np.testing.assert_allclose(quick[quick < 20.0], exact[quick < 20.0], atol=1e-9)
     slack = cell.slack_bound(q, "up")
@@ -269,8 +271,9 @@ def test_a_pose_is_reached_if_one_fixturing_does():
     cell = made_cell(fixturings={"far": far, "near": near})
     poses = views(np.random.default_rng(3), 50, SIZE)
     expected = [1.0 if one.reached else -1.0 for one in cell.reach(poses, "near")]
-    np.testing.assert_array_equal(cell.pose_margin(poses), expected)
-    assert cell.pose_margin(poses[:0]).shape == (0,)
+    region = CellRegion(cell)
+    np.testing.assert_array_equal(region.pose_margin(poses), expected)
+    assert region.pose_margin(poses[:0]).shape == (0,)
 
 
 def test_names_of_states_tell_cells_apart():
@@ -348,8 +351,8 @@ def test_cells_that_are_none(changes, message):
 @pytest.mark.parametrize(
     ("fixturings", "message"),
     [
-        (THROUGH, "through other bodies in fixturing 'up'. Got 30 mm deep in table"),
-        (IN_BASE, "through other bodies in fixturing 'up'. Got it is in base_link"),
+        (THROUGH, "through other objects in fixturing 'up'. Got 30 mm deep in table"),
+        (IN_BASE, "through other objects in fixturing 'up'. Got it is in base_link"),
     ],
     ids=["table", "base"],
 )
