@@ -122,9 +122,8 @@ class InspectionPlan(PlanTables):
         object.__setattr__(self, "settings", tuple(self.settings))
         object.__setattr__(self, "entities", entities)
         object.__setattr__(self, "uninspectable", _reasons(self.uninspectable))
-        object.__setattr__(self, "dimensions", dict(self.dimensions))
-        object.__setattr__(self, "requirements", dict(self.requirements))
-        object.__setattr__(self, "request", dict(self.request))
+        for name in ("dimensions", "requirements", "request", "cell"):
+            object.__setattr__(self, name, dict(getattr(self, name)))
         object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
 
@@ -180,9 +179,6 @@ class InspectionPlan(PlanTables):
     def features_text(self) -> str:
         """Words on the characteristics that are left out; empty if there are none."""
         return features_text([dimension.n_features for dimension in self.dimensions.values()])
-
-    def _features(self) -> dict[str, int]:
-        return {"n": self.n_features, "not_planned": self.n_features_not_planned}
 
     @property
     def means(self) -> Means:
@@ -252,8 +248,14 @@ class InspectionPlan(PlanTables):
 
         Parameters
         ----------
-        n, rng, progress, solid
-            As `simulate` takes them.
+        n : int
+            Displaced poses per setting.
+        rng : int or numpy.random.Generator
+            Seed.
+        progress : callable, optional
+            As `simulate` takes it.
+        solid : Solid, optional
+            As `simulate` takes it.
 
         Returns
         -------
@@ -275,6 +277,7 @@ class InspectionPlan(PlanTables):
 
         dimensions = {name: one.to_dict() for name, one in self.dimensions.items()}
         kinds = kinds_record(self.uninspectable)
+        features = {"n": self.n_features, "not_planned": self.n_features_not_planned}
         return {
             "format": FORMAT,
             "version": version_of(bool(dimensions), bool(self.cell)),
@@ -292,7 +295,7 @@ class InspectionPlan(PlanTables):
             "camera": self.camera.to_dict(),
             "pose_uncertainty": self.pose_uncertainty.to_dict(),
             "entities": {name: points.tolist() for name, points in self.entities.items()},
-            **({"dimensions": dimensions, "features": self._features()} if dimensions else {}),
+            **({"dimensions": dimensions, "features": features} if dimensions else {}),
             **({"cell": dict(self.cell)} if self.cell else {}),
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
@@ -438,11 +441,9 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         uninspectable=reasons_from(data["uninspectable"], data.get("uninspectable_kinds", {})),
         simulation=_simulation_from(data.get("simulation")),
         dimensions=_dimensions_from(data.get("dimensions", {})),
-        requirements=data.get("requirements", {}),
-        request=data.get("request", {}),
         unfinished=data.get("unfinished", False),
         light=_light_from(data.get("light")),
-        cell=data.get("cell", {}),
+        **{name: data.get(name, {}) for name in ("requirements", "request", "cell")},
         **{name: data[name] for name in (*_PLAIN_FIELDS, "part", "seed")},
     )
     check_settings(found, data["settings"])

@@ -80,6 +80,16 @@ class Robot:
         The base link and the links behind the joints.
     state_name : str
         Digest of everything that decides where the robot can be.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from planner import Robot
+    >>> packages = {"made_robots": "examples/robots"}
+    >>> robot = Robot.from_urdf("examples/robots/made_parallel.urdf", packages=packages)
+    >>> flange = robot.forward(np.radians([20.0, -80.0, 110.0, -30.0, 40.0, 10.0]))
+    >>> len(robot.branches(flange))
+    8
     """
 
     def __init__(

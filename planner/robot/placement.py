@@ -111,6 +111,17 @@ def propose_placements(
     ------
     RobotError
         If a range is none.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, propose_placements, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> cell = Cell.from_toml("examples/cell.toml")
+    >>> found = propose_placements(plan, block, cell, x=(500, 900), y=(0, 300), draws=5)
+    >>> found[0].n_reached, len(plan.settings)
+    (1, 1)
     """
     search = PlacementSearch(plan, solid, cell, (x, y, z))
     return search.run(draws, rng)

@@ -63,6 +63,16 @@ class Reachability:
         Names of the settings, as the plan's files name them.
     poses : mapping of str to tuple of PoseReach
         By fixturing, one for each setting.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> cell = Cell.from_toml("examples/cell.toml")
+    >>> told = cell.reachability(plan, read_solid("examples/two_pocket_block.off"))
+    >>> told.complete, told.reached.tolist()
+    (True, [[True, False]])
     """
 
     settings: tuple[str, ...]

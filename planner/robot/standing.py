@@ -34,6 +34,14 @@ class Fixturing:
     ------
     RobotError
         If `part2base` is no rigid motion.
+
+    Examples
+    --------
+    >>> from planner import Box, Fixturing
+    >>> part2base = [[1, 0, 0, 600], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    >>> up = Fixturing(part2base, {"table": Box((300, -500, -50), (900, 500, 0))})
+    >>> list(up.obstacles)
+    ['table']
     """
 
     part2base: np.ndarray
