@@ -81,7 +81,6 @@ if TYPE_CHECKING:
     from planner.robot import Box as Box
     from planner.robot import Cell as Cell
     from planner.robot import Fixturing as Fixturing
-    from planner.robot import Placement as Placement
     from planner.robot import Reachability as Reachability
     from planner.robot import Robot as Robot
     from planner.robot import propose_placements as propose_placements
@@ -156,7 +155,6 @@ _NAMES = {
         "Box",
         "Cell",
         "Fixturing",
-        "Placement",
         "Reachability",
         "Robot",
         "propose_placements",
