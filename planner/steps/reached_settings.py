@@ -40,7 +40,7 @@ def in_order_of_arm(
         )
         for one in settings
     ]
-    chosen = fewest_fixturings([set(ways) for ways in placed])
+    chosen = fewest_fixturings([set(ways) for ways in placed], list(cell.to_dict()["fixturings"]))
     result: list[SensorSetting] = []
     for name in chosen:
         group = [
@@ -54,13 +54,12 @@ def in_order_of_arm(
     return result
 
 
-def fewest_fixturings(ways: Sequence[set[str]]) -> tuple[str, ...]:
-    """Return the fewest names such that each set that is not empty holds one; the first by the alphabet of equal ones.
+def fewest_fixturings(ways: Sequence[set[str]], every: Sequence[str]) -> tuple[str, ...]:
+    """Return the fewest of all names such that each set that is not empty holds one; the first of equal choices.
 
     Beyond a dozen names, they are chosen greedily.
     """
     left = [names for names in ways if names]
-    every = sorted(set().union(*left))
     if len(every) <= _MOST_TRIED:
         for count in range(len(every) + 1):
             for chosen in combinations(every, count):
@@ -68,7 +67,7 @@ def fewest_fixturings(ways: Sequence[set[str]]) -> tuple[str, ...]:
                     return chosen
     picked: list[str] = []
     while left:
-        best = max(every, key=lambda name: (sum(name in names for names in left), name))
+        best = max(every, key=lambda name: sum(name in names for names in left))
         picked.append(best)
         left = [names for names in left if best not in names]
     return tuple(picked)
