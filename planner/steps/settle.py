@@ -22,6 +22,7 @@ from planner.progress import report
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
+from planner.steps.reached_settings import in_order_of_arm
 from planner.steps.retry import Centre, ShortTargets
 from planner.steps.run import Run
 from planner.verify.p_all import MOST_REQUIRED
@@ -104,9 +105,12 @@ def settle_early(run: Run, plan: InspectionPlan) -> InspectionPlan:
     """
     moved = centre_all(run, plan.settings, run.effort.centring.shorter(), early=True)
     settled = _without_short(run, moved)
+    settings = settled.settings
+    if run.request.requirements.cell is not None:
+        settings = in_order_of_arm(run.request, settings, unfinished=True)
     return replace(
         plan,
-        settings=tuple(settled.settings),
+        settings=tuple(settings),
         lower_bound=settled.bound(plan.lower_bound),
         uninspectable={**plan.uninspectable, **settled.lost},
     )

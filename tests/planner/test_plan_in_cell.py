@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from robot_cells import CAM2FLANGE, CAMERA_BODY, TABLE, made_cell, made_robot, pose
 
-from aspectgraph import read_solid
+from aspectgraph import compute_regions, read_solid
 from planner import (
     Box,
     BoxRegion,
@@ -20,6 +20,7 @@ from planner import (
     ReasonKind,
     RequestError,
     RobotError,
+    default_workspace,
     plan_inspection,
 )
 from planner.report.tables import arm
@@ -126,6 +127,15 @@ def test_a_plan_for_a_cell_comes_back_from_its_file(celled, tmp_path):
     assert again.cell == celled[0].to_dict()
     for one, other in zip(again.settings, plan.settings, strict=True):
         assert (one.fixturing, one.joints, one.arm) == (other.fixturing, other.joints, other.arm)
+
+
+def test_a_plan_that_its_time_limit_ends_has_joints_too(block, celled):
+    space = compute_regions(block, EDGES, workspace=default_workspace(block, CAMERA))
+    plan = planned(block, cell=celled[0], space=space, time_limit_s=1e-3)
+    assert plan.unfinished
+    assert plan.settings
+    assert all(one.fixturing == "up" and len(one.joints) == 6 for one in plan.settings)
+    assert celled[0].reachability(plan, block).complete
 
 
 def test_processes_plan_the_same(block, celled):

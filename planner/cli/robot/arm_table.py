@@ -32,6 +32,8 @@ def print_arm(plan: InspectionPlan) -> None:
         for number, setting in enumerate(plan.settings, start=1)
         if setting.fixturing
     ]
+    if not rows:
+        return
     print()
     print_table(columns, rows)
     names = list(dict.fromkeys(one.fixturing for one in plan.settings if one.fixturing))
