@@ -195,7 +195,17 @@ class RobotProgram:
     digests : mapping of str to str
         Digests of plan, part and cell.
     warnings : tuple of str
-        What to look at before driving.
+        Points to look at before driving.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, read_plan, robot_program
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> program = robot_program(plan, block, Cell.from_toml("examples/cell.toml"))
+    >>> program.complete, len(program.tours[0].moves), program.coverage
+    (True, 2, (1,))
     """
 
     part: str

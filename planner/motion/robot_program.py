@@ -65,7 +65,7 @@ class FixturedArm:
 
     def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """Return which share of a turn (6,) is free to both sides of joints (n, 6): at most reach (n,)."""
-        return self.cell.free_shares(joints, turn, reach, self.fixturing, kept=_KEPT_SHARE)
+        return self.cell.in_fixturing(self.fixturing).free_shares(joints, turn, reach, _KEPT_SHARE)
 
 
 def robot_program(
@@ -114,6 +114,16 @@ def robot_program(
         If a fixturing puts the part through something.
     InfeasibleError
         If no setting is reached.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, read_plan, robot_program
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> program = robot_program(plan, block, Cell.from_toml("examples/cell.toml"))
+    >>> program.n_stops, [tour.fixturing for tour in program.tours]
+    (1, ['up'])
     """
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"), cell=(cell, "Cell"))
     check_number("speed", speed, ABOVE_0_TO_1)

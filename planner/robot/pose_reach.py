@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.robot.advance import Advance
 from planner.robot.arm import Robot
 from planner.robot.collisions import HAND, Surroundings
+from planner.robot.moves.advance import Advance
 from planner.robot.transforms import compose, invert
 
 _AT_ONCE = 2048
@@ -212,7 +212,25 @@ class Reacher:
     def free_shares(
         self, q: np.ndarray, turn: np.ndarray, reach: np.ndarray, kept: float
     ) -> np.ndarray:
-        """Return which share of a turn is free to both sides of joints (n, 6), see `Cell.free_shares`."""
+        """Return which share of a turn is proven free in both directions from joints.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6)
+            Joints, rad.
+        turn : array, shape (6,)
+            A straight move in joints, rad.
+        reach : array, shape (n,)
+            Largest shares of it that are of interest.
+        kept : float
+            Share of the clearance that must be kept.
+
+        Returns
+        -------
+        array, shape (n,)
+            Joints ``q + t * turn`` are free for all t of a smaller size. At most `reach`. It is not
+            positive if the joints themselves are not free. Limits of joints do not count.
+        """
         return self.advance.shares(self._robot.chain.frames(q), turn, reach, kept)
 
     def closest(self, q: np.ndarray) -> tuple[float, str, str]:

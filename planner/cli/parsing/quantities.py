@@ -109,12 +109,13 @@ def sigma_pair(text: str) -> tuple[float, float]:
     """
     words = text.split(",")
     try:
-        if len(words) == 2:
-            return MM(words[0]), RAD(words[1])
+        sigmas = (MM(words[0]), RAD(words[1])) if len(words) == 2 else (-1.0, -1.0)
     except argparse.ArgumentTypeError:
-        pass
+        sigmas = (-1.0, -1.0)
+    if min(sigmas) >= 0:
+        return sigmas
     raise argparse.ArgumentTypeError(
-        f"must be a length and an angle like 0.05mm,0.5mrad. Got {text!r}."
+        f"must be a length and an angle like 0.05mm,0.5mrad, not negative. Got {text!r}."
     )
 
 

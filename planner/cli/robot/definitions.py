@@ -96,6 +96,13 @@ def add_program(program: argparse.ArgumentParser) -> None:
         help="digital input at which the camera says that the image is taken",
     )
     add_seed(output, "same seed, same ways around obstacles")
+    _add_arm(program)
+    add_reading(program)
+    add_messages(program)
+
+
+def _add_arm(program: argparse.ArgumentParser) -> None:
+    """Add the uncertainty of the arm."""
     arm = program.add_argument_group(
         "uncertainty of the arm", "With one of these, the program states P for each setting."
     )
@@ -119,5 +126,3 @@ def add_program(program: argparse.ArgumentParser) -> None:
         help="standard deviations of the part's registration about its origin, per axis "
         "(default: none)",
     )
-    add_reading(program)
-    add_messages(program)

@@ -10,6 +10,7 @@ from errors.formatting import probability_text
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.job import check_same_part, read_part
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
+from planner.exceptions import UncertaintyError
 from planner.files import check_file_place
 from planner.motion.arm_uncertainty import ArmUncertainty
 from planner.motion.program_record import FixturedTour, RobotProgram, Stop
@@ -33,17 +34,18 @@ def program(options: argparse.Namespace) -> int:
         trigger_output=options.trigger_output,
         ready_input=options.ready_input,
     )
+    uncertainty = _uncertainty(options)
     plan = read_plan(options.plan)
-    cell = Cell.from_toml(options.cell)
     solid = read_part(options)
     check_same_part(solid, plan, options.part)
+    cell = Cell.from_toml(options.cell)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         made = robot_program(
             plan,
             solid,
             cell,
             speed=options.speed,
-            uncertainty=_uncertainty(options),
+            uncertainty=uncertainty,
             seed=options.seed,
             progress=progress,
         )
@@ -59,17 +61,20 @@ def program(options: argparse.Namespace) -> int:
 def _uncertainty(options: argparse.Namespace) -> ArmUncertainty | None:
     """Return the uncertainty of the arm, if any of it is given."""
     joints = options.sigma_joints
-    hand_eye = _isotropic(options.sigma_hand_eye)
-    part = _isotropic(options.sigma_part)
+    hand_eye = _isotropic("sigma_hand_eye", options.sigma_hand_eye)
+    part = _isotropic("sigma_part", options.sigma_part)
     if joints is None and hand_eye is None and part is None:
         return None
     return ArmUncertainty(0.0 if joints is None else joints, hand_eye, part)
 
 
-def _isotropic(sigmas: tuple[float, float] | None) -> PoseUncertainty | None:
+def _isotropic(name: str, sigmas: tuple[float, float] | None) -> PoseUncertainty | None:
     if sigmas is None:
         return None
-    return PoseUncertainty.isotropic(translation_mm=sigmas[0], rotation_rad=sigmas[1])
+    try:
+        return PoseUncertainty.isotropic(translation_mm=sigmas[0], rotation_rad=sigmas[1])
+    except UncertaintyError as error:
+        raise UncertaintyError.of_rule(name, error.rule, error.got) from None
 
 
 def _print_program(made: RobotProgram) -> None:

@@ -43,6 +43,12 @@ class CameraSignals:
     ------
     RequestError
         If a number breaks its rule.
+
+    Examples
+    --------
+    >>> from planner import CameraSignals
+    >>> CameraSignals(settle_s=1.0, trigger_output=4).ready_input
+    1
     """
 
     settle_s: float = 0.5

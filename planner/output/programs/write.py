@@ -76,6 +76,16 @@ def program_text(
     ------
     RequestError
         If the format is unknown, or an argument has the wrong type.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, program_text, read_plan, robot_program
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> program = robot_program(plan, block, Cell.from_toml("examples/cell.toml"))
+    >>> program_text(program, "rapid").splitlines()[0]
+    'MODULE Inspection'
     """
     check_kinds(program=(program, "RobotProgram"))
     if format not in _WRITERS:
@@ -116,6 +126,18 @@ def write_program(
         If neither format nor suffix is known.
     OutputError
         If it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, read_plan, robot_program, write_program
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> program = robot_program(plan, block, Cell.from_toml("examples/cell.toml"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_program(program, folder + "/inspection.src").name
+    'inspection.src'
     """
     path = Path(path)
     if format is None:

@@ -138,6 +138,9 @@ def _with(command, option):
         del needed[first : first + 2]
     if option in ("--entities", "--select", "--dimensions") and "--all" in needed:
         needed.remove("--all")
+    if (command, option) == ("program", "--out"):
+        # it writes a file
+        return [command, *needed, option, "nowhere/inspection.script"]
     return [command, *needed, option, *BAD[option]]
 
 
