@@ -274,6 +274,7 @@ def _planned(
                 graph_limit=options.graph_limit,
                 deadline=deadline,
                 notes=notes,
+                cell=job.cell,
             )
         except OutputError as error:
             raise OutputError(f"{error} {rescue(result, state)}") from None

@@ -33,6 +33,7 @@ from planner.request.defaults import default_workspace
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from planner.light.lighting import Lighting
+    from planner.robot import Cell
 
 # with --again, what else may be given
 _BESIDE_AGAIN = {
@@ -67,6 +68,15 @@ class Job:
     options: InspectionOptions
     part: str
     reading: dict[str, Any]
+
+    @property
+    def cell(self) -> Cell | None:
+        """The robot cell that the plan is for; its options know any region of poses."""
+        if self.options.cell is None:
+            return None
+        from planner.robot import Cell
+
+        return self.options.cell if isinstance(self.options.cell, Cell) else None
 
     def plan(self, **more: Any) -> InspectionPlan:
         """Plan it; ``more`` replaces some of the options."""

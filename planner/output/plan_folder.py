@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph, VisibilityRegions
     from planner.progress import Progress
     from planner.request.space import Space
+    from planner.robot import Cell
 
 # the plan first: see `staged_folder`
 PLAN_FILES = ("plan.json", "report.html", "measurements.csv", "graph.graphml", *POSE_FILES)
@@ -68,6 +69,7 @@ def write_outputs(
     graph_limit: int | None = None,
     deadline: Deadline | None = None,
     notes: Sequence[str] = (),
+    cell: Cell | None = None,
 ) -> Written:
     """Write plan, report and poses, which appear in the folder together or not at all; then the joint graph.
 
@@ -75,6 +77,7 @@ def write_outputs(
     graph comes last because it takes the longest: with it the report is replaced by one that shows it. Beyond
     ``graph_limit`` entities it is left out; if that is None, beyond 24 if it takes much memory, and so time. What
     is not complete at the ``deadline`` is left out, pictures and the graph. ``notes`` say what else is missing.
+    The report shows the arm at each setting of a plan for a ``cell``.
 
     Returns
     -------
@@ -96,6 +99,7 @@ def write_outputs(
             notes,
             date=report_date(),
             until=deadline.time_left(PICTURES_SHARE).until,
+            cell=cell,
         )
         (staging / "report.html").write_text(page, encoding="utf-8")
         # lines end as the format says, on every system

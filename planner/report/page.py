@@ -16,6 +16,7 @@ from errors.formatting import probability_text
 from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
 from planner.progress import report
+from planner.report.arm_figure import arm_section
 from planner.report.attention import attention, not_inspected, reasons_section
 from planner.report.dimension_report import dimension_section, localisation_text
 from planner.report.figure import color_of, figure_views, plan_figure, scene_frame
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.request.space import Space
+    from planner.robot import Cell
     from planner.rows.measured_rows import Row
     from planner.verify.simulate_plan import SimulationResult
 
@@ -70,6 +72,7 @@ def report_html(
     graph: EntityAspectGraph | None = None,
     date: str | None = None,
     until: float = math.inf,
+    cell: Cell | None = None,
 ) -> str:
     """Return the report of a plan as an HTML page.
 
@@ -90,6 +93,8 @@ def report_html(
     until : float
         Time, as `time.time` gives it, after which the page gets no more pictures but a sentence for each.
         Default: never.
+    cell : Cell, optional
+        The robot cell of the plan. With it, the report shows the arm at each setting in 3-D.
 
     Returns
     -------
@@ -151,7 +156,7 @@ def report_html(
         ),
         results=_results(plan, rows, dimensions),
         csv=download(plan.to_csv(), "measurements.csv", "measurements.csv"),
-        robot=robot(plan),
+        robot=robot(plan) + arm_section(plan, space.solid, cell),
         meaning=_meaning(plan),
         singular=_named(plan)[0],
         plural=_named(plan)[1],

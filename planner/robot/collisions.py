@@ -199,6 +199,11 @@ class PairGroup:
         """The arm with the camera."""
         return self._arm
 
+    @property
+    def standing(self) -> tuple[Standing, ...]:
+        """What stands still."""
+        return self._standing
+
     def names(self, column: int) -> tuple[str, str]:
         """Return the names of a pair by its number."""
         first, second, both = self._pairs[column]

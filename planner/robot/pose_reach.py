@@ -17,7 +17,7 @@ import numpy as np
 from planner.robot.arm import Robot
 from planner.robot.collisions import HAND, Surroundings
 from planner.robot.moves.advance import Advance
-from planner.robot.transforms import compose, invert
+from planner.robot.transforms import carry, compose, invert
 
 _AT_ONCE = 2048
 TOO_FAR = "beyond the arm's reach"
@@ -232,6 +232,20 @@ class Reacher:
             positive if the joints themselves are not free. Limits of joints do not count.
         """
         return self.advance.shares(self._robot.chain.frames(q), turn, reach, kept)
+
+    def shapes(self, q: np.ndarray) -> list[tuple[str, bool, np.ndarray, np.ndarray]]:
+        """Return everything at joints (6,): name, whether it moves, corners in the base, triangles."""
+        frames = self._robot.chain.frames(q[None])[0]
+        group = self._around.all
+        moving = [
+            (body.name, True, carry(frames[body.segment], body.hull.corners), body.hull.triangles)
+            for body in group.arm.bodies
+        ]
+        standing = [
+            (body.name, False, carry(body.pose, body.shape.corners), body.shape.triangles)
+            for body in group.standing
+        ]
+        return moving + standing
 
     def closest(self, q: np.ndarray) -> tuple[float, str, str]:
         """Return the distance of the closest two bodies, and their names, for joints (6,)."""
