@@ -41,6 +41,7 @@ PLACES = {
         "pose_prediction": (0.2, "probability from one pose"),
         "measuring": (2.75, "images to values"),
         "optics": (1.5, "cameras and lenses, ranked"),
+        "motion": (2.75, "moves of a robot program"),
         "output": (4, "folder, pose files, tables"),
         "steps": (1.5, "columns, bound, cover"),
         "report": (4, "page, pictures, words"),

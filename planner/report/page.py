@@ -125,7 +125,6 @@ def report_html(
         # something shows while the figure and the tables are made
         report(progress, 0, len(plan.settings), "predicted images")
     figure = plan_figure(plan, space.solid, space, until=until)
-    dimensions = dimension_section(plan)
     views = figure_views(plan, space.solid)
     rows = measured_rows(plan)
     template = Template(
@@ -154,7 +153,7 @@ def report_html(
         attention=attention(
             rows, [k for k, one in enumerate(plan.settings, 1) if may_be_unsharp(plan, one)]
         ),
-        results=_results(plan, rows, dimensions),
+        results=_results(plan, rows, dimension_section(plan)),
         csv=download(plan.to_csv(), "measurements.csv", "measurements.csv"),
         robot=robot(plan) + arm_section(plan, space.solid, cell),
         meaning=_meaning(plan),
