@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from planner.motion.move_time import JointRates
+from planner.verify.simulate_setting import SuccessRate
 
 FORMAT = "aspectgraph robot program"
 VERSION = 1
@@ -92,6 +93,8 @@ class Stop:
         uncertainty of the arm was not given.
     probability : dict of str to float
         P of each target of the setting with this covariance; empty without.
+    simulated : dict of str to SuccessRate
+        The same by simulation; empty if it was not simulated.
     """
 
     setting_idx: int
@@ -100,6 +103,7 @@ class Stop:
     flange: np.ndarray
     covariance: np.ndarray | None = None
     probability: Mapping[str, float] = field(default_factory=dict)
+    simulated: Mapping[str, SuccessRate] = field(default_factory=dict)
 
     @property
     def joints(self) -> np.ndarray:
@@ -118,6 +122,11 @@ class Stop:
         if self.covariance is not None:
             found["covariance"] = self.covariance.tolist()
             found["probability"] = dict(self.probability)
+        if self.simulated:
+            found["simulated"] = {
+                name: {"frequency": rate.frequency, "low": rate.low, "high": rate.high, "n": rate.n}
+                for name, rate in self.simulated.items()
+            }
         return found
 
 

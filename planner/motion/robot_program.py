@@ -19,7 +19,8 @@ from planner.motion.detour import Detours
 from planner.motion.fixturing_choice import choose_fixturings
 from planner.motion.move_time import JointRates
 from planner.motion.program_record import ArmState, FixturedTour, Move, RobotProgram, Stop
-from planner.motion.stated_probability import shortfalls, stated_probabilities
+from planner.motion.program_warnings import program_warnings
+from planner.motion.stated_probability import shortfalls, simulated_rates, stated_probabilities
 from planner.motion.tour import shortest_tour
 from planner.progress import Progress, report
 from planner.records.json_file import encoded
@@ -33,9 +34,6 @@ if TYPE_CHECKING:
 _KEPT_SHARE = 0.5
 # by how much of its time a round may be longer to have branches with a better P
 _LONGER = 0.05
-# below these the report names a stop
-_NEAR_LIMIT_RAD = 0.05
-_NEAR_SINGULAR = 0.05
 
 
 @dataclass(frozen=True)
@@ -75,6 +73,7 @@ def robot_program(
     *,
     speed: float = 1.0,
     uncertainty: ArmUncertainty | None = None,
+    simulate: int = 10_000,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> RobotProgram:
@@ -96,8 +95,10 @@ def robot_program(
     uncertainty : ArmUncertainty, optional
         Of the joints, the hand-eye calibration and the registration. With it, the program states P
         at each stop, and prefers the better branch where that costs at most 5 % of the time.
+    simulate : int
+        With `uncertainty`, check P at each stop with this many displaced poses; 0 for none.
     seed : int
-        Of the ways around obstacles.
+        Of the ways around obstacles and of the displaced poses.
     progress : callable, optional
         ``progress(done, total, label)``.
 
@@ -127,6 +128,7 @@ def robot_program(
     """
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"), cell=(cell, "Cell"))
     check_number("speed", speed, ABOVE_0_TO_1)
+    check_count("simulate", simulate, 0, 10**9)
     check_count("seed", seed, 0)
     _check_part(plan, solid)
     if cell.home is None:
@@ -134,7 +136,8 @@ def robot_program(
         raise RequestError.of_rule("cell.home", "must be given for a program", "none", hint=hint)
     if not plan.settings:
         raise RequestError.of_rule("plan", "must have settings", "none")
-    maker = _ProgramMaker(plan, solid, cell, speed=speed, uncertainty=uncertainty, seed=seed)
+    maker = _ProgramMaker(plan, solid, cell, speed, seed=seed)
+    maker.state_uncertainty(uncertainty, simulate)
     return maker.program(progress)
 
 
@@ -164,9 +167,8 @@ class _ProgramMaker:
         plan: InspectionPlan,
         solid: Solid,
         cell: Cell,
-        *,
         speed: float,
-        uncertainty: ArmUncertainty | None,
+        *,
         seed: int,
     ):
         robot = cell.robot
@@ -176,11 +178,17 @@ class _ProgramMaker:
         self._home = np.array(cell.home, dtype=np.float64)
         self._speed = speed
         self._rates = JointRates(robot.speeds, robot.accelerations).scaled(speed)
-        self._uncertainty = uncertainty
+        self._uncertainty: ArmUncertainty | None = None
+        self._simulate = 0
         self._seed = seed
         self._names = list(cell.fixturings)
         # reached[f][k]: setting k in fixturing f
         self._reached: list[list[_Reached]] = []
+
+    def state_uncertainty(self, uncertainty: ArmUncertainty | None, simulate: int) -> None:
+        """State P at each stop with the uncertainty of the arm, and simulate it."""
+        self._uncertainty = uncertainty
+        self._simulate = simulate
 
     def program(self, progress: Progress | None) -> RobotProgram:
         """Return the program."""
@@ -214,7 +222,7 @@ class _ProgramMaker:
             unreached=dict(sorted(unreached.items())),
             coverage=choice.coverage,
             digests=self._digests(),
-            warnings=tuple(self._warnings(kept)),
+            warnings=self._warnings(kept),
         )
 
     def _reach(self, fixturing: str) -> list[_Reached]:
@@ -297,9 +305,15 @@ class _ProgramMaker:
         flange = robot.forward(joints)
         if reached.covariances is None:
             return Stop(k, move, state, flange)
-        return Stop(
-            k, move, state, flange, reached.covariances[branch], reached.probabilities[branch]
-        )
+        covariance = reached.covariances[branch]
+        stated = reached.probabilities[branch]
+        rates = {}
+        if self._simulate:
+            setting = self._plan.settings[k]
+            rates = simulated_rates(
+                self._plan, setting, stated, covariance, self._simulate, [self._seed, k]
+            )
+        return Stop(k, move, state, flange, covariance, stated, rates)
 
     def _digests(self) -> dict[str, str]:
         text = json.dumps(encoded(self._plan.to_dict()), sort_keys=True)
@@ -310,29 +324,9 @@ class _ProgramMaker:
         digests["cell"] = self._given.to_dict()["digest"]
         return digests
 
-    def _warnings(self, tours: Sequence[FixturedTour]) -> list[str]:
-        stops = sorted(
-            (stop for tour in tours for stop in tour.stops), key=lambda stop: stop.setting_idx
-        )
-        found = []
-        planned = getattr(self._plan, "cell", None)
+    def _warnings(self, tours: Sequence[FixturedTour]) -> tuple[str, ...]:
+        found = program_warnings(tours, self._plan.probability)
+        planned = self._plan.cell
         if planned and planned["digest"] != self._given.to_dict()["digest"]:
-            found.append("the plan was made for another cell.")
-        for stop in stops:
-            setting = f"setting {stop.setting_idx + 1}"
-            low = [
-                f"{name} {p:.3f}"
-                for name, p in stop.probability.items()
-                if p < self._plan.probability
-            ]
-            if low:
-                found.append(
-                    f"{setting}: P with this arm is below {self._plan.probability:g} for "
-                    f"{', '.join(low)}."
-                )
-            if stop.arm.to_limit_rad < _NEAR_LIMIT_RAD:
-                turn = np.degrees(stop.arm.to_limit_rad)
-                found.append(f"{setting}: a joint is {turn:.1f} degrees from its limit.")
-            if stop.arm.singular_value < _NEAR_SINGULAR:
-                found.append(f"{setting}: the arm is nearly singular.")
+            return ("the plan was made for another cell.", *found)
         return found

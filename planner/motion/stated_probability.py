@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.verify.simulate_setting import SuccessRate, simulate_setting
 from planner.wanted.models import EdgeModels
 from planner.wanted.planned import PlannedLength, targets_of
 
@@ -72,3 +73,44 @@ def shortfalls(probabilities: Sequence[dict[str, float]]) -> np.ndarray:
     """
     worst = np.array([min(found.values(), default=1.0) for found in probabilities])
     return worst.max(initial=0.0) - worst
+
+
+def simulated_rates(
+    plan: InspectionPlan,
+    setting: SensorSetting,
+    stated: Mapping[str, float],
+    covariance: np.ndarray,
+    n: int,
+    seed: list[int],
+) -> dict[str, SuccessRate]:
+    """Measure the targets of a setting from displaced poses of an arm.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives targets, camera and accuracy.
+    setting : SensorSetting
+        One of its settings.
+    stated : mapping of str to float
+        P by target, which the result is compared with.
+    covariance : array (6, 6)
+        Of the camera's pose with this arm.
+    n : int
+        Displaced poses.
+    seed : list of int
+        Of these poses.
+
+    Returns
+    -------
+    dict of str to SuccessRate
+        By target. A target outside of the image counts as a failure.
+    """
+    return simulate_setting(
+        replace(setting, probability=dict(stated), p_all={}),
+        plan.targets,
+        plan.camera,
+        PoseUncertainty(covariance),
+        accuracy=plan.accuracy,
+        n=n,
+        rng=np.random.default_rng(seed),
+    )

@@ -126,3 +126,10 @@ def _add_arm(program: argparse.ArgumentParser) -> None:
         help="standard deviations of the part's registration about its origin, per axis "
         "(default: none)",
     )
+    arm.add_argument(
+        "--simulate",
+        type=whole,
+        default=10_000,
+        metavar="N",
+        help="check P with this many displaced poses per setting",
+    )

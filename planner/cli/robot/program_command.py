@@ -46,6 +46,7 @@ def program(options: argparse.Namespace) -> int:
             cell,
             speed=options.speed,
             uncertainty=uncertainty,
+            simulate=options.simulate,
             seed=options.seed,
             progress=progress,
         )
@@ -89,6 +90,7 @@ def _print_program(made: RobotProgram) -> None:
     ]
     if states_p:
         columns.append(Column("smallest P", right=True))
+        columns.append(Column("simulated", right=True))
     rows = [_row(tour, stop, states_p) for tour in made.tours for stop in tour.stops]
     print_table(columns, rows)
     rounds = "1 round" if len(made.tours) == 1 else f"{len(made.tours)} rounds"
@@ -120,4 +122,9 @@ def _row(tour: FixturedTour, stop: Stop, states_p: bool) -> tuple[str, ...]:
     )
     if not states_p:
         return row
-    return (*row, probability_text(min(stop.probability.values(), default=1.0)))
+    frequencies = [rate.frequency for rate in stop.simulated.values()]
+    return (
+        *row,
+        probability_text(min(stop.probability.values(), default=1.0)),
+        f"{min(frequencies):.4f}" if frequencies else "",
+    )

@@ -99,6 +99,7 @@ def test_an_arm_as_the_plan_assumes_states_the_probability_of_the_plan():
         simulated = simulate_setting(
             setting, ENTITIES, plan.camera, hand_eye, accuracy=0.995, sensor_limits=False
         )
+        assert stop.simulated.keys() == simulated.keys()
         for name, rate in simulated.items():
             assert rate.low - 0.005 <= stop.probability[name] <= rate.high + 0.005
 
@@ -107,6 +108,9 @@ def test_a_shaky_arm_is_warned_of():
     plan = plan_of(reached_poses()[:2], accuracy=0.999)
     found = robot_program(plan, block(), cell(), uncertainty=ArmUncertainty(0.01))
     assert any("P with this arm is below 0.9 for near" in text for text in found.warnings)
+    frequencies = [rate for _, stop in stops(found) for rate in stop.simulated.values()]
+    assert all(rate.n == 10_000 for rate in frequencies)
+    assert min(rate.frequency for rate in frequencies) < 0.9
 
 
 def test_the_record_is_json():
@@ -155,6 +159,7 @@ def test_one_fixturing_is_used_where_it_is_enough():
         ({"speed": 0.0}, "speed must be in"),
         ({"speed": 1.5}, "speed must be in"),
         ({"seed": -1}, "seed must be an integer"),
+        ({"simulate": -1}, "simulate must be an integer"),
         ({"cell": "cell.toml"}, "cell must be a Cell"),
         ({"cell": made_cell(fixturings=FIXTURINGS)}, "cell.home must be given"),
         ({"plan": plan_of([], uninspectable=dict.fromkeys(ENTITIES, "no"))}, "plan must have set"),
