@@ -22,6 +22,8 @@ from planner.motion.tour import Tour, shortest_tour
 _BLOCKED_S = 1e6
 # what a way around takes longer, before one is known
 _LONGER = 1.25
+# how often a round is disturbed when it is found again
+_KICKS_AGAIN = 2
 # place and branch at both ends of a move
 _Leg = tuple[int, int, int, int]
 
@@ -112,6 +114,7 @@ class TourChecker:
         self._moves: dict[_Leg, Move | None] = {}
         self._blocked: set[_Leg] = set()
         self._left = list(range(len(branches)))
+        self._order: list[int] | None = None
         self._seed = seed
 
     def run(self) -> CheckedTour:
@@ -141,7 +144,15 @@ class TourChecker:
         chosen = np.ix_(places, places)
         penalties = self._penalties[places]
         extra = penalties[:, None, :, None] + penalties[None, :, None, :]
-        return shortest_tour(self._costs[chosen] + extra)
+        costs = self._costs[chosen] + extra
+        if self._order is None:
+            tour = shortest_tour(costs)
+        else:
+            # a few times have changed since
+            start = [self._left.index(k) + 1 for k in self._order if k in self._left]
+            tour = shortest_tour(costs, _KICKS_AGAIN, start)
+        self._order = [self._left[k] for k in tour.order]
+        return tour
 
     def _legs(self, tour: Tour) -> list[_Leg]:
         places = [(0, 0)]

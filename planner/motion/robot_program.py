@@ -21,7 +21,8 @@ from planner.motion.move_time import JointRates
 from planner.motion.program_record import ArmState, FixturedTour, Move, RobotProgram, Stop
 from planner.motion.program_warnings import program_warnings
 from planner.motion.stated_probability import shortfalls, simulated_rates, stated_probabilities
-from planner.motion.tour import shortest_tour
+from planner.motion.tour import EXACT_UP_TO, shortest_tour
+from planner.motion.tour_search import quick_length
 from planner.progress import Progress, report
 from planner.records.json_file import encoded
 
@@ -257,7 +258,8 @@ class _ProgramMaker:
     def _seconds(self, f: int, settings: tuple[int, ...]) -> float:
         """Return about the time of a round of straight moves."""
         branches = [self._reached[f][k].branches for k in settings]
-        return shortest_tour(straight_costs(self._home, branches, self._rates), kicks=0).seconds
+        costs = straight_costs(self._home, branches, self._rates)
+        return shortest_tour(costs).seconds if len(settings) <= EXACT_UP_TO else quick_length(costs)
 
     def _why_not(self, k: int) -> str:
         reasons = {name: row[k].why for name, row in zip(self._names, self._reached, strict=True)}

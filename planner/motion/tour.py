@@ -37,7 +37,7 @@ class Tour(NamedTuple):
     seconds: float
 
 
-def shortest_tour(costs: np.ndarray, kicks: int = KICKS) -> Tour:
+def shortest_tour(costs: np.ndarray, kicks: int = KICKS, start: list[int] | None = None) -> Tour:
     """Find a short round.
 
     **Guarantee.** Up to 10 settings it is the shortest over all orders and branches. Beyond, no
@@ -49,6 +49,8 @@ def shortest_tour(costs: np.ndarray, kicks: int = KICKS) -> Tour:
         Seconds, see the module.
     kicks : int
         Beyond 10 settings, how often the best round is disturbed and improved again.
+    start : list of int, optional
+        Beyond 10 settings, an order of places 1 to n to begin with.
 
     Returns
     -------
@@ -58,7 +60,7 @@ def shortest_tour(costs: np.ndarray, kicks: int = KICKS) -> Tour:
     n = len(costs) - 1
     if n == 0:
         return Tour((), (), 0.0)
-    order = exact_order(costs) if n <= EXACT_UP_TO else improved_order(costs, kicks)
+    order = exact_order(costs) if n <= EXACT_UP_TO else improved_order(costs, kicks, start)
     return best_branches(costs, order)
 
 

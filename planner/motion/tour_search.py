@@ -19,7 +19,9 @@ _LONGEST_PIECE = 3
 _LEAST_S = 1e-9
 
 
-def improved_order(costs: np.ndarray, kicks: int = KICKS) -> list[int]:
+def improved_order(
+    costs: np.ndarray, kicks: int = KICKS, start: list[int] | None = None
+) -> list[int]:
     """Return a short order that no reversal or relocation shortens.
 
     Parameters
@@ -28,6 +30,8 @@ def improved_order(costs: np.ndarray, kicks: int = KICKS) -> list[int]:
         Seconds, as for `planner.motion.tour.shortest_tour`.
     kicks : int
         How often the best order is disturbed and improved again.
+    start : list of int, optional
+        An order of the places to begin with. Default: always on to the nearest place.
 
     Returns
     -------
@@ -36,7 +40,7 @@ def improved_order(costs: np.ndarray, kicks: int = KICKS) -> list[int]:
     """
     n = len(costs) - 1
     finite = np.where(np.isfinite(costs), costs, 1e9)
-    order = _improved(finite, _nearest_first(finite))
+    order = _improved(finite, _nearest_first(finite) if start is None else start)
     best = _length(finite, order)
     rng = np.random.default_rng(n)
     for _ in range(kicks):
@@ -46,6 +50,19 @@ def improved_order(costs: np.ndarray, kicks: int = KICKS) -> list[int]:
             best = length
             order = candidate
     return order if order[0] < order[-1] else order[::-1]
+
+
+def quick_length(costs: np.ndarray) -> float:
+    """Return about the length of the shortest round: of one that no reversal shortens, s.
+
+    Parameters
+    ----------
+    costs : array (n + 1, n + 1, b, b)
+        Seconds.
+    """
+    finite = np.where(np.isfinite(costs), costs, 1e9)
+    order = _improved(finite, _nearest_first(finite), longest_piece=0)
+    return _length(finite, order)
 
 
 def _nearest_first(costs: np.ndarray) -> list[int]:
@@ -75,11 +92,13 @@ def _length(costs: np.ndarray, order: list[int]) -> float:
     return float((length + costs[order[-1], 0, :, 0]).min())
 
 
-def _improved(costs: np.ndarray, order: list[int]) -> list[int]:
-    """Improve until no reversal and no relocation helps."""
+def _improved(
+    costs: np.ndarray, order: list[int], longest_piece: int = _LONGEST_PIECE
+) -> list[int]:
+    """Improve until no reversal and no relocation of a piece helps."""
     length = _length(costs, order)
     while True:
-        candidate = _best_neighbour(costs, order)
+        candidate = _best_neighbour(costs, order, longest_piece)
         found = _length(costs, candidate)
         if found >= length - _LEAST_S:
             return order
@@ -87,12 +106,12 @@ def _improved(costs: np.ndarray, order: list[int]) -> list[int]:
         length = found
 
 
-def _best_neighbour(costs: np.ndarray, order: list[int]) -> list[int]:
+def _best_neighbour(costs: np.ndarray, order: list[int], longest_piece: int) -> list[int]:
     path = np.array([0, *order, 0])
     ways = _Ways(costs, path)
-    back = _Ways(costs, path[::-1].copy())
     found = [ways.best_reversal()]
-    for size in range(1, _LONGEST_PIECE + 1):
+    back = _Ways(costs, path[::-1].copy()) if longest_piece else ways
+    for size in range(1, longest_piece + 1):
         found.append(ways.best_relocation(size))
         length, path_back = back.best_relocation(size)
         found.append((length, path_back[::-1]))
