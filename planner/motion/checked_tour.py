@@ -1,8 +1,9 @@
 """The shortest round whose moves are all proven free: checked only where the round goes.
 
 Times begin as those of straight moves. The moves of the shortest round are checked, and a blocked
-one counts as a quarter longer. Where the shortest round still needs it, a way around is sought, and
-its own time counts. This ends when the round holds moves only that are proven free.
+one counts as longer by about the mean of the ways around that are known. Where the shortest round still
+needs it, a way around is sought, and its own time counts. This ends when the round holds moves only
+that are proven free.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from planner.motion.tour import Tour, shortest_tour
 
 # of a move without a way
 _BLOCKED_S = 1e6
-# what a way around takes longer, before one is known
+# how much longer a way around takes than the straight move, before one is known
 _LONGER = 1.25
 # how often a round is disturbed when it is found again
 _KICKS_AGAIN = 2
@@ -112,7 +113,9 @@ class TourChecker:
         self._penalties = np.zeros(self._costs.shape[1:3])
         self._penalties[1:] = penalties / 2
         self._moves: dict[_Leg, Move | None] = {}
-        self._blocked: set[_Leg] = set()
+        # seconds of straight moves that are blocked, whose ways around are not known
+        self._blocked: dict[_Leg, float] = {}
+        self._longer: list[float] = []
         self._left = list(range(len(branches)))
         self._order: list[int] | None = None
         self._seed = seed
@@ -172,19 +175,33 @@ class TourChecker:
         start = self._joints[first][branch]
         end = self._joints[last][branch_there]
         if leg in self._blocked:
-            way = self._detours.find(start, end, [self._seed, *leg])
-            if way is None:
-                self._settle(leg, None, _BLOCKED_S)
-            else:
-                self._settle(leg, way, self._detours.seconds(way))
+            self._go_around(leg, start, end)
             return
         straight = np.array([start, end])
         seconds = self._detours.seconds(straight)
         if self._detours.is_free(start, end):
             self._settle(leg, straight, seconds)
         else:
-            self._blocked.add(leg)
-            self._set_cost(leg, _LONGER * seconds)
+            self._blocked[leg] = seconds
+            self._set_cost(leg, self._estimate * seconds)
+
+    def _go_around(self, leg: _Leg, start: np.ndarray, end: np.ndarray) -> None:
+        """Seek a way around for a blocked leg, and learn from it how much longer others may be."""
+        straight = self._blocked.pop(leg)
+        way = self._detours.find(start, end, [self._seed, *leg])
+        if way is None:
+            self._settle(leg, None, _BLOCKED_S)
+            return
+        seconds = self._detours.seconds(way)
+        self._settle(leg, way, seconds)
+        self._longer.append(seconds / straight)
+        for other, alone in self._blocked.items():
+            self._set_cost(other, self._estimate * alone)
+
+    @property
+    def _estimate(self) -> float:
+        # the first guess counts once, since a single long way around says little of others
+        return (_LONGER + sum(self._longer)) / (1 + len(self._longer))
 
     def _settle(self, leg: _Leg, way: np.ndarray | None, seconds: float) -> None:
         """Keep the way of a leg, and the same way back."""

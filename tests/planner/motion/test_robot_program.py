@@ -5,8 +5,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from robot_cells import CAM2FLANGE, TABLE, made_cell, pose
-from robot_programs import ENTITIES, FIXTURINGS, HOME, block, cell, plan_of, program, reached_poses
+from robot_cells import CAM2FLANGE, TABLE, made_cell, pose, views
+from robot_programs import (
+    ENTITIES,
+    FIXTURINGS,
+    HOME,
+    SIZE,
+    block,
+    cell,
+    plan_of,
+    program,
+    reached_poses,
+)
 
 from planner import (
     ArmUncertainty,
@@ -57,6 +67,23 @@ def test_moves_are_free_at_a_fine_step():
                 slack = known.slack_bound(line, tour.fixturing, 1.0, share=0.5)
                 assert (slack > 0).all()
         assert np.array_equal(here, HOME)
+
+
+def test_a_thin_wall_is_gone_around():
+    """A wall of 1 mm above the part: steps of 0.05 rad could miss it, and the arm must reach over it."""
+    wall = Box((500.0, 59.5, 120.0), (950.0, 60.5, 620.0))
+    fixturings = {"up": Fixturing(pose((700.0, 0.0, 20.0)), {"table": TABLE, "wall": wall})}
+    own = made_cell(fixturings=fixturings, home=HOME)
+    known = own.with_part(block())
+    poses = views(np.random.default_rng(8), 12, SIZE)
+    sides = [poses[k] for k, one in enumerate(known.reach(poses, "up")) if one.reached]
+    found = robot_program(plan_of(np.array(sides[:3])), block(), own)
+    moves = [move for tour in found.tours for move in tour.moves]
+    assert any(move.is_detour for move in moves)
+    for move in moves:
+        for start, end in pairwise(move.joints):
+            line = start + np.linspace(0, 1, 1000)[:, None] * (end - start)
+            assert (known.slack_bound(line, "up", 1.0, share=0.5) > 0).all()
 
 
 def test_times_are_those_of_the_moves_at_the_speed_that_was_asked():
