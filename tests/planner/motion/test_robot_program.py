@@ -30,6 +30,7 @@ from planner import (
     simulate_setting,
 )
 from planner.motion.move_time import move_times
+from planner.motion.stated_probability import stated_probabilities
 
 
 def stops(of):
@@ -138,6 +139,34 @@ def test_a_shaky_arm_is_warned_of():
     frequencies = [rate for _, stop in stops(found) for rate in stop.simulated.values()]
     assert all(rate.n == 10_000 for rate in frequencies)
     assert min(rate.frequency for rate in frequencies) < 0.9
+
+
+def test_the_better_branch_is_preferred_for_a_twentieth_of_the_time():
+    """The sum of times and shortfalls is least, so more time is only spent on a smaller shortfall."""
+    plan = plan_of(reached_poses(), accuracy=0.997)
+    shaky = ArmUncertainty(0.003)
+    hasty = robot_program(plan, block(), cell())
+    careful = robot_program(plan, block(), cell(), uncertainty=shaky, simulate=0)
+
+    def worst(tour, stop):
+        part2base = FIXTURINGS[tour.fixturing].part2base
+        covariance = shaky.covariances(cell().robot, stop.joints[None], CAM2FLANGE, part2base)
+        setting = plan.settings[stop.setting_idx]
+        return min(stated_probabilities(plan, setting, covariance)[0].values())
+
+    assert hasty.seconds <= careful.seconds <= 1.05 * hasty.seconds
+    for tour, stop in stops(careful):
+        assert worst(tour, stop) == pytest.approx(min(stop.probability.values()))
+    sums = [sum(worst(tour, stop) for tour, stop in stops(one)) for one in (careful, hasty)]
+    assert sums[0] >= sums[1] - 1e-12
+
+
+def test_a_plan_for_another_cell_is_warned_of():
+    of_cell = cell().to_dict()
+    plan = plan_of(reached_poses()[:1], cell=of_cell)
+    assert robot_program(plan, block(), cell()).warnings == ()
+    plan = plan_of(reached_poses()[:1], cell={**of_cell, "digest": "0" * 64})
+    assert robot_program(plan, block(), cell()).warnings[0] == "the plan was made for another cell."
 
 
 def test_the_record_is_json():
