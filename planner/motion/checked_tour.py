@@ -8,6 +8,7 @@ that are proven free.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -25,6 +26,12 @@ _BLOCKED_S = 1e6
 _LONGER = 1.25
 # how often a round is disturbed when it is found again
 _KICKS_AGAIN = 2
+# place and branch
+_End = tuple[int, int]
+_HOME: _End = (0, 0)
+# an end that no way leads to is cut off after so many failures
+_FAILURES = 2
+_FAILURES_OF_HOME = 6
 # place and branch at both ends of a move
 _Leg = tuple[int, int, int, int]
 
@@ -116,6 +123,8 @@ class TourChecker:
         # seconds of straight moves that are blocked, whose ways around are not known
         self._blocked: dict[_Leg, float] = {}
         self._longer: list[float] = []
+        self._linked: set[_End] = set()
+        self._failures: Counter[_End] = Counter()
         self._left = list(range(len(branches)))
         self._order: list[int] | None = None
         self._seed = seed
@@ -191,12 +200,30 @@ class TourChecker:
         way = self._detours.find(start, end, [self._seed, *leg])
         if way is None:
             self._settle(leg, None, _BLOCKED_S)
+            self._count_failure(leg[:2], leg[2:])
+            self._count_failure(leg[2:], leg[:2])
             return
         seconds = self._detours.seconds(way)
         self._settle(leg, way, seconds)
         self._longer.append(seconds / straight)
         for other, alone in self._blocked.items():
             self._set_cost(other, self._estimate * alone)
+
+    def _count_failure(self, end: _End, other: _End) -> None:
+        """Cut off an end that no way leads to from ends that others do lead to."""
+        if end in self._linked:
+            return
+        if end != _HOME and other != _HOME and other not in self._linked:
+            return
+        self._failures[end] += 1
+        if self._failures[end] < (_FAILURES_OF_HOME if end == _HOME else _FAILURES):
+            return
+        branches = [(i, a) for i, group in enumerate(self._joints) for a in range(len(group))]
+        for there in branches:
+            leg = (*min(end, there), *max(end, there))
+            if leg not in self._moves and there[0] != end[0]:
+                self._blocked.pop(leg, None)
+                self._settle(leg, None, _BLOCKED_S)
 
     @property
     def _estimate(self) -> float:
@@ -207,6 +234,8 @@ class TourChecker:
         """Keep the way of a leg, and the same way back."""
         first, branch, last, branch_there = leg
         back = (last, branch_there, first, branch)
+        if way is not None:
+            self._linked |= {(first, branch), (last, branch_there)}
         self._moves[leg] = None if way is None else Move(way, seconds)
         self._moves[back] = None if way is None else Move(way[::-1], seconds)
         self._set_cost(leg, seconds)

@@ -200,9 +200,6 @@ class _ProgramMaker:
         table = np.array([[bool(len(one.branches)) for one in row] for row in self._reached]).T
         choice = choose_fixturings(table, self._seconds)
         unreached = {k: self._why_not(k) for k, f in enumerate(choice.of_setting) if f < 0}
-        if len(unreached) == len(self._plan.settings):
-            reasons = "; ".join(f"setting {k + 1}: {why}" for k, why in list(unreached.items())[:3])
-            raise InfeasibleError(f"the robot must reach a setting. Got none: {reasons}.")
         tours = []
         for f, name in enumerate(self._names):
             report(progress, steps + f, 2 * steps, f"moves in fixturing {name}")
@@ -211,6 +208,11 @@ class _ProgramMaker:
                 tours.append(self._tour(f, own, unreached))
         report(progress, 2 * steps, 2 * steps, "robot program")
         kept = tuple(tour for tour in tours if tour.stops)
+        if not kept:
+            reasons = [f"setting {k + 1}: {why}" for k, why in sorted(unreached.items())]
+            raise InfeasibleError(
+                f"the robot must reach a setting. Got none: {'; '.join(reasons[:3])}."
+            )
         return RobotProgram(
             part=self._plan.part,
             robot=self._cell.robot.name,

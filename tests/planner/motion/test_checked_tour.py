@@ -75,6 +75,39 @@ def test_a_setting_behind_walls_is_dropped():
     assert_driven(arm, tour, branches)
 
 
+class CountedDetours(Detours):
+    """Counts how often a way is sought."""
+
+    sought = 0
+
+    def find(self, start, end, seed=0):
+        self.sought += 1
+        return super().find(start, end, seed)
+
+
+def test_what_is_cut_off_is_not_tried_from_everywhere():
+    cage = [[[10 * c, 10 * s], [900 * c, 900 * s]] for c, s in ((0.0, 1.0), (-0.5, 0.8))]
+    outside = [np.array([[angle, 0.3]]) for angle in (0.2, 0.4, 0.6, -0.4, -0.6, -0.8, -1.0)]
+    inside = np.array([[1.8, 0.0], [1.8, 0.01], [1.81, 0.0]])
+    detours = CountedDetours(PlanarArm(cage, keep=2.0), RATES, DetourEffort(trials=20))
+    tour = TourChecker(detours, HOME, [*outside, inside], np.zeros((8, 3))).run()
+    assert tour.dropped == (7,)
+    assert sorted(tour.order) == list(range(7))
+    # two for each of its branches
+    assert detours.sought <= 6
+
+
+def test_home_may_be_cut_off_too():
+    cage = [[[10 * c, 10 * s], [900 * c, 900 * s]] for c, s in ((0.0, 1.0), (-0.5, 0.8))]
+    outside = [
+        np.array([[angle, 0.3], [angle, 0.4]]) for angle in (0.2, 0.4, 0.6, -0.4, -0.6, -1.0)
+    ]
+    detours = CountedDetours(PlanarArm(cage, keep=2.0), RATES, DetourEffort(trials=10))
+    tour = TourChecker(detours, np.array([1.8, 0.0]), outside, np.zeros((6, 2))).run()
+    assert tour.dropped == tuple(range(6))
+    assert detours.sought <= 12
+
+
 def test_a_penalty_decides_between_branches_alike():
     alike = [np.array([[1.0, 0.5], [1.0, 0.5]])]
     far = [[[2000.0, 0.0], [2000.0, 1.0]]]

@@ -29,6 +29,7 @@ from planner import (
     robot_program,
     simulate_setting,
 )
+from planner.motion.detour import Detours
 from planner.motion.move_time import move_times
 from planner.motion.stated_probability import stated_probabilities
 
@@ -200,6 +201,13 @@ def test_settings_out_of_reach_are_named():
 def test_nothing_reached_is_an_error_with_the_reason():
     with pytest.raises(InfeasibleError, match=r"setting 1: beyond the arm's reach"):
         robot_program(plan_of(far_away()), block(), cell())
+
+
+def test_a_home_that_nothing_leads_to_is_an_error(monkeypatch):
+    monkeypatch.setattr(Detours, "is_free", lambda self, start, end: False)
+    monkeypatch.setattr(Detours, "find", lambda self, start, end, seed: None)
+    with pytest.raises(InfeasibleError, match="setting 1: .*: no way without collision was found"):
+        robot_program(plan_of(reached_poses()[:2]), block(), cell())
 
 
 def test_one_fixturing_is_used_where_it_is_enough():
