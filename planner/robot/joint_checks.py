@@ -88,3 +88,18 @@ class JointChecks:
         """
         reacher = self._reacher(fixturing)
         return reacher.slack(np.asarray(q, dtype=np.float64), share * reacher.required, enough_mm)
+
+    def in_fixturing(self, fixturing: str) -> Reacher:
+        """Return the robot in one fixturing, as moves are checked in it.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        Reacher
+            Built when it is first needed.
+        """
+        return self._reacher(fixturing)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.robot.branches import Chain
 from planner.robot.collisions import Arm, PairGroup
-from planner.robot.kinematics import Chain
 
 
 class Advance:
