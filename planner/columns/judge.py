@@ -144,8 +144,10 @@ class Judge:
         for first in range(0, len(rows), _ROWS):
             some = rows[first : first + _ROWS]
             displaced = np.concatenate([moved(cam2world[row], self._moves, 1.0) for row in some])
-            wanted = np.repeat(asked[some], draws, axis=0)
+            wanted = np.repeat(asked[some][:, self.request.owner], draws, axis=0)
             shown = self.constraints.image.shown(displaced, wanted)
+            if self._by_witness is not None:
+                shown = self._by_witness.any(shown)
             often = shown.reshape(len(some), draws, -1).sum(axis=1) >= enough
             kept[some] &= often | ~asked[some]
         return kept
