@@ -51,6 +51,7 @@ class _Plan(Protocol):
     def settings(self) -> Sequence[_Setting]: ...
     @property
     def entities(self) -> Mapping[str, np.ndarray]: ...
+    def ends_of(self, setting: Any, name: str) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +157,7 @@ def _if_in_sight(
     """Return what is known of a setting, given that all its entities must be seen past obstacles."""
     if not told.reached:
         return told
-    segments = np.array([plan.entities[name] for name in setting.entities])
+    segments = np.array([plan.ends_of(setting, name) for name in setting.entities])
     bodies = cell.hidden_by(setting.cam2world[None], segments, fixturing)[0]
     for name, body in zip(setting.entities, bodies, strict=True):
         if body:

@@ -51,6 +51,29 @@ class PlanTables:
             for name, ends in self.entities.items()
         }
 
+    def ends_of(self, setting: Any, name: str) -> np.ndarray:
+        """Return two points far apart of what a setting measures a target from.
+
+        Parameters
+        ----------
+        setting : SensorSetting
+            One of its settings.
+        name : str
+            A target that it measures.
+
+        Returns
+        -------
+        array (2, 3)
+            mm, in the part's frame.
+        """
+        from planner.wanted.planned import targets_of
+
+        if name not in getattr(setting, "witness", {}):
+            return np.asarray(self.entities[name])
+        points = targets_of(self.targets, setting)[name].points
+        apart = np.linalg.norm(points[:, None] - points, axis=-1)
+        return np.asarray(points[list(np.unravel_index(np.argmax(apart), apart.shape))])
+
     def rows(self) -> list[dict[str, Any]]:
         """Return all measurements as rows, one per setting and entity.
 

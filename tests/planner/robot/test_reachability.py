@@ -27,7 +27,9 @@ def setting(position, target=(40.0, 20.0, 30.0), names=("edge",)):
 
 
 def plan_of(*settings):
-    return SimpleNamespace(settings=settings, entities={"edge": EDGE})
+    return SimpleNamespace(
+        settings=settings, entities={"edge": EDGE}, ends_of=lambda setting, name: EDGE
+    )
 
 
 PLAN = plan_of(setting((40, 20, 330)), setting((40, 20, -300)), setting((40, -200, 250)))
