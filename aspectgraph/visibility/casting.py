@@ -306,6 +306,43 @@ def _find_watched(chains, slot, planes, points, trio, resolution):
     return np.int64(-1)
 
 
+@kernel
+def _chains(planes, n, points, corners, resolution):
+    """Chains of the first n planes by the corners that they pass; see `_watch`."""
+    # first and last link of each corner's chain; the last row holds the number of links
+    ends = np.full((len(corners) + 1, 2), -1)
+    ends[-1, 0] = 0
+    chains = (ends, np.empty(1024, np.int64), np.empty(1024, np.int64))
+    for k in range(n):
+        chains = _watch(chains, planes, k, points, corners, resolution)
+    return chains
+
+
+@kernel_without_refcounts
+def _choose_trio(trio, loop, i, hull, k, line):
+    """Write the three vertices of candidate k at vertex i of O and return its kind, corners of the hull first."""
+    trio[0] = loop[i]
+    if k < len(hull):
+        trio[1] = loop[(i + 1) % len(loop)]
+        trio[2] = hull[k]
+        return EDGE_AND_END
+    if len(line) > 0:
+        trio[1] = line[0]
+        trio[2] = line[1]
+        return VERTEX_AND_ENTITY
+    trio[1] = hull[k - len(hull)]
+    trio[2] = hull[(k - len(hull) + 1) % len(hull)]
+    return VERTEX_AND_ENTITY
+
+
+@kernel_without_refcounts
+def _index(values, start, end, wanted):
+    """Where a value stands between two places, or `end`."""
+    while start < end and values[start] != wanted:
+        start += 1
+    return start
+
+
 @entry_kernel
 def _cast(points, pieces, jobs, placed, planes, n_planes, origin, line, settle_thin, resolution):
     """Blocked sets of pieces for hulls of some vertices; appends their planes to `planes` and `origin`.
@@ -316,19 +353,11 @@ def _cast(points, pieces, jobs, placed, planes, n_planes, origin, line, settle_t
     order, hull_first, hull_corners = jobs
     n_face_planes = n_planes
     watched = np.unique(np.concatenate((hull_corners, line)))
-    # first and last link of each corner's chain; the last row holds the number of links
-    ends = np.full((len(watched) + 1, 2), -1)
-    ends[-1, 0] = 0
-    chains = (ends, np.empty(1024, np.int64), np.empty(1024, np.int64))
-    for k in range(n_planes):
-        chains = _watch(chains, planes, k, points, watched, resolution)
-    room = len(order)
-    for row in range(len(order)):
-        n_loop = pieces.first[order[row] + 1] - pieces.first[order[row]]
-        room += 2 * n_loop * (hull_first[row + 1] - hull_first[row])
+    chains = _chains(planes, n_planes, points, watched, resolution)
+    # room for the planes is room for all candidates
+    plane_list = np.empty(len(order) + len(planes) - n_planes, np.int32)
+    side_list = np.empty(len(plane_list), np.int8)
     first = np.zeros(len(order) + 1, np.int32)
-    plane_list = np.empty(room, np.int32)
-    side_list = np.empty(room, np.int8)
     piece_plane, piece_side = placed
     trio = np.empty(3, np.int64)
     n = 0
@@ -344,55 +373,39 @@ def _cast(points, pieces, jobs, placed, planes, n_planes, origin, line, settle_t
         n = n + 1
         # edge of O with a corner in front of P, or vertex of O with a side of the hull; a segment has one side
         n_candidates = len(hull) + (len(hull) if len(hull) > 2 else 1)
-        for i in range(len(loop)):
-            for k in range(n_candidates):
-                trio[0] = loop[i]
-                kind = EDGE_AND_END if k < len(hull) else VERTEX_AND_ENTITY
-                if kind == EDGE_AND_END:
-                    if outward * side_of(planes[own], points[hull[k]], resolution) <= 0:
-                        continue
-                    trio[1] = loop[(i + 1) % len(loop)]
-                    trio[2] = hull[k]
-                elif len(line) > 0:
-                    trio[1] = line[0]
-                    trio[2] = line[1]
-                else:
-                    trio[1] = hull[k - len(hull)]
-                    trio[2] = hull[(k - len(hull) + 1) % len(hull)]
-                if _splits(points, trio, loop, hull, resolution):
+        for candidate in range(len(loop) * n_candidates):
+            k = candidate % n_candidates
+            kind = _choose_trio(trio, loop, candidate // n_candidates, hull, k, line)
+            place = outward * side_of(planes[own], points[trio[2]], resolution)
+            if kind == EDGE_AND_END and place <= 0:
+                continue
+            if _splits(points, trio, loop, hull, resolution):
+                continue
+            plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
+            if not plane.any() or not _separates(
+                plane, points, loop, hull, settle_thin, resolution
+            ):
+                continue
+            slot = np.searchsorted(watched, trio[2])
+            known = _find_watched(chains, slot, planes, points, trio, resolution)
+            place = _index(plane_list, start, n, known)
+            if place < n:
+                side = _side_of_set(plane, points, loop, hull, trio, kind, settle_thin, resolution)
+                if not settle_thin or not _opposite(planes[known], side_list[place], plane, side):
                     continue
-                plane = plane_through(points[trio[0]], points[trio[1]], points[trio[2]])
-                if (
-                    not plane.any()
-                    or _separates(plane, points, loop, hull, settle_thin, resolution) == 0
-                ):
-                    continue
-                slot = np.searchsorted(watched, trio[2])
-                known = _find_watched(chains, slot, planes, points, trio, resolution)
-                place = start
-                while place < n and plane_list[place] != known:
-                    place += 1
-                if place < n:
-                    if not settle_thin:
-                        continue
-                    side = _side_of_set(
-                        plane, points, loop, hull, trio, kind, settle_thin, resolution
-                    )
-                    if not _opposite(planes[known], side_list[place], plane, side):
-                        continue
-                    # as O looks thinner than the resolution: one plane would leave the set half open
-                    known = np.int64(-1)
-                if known < 0:
-                    known = n_planes
-                    put(planes[known], plane)
-                    origin[known, 0] = kind
-                    put(origin[known, 1:], trio)
-                    n_planes += 1
-                    chains = _watch(chains, planes, known, points, watched, resolution)
-                plane_list[n] = known
-                side_list[n] = _side_of_set(
-                    planes[known], points, loop, hull, trio, kind, settle_thin, resolution
-                )
-                n += 1
+                # as O looks thinner than the resolution: one plane would leave the set half open
+                known = np.int64(-1)
+            if known < 0:
+                known = n_planes
+                put(planes[known], plane)
+                origin[known, 0] = kind
+                put(origin[known, 1:], trio)
+                n_planes += 1
+                chains = _watch(chains, planes, known, points, watched, resolution)
+            plane_list[n] = known
+            side_list[n] = _side_of_set(
+                planes[known], points, loop, hull, trio, kind, settle_thin, resolution
+            )
+            n += 1
         first[row + 1] = n
     return first, plane_list[:n].copy(), side_list[:n].copy(), max(n_planes, n_face_planes)

@@ -262,7 +262,8 @@ class _Shape:
         for k, height in enumerate(heights):
             if height * heights[k - 1] < 0:
                 weights = abs(heights[k - 1]), abs(height)
-                (x, y), (u, v) = places[k], places[k - 1]
+                x, y = places[k]
+                u, v = places[k - 1]
                 ends.append(
                     (
                         x * weights[0] + u * weights[1],
