@@ -20,7 +20,7 @@ from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.samples import pixels_of
-from planner.measuring.poses.registered import displaced
+from planner.measuring.poses.registered import LEAST_POSE, displaced
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -227,7 +227,7 @@ def locate(
     # the board is off its stated position by a displacement of its own
     sigmas = np.repeat([fiducials.sigma_mm, fiducials.sigma_rad], 3)
     prior = np.zeros((2 * _UNKNOWNS, 2 * _UNKNOWNS))
-    prior[:_UNKNOWNS, :_UNKNOWNS] = pose_covariance
+    prior[:_UNKNOWNS, :_UNKNOWNS] = pose_covariance + np.diag(LEAST_POSE**2)
     prior[_UNKNOWNS:, _UNKNOWNS:] = np.diag(sigmas**2)
     x = np.zeros(2 * _UNKNOWNS)
     weight = np.full(2 * len(points), 1 / CORNER_PX**2)

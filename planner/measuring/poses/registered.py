@@ -22,6 +22,8 @@ CYLINDER_SHARE = 3.0
 """Standard deviation of radius and place of other cylinders, in that of planes: holes are less accurate than faces."""
 TILT_SHARE = 0.5
 """How far a plane is lifted at its extent by each tilt, in the standard deviation of its offset."""
+LEAST_POSE = np.array([1e-4] * 3 + [1e-6] * 3)
+"""Standard deviations of poses that are said to be exact, mm and rad."""
 LEAST_MM = 1e-4
 """Standard deviation of surfaces that are said to be exact: none is."""
 
@@ -101,7 +103,8 @@ def prior_covariance(
             sigmas = np.full(PARAMETERS, CYLINDER_SHARE * sigma)
         variances[start : start + PARAMETERS] = sigmas**2
     covariance = np.diag(variances)
-    covariance[:POSE, :POSE] = pose_covariance
+    # a robot that is said to be exact, or exact in some direction, is not
+    covariance[:POSE, :POSE] = pose_covariance + np.diag(LEAST_POSE**2)
     return covariance
 
 

@@ -6,7 +6,8 @@ import json
 import jsonschema
 import numpy as np
 import pytest
-from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
+from measured_plate import CAMERA, POSES, fine_plate, measured_plan, photograph, thick_plate
+from scipy.ndimage import map_coordinates
 
 from errors.measurands import Decision, DecisionRule
 from planner import (
@@ -14,10 +15,12 @@ from planner import (
     LitImage,
     MeasureOptions,
     Measurer,
+    PoseUncertainty,
     Registration,
     RequestError,
     measure,
 )
+from planner.camera.imaging import undistorted_px
 from planner.measuring.results import COLUMNS, results_schema
 
 MADE = {"left": 0.05, "right": 0.0, "width": 0.08}
@@ -139,6 +142,32 @@ def test_a_rim_that_is_half_covered_is_not_measured(solid, exact, images, result
     results = measure(measured_plan(solid, ["left"]), solid, covered, registration=exact)
     assert results["left"].decision is Decision.NOT_MEASURED
     assert "was found" in results["left"].reason
+
+
+def test_a_robot_that_is_said_to_be_exact(solid, images):
+    plan = measured_plan(solid, ["right"], pose_uncertainty=PoseUncertainty(np.zeros((6, 6))))
+    one = measure(plan, solid, images)["right"]
+    assert one.measured, one.reason
+    assert abs(one.deviation) < one.expanded_uncertainty
+
+
+def test_a_lens_with_distortion(solid, images):
+    """The images as a lens with distortion takes them: pixels of the real image from those of the ideal one."""
+    camera = dataclasses.replace(CAMERA, distortion=(-0.4, 0.1, 0.002, -0.001))
+    v, u = np.mgrid[:512, :640].astype(float)
+    ideal = undistorted_px(camera, np.stack([u, v], axis=-1).reshape(-1, 2))
+    assert np.abs(ideal - np.c_[u.ravel(), v.ravel()]).max() > 3
+    bent = {
+        k: map_coordinates(image.astype(float), ideal[:, ::-1].T, order=3, mode="nearest")
+        for k, image in images.items()
+    }
+    taken = {
+        k: np.clip(grey, 0, 255).reshape(512, 640).astype(np.uint8) for k, grey in bent.items()
+    }
+    results = measure(measured_plan(solid, ["right", "width"], camera=camera), solid, taken)
+    for name in ("right", "width"):
+        assert results[name].measured, results[name].reason
+        assert abs(results[name].deviation - TRUE[name]) < results[name].expanded_uncertainty
 
 
 def test_notes_on_exposure(solid, exact, images):
