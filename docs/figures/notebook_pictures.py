@@ -24,6 +24,7 @@ CHOSEN = {
     "measurement_error": 4,
     "showing": 0,
     "dimensions": 1,
+    "measuring": 0,
     "tables_iii_iv": 2,
     "comparisons": 3,
     "cluster": 0,
