@@ -215,4 +215,4 @@ def _wedge(scene: Scene, solid: Solid, entity: Entity) -> tuple[np.ndarray, np.n
     ordered = sorted(sets)
     first = np.cumsum([0] + [len(halves) for halves in ordered])
     flat = np.array([half for halves in ordered for half in halves])
-    return first, flat[:, 0], flat[:, 1]
+    return first, flat[:, 0].copy(), flat[:, 1].copy()
