@@ -50,7 +50,8 @@ NEAR_PX = 3.0
 _ROOM_PX = 2.0
 # settings that an image is compared with which does not show its own
 _MOST_LOOKS = 30
-_MOST_TOLERANCE_PX = 6.0
+# with a wider window, more samples have another line in it
+_MOST_TOLERANCE_PX = 3.0
 
 
 @dataclass(frozen=True)
@@ -324,6 +325,9 @@ class Measurer:
 
     def _half_px(self, shot: Shot, registered: Registered) -> dict[str, float]:
         """Return how far from its prediction each target is searched, px."""
+        if registered.method == OWN_EDGES:
+            # deviations are estimated, and entities are searched for where these put them
+            return dict.fromkeys(shot.targets, NEAR_PX)
         room = {name: self._tolerance_px(name, registered) for name in shot.targets}
         if registered.method != PLANNED:
             return {name: max(NEAR_PX, more + _ROOM_PX) for name, more in room.items()}
@@ -331,7 +335,7 @@ class Measurer:
         return {name: windows[name] + more + _ROOM_PX for name, more in room.items()}
 
     def _tolerance_px(self, name: str, registered: Registered) -> float:
-        """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 6."""
+        """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 3."""
         target = self.targets[name]
         share = target.permitted_error_px(registered.cam2world, self.plan.camera)
         if target.tolerance is None or share is None:
