@@ -272,6 +272,11 @@ class PlannedDimension(PlannedTarget):
         k : int
             Number of the witness. Without several witnesses, only 0.
 
+        Returns
+        -------
+        PlannedDimension
+            With the entities and the geometry of that witness.
+
         Raises
         ------
         PlanFileError

@@ -9,7 +9,7 @@ from planner.cli.parsing.quantities import MM, SHARE
 
 _CODES = """\
 exit codes:
-  0  everything that has a tolerance conforms (--exit measured: everything is measured)
+  0  all that has a tolerance conforms (--exit measured: all is measured)
   1  something does not conform, is undecided or is not measured
   2  bad input
   3  an image cannot be registered"""

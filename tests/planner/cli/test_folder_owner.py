@@ -13,6 +13,7 @@ from errors.measurands import Localisation
 from planner.camera.camera import Camera
 from planner.cli.arguments import add_asked, add_light, add_wanted, add_workspace
 from planner.cli.folder_owner import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner, option
+from planner.cli.robot.definitions import add_plan_cell
 from planner.columns.outcome import Outcome
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
@@ -137,7 +138,7 @@ def test_every_field_of_a_request_is_named_as_an_option_that_there_is():
     import argparse
 
     parser = argparse.ArgumentParser()
-    for add in (add_wanted, add_asked, add_light, add_workspace):
+    for add in (add_wanted, add_asked, add_light, add_workspace, add_plan_cell):
         add(parser)
     names = [one.name for kind in (InspectionRequest, Lighting) for one in fields(kind)]
     names += [one.name for one in fields(Requirements)]
