@@ -82,7 +82,7 @@ def test_a_plan_comes_back_as_it_was_written(plan, tmp_path):
     found = data["dimensions"]
     assert found["depth"]["unit"] == "mm"
     for change, message in (
-        ({"version": 1}, "version must be 2 in a plan that holds dimensions"),
+        ({"version": 1}, "version must be 3 in a plan for a robot cell, else 2 in one that holds"),
         (
             {"dimensions": {**found, "depth": {**found["depth"], "nominal": 51.0}}},
             "nominal must be that",
