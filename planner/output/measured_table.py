@@ -41,10 +41,16 @@ def image_notes(results: MeasurementResults) -> Iterable[str]:
         yield f"{name} cannot be registered: {why}"
 
 
+# of decisions whose words differ for several targets
+_SEVERAL = {"conforms": "conform", "does not conform": "do not conform"}
+
+
 def verdict(results: MeasurementResults) -> str:
     """Say in a sentence or two what was measured."""
     measured = sum(one.measured for one in results)
-    parts = [f"{n} {name}" for name, n in results.counts.items()]
+    parts = [
+        f"{n} {name if n == 1 else _SEVERAL.get(name, name)}" for name, n in results.counts.items()
+    ]
     return (
         f"{measured} of {count(len(results), 'target')} measured in "
         f"{count(len(results.images), 'image')}. "

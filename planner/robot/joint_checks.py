@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from planner.robot.collisions import Closeness
 from planner.robot.pose_reach import Reacher
 
 
-class JointChecks:
+class JointChecks(ABC):
     """What a `Cell` says of joints."""
 
+    @abstractmethod
     def _reacher(self, name: str) -> Reacher:
-        raise NotImplementedError
+        """Return what knows one fixturing."""
 
     def free(self, q: np.ndarray, fixturing: str) -> np.ndarray:
         """Return which joints are within limits and keep the clearance.

@@ -40,8 +40,9 @@ def test_nothing_outside_the_page_is_needed(page):
 
 
 def test_pictures_are_well_formed(page):
-    for svg in re.findall(r"<svg.*?</svg>", page, re.S):
-        ET.fromstring(svg)
+    pictures = re.findall(r"<svg.*?</svg>", page, re.S)
+    assert pictures
+    assert {ET.fromstring(svg).tag.rpartition("}")[2] for svg in pictures} == {"svg"}
 
 
 def test_each_point_is_drawn_with_the_colour_of_its_state(results):
