@@ -98,6 +98,39 @@ class Lines:
                 best = min(best, apart[close][seen].min(initial=100.0))
         return float(best)
 
+    def apart_px(
+        self, renderer: Renderer, pose: np.ndarray, points: np.ndarray, own: set[int]
+    ) -> np.ndarray:
+        """Return how near other visible lines come to points (m, 3) of a line or circle with its own edges; (m,).
+
+        Lines that meet it are not asked about near their common corner. Distances above 12 px are not told apart.
+        """
+        places = renderer.projected(points, pose)
+        mine = {v for e in own for v in self.ends[e].tolist()}
+        corners = renderer.projected(self.solid.vertices[sorted(mine)], pose)
+        best = np.full(len(points), 12.0)
+        low = places.min(axis=0) - 12.0
+        high = places.max(axis=0) + 12.0
+        for e in np.flatnonzero(self.shown(pose[:3, 3])):
+            if e in own:
+                continue
+            p, q = self.solid.vertices[self.ends[e]]
+            a, b = renderer.projected(np.array([p, q]), pose)
+            if (np.maximum(a, b) < low).any() or (np.minimum(a, b) > high).any():
+                continue
+            share = np.linspace(0, 1, max(2, int(np.linalg.norm(b - a)) + 2))[:, None]
+            dense = p + share * (q - p)
+            image = renderer.projected(dense, pose)
+            apart = np.linalg.norm(places[:, None] - image[None], axis=2)
+            if set(self.ends[e].tolist()) & mine:
+                beside = np.linalg.norm(image[:, None] - corners[None], axis=2).min(axis=1)
+                apart[:, beside < LEAVES_PX] = 100.0
+            close = np.flatnonzero((apart < best[:, None]).any(axis=0))
+            if close.size:
+                seen = close[self.visible(pose[:3, 3], dense[close])]
+                best = np.minimum(best, apart[:, seen].min(axis=1, initial=100.0))
+        return best
+
     def arms(
         self,
         pose: np.ndarray,

@@ -2,19 +2,21 @@
 
 ``python benchmarks/planning/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``
 
-The notebook comparisons shows such a file. The constraints are the paper's. The rivals are those of `planners`; all are
-given the visible regions, whose seconds are printed apart, and all run in one process, so every clock starts when the
-regions are there. A rival has one point, at its end.
+The notebook comparisons shows such a file. The constraints are the paper's, or those that plan_inspection has by
+default (parts whose name ends with "-default"): these also ask for separation and corners, and keep a reserve of focus.
+The rivals are those of `planners`; all are given the visible regions, whose seconds are printed apart, and all run in
+one process, so every clock starts when the regions are there. A rival has one point, at its end.
 
-No rival simulates what it promises, as plan_inspection does before it tells of a plan. So of its entities those are
-counted, too, that simulation does not contradict in one of its settings at least: ``supported``.
+No rival counts what it promises, as plan_inspection does before it tells of a plan. So of its entities those are
+counted, too, that have the required probability in one of its settings at least, over displaced poses of which
+everything is asked: ``supported``. The share of these poses decides, without a margin for chance.
 
-A rival is *ahead* at a time if it inspects at least as many entities as the incumbent then and needs fewer settings by
-more than one, or if there is no incumbent. Printed is for how long, and after what share of the time of the greedy
-cover a plan inspects as much, does so in no more settings, and does so in as many of its settings. Seconds are
-processor time, threads added up, so that other work on the machine does not count; the limit is of wall time. Products
-of matrices get one thread, as on the command line. Memory is the largest resident size of the process up to the end of
-plan_inspection; every part has a process of its own.
+A rival is *ahead* at a time if so many of its entities are supported as of the incumbent then, or more, and it needs
+fewer settings by more than one, or if there is no incumbent. Printed is for how long, and after what share of the time
+of the greedy cover a plan has as many supported, has them in no more settings, and has them in as many of its settings.
+Seconds are processor time, threads added up, so that other work on the machine does not count; the limit is of wall
+time. Products of matrices get one thread, as on the command line. Memory is the largest resident size of the process up
+to the end of plan_inspection; every part has a process of its own.
 
 Rivals do not depend on plan_inspection: ``--rivals FILE`` takes their points from such a file.
 
@@ -33,6 +35,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import astuple, dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from cases import EXAMPLES
@@ -41,21 +44,22 @@ from planners import PLANNERS
 from aspectgraph import compute_regions, read_entities, read_solid
 from planner import Camera, InspectionPlan, PoseUncertainty
 from planner.columns.judge import Judge
+from planner.columns.realise_column import joint_counts
 from planner.detectability.conditions import NOT_ASKED
-from planner.inspection import plan_inspection
-from planner.request.constraints import Requirements
-from planner.request.defaults import corner_margin_px, default_workspace, position_margin_mm
+from planner.identity.resolve_request import Promise
+from planner.inspection import plan_by_options
+from planner.inspection_options import InspectionOptions
+from planner.request.defaults import default_workspace
 from planner.request.request import Request
-from planner.setting.pose_setting import setting_at
-from planner.setting.sensor_setting import SensorSetting
-from planner.verify.simulate_setting import CONTRADICTED, simulate_setting
 
 PROBABILITY = 0.9
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.2, rotation_rad=0.002)
 # for so long a rival may be ahead, s
 TOLERATED_S = 2.0
 # displaced poses per setting
-SIMULATED = 20_000
+COUNTED = 2_000
+# of these poses, unlike those of plans
+SEED = 20261126
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,13 @@ class Case:
     camera: Callable[[], Camera]
     accuracy: float = 0.99
     entities: str = ""
+    by_default: bool = False
+
+    def options(self, **changes: Any) -> InspectionOptions:
+        """Return the options of plan_inspection for it."""
+        if not self.by_default:
+            changes = {"showing": NOT_ASKED, "focus_margin_mm": 0.0, **changes}
+        return InspectionOptions(**changes)
 
 
 def wide() -> Camera:
@@ -86,6 +97,8 @@ CASES = {
     "mtc": Case("nist_mtc_plate.step", wide, 0.98),
     "mfcad-narrow": Case("mfcad_2-3-3-3-3-23.step", narrow(120.0), 0.98),
     "mtc-narrow": Case("nist_mtc_plate.step", narrow(250.0), 0.98),
+    "mfcad-default": Case("mfcad_2-3-3-3-3-23.step", narrow(120.0), 0.98, by_default=True),
+    "d2mi-default": Case("nist_d2mi_827-9999-904.stp", wide, 0.98, by_default=True),
 }
 
 
@@ -123,16 +136,13 @@ def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
     start = time.process_time()
     space = compute_regions(solid, wanted, workspace=default_workspace(solid, camera))
     seconds = time.process_time() - start
-    need = Requirements(
-        field_margin_px=corner_margin_px(camera, UNCERTAINTY),
-        visibility_radius_mm=position_margin_mm(UNCERTAINTY),
-    )
+    need = case.options().requirements(camera, UNCERTAINTY)
     return Judge(
         Request(space, space.entity_names, camera, UNCERTAINTY, case.accuracy, PROBABILITY, need)
     ), seconds
 
 
-def curve(judge: Judge, limit_s: float | None) -> list[Point]:
+def curve(case: Case, judge: Judge, limit_s: float | None) -> list[Point]:
     """Return the incumbents of plan_inspection."""
     points = []
     space = judge.space
@@ -141,23 +151,18 @@ def curve(judge: Judge, limit_s: float | None) -> list[Point]:
 
     def take(plan: InspectionPlan) -> None:
         seconds = time.process_time() - start - checking[0]
-        seen = [(setting, setting.entities) for setting in plan.settings]
+        seen = [(setting.cam2world, setting.entities) for setting in plan.settings]
         counts = len(plan.settings), len(plan.inspected), supported(judge, seen)
         points.append(Point(seconds, *counts, plan.lower_bound, tuple(names for _, names in seen)))
         checking[0] = time.process_time() - start - seconds
 
-    plan_inspection(
+    plan_by_options(
         space.solid,
         {name: space.entities[name] for name in space.entity_names},
         judge.camera,
         UNCERTAINTY,
-        accuracy=judge.accuracy,
-        probability=PROBABILITY,
-        space=space,
-        showing=NOT_ASKED,
-        focus_margin_mm=0.0,
-        time_limit_s=limit_s,
-        on_incumbent=take,
+        Promise(judge.accuracy, PROBABILITY),
+        case.options(space=space, time_limit_s=limit_s, on_incumbent=take),
     )
     return points
 
@@ -171,27 +176,22 @@ def rival(judge: Judge, name: str) -> Point:
         return Point(seconds, 0, 0, 0)
     inspects = judge(poses).inspects
     seen = [
-        (setting_at(judge.request, pose, names, "", seed=0), names)
+        (pose, names)
         for pose, own in zip(poses, inspects, strict=True)
         if (names := tuple(np.array(judge.names)[own].tolist()))
     ]
     return Point(seconds, len(poses), int(inspects.any(axis=0).sum()), supported(judge, seen))
 
 
-def supported(judge: Judge, seen: list[tuple[SensorSetting, tuple[str, ...]]]) -> int:
-    """Return how many entities simulation does not contradict in one of the settings that state them."""
+def supported(judge: Judge, seen: list[tuple[np.ndarray, tuple[str, ...]]]) -> int:
+    """Return how many entities have the required probability, counted from a pose that is said to inspect them."""
     found: set[str] = set()
-    for k, (setting, names) in enumerate(seen):
-        rates = simulate_setting(
-            setting,
-            dict(zip(judge.names, judge.ends, strict=True)),
-            judge.camera,
-            UNCERTAINTY,
-            accuracy=judge.accuracy,
-            n=SIMULATED,
-            rng=k,
-        )
-        found |= {name for name in names if rates[name].verdict != CONTRADICTED}
+    for pose, names in seen:
+        left = tuple(name for name in names if name not in found)
+        if left:
+            counts = joint_counts(judge, pose, left, SEED, COUNTED)
+            shares = dict(zip(counts.names, counts.successes, strict=True))
+            found |= {name for name in left if shares[name] >= PROBABILITY * counts.n}
     return len(found)
 
 
@@ -202,7 +202,7 @@ def ahead_s(other: Point, ours: list[Point]) -> float:
     for begin, end in zip(moments, [*moments[1:], moments[-1]], strict=True):
         now = [p for p in ours if p.seconds <= begin]
         behind = not now or (
-            other.inspected >= now[-1].inspected and now[-1].settings - other.settings > 1
+            other.supported >= now[-1].supported and now[-1].settings - other.settings > 1
         )
         total += (end - begin) * behind
     return total
@@ -237,7 +237,7 @@ def measure(
     print(
         f"  {'':<36}{'seconds':>9}{'settings':>10}{'inspected':>11}{'supported':>11}{'at least':>10}{'ahead':>9}"
     )
-    ours = curve(judge, limit_s)
+    ours = curve(CASES[name], judge, limit_s)
     rows = [("plan_inspection", point) for point in ours]
     for point in ours:
         print(_row("plan_inspection", point), flush=True)
@@ -250,14 +250,14 @@ def measure(
             _row(other, point) + f"{late:7.1f} s" + (" !" if late > TOLERATED_S else ""), flush=True
         )
         if other.startswith("greedy"):
-            for what, n in (("inspects", point.inspected), ("is supported in", point.supported)):
-                print(f"  as many as it {what}, {n}: {_reached(ours, n, point)}")
+            n = point.supported
+            print(f"  as many as it is supported in, {n}: {_reached(ours, n, point)}")
         rows.append((other, point))
     return rows
 
 
 def _reached(ours: list[Point], n: int, other: Point) -> str:
-    """Say when our plans inspect so many entities, and when in no more settings than another one, in its time."""
+    """Say when so many entities of our plans are supported, and when in no more settings than another's."""
     told = []
     most = other.settings
     for what, reached in (
@@ -265,13 +265,13 @@ def _reached(ours: list[Point], n: int, other: Point) -> str:
         (f"in {most} settings at most", lambda p: p.settings <= most),
         (f"in some {most} settings of a plan", lambda p: p.most(most) >= n),
     ):
-        point = next((p for p in ours if p.inspected >= n and reached(p)), None)
+        point = next((p for p in ours if p.supported >= n and reached(p)), None)
         if point is None:
             told.append(f"{what} never")
         else:
             share = point.seconds / other.seconds
             told.append(
-                f"{what} after {share:.2f} of its time, {point.settings} for {point.inspected}"
+                f"{what} after {share:.2f} of its time, {point.settings} for {point.supported}"
             )
     return "; ".join(told)
 

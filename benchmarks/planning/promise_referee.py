@@ -10,7 +10,8 @@ For each setting and target the camera is displaced by exact rotations. Counted 
 * and the value is measured accurately: lengths on a pixel grid that lies anywhere, dimensions by the second program of
   ``tests/errors/measurands/measured_exactly.py``.
 
-The first ``--images`` poses are also asked whether another line is nearer than the separation, by
+The first ``--images`` poses are also asked whether another line is nearer than the separation (to a whole edge; to more
+than a fifth of a line or circle that is fitted, or to all of a twelfth), by
 ``benchmarks/images/seen_lines.py``; that is slow.
 
 A promise is *over* where so few successes have a probability below 0.001. Printed are all targets with the least
@@ -41,6 +42,8 @@ from planner import read_plan
 from planner.wanted.planned import targets_of
 
 DENSE = 24
+# points of a line or circle that other lines are looked for at, in each twelfth the same number
+SCANNED = 72
 SHORT_MM = 0.05
 P_OVER = 1e-3
 
@@ -161,11 +164,7 @@ def points_on_part(target, solid):
             share = np.linspace(0, 1, DENSE)[:, None]
             found.append(np.asarray(one.p) * (1 - share) + np.asarray(one.q) * share)
             continue
-        off = ends - one.centre
-        along = off @ one.axis
-        radius = np.linalg.norm(off - along[..., None] * one.axis, axis=2)
-        on = (np.abs(along) < 1e-3) & (np.abs(radius - one.radius_mm) < 1e-3)
-        middles = ends[on.all(axis=1)].mean(axis=1)
+        middles = ends[sorted(chords_on(one, solid))].mean(axis=1)
         if one.start is not None:
             across = np.cross(one.axis, one.start)
             way = middles - one.centre
@@ -206,13 +205,9 @@ def judge_setting(plan, setting, lines, renderer, args, rng):
                 seen = seen_from(lines, eyes, np.tile(solid_points, (len(local), 1)))
                 good[some] &= seen.reshape(len(local), -1).all(axis=1)
             good[some] &= accurate(plan, target, pose, moves[some], local, rng)
-        if target.in_image and plan.requirements.get("separation_px", 0.0) > 0 and args.images:
-            own = own_edges(lines.solid, target.ends)
-            apart = [
-                lines.nearest_px(renderer, poses[k], target.ends, own)
-                >= plan.requirements["separation_px"]
-                for k in range(min(args.images, args.poses))
-            ]
+        if plan.requirements.get("separation_px", 0.0) > 0 and args.images:
+            is_apart = apart_of(target, lines, renderer, plan.requirements["separation_px"])
+            apart = [is_apart(poses[k]) for k in range(min(args.images, args.poses))]
             good[: len(apart)] &= np.array(apart)
         every &= good
         yield name, setting.promise[name], int(good.sum())
@@ -230,6 +225,57 @@ def seen_from(lines, eyes, points):
     return lines.scene.cast_rays(o3d.core.Tensor(rays))[
         "t_hit"
     ].numpy() >= 1 - SHORT_MM / np.linalg.norm(points - eyes, axis=1)
+
+
+def apart_of(target, lines, renderer, least_px):
+    """Return a function that tells whether a target is apart from other lines in the image of a pose.
+
+    A whole edge must be. Of a line or circle that is fitted, four fifths must be, and a point of each twelfth.
+    """
+    if target.in_image:
+        own = own_edges(lines.solid, target.ends)
+        return lambda pose: lines.nearest_px(renderer, pose, target.ends, own) >= least_px
+    scanned = []
+    for one, plain in zip(target.geometry, plain_geometry(target), strict=True):
+        if isinstance(one, Circle):
+            scanned.append((points_of(plain, SCANNED), chords_on(one, lines.solid)))
+        else:
+            share = (np.arange(SCANNED)[:, None] + 0.5) / SCANNED
+            ends = np.array([one.p, one.q])
+            scanned.append((ends[0] * (1 - share) + ends[1] * share, carrying(lines.solid, ends)))
+
+    def is_apart(pose):
+        for points, own in scanned:
+            good = lines.apart_px(renderer, pose, points, own) >= least_px
+            if good.mean() < 0.8 or not good.reshape(12, -1).any(axis=1).all():
+                return False
+        return True
+
+    return is_apart
+
+
+def chords_on(circle, solid):
+    """Return the numbers of the edges that are chords of a circle."""
+    ends = solid.vertices[[edge.vertices for edge in solid.edges]]
+    off = ends - circle.centre
+    along = off @ circle.axis
+    radius = np.linalg.norm(off - along[..., None] * circle.axis, axis=2)
+    on = (np.abs(along) < 1e-3) & (np.abs(radius - circle.radius_mm) < 1e-3)
+    return set(np.flatnonzero(on.all(axis=1)).tolist())
+
+
+def carrying(solid, ends):
+    """Return the numbers of the edges that lie on the line of a segment and overlap with it."""
+    length = np.linalg.norm(ends[1] - ends[0])
+    along = (ends[1] - ends[0]) / length
+    found = set()
+    for k, edge in enumerate(solid.edges):
+        points = solid.vertices[list(edge.vertices)] - ends[0]
+        share = points @ along
+        off = np.linalg.norm(points - share[:, None] * along, axis=1).max()
+        if off < 1e-6 and share.max() > 1e-6 and share.min() < length - 1e-6:
+            found.add(k)
+    return found
 
 
 def own_edges(solid, ends):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from planner.camera.pose import pose_between
-from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.columns.judge import Judge
 from planner.columns.realise_column import best_supported, joint_counts, keeps
 from planner.effort.poses import Centring
@@ -53,11 +51,12 @@ def centre_setting(
         For the same targets, with their P_all.
     """
     judge: Judge = shared.value
+    loses = _Losses(judge, setting, seed, centring.give_up)
     for pose in _off_limits(judge, setting, seed, centring):
         if not _inspects(judge, pose, setting.entities):
             continue
         own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
-        if not _loses(judge, setting, own, seed, centring.give_up):
+        if not loses(own):
             setting = best_supported(judge, [own, setting], seed)
             break
     return with_p_all(judge, setting, seed, poses)
@@ -66,22 +65,26 @@ def centre_setting(
 def _off_limits(
     judge: Judge, setting: SensorSetting, seed: int, centring: Centring
 ) -> Iterator[np.ndarray]:
-    """Yield poses with a larger least share, the best first: a line may come into view beyond a cliff."""
+    """Yield poses with a larger least share: a line may come into view beyond a cliff.
+
+    The first is the best one of a search. Where it loses something, poses on the way to it follow, and at last the best
+    one nearby: a second search of full length would take as long as the first, and mostly lose the same.
+    """
     request = judge.request.at_pose(setting.cam2world, setting.entities)
     start = setting.cam2world
-    found = []
-    for first in range(len(centring.steps)):
-        shorter = replace(centring, steps=centring.steps[first:])
-        pose = centred(request, start, shorter, seed)
-        if (pose != start).any():
-            found.append(pose)
-            yield pose
+    best = centred(request, start, centring, seed)
+    if (best == start).all():
+        return
+    yield best
     before = least_share(request, start)
-    for part, pose in itertools.product(_PARTS if before else (), found[:1]):
-        between = pose_between(start, pose, part)
+    for part in _PARTS if before is not None else ():
+        between = pose_between(start, best, part)
         after = least_share(request, between)
         if before is not None and after is not None and after.share > before.share:
             yield between
+    near = centred(request, start, replace(centring, steps=centring.steps[-1:]), seed)
+    if (near != start).any():
+        yield near
 
 
 def with_p_all(judge: Judge, setting: SensorSetting, seed: int, poses: int) -> SensorSetting:
@@ -103,26 +106,43 @@ def _inspects(judge: Judge, pose: np.ndarray, names: Sequence[str]) -> bool:
     return bool(judged[np.isin(judge.names, names)].all())
 
 
-def _loses(
-    judge: Judge, before: SensorSetting, after: SensorSetting, seed: int, give_up: float
-) -> bool:
-    """Tell whether a target is measured less often from a moved pose: by more than is given up, or far away.
+class _Losses:
+    """Tells whether a target is measured less often from a moved pose: by more than is given up, or far away.
 
     Both poses are displaced by the same draws.
+
+    Parameters
+    ----------
+    judge : Judge
+        Holds the request.
+    before : SensorSetting
+        The setting as it was.
+    seed : int
+        Of the displaced poses.
+    give_up : float
+        Share of them that may be lost.
     """
-    own = judge.request
-    for sigmas, poses, lost in ((1.0, _NEAR_POSES, give_up), (_FAR_SIGMAS, _FAR_POSES, _WORSE)):
-        wide = type(own.pose_uncertainty)(sigmas**2 * own.pose_uncertainty.covariance)
-        was, now = (_times_measured(judge, one, wide, poses, seed) for one in (before, after))
-        if (np.array(was) - np.array(now) > lost * poses + 1).any():
-            return True
-    return False
 
+    def __init__(self, judge: Judge, before: SensorSetting, seed: int, give_up: float):
+        self._judge = judge
+        self._before = before
+        self._seed = seed
+        self._counts = ((1.0, _NEAR_POSES, give_up), (_FAR_SIGMAS, _FAR_POSES, _WORSE))
+        self._known: dict[float, np.ndarray] = {}
 
-def _times_measured(
-    judge: Judge, setting: SensorSetting, displaced_by: PoseUncertainty, poses: int, seed: int
-) -> tuple[int, ...]:
-    """Return in how many displaced poses each target of a setting is measured."""
-    own = judge.request.at_pose(setting.cam2world, setting.entities)
-    checks = DisplacedChecks(replace(own, pose_uncertainty=displaced_by), setting.entities)
-    return checks.count(setting.cam2world, poses, seed).successes
+    def __call__(self, after: SensorSetting) -> bool:
+        for sigmas, poses, lost in self._counts:
+            if sigmas not in self._known:
+                self._known[sigmas] = self._times_measured(self._before, sigmas, poses)
+            now = self._times_measured(after, sigmas, poses)
+            if (self._known[sigmas] - now > lost * poses + 1).any():
+                return True
+        return False
+
+    def _times_measured(self, setting: SensorSetting, sigmas: float, poses: int) -> np.ndarray:
+        """Return in how many poses, displaced so many times as far, each target of a setting is measured (k,)."""
+        asked = self._judge.request
+        wide = type(asked.pose_uncertainty)(sigmas**2 * asked.pose_uncertainty.covariance)
+        own = asked.at_pose(setting.cam2world, setting.entities)
+        checks = DisplacedChecks(replace(own, pose_uncertainty=wide), setting.entities)
+        return np.array(checks.count(setting.cam2world, poses, self._seed).successes)

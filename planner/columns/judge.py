@@ -134,22 +134,20 @@ class Judge:
             What they inspect.
         """
         draws = self._nearness.displaced
-        in_image = [self.request.measured[name].in_image for name in self.names]
-        asked = membership & np.array(in_image, dtype=bool)
-        if not (draws and self.constraints.shows and asked.any()):
+        if not (draws and self.constraints.shows and membership.any()):
             return membership
         enough = math.floor(self.threshold * draws)
         kept = membership.copy()
-        rows = np.flatnonzero(asked.any(axis=1))
+        rows = np.flatnonzero(membership.any(axis=1))
         for first in range(0, len(rows), _ROWS):
             some = rows[first : first + _ROWS]
             displaced = np.concatenate([moved(cam2world[row], self._moves, 1.0) for row in some])
-            wanted = np.repeat(asked[some][:, self.request.owner], draws, axis=0)
+            wanted = np.repeat(membership[some][:, self.request.owner], draws, axis=0)
             shown = self.constraints.image.shown(displaced, wanted)
             if self._by_witness is not None:
                 shown = self._by_witness.any(shown)
             often = shown.reshape(len(some), draws, -1).sum(axis=1) >= enough
-            kept[some] &= often | ~asked[some]
+            kept[some] &= often | ~membership[some]
         return kept
 
     @cached_property

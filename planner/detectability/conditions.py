@@ -25,7 +25,8 @@ class Detectability:
     separation_px : float
         Keep this distance in the image between an edge and every other visible edge or occluding
         contour of a curved face, px. Neighbours near a common end are exempt. A line fit uses about
-        as many pixels on either side.
+        as many pixels on either side. Of the lines and circles of a dimension, four fifths of the
+        points must keep it, and one in each twelfth.
     surround_px : float
         Keep each end at least this far inside the image, px, in addition to the safety margin for
         displaced poses. A fit needs the faces there and the other edges of the corner.

@@ -8,7 +8,7 @@ few pixels by far less than one.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -28,9 +28,11 @@ from planner.detectability.corners import (
 )
 from planner.detectability.near_contours import near_contours
 from planner.detectability.part_lines import PartLines
+from planner.detectability.scanned import Pieces, Scanned
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
+    from errors.measurands import Geometry
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]
@@ -60,13 +62,15 @@ class ImageCheck:
     solid : Solid
         The part.
     edge_ids : sequence of (sequence of int or None)
-        The edges of each entity (k); None for what has no ends and is asked for nothing, such as dimensions.
+        The edges of each entity (k); None for what is not asked for corners, such as dimensions.
     ends : array (k, 2, 3)
         Their ends, mm.
     camera : Camera
         The camera.
     showing : Detectability
         What is asked.
+    scanned : sequence of sequence of Scanned, optional
+        What is scanned of each entity without edges of its own. Default: nothing.
 
     Attributes
     ----------
@@ -85,13 +89,18 @@ class ImageCheck:
         ends: Array,
         camera: Camera,
         showing: Detectability,
+        scanned: Sequence[Sequence[Scanned]] = (),
     ) -> None:
         self.showing = showing
         self._ends = np.ascontiguousarray(ends, np.float64)
         matrix = camera.matrix
         (near, far) = camera.depth_of_field_mm
         self._scale = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
-        self._asked = np.array([ids is not None for ids in edge_ids])
+        self._has_corners = np.array([ids is not None for ids in edge_ids], bool)
+        self._pieces, scanned_lines = Pieces.of(
+            edge_ids, self._ends, scanned or [()] * len(edge_ids)
+        )
+        self._has_pieces = np.diff(self._pieces.first) > 0
         self._part = PartLines.of(solid)
         self.contours = self._part.contours
         self.scene = self._part.scene
@@ -101,8 +110,11 @@ class ImageCheck:
         self._entities = _ImageLines.of(
             self.contours, [self._part.relation(ids, radius) for ids in edges]
         )
+        self._scanned = _ImageLines.of(
+            self.contours, [self._part.relation(ids, radius) for ids in scanned_lines]
+        )
         self.arms = arms_of(
-            self.contours, self._part.at, self._entities.relations, self._ends, self._asked
+            self.contours, self._part.at, self._entities.relations, self._ends, self._has_corners
         )
         # the same line may leave several entities
         lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
@@ -127,7 +139,7 @@ class ImageCheck:
         """
         margin = np.full(wanted.shape, most_px)
         if self.showing.separation_px > 0:
-            for pairs in self._batches(wanted):
+            for pairs in self._with_pieces(wanted):
                 apart = self._separations(cam2world, pairs, self.showing.separation_px + most_px)
                 margin[tuple(pairs.T)] = apart - self.showing.separation_px
         return margin
@@ -145,7 +157,7 @@ class ImageCheck:
         least = self.showing.min_corner_deg
         margin = np.full(wanted.shape, 90.0 - least)
         if least > 0:
-            for pairs in self._batches(wanted):
+            for pairs in self._with_corners(wanted):
                 margin[tuple(pairs.T)] = self._corners(cam2world, pairs) - least
         return margin
 
@@ -153,10 +165,12 @@ class ImageCheck:
         """Return which of the wanted entities (n, k) meet both conditions in the images of poses (n, 4, 4)."""
         meets = wanted & (self.corners(cam2world, wanted) >= 0)
         if self.showing.separation_px > 0:
-            for pairs in self._batches(meets):
-                meets[tuple(pairs.T)] = ~self._has_near(
-                    cam2world, pairs, self._all_entities, self.showing.separation_px
-                )
+            least = self.showing.separation_px
+            for pairs in self._with_pieces(meets):
+                pieces = self._pieces.of_pairs(pairs)
+                near = self._has_near(cam2world, pieces.rows, self._all_pieces, least)
+                apart = pieces.least_distance(np.where(near, 0.0, least))
+                meets[tuple(pairs.T)] = apart >= least
         return meets
 
     def show_all(self, cam2world: Array) -> NDArray[np.bool_]:
@@ -175,28 +189,32 @@ class ImageCheck:
 
     def without_corner(self, k: int) -> Array | None:
         """Return an end (3,) of an entity where no edge of the part makes a corner with it, mm; None without one."""
-        if self.showing.min_corner_deg > 0 and self._asked[k]:
+        if self.showing.min_corner_deg > 0 and self._has_corners[k]:
             arms = (self.arms.entity == k) & self.arms.wide
             for end in range(2):
                 if not (arms & (self.arms.end == end)).any():
                     return self._ends[k, end]
         return None
 
-    def _batches(self, wanted: NDArray[np.bool_]) -> list[Pairs]:
-        pairs = np.argwhere(wanted & self._asked)
+    def _with_corners(self, wanted: NDArray[np.bool_]) -> list[Pairs]:
+        pairs = np.argwhere(wanted & self._has_corners)
         return [pairs[i : i + _BATCH] for i in range(0, len(pairs), _BATCH)]
 
+    def _with_pieces(self, wanted: NDArray[np.bool_]) -> Iterable[Pairs]:
+        return self._pieces.batches(np.argwhere(wanted & self._has_pieces), _BATCH)
+
     @property
-    def _all_entities(self) -> Any:
-        return self._ends, np.arange(len(self._ends)), *self._entities
+    def _all_pieces(self) -> Any:
+        return self._pieces.ends, self._pieces.line, *self._scanned
 
     def _separations(self, cam2world: Array, pairs: Pairs, reach: float) -> Array:
         """Return how near other visible lines come in the image, px (p,), at most `reach`."""
-        pair, distance, place = self._near(cam2world, pairs, self._all_entities, reach)
-        apart = np.full(len(pairs), reach)
-        visible = self._visible(cam2world[pairs[pair, 0], :3, 3], place)
-        np.minimum.at(apart, pair[visible], distance[visible])
-        return apart
+        pieces = self._pieces.of_pairs(pairs)
+        piece, distance, place = self._near(cam2world, pieces.rows, self._all_pieces, reach)
+        apart = np.full(len(pieces.rows), reach)
+        visible = self._visible(cam2world[pieces.rows[piece, 0], :3, 3], place)
+        np.minimum.at(apart, piece[visible], distance[visible])
+        return pieces.least_distance(apart)
 
     def _has_near(
         self, cam2world: Array, pairs: Pairs, entities: Any, reach: float
@@ -353,3 +371,15 @@ def edges_of(space: Any, name: str) -> tuple[int, ...] | None:
         (witness,) = entity.witnesses
         return edges_of(space.space, witness[0]) if len(witness) == 1 else None
     return tuple(entity.edge_ids) if getattr(entity, "kind", None) == "edge" else None
+
+
+def scanned_in(space: Any, name: str, geometry: Sequence[Geometry]) -> list[Scanned]:
+    """Return what is scanned of a dimension of a space that has one set of entities, in the order of its geometry."""
+    seen = space.entities[name]
+    if not hasattr(seen, "witnesses"):
+        return [Scanned.of(seen.edge_ids, item) for item in geometry]
+    (witness,) = seen.witnesses
+    return [
+        Scanned.of(space.space.entities[entity].edge_ids, item)
+        for entity, item in zip(witness, geometry, strict=True)
+    ]

@@ -14,6 +14,8 @@ from planner.detectability.contours import CONNECTED, OWN, SHOWS
 _SAMPLES = 12
 # of a neighbour, whose nearest points are excepted
 _MORE = 48
+# beside a point, where that is twice as long as what is asked for at most: one each two pixels, but so many
+_FEW = 4
 # halvings on the way to where a line leaves the strip: a hundred-thousandth of its length
 _STEPS = 17
 # upright strips of the image, in which edges are looked up
@@ -75,7 +77,7 @@ def near_contours(
         if a[2] <= _NEAREST_MM or b[2] <= _NEAREST_MM:
             continue
         n_corners = _corner_images(own_vertices, first[r], first[r + 1], image, corners)
-        near = (corners[:n_corners], near_own)
+        near = (corners[:n_corners], near_own, reach)
         n_within = _overlap(boxes, _around(a, b, reach), (of_bins, in_bins, scale), within)
         for i in within[:n_within]:
             e = active[i]
@@ -116,9 +118,11 @@ def _corner_images(own_vertices: Any, begin: int, end: int, image: Any, corners:
 def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count: int) -> int:
     """Write points of a piece of a contour that comes near to an edge; return how many there are in all."""
     line, (best, low, high), (a, b), relation = piece
-    corners, near_own = near
+    corners, near_own, reach = near
     vertices, depths, one, other = place
     samples = _MORE if relation == CONNECTED else _SAMPLES
+    if a[0] == b[0] and a[1] == b[1]:
+        samples = max(_FEW, int(reach))
     for s in range(samples + 1):
         t = best if s == samples else low + (high - low) * s / (samples - 1)
         if relation == CONNECTED and _beside(line, t, corners, near_own):

@@ -13,6 +13,7 @@ from errors.measurands.fitted import Frame
 from planner.camera.camera import Camera
 from planner.camera.imaging import tangents_of
 from planner.camera.pose import world_to_cam
+from planner.detectability.scanned import SECTORS
 from planner.measuring.fit import Fit, carried_back, robust_fit
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.samples import (
@@ -30,8 +31,6 @@ Array = NDArray[np.float64]
 
 LEAST_POINTS = 8
 """Fewer found points are no entity."""
-SECTORS = 12
-"""An entity has a found point in each of so many equal parts."""
 _MARGIN_PX = 4.0
 # of an entity's size: difference quotients across it in the image
 _AHEAD = 1e-5

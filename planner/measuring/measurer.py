@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
+from planner.detectability.scanned import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity.inspection_request import PartRecord
 from planner.identity.program import program_version
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
 
 FLOOR_PX = 0.08
 """Error that all points of an entity have in common, px, where the plan does not state one."""
-COVERAGE_SHARE = 0.8
-"""Share of an entity's samples that must be found."""
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
 

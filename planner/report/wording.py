@@ -181,7 +181,7 @@ def window_texts(plan: InspectionPlan, k: int) -> list[str]:
 
 
 def unshown_texts(images: ShownImages | None, k: int) -> list[str]:
-    """Return of which edges of a setting the conditions for showing are not met in all images of displaced cameras."""
+    """Return of which targets of a setting the conditions for showing are missed in an image of a displaced camera."""
     if images is None:
         return []
     return [
@@ -209,7 +209,7 @@ def simulation_sentence(result: SimulationResult) -> str:
 
 
 def shown_sentence(images: ShownImages | None) -> str:
-    """Say how many edges meet the conditions for showing from displaced cameras, too; nothing if that was not asked."""
+    """Say how many targets meet the conditions for showing from displaced cameras; nothing if not asked."""
     if images is None:
         return ""
     counts = [found for setting in images.counts for found in setting.values()]
@@ -217,18 +217,18 @@ def shown_sentence(images: ShownImages | None) -> str:
     n = len(counts)
     poses = f"the {count(images.n, 'displaced pose')} per setting"
     if always == n:
-        edges = "The measured edge meets" if n == 1 else f"All {n} measured edges meet"
-        return f"{edges} the image conditions from each of {poses}."
+        told = "The target meets" if n == 1 else f"All {n} targets meet"
+        return f"{told} the image conditions from each of {poses}."
     least = f"the image conditions from at least {min(counts)} of {poses}."
     if n == 1:
-        return f"The measured edge meets the image conditions from {counts[0]} of {poses}."
+        return f"The target meets the image conditions from {counts[0]} of {poses}."
     if not always:
-        return f"Each of {n} measured edges meets {least}"
+        return f"Each of {n} targets meets {least}"
     others = "Each of the others meets them from at least"
     if n - always == 1:
         others = "The other one meets them from"
     return (
-        f"{always} of {count(n, 'measured edge')} {'meets' if always == 1 else 'meet'} the image conditions "
+        f"{always} of {count(n, 'target')} {'meets' if always == 1 else 'meet'} the image conditions "
         f"from each of {poses}. {others} {min(counts)} of {images.n}."
     )
 

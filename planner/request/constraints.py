@@ -22,7 +22,7 @@ import numpy as np
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.detectability.conditions import NOT_ASKED, Detectability
-from planner.detectability.image_check import MOST_PX, ImageCheck, edges_of
+from planner.detectability.image_check import MOST_PX, ImageCheck, edges_of, scanned_in
 from planner.exceptions import RequestError
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve, probability_between
 from planner.request.image_constraints import (
@@ -262,10 +262,9 @@ class Constraints:
 
         Of many poses only what they miss matters, so lines that are far enough are not looked at.
         """
-        in_image = any(target.in_image for target in self.targets)
-        asked = self.requirements.showing if in_image else NOT_ASKED
+        asked = self.requirements.showing
         shows: dict[str, Any] = {}
-        if asked.min_corner_deg > 0:
+        if asked.min_corner_deg > 0 and any(target.in_image for target in self.targets):
             shows["corner_deg"] = lambda pose: self._shown("corner_deg", pose)[..., None]
         if asked.separation_px > 0:
             shows["separation_px"] = lambda pose: self._shown(
@@ -305,7 +304,13 @@ class Constraints:
             edges_of(self.space, target.name) if target.in_image else None
             for target in self.targets
         ]
-        return ImageCheck(self.space.solid, edge_ids, self.ends, self.camera, showing)
+        scanned = [
+            ()
+            if target.in_image
+            else scanned_in(self.space, target.name, target.measurand.geometry)
+            for target in self.targets
+        ]
+        return ImageCheck(self.space.solid, edge_ids, self.ends, self.camera, showing, scanned)
 
     @property
     def shows(self) -> tuple[str, ...]:

@@ -129,7 +129,7 @@ class DisplacedChecks:
         found["visibility"] = visible
         shown = np.ones_like(hopeful)
         if constraints.shows:
-            wanted = hopeful & visible & [target.in_image for target in self._targets]
+            wanted = hopeful & visible
             shown = constraints.image.shown(cam2world, wanted) | ~wanted
         found["image"] = shown
         return found

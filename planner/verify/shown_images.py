@@ -1,4 +1,4 @@
-"""In how many images of displaced cameras the edges of a plan meet the conditions for showing that it was made with.
+"""In how many images of displaced cameras targets of a plan meet the conditions for showing that it was made with.
 
 A plan meets the conditions for showing at its planned poses. This counts how often they are met from displaced poses,
 too: a line that is 5 px away in the planned image may be 4 px away in a real one.
@@ -6,18 +6,22 @@ too: a line that is 5 px away in the planned image may be 4 px away in a real on
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from errors.measurands.geometry import Geometry, Line
+from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.image_check import ImageCheck
+from planner.detectability.scanned import Scanned
 from planner.exceptions import RequestError
 from planner.progress import Progress, report
 from planner.verify.simulate_setting import displaced_poses
 from planner.verify.simulated import Planned
+from planner.wanted.planned import PlannedLength, PlannedTarget, targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -28,12 +32,12 @@ MOST_POSES = 200
 
 @dataclass(frozen=True)
 class ShownImages:
-    """How often edges meet the conditions for showing.
+    """How often targets meet the conditions for showing.
 
     Attributes
     ----------
     counts : tuple of dict of str to int
-        Per setting, in how many images each edge does; what is no edge is not counted.
+        Per setting, in how many images each target does.
     n : int
         Images, that is displaced poses, per setting.
     """
@@ -97,33 +101,67 @@ def count_shown(
         If the part lacks an edge of the plan.
     """
     asked = {name: plan.requirements.get(name, 0.0) for name in ("separation_px", "min_corner_deg")}
+    edges_only = asked["separation_px"] == 0.0
     measured = [
-        [name for name in one.entities if plan.targets[name].in_image] for one in plan.settings
+        [name for name in one.entities if plan.targets[name].in_image or not edges_only]
+        for one in plan.settings
     ]
     if not any(asked.values()) or not any(measured):
         return None
-    names = sorted({name for own in measured for name in own})
-    ends = np.array([plan.targets[name].points for name in names], dtype=np.float64)
     showing = Detectability(asked["separation_px"], 0.0, asked["min_corner_deg"])
-    image = ImageCheck(solid, _edges_of(solid, names, ends), ends, plan.camera, showing)
     counts = []
     n = min(n, MOST_POSES)
     for k, (setting, own) in enumerate(zip(plan.settings, measured, strict=True)):
         rng = np.random.default_rng(None if seed is None else [seed, k, 1])
         poses = displaced_poses(np.asarray(setting.cam2world), plan.pose_uncertainty, n, rng)
-        wanted = np.broadcast_to(np.isin(names, own), (n, len(names)))
-        found = image.shown(poses, wanted).sum(axis=0)
-        counts.append({name: int(found[names.index(name)]) for name in own})
+        image = _image_check(solid, targets_of(plan.targets, setting), own, plan.camera, showing)
+        found = image.shown(poses, np.ones((n, len(own)), bool)).sum(axis=0)
+        counts.append(dict(zip(own, found.tolist(), strict=True)))
         report(progress, k + 1, len(plan.settings), "displaced images")
     return ShownImages(tuple(counts), n)
 
 
-def _edges_of(solid: Solid, names: list[str], ends: np.ndarray) -> list[tuple[int, ...]]:
+def _image_check(
+    solid: Solid,
+    targets: Mapping[str, PlannedTarget],
+    names: list[str],
+    camera: Camera,
+    showing: Detectability,
+) -> ImageCheck:
+    """Return a check of what targets of a plan need in an image."""
+    edge_ids: list[tuple[int, ...] | None] = []
+    ends = np.zeros((len(names), 2, 3))
+    scanned: list[list[Scanned]] = []
+    for k, name in enumerate(names):
+        target = targets[name]
+        if isinstance(target, PlannedLength):
+            ends[k] = target.ends
+            edge_ids.append(_edges_of(solid, [target.ends]))
+            scanned.append([])
+        else:
+            edge_ids.append(None)
+            scanned.append(
+                [
+                    Scanned.of(_edges_of(solid, _names_of(entity, geometry)), geometry)
+                    for entity, geometry in zip(target.entities, target.geometry, strict=True)
+                ]
+            )
+    return ImageCheck(solid, edge_ids, ends, camera, showing, scanned)
+
+
+def _names_of(entity: str, geometry: Geometry) -> list[Any]:
+    """Return what may name an entity: its id, or the ends of an edge that was given by them."""
+    return [entity, (geometry.p, geometry.q)] if isinstance(geometry, Line) else [entity]
+
+
+def _edges_of(solid: Solid, names: Sequence[Any]) -> tuple[int, ...]:
+    """Return the edges of an entity, by the first of its names that the part knows."""
     from aspectgraph import resolve_entities
     from aspectgraph.exceptions import EntityError
 
-    try:
-        found = resolve_entities(solid, dict(zip(names, ends, strict=True)))
-    except EntityError as error:
-        raise RequestError(f"solid must be the plan's part. {error}") from error
-    return [tuple(found[name].edge_ids) for name in names]
+    for name in names:
+        try:
+            return tuple(resolve_entities(solid, {"entity": name})["entity"].edge_ids)
+        except EntityError as error:
+            unknown = error
+    raise RequestError(f"solid must be the plan's part. {unknown}") from unknown

@@ -1,5 +1,7 @@
 """A setting is moved off its limits as far as nothing is measured less often from there."""
 
+import itertools
+
 import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
@@ -27,17 +29,18 @@ MIDDLE = look_at([[60.0, 0.0, 460.0]], [60.0, 0.0, 60.0])[0]
 
 def moved_to(furthest_mm, monkeypatch, better=(MIDDLE,)):
     """Move the setting where poses farther from it than so much measure less often."""
-    poses = iter(better)
+    poses = itertools.chain(better, itertools.repeat(START))
     monkeypatch.setattr(centre_column, "centred", lambda *arguments: next(poses))
 
-    def loses(judge, before, after, seed, give_up):
-        way = np.linalg.norm(after.cam2world[:3, 3] - before.cam2world[:3, 3])
-        return bool(way > furthest_mm)
+    def losses(judge, before, seed, give_up):
+        def is_far(after):
+            return bool(np.linalg.norm((after.cam2world - before.cam2world)[:3, 3]) > furthest_mm)
 
-    monkeypatch.setattr(centre_column, "_loses", loses)
+        return is_far
+
+    monkeypatch.setattr(centre_column, "_Losses", losses)
     given = setting_at(REQUEST, START, (NAME,), "given")
-    effort = Centring(steps=(0.02,) * len(better))
-    return centre_setting(Shared(Judge(REQUEST, Effort())), given, 0, 1000, effort)
+    return centre_setting(Shared(Judge(REQUEST, Effort())), given, 0, 1000, Centring())
 
 
 @pytest.mark.parametrize(
@@ -52,7 +55,8 @@ def test_it_goes_as_far_as_nothing_is_lost(furthest_mm, way_mm, monkeypatch):
     assert set(setting.p_all) == {NAME}
 
 
-def test_a_shorter_search_comes_before_a_part_of_the_way(monkeypatch):
-    near = look_at([[130.0, 0.0, 460.0]], [130.0, 0.0, 60.0])[0]
-    setting = moved_to(40, monkeypatch, (MIDDLE, near))
-    assert np.array_equal(setting.cam2world, near)
+@pytest.mark.parametrize(("furthest_mm", "way_mm"), [(15, 12.5), (10, 8.0), (5, 0.0)])
+def test_a_search_nearby_comes_last(furthest_mm, way_mm, monkeypatch):
+    near = look_at([[152.0, 0.0, 460.0]], [152.0, 0.0, 60.0])[0]
+    setting = moved_to(furthest_mm, monkeypatch, (MIDDLE, near))
+    assert START[0, 3] - setting.cam2world[0, 3] == pytest.approx(way_mm)

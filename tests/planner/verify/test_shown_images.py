@@ -107,10 +107,10 @@ def test_the_plan_keeps_and_tells_it():
     assert (WarningKind.UNSHOWN, told) in row.warnings
     assert unshown_texts(found.simulation.shown, 0) == [f"top front: {told}"]
     assert shown_sentence(found.simulation.shown).endswith(
-        f"The measured edge meets the image conditions from {n} of the 200 displaced poses per setting."
+        f"The target meets the image conditions from {n} of the 200 displaced poses per setting."
     )
     assert shown_sentence(ShownImages(({"a": 200}, {"b": 200}), 200)).endswith(
-        "All 2 measured edges meet the image conditions from each of the 200 displaced poses per setting."
+        "All 2 targets meet the image conditions from each of the 200 displaced poses per setting."
     )
     assert shown_sentence(None) == ""
 
