@@ -2,8 +2,8 @@
 
 ``python benchmarks/planning/anytime.py [--parts ctc01 ...] [--limit 300] [--csv FILE]``
 
-The notebook comparisons shows such a file. The constraints are the paper's, or those that plan_inspection has by
-default (parts whose name ends with "-default"): these also ask for separation and corners, and keep a reserve of focus.
+The notebook comparisons shows such a file. The constraints are those that plan_inspection has by default (parts whose
+name ends with "-default"), or these without separation, corners and surroundings, as in the paper.
 The rivals are those of `planners`; all are given the visible regions, whose seconds are printed apart, and all run in
 one process, so every clock starts when the regions are there. A rival has one point, at its end.
 
@@ -30,7 +30,7 @@ import csv
 import os
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import astuple, dataclass
 from multiprocessing import get_context
@@ -75,7 +75,7 @@ class Case:
     def options(self, **changes: Any) -> InspectionOptions:
         """Return the options of plan_inspection for it."""
         if not self.by_default:
-            changes = {"showing": NOT_ASKED, "focus_margin_mm": 0.0, **changes}
+            changes = {"showing": NOT_ASKED, **changes}
         return InspectionOptions(**changes)
 
 
@@ -225,7 +225,7 @@ def stored(path: Path, part: str) -> dict[str, Point]:
 
 
 def measure(
-    name: str, folder: Path, limit_s: float | None, rivals: Path | None
+    name: str, folder: Path, limit_s: float | None, rivals: Path | None, without: Sequence[str]
 ) -> list[tuple[str, Point]]:
     """Print the table of a case; return planners and points."""
     known = stored(rivals, name) if rivals else {}
@@ -243,7 +243,7 @@ def measure(
         print(_row("plan_inspection", point), flush=True)
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"  memory {used:.0f} MB", flush=True)
-    for other in PLANNERS:
+    for other in (one for one in PLANNERS if one not in without):
         point = known[other] if other in known else rival(judge, other)
         late = ahead_s(point, ours)
         print(
@@ -294,6 +294,7 @@ def main() -> None:
     parser.add_argument(
         "--rivals", type=Path, help="take the rivals from this file, of an earlier run"
     )
+    parser.add_argument("--without", nargs="+", choices=list(PLANNERS), default=())
     parser.add_argument("--csv", default=os.devnull, help="write every point to this file")
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -307,7 +308,8 @@ def main() -> None:
                 print(f"\n{name}: {CASES[name].part} is not there")
                 continue
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
-                rows = alone.submit(measure, name, given.folder, given.limit, given.rivals).result()
+                options = given.limit, given.rivals, given.without
+                rows = alone.submit(measure, name, given.folder, *options).result()
             for planner, point in rows:
                 writer.writerow(
                     [name, planner, f"{point.seconds:.3f}", *astuple(point)[1:4], point.bound or ""]
