@@ -124,7 +124,8 @@ class Callbacks:
     on_best : callable, optional
         ``on_best(plan)`` gets the best `InspectionPlan` so far whenever it, or its bound, is better.
     on_bound : callable, optional
-        ``on_bound(bound)`` gets every number of settings that is proven to be needed.
+        ``on_bound(bound, weights)`` gets every number of settings that is proven to be needed, and the weights of
+        targets that prove it, or None; see `planner.bound.proven.ProvenBound`.
     progress : callable, optional
         ``progress(done, total, label)``.
     deadline : Deadline
@@ -133,7 +134,7 @@ class Callbacks:
 
     on_stage: Callable[[str], object] | None = None
     on_best: Callable[[Any], object] | None = None
-    on_bound: Callable[[int], object] | None = None
+    on_bound: Callable[[int, Any], object] | None = None
     progress: Progress | None = None
     deadline: Deadline = field(default_factory=Deadline)
 
@@ -167,10 +168,10 @@ class Callbacks:
         if self.on_best is not None:
             self.on_best(plan)
 
-    def bound(self, bound: int) -> None:
-        """Pass on that at least this many settings are needed."""
+    def bound(self, bound: int, weights: Any = None) -> None:
+        """Pass on that at least this many settings are needed, and the weights of targets that prove it."""
         if self.on_bound is not None:
-            self.on_bound(bound)
+            self.on_bound(bound, weights)
 
 
 NOBODY = Callbacks()

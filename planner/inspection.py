@@ -312,7 +312,7 @@ def plan_by_options(
         try:
             memo.finish(run_stages(run, incumbents, lighting))
         except TimeIsUpError:
-            ended = settle_early(run, incumbents.latest)
+            ended = settle_early(run, incumbents.latest, incumbents.proven)
             incumbents.publish(ended)
             return completed(_lit(ended, solid, lighting))
         finally:

@@ -111,6 +111,8 @@ class _Course:
     undecided : bool
         More boxes would not decide.
     parts : _Parts
+    weights : array (e,) or None
+        Weights that prove the bound, of which no pose weighs more than 1; None if these did not.
     """
 
     bound: int
@@ -121,6 +123,7 @@ class _Course:
     allowed: float
     undecided: bool
     parts: _Parts
+    weights: NDArray[np.float64] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields, for `from_dict`; the arrays do not change any more."""
@@ -154,6 +157,8 @@ class LinearBound:
     ----------
     made : int
         Boxes of poses looked at.
+    weights : array (e,) or None
+        Weights that prove what was raised, of which no pose weighs more than 1.
     found : array of bool (f, e)
         What the poses found inspect, by the necessary conditions, or might inspect where that is hard to tell.
     """
@@ -174,6 +179,7 @@ class LinearBound:
         self.callbacks = callbacks
         self.columns = np.asarray(columns, dtype=bool)
         self.found = self.columns[:0]
+        self.weights: NDArray[np.float64] | None = None
         self.made = 0
         self._poses: list[NDArray[np.float64]] = []
         # of a sweep that was interrupted, what came out of its first parts
@@ -211,8 +217,10 @@ class LinearBound:
             if len(sets):
                 self._make_room(at, sets)
             elif parts.proven.all():
+                if at.target > at.bound:
+                    at.weights = at.y / at.limit
                 at.bound = max(at.bound, at.target)
-                self.callbacks.bound(at.bound)
+                self.callbacks.bound(at.bound, at.weights)
                 parts.renew()
                 at.target = min(at.bound + 1, n_settings)
                 at.allowed = aiming.share_of_next * max_nodes
@@ -222,6 +230,7 @@ class LinearBound:
                 # boxes too small to be halved: more of them would not decide
                 at.undecided = not (outcomes == SPENT).any() and not parts.waits.any()
         self._improve()
+        self.weights = at.weights
         return at.bound
 
     def _start(self, bound: int, n_settings: int, max_nodes: int) -> _Course:

@@ -67,7 +67,7 @@ def lower_bound(
     checkpoint: Checkpoint | None = None,
     executor: Executor | None = None,
     callbacks: Callbacks = NOBODY,
-) -> tuple[int, str]:
+) -> tuple[int, str, NDArray[np.float64] | None]:
     """Prove how many settings are needed at least.
 
     Parameters
@@ -96,12 +96,12 @@ def lower_bound(
         No plan for these entities has fewer settings.
     proof : str
         What it rests on, in one sentence.
+    weights : array (e,) or None
+        Weights of the entities of which no pose inspects more than 1 together, where such weights prove it.
     """
     if n_settings <= 1:
-        return (
-            n_settings,
-            "Fewer settings than one inspect nothing." if n_settings else "No entity is inspected.",
-        )
+        one = "Fewer settings than one inspect nothing."
+        return n_settings, one if n_settings else "No entity is inspected.", None
     checkpoint = checkpoint or Checkpoint()
     witnesses = WitnessSets.of(request)
     single = request.single
@@ -121,11 +121,14 @@ def lower_bound(
         callbacks.bound(min(alone, n_settings))
         growing = _Growing(checkpoint, conflict)
         leaves = TargetLeaves(tree, witnesses)
-        proven = _by_covers(leaves, columns, (alone, n_settings), growing, effort, callbacks)
-        first = {"conflict": conflict, "bound": proven, "made": tree.made, "alone": alone}
+        proven, weights = _by_covers(
+            leaves, columns, (alone, n_settings), growing, effort, callbacks
+        )
+        first = {"conflict": conflict, "weights": weights, "bound": proven}
+        first |= {"made": tree.made, "alone": alone}
     checkpoint.put("covers", first)
     checkpoint.put(_GROWING, None)
-    callbacks.bound(first["bound"])
+    callbacks.bound(first["bound"], first["weights"])
     conflict = witnesses.one_each(first["conflict"])
     space = PoseSpace(single, entity_idx, regions, conflict, effort, witnesses)
     linear = LinearBound(space, columns, improve, checkpoint, callbacks, effort)
@@ -133,9 +136,10 @@ def lower_bound(
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes)
     callbacks.report(effort.bound_nodes, effort.bound_nodes, "lower bound")
     if bound <= first["alone"]:
-        return bound, exclusion_proof(request, bound)
+        return bound, exclusion_proof(request, bound), None
     apart = int(witnesses.targets_apart(first["conflict"]).sum()) // 2
-    return bound, _proof(first["made"] + linear.made, apart, _items(request))
+    weights = first["weights"] if bound == first["bound"] else linear.weights
+    return bound, _proof(first["made"] + linear.made, apart, _items(request)), weights
 
 
 def exclusive_entities(
@@ -200,10 +204,11 @@ def _by_covers(
     growing: _Growing,
     effort: Effort,
     callbacks: Callbacks,
-) -> int:
+) -> tuple[int, NDArray[np.float64] | None]:
     """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it.
 
-    ``between`` is the bound that is proven already, and the one that is aimed at in the end.
+    ``between`` is the bound that is proven already, and the one that is aimed at in the end. Returned are also weights
+    that prove it, if there are some: what a search of covers proves, weights may not.
     """
     covering = effort.bound.covering
     max_nodes = effort.bound_nodes
@@ -215,13 +220,12 @@ def _by_covers(
         growing.tell(tree, weights, target, rounds)
         rounds += 1
         sets_first = rounds <= covering.cover_rounds or rounds % covering.rounds_per_cover == 0
-        heavy = (
-            _to_split(tree, weights.solve(tree.sets), target, covering)
-            if sets_first
-            else _above(tree, guide, target, covering)
-        )
+        y = weights.solve(tree.sets) if sets_first else guide
+        find = _to_split if sets_first else _above
+        heavy = find(tree, y, target, covering)
         if heavy is None:
-            callbacks.bound(target)
+            weights.proving = _proving(y, target, sets_first)
+            callbacks.bound(target, weights.proving)
             target = target + 1
             rounds = 0
             continue
@@ -229,7 +233,19 @@ def _by_covers(
             break
         tree.split(heavy, sets_first)
         callbacks.report(min(tree.made, max_nodes), max_nodes, "lower bound")
-    return min(target - 1, n_settings)
+    return min(target - 1, n_settings), weights.proving
+
+
+def _proving(y: NDArray[np.float64], target: int, sets_first: bool) -> NDArray[np.float64] | None:
+    """Return weights of which no leaf has more than 1, if it was weights that proved so many settings."""
+    if not sets_first:
+        return y / _limit(y, target)
+    return y if float(y.sum()) > target - 1 + _SLACK else None
+
+
+def _limit(y: NDArray[np.float64], target: int) -> float:
+    """Return what no leaf may weigh for weights to prove so many settings."""
+    return float(y.sum()) / (target - 1) - _SLACK
 
 
 class _Growing:
@@ -249,7 +265,8 @@ class _Growing:
     def tell(self, tree: TargetLeaves, weights: _Weights, target: int, rounds: int) -> None:
         """Tell where a round begins."""
         rest = {"tree": tree.to_dict(), "rows": weights.rows, "target": target, "rounds": rounds}
-        self._checkpoint.put(_GROWING, {"conflict": self._conflict, **rest})
+        kept = {"conflict": self._conflict, "proving": weights.proving}
+        self._checkpoint.put(_GROWING, {**kept, **rest})
 
     def resume(self, tree: TargetLeaves, weights: _Weights) -> tuple[int, int] | None:
         """Return the number of settings aimed at, and the rounds done, if this was told before."""
@@ -258,6 +275,7 @@ class _Growing:
             return None
         tree.regrow(grown["tree"])
         weights.rows = grown["rows"]
+        weights.proving = grown["proving"]
         return grown["target"], grown["rounds"]
 
 
@@ -312,7 +330,7 @@ def _above(
     tree: TargetLeaves, y: NDArray[np.float64], target: int, covering: TreeGrowth
 ) -> NDArray[np.int_] | None:
     """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
-    limit = float(y.sum()) / (target - 1) - _SLACK
+    limit = _limit(y, target)
     nodes = np.flatnonzero(tree.sets @ y > limit)
     weight = tree.weights(nodes, y)
     nodes = nodes[weight > limit]
@@ -336,6 +354,8 @@ class _Weights:
         self._generation = generation
         self._columns = columns[distinct_rows(columns)[0]]
         self.rows = self._columns[:0]
+        # those that prove the present bound, if it is weights that prove it
+        self.proving: NDArray[np.float64] | None = None
 
     def solve(self, sets: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the weights y (e,) of largest sum such that no leaf and no known column weighs more than 1."""

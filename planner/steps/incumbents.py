@@ -8,12 +8,14 @@ that is watched ends with the same plan as one that is not.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.bound.lower_bound import exclusion_proof
+from planner.bound.proven import ProvenBound
 from planner.callbacks import LEAST_SEARCH_S, Callbacks
 from planner.columns.candidates import first_poses
 from planner.columns.judge import Judgement
@@ -27,7 +29,7 @@ from planner.steps.supported_columns import SupportedColumns
 # between two offers on the way, in times of how long one takes
 _OFFERS_APART = 4.0
 _TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
-_SO_FAR = (
+SO_FAR = (
     "Covering by optimistic columns, boxes of camera poses checked against necessary conditions (visibility, focus, "
     "sensor size, length of the image), as far as the proof had got."
 )
@@ -51,8 +53,8 @@ class Incumbents:
     def __init__(self, callbacks: Callbacks):
         self.best: InspectionPlan | None = None
         self._callbacks = callbacks
-        # of which entities how many settings are proven, by what
-        self._proofs: dict[str, tuple[int, NDArray[np.bool_]]] = {}
+        # the best one of each kind
+        self._proofs: dict[str, ProvenBound] = {}
         self._columns = SupportedColumns()
         self._offer_again = time.monotonic() + LEAST_SEARCH_S
 
@@ -111,19 +113,17 @@ class Incumbents:
             run, pool, (0, 0) if self.best is None else _worth(self.best), covers
         )
         if cover:
-            bound, proof = self._proven(run, cover)
+            bound, proof = self.proven(run, cover)
             plan = assembled(run, cover, bound, proof, unfinished=True)
             if self.best is None or _worth(plan) > _worth(self.best):
                 self.publish(plan)
 
-    def on_bound(
-        self, run: Run, bound: int, inspected: NDArray[np.bool_], proof: str = _SO_FAR
-    ) -> None:
-        """Take in a bound that was proven for some entities (k,)."""
-        self._callbacks.bound(bound)
-        self._proofs[proof] = bound, inspected
+    def on_bound(self, run: Run, proven: ProvenBound) -> None:
+        """Take in a bound that was proven for some entities."""
+        self._callbacks.bound(proven.n, proven.weights)
+        self._proofs[proven.proof] = proven
         if self.best is not None:
-            known, proof = self._proven(run, self.best.settings)
+            known, proof = self.proven(run, self.best.settings)
             if known > self.best.lower_bound:
                 self.publish(replace(self.best, lower_bound=known, bound_proof=proof))
 
@@ -133,7 +133,7 @@ class Incumbents:
         n = len(incompatible)
         if n > 1:
             seen = np.isin(run.names, incompatible)
-            self.on_bound(run, n, seen, exclusion_proof(run.request, n))
+            self.on_bound(run, ProvenBound(n, exclusion_proof(run.request, n), seen))
 
     @property
     def latest(self) -> InspectionPlan:
@@ -146,17 +146,13 @@ class Incumbents:
         self.best = plan
         self._callbacks.best(plan)
 
-    def _proven(
-        self, run: Run, settings: tuple[SensorSetting, ...] | list[SensorSetting]
-    ) -> tuple[int, str]:
+    def proven(self, run: Run, settings: Sequence[SensorSetting]) -> tuple[int, str]:
         """Return the bound that holds for what settings inspect, and what it rests on."""
         if not settings:
             return 0, "No entity is inspected."
         seen = np.isin(run.names, [name for setting in settings for name in setting.entities])
-        for_these = [
-            (bound, proof) for proof, (bound, some) in self._proofs.items() if seen[some].all()
-        ]
-        return max(for_these, default=(1, _TRIVIAL), key=lambda one: one[0])
+        for_these = [(one.for_some(seen), one.proof) for one in self._proofs.values()]
+        return max([(1, _TRIVIAL), *for_these], key=lambda one: one[0])
 
 
 def _worth(plan: InspectionPlan) -> tuple[int, int]:

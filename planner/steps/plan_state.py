@@ -43,6 +43,10 @@ class PlanState:
         Settings that are needed at least.
     proof : str
         What the bound rests on.
+    bound_of : array of bool (k,) or None
+        Targets that it was proven for.
+    bound_weights : array (k,) or None
+        Their weights, where such prove it; see `planner.bound.proven.ProvenBound`.
     plan : InspectionPlan or None
         The plan, without lamps at first.
     """
@@ -58,6 +62,8 @@ class PlanState:
     joined: int = 0
     bound: int = 0
     proof: str = ""
+    bound_of: NDArray[np.bool_] | None = None
+    bound_weights: NDArray[np.float64] | None = None
     plan: InspectionPlan | None = None
 
     @classmethod

@@ -8,18 +8,19 @@ from functools import cached_property
 import numpy as np
 
 from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
+from planner.bound.proven import ProvenBound, of_all
 from planner.columns.candidates import Pools, WarmStart, derive_seed, price_poses
 from planner.columns.judge import Judge
 from planner.cover.few_columns import few_columns
 from planner.executors import Shared
 from planner.request.request import Request
-from planner.steps.incumbents import Incumbents
+from planner.steps.incumbents import SO_FAR, Incumbents
 from planner.steps.plan_state import empty_pools
 from planner.steps.run import Run
 
 
-def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
-    """Prove a lower bound; return it, and what the proof rests on. Better plans and bounds are told on the way."""
+def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
+    """Prove a lower bound. Better plans and bounds are told on the way."""
     state = run.state
     inspected = _inspected(run)
     columns = ProofColumns(run)
@@ -30,8 +31,11 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
         incumbents.offer(run)
         return columns.membership[:, inspected]
 
-    def raised(bound: int) -> None:
-        incumbents.on_bound(run, bound, inspected)
+    def raised(bound: int, weights: np.ndarray | None) -> None:
+        incumbents.on_bound(run, ProvenBound(bound, SO_FAR, inspected, _of_all(weights)))
+
+    def _of_all(weights: np.ndarray | None) -> np.ndarray | None:
+        return None if weights is None else of_all(weights, inspected)
 
     checkpoint = run.checkpoint()
     proven = checkpoint.get("proven")
@@ -40,7 +44,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
     if not inspected[np.isin(run.names, state.incompatible)].all():
         alone = 0
     if proven is None and alone >= enough > 0:
-        proven = alone, exclusion_proof(run.request, alone)
+        proven = alone, exclusion_proof(run.request, alone), None
     if proven is None:
         proven = lower_bound(
             run.request.restricted_to(run.names_of(inspected)),
@@ -53,9 +57,12 @@ def prove_bound(run: Run, incumbents: Incumbents) -> tuple[int, str]:
             callbacks=replace(run.callbacks, on_bound=raised),
         )
         run.save({"proven": list(proven)})
-    bound, proof = proven if proven[0] >= alone else (alone, exclusion_proof(run.request, alone))
-    incumbents.on_bound(run, bound, inspected)
-    return bound, proof
+    if proven[0] < alone:
+        proven = alone, exclusion_proof(run.request, alone), None
+    bound, proof, weights = proven
+    found = ProvenBound(bound, proof, inspected, _of_all(weights))
+    incumbents.on_bound(run, found)
+    return found
 
 
 def _inspected(run: Run) -> np.ndarray:

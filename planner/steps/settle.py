@@ -5,7 +5,7 @@ That pose is moved off its limits, and what it promises is counted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,6 +27,8 @@ from planner.steps.retry import Centre, ShortTargets
 from planner.steps.run import Run
 from planner.verify.p_all import MOST_REQUIRED
 
+Proven = Callable[[Run, Sequence[SensorSetting]], tuple[int, str]]
+
 
 class Settled(NamedTuple):
     """The settings of the final cover.
@@ -41,13 +43,6 @@ class Settled(NamedTuple):
 
     settings: list[SensorSetting]
     lost: dict[str, Reason]
-
-    def bound(self, proven: int) -> int:
-        """Return what a bound for all targets of the cover proves of those that are left.
-
-        Every plan for them and one setting for each target lost is a plan for all, so it falls by their number.
-        """
-        return max(proven - len(self.lost), min(1, len(self.settings)))
 
 
 def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
@@ -93,7 +88,7 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
     return _without_short(run, centre(without_contradicted(run.judge, settings, run.seed)), centre)
 
 
-def settle_early(run: Run, plan: InspectionPlan) -> InspectionPlan:
+def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPlan:
     """Return a plan that a time limit ended with its settings moved off their limits, and what they promise.
 
     Parameters
@@ -102,16 +97,20 @@ def settle_early(run: Run, plan: InspectionPlan) -> InspectionPlan:
         Its request says what is asked.
     plan : InspectionPlan
         The best plan so far.
+    proven : callable
+        ``proven(run, settings)`` returns the bound for what settings inspect, and what it rests on.
     """
     moved = centre_all(run, plan.settings, run.effort.centring.shorter(), early=True)
     settled = _without_short(run, moved)
     settings = settled.settings
     if run.request.requirements.cell is not None:
         settings = in_order_of_arm(run.request, settings, unfinished=True)
+    bound, proof = proven(run, settings)
     return replace(
         plan,
         settings=tuple(settings),
-        lower_bound=settled.bound(plan.lower_bound),
+        lower_bound=bound,
+        bound_proof=proof,
         uninspectable={**plan.uninspectable, **settled.lost},
     )
 

@@ -10,6 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from planner.bound.proven import ProvenBound
 from planner.columns.realise_column import without_corners
 from planner.plan import InspectionPlan
 from planner.steps.assemble import assembled
@@ -93,7 +96,11 @@ def _weigh(state: PlanState, tools: Tools) -> None:
 
 
 def _prove_bound(state: PlanState, tools: Tools) -> None:
-    state.bound, state.proof = prove_bound(tools.run, tools.incumbents)
+    proven = prove_bound(tools.run, tools.incumbents)
+    state.bound = proven.n
+    state.proof = proven.proof
+    state.bound_of = proven.of
+    state.bound_weights = proven.weights
     # poses that the proof came across may inspect more
     state.inspected = state.pools.realised.inspected
 
@@ -107,7 +114,10 @@ def _settle(state: PlanState, tools: Tools) -> None:
     assert state.inspected is not None
     settled = settle(tools.run, state.inspected)
     state.uninspectable.update(settled.lost)
-    state.bound = settled.bound(state.bound)
+    kept = np.isin(tools.run.names, [n for one in settled.settings for n in one.entities])
+    assert state.bound_of is not None
+    proven = ProvenBound(state.bound, state.proof, state.bound_of, state.bound_weights)
+    state.bound = proven.for_some(kept)
     state.plan = assembled(tools.run, settled.settings, state.bound, state.proof)
 
 

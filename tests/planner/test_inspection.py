@@ -126,7 +126,7 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
 
     def proof(request, _, __, *, improve, **___):
         proofs.append(improve(random_poses(Judge(request), 300, seed=9)))
-        return 1, "by assumption"
+        return 1, "by assumption", None
 
     def stop(*_, **__):
         raise KeyboardInterrupt
@@ -156,7 +156,7 @@ def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_p
         if stops.pop():
             raise KeyboardInterrupt
         after.append((improve(random_poses(Judge(request), 40, seed=10)), seeds[-1]))
-        return 1, "by assumption"
+        return 1, "by assumption", None
 
     def price(shared, pools, seed, *arguments, **options):
         seeds.append(seed)
@@ -367,7 +367,7 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
     pool = ColumnPool(len(EDGES))
     judged = judge(poses)
     pool.add(judged.inspects, poses, judged.probability)
-    bound, _ = lower_bound(judge.request, 12, pool.membership, effort=Effort(bound_nodes=3000))
+    bound, _, _ = lower_bound(judge.request, 12, pool.membership, effort=Effort(bound_nodes=3000))
     assert bound == 2
 
 

@@ -129,7 +129,7 @@ def test_the_bound_never_exceeds_a_cover_that_is_known():
         inspects = judge(poses_of(judge, 60)).inspects
         columns = np.unique(inspects[inspects.any(axis=1)], axis=0)
         known = len(min_cover(columns).chosen)
-        bound, _ = lower_bound(judge.request, known, columns, effort=effort)
+        bound, _, _ = lower_bound(judge.request, known, columns, effort=effort)
         assert 1 <= bound <= known
         found[name] = known
     assert found["any"] <= found["alone"]

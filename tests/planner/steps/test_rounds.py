@@ -37,31 +37,35 @@ def unwatched():
 def test_what_excludes_each_other_is_a_bound_without_a_search(monkeypatch):
     """Of a plan of 4 settings 3 are proven so, and the search comes to 2, or to 4."""
     found = [2]
-    monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (found[0], "by search"))
+    monkeypatch.setattr(
+        prove_bound, "lower_bound", lambda *given, **how: (found[0], "by search", None)
+    )
     run = run_with(np.eye(4))
     run.state.incompatible = tuple(NAMES[:3])
-    bound, proof = prove_bound.prove_bound(run, unwatched())
-    assert bound == 3
-    assert proof.startswith("Of 3 edges no two can be inspected together")
+    found_bound = prove_bound.prove_bound(run, unwatched())
+    assert found_bound.n == 3
+    assert found_bound.proof.startswith("Of 3 edges no two can be inspected together")
     found[0] = 4
     run.save({})
-    assert prove_bound.prove_bound(run, unwatched()) == (4, "by search")
+    again = prove_bound.prove_bound(run, unwatched())
+    assert (again.n, again.proof) == (4, "by search")
 
 
 def test_where_that_is_all_there_is_to_prove_nothing_is_searched(monkeypatch):
     monkeypatch.setattr(prove_bound, "lower_bound", None)
     run = run_with(np.eye(4))
     run.state.incompatible = tuple(NAMES)
-    assert prove_bound.prove_bound(run, unwatched())[0] == 4
+    assert prove_bound.prove_bound(run, unwatched()).n == 4
     # what is resumed there knows it
-    assert prove_bound.prove_bound(run, unwatched())[0] == 4
+    assert prove_bound.prove_bound(run, unwatched()).n == 4
 
 
 def test_of_what_is_not_inspected_nothing_is_proven(monkeypatch):
-    monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (1, "by search"))
+    monkeypatch.setattr(prove_bound, "lower_bound", lambda *given, **how: (1, "by search", None))
     run = run_with([[1, 1, 0, 0], [0, 0, 1, 0]])
     run.state.incompatible = tuple(NAMES[1:])
-    assert prove_bound.prove_bound(run, unwatched()) == (1, "by search")
+    one = prove_bound.prove_bound(run, unwatched())
+    assert (one.n, one.proof) == (1, "by search")
 
 
 def test_a_checkpoint_tells_what_excludes_each_other():

@@ -9,7 +9,7 @@ from planner import Camera, PoseUncertainty, look_at
 from planner.request.request import Request
 from planner.setting.pose_setting import setting_at
 from planner.setting.reason import ReasonKind
-from planner.steps.settle import Settled, _without_short
+from planner.steps.settle import _without_short
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -51,14 +51,3 @@ def test_a_setting_keeps_what_is_stated_of_its_other_targets():
     ).settings
     assert kept.p_all == {second: 0.93}
     assert set(kept.probability) == {second}
-
-
-def test_the_bound_falls_by_the_targets_that_are_lost():
-    """With five settings proven for all, and two targets lost, three are proven for the rest."""
-    kept = [setting({NAMES[0]: 0.95})] * 3
-    lost = dict.fromkeys(NAMES[1:], "short")
-    assert Settled(kept, {}).bound(5) == 5
-    assert Settled(kept, lost).bound(5) == 3
-    # who is inspected needs a setting
-    assert Settled(kept, lost).bound(2) == 1
-    assert Settled([], lost).bound(2) == 0

@@ -117,7 +117,7 @@ def test_callbacks_pass_everything_on_and_end_the_work():
     heard = Callbacks(
         on_stage=lambda name: calls.append(("stage", name)),
         on_best=lambda found: calls.append(("best", found)),
-        on_bound=lambda bound: calls.append(("bound", bound)),
+        on_bound=lambda bound, weights: calls.append(("bound", bound)),
         progress=lambda done, total, label: calls.append((label, done, total)),
         deadline=Deadline(time_limit_s=1e-9),
     )
@@ -154,7 +154,9 @@ def test_every_stage_and_bound_is_passed_on(whole):
     resolved = resolve_request(SPACE.solid, SPACE.entities, CAMERA, UNCERTAINTY, promise, options)
     names = []
     bounds = []
-    callbacks = Callbacks(on_stage=names.append, on_bound=bounds.append)
+    callbacks = Callbacks(
+        on_stage=names.append, on_bound=lambda bound, weights: bounds.append(bound)
+    )
     request = _request(SPACE.solid, resolved, options, Deadline())
     memo = PlanningState(resolved.request.identity())
     run = Run(request, 0, options.effort, memo, callbacks=callbacks)
