@@ -117,7 +117,7 @@ class Detours:
             growing = trial % 2
             first = trees[growing]
             other = trees[1 - growing]
-            target = rng.uniform(*boxes[trial // 2 % 2])
+            target = _drawn(*boxes[trial // 2 % 2], rng)
             node = self._grown(first, target, greedy=False)
             if node is None:
                 continue
@@ -180,6 +180,14 @@ class Detours:
     def seconds(self, way: np.ndarray) -> float:
         """Return the time of a way (m, k) with a stop at each of its joints."""
         return float(move_times(way[:-1], way[1:], self.rates).sum())
+
+
+def _drawn(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return random joints (k,); one that cannot turn takes no random number."""
+    joints = low.copy()
+    turns = high > low
+    joints[turns] = rng.uniform(low[turns], high[turns])
+    return joints
 
 
 def _without_repeats(way: np.ndarray) -> np.ndarray:

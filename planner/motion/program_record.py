@@ -13,6 +13,8 @@ from planner.verify.simulate_setting import SuccessRate
 
 FORMAT = "aspectgraph robot program"
 VERSION = 1
+TURNTABLE = "turntable"
+"""Name of the column of its angle."""
 _UNITS = {"joints": "rad", "time": "s", "length": "mm", "flange": "tip to base"}
 
 
@@ -23,7 +25,8 @@ class Move:
     Attributes
     ----------
     joints : array (m, k)
-        Joints from start to end, rad: two rows, or more if the move is a detour.
+        Joints from start to end, rad: two rows, or more if the move is a detour. On a turntable its
+        angle is the last column.
     seconds : float
         Time of the whole move, with a stop at each row.
     """
@@ -130,6 +133,10 @@ class Stop:
         return found
 
 
+def _rates_dict(rates: JointRates) -> dict[str, Any]:
+    return {"speeds": rates.speeds.tolist(), "accelerations": rates.accelerations.tolist()}
+
+
 def _move_dict(move: Move) -> dict[str, Any]:
     return {"seconds": move.seconds, "joints": move.joints.tolist()}
 
@@ -146,11 +153,15 @@ class FixturedTour:
         In the order of the visits.
     back : Move
         From the last stop to home.
+    turntable : JointRates or None
+        Largest speed and acceleration (1,) of the turntable, where the part lies on one. Its angle
+        is the last joint of all rows, and 0 at home.
     """
 
     fixturing: str
     stops: tuple[Stop, ...]
     back: Move
+    turntable: JointRates | None = None
 
     @property
     def moves(self) -> tuple[Move, ...]:
@@ -169,6 +180,7 @@ class FixturedTour:
             "seconds": self.seconds,
             "stops": [stop.to_dict() for stop in self.stops],
             "back": _move_dict(self.back),
+            **({} if self.turntable is None else {"turntable": _rates_dict(self.turntable)}),
         }
 
 
@@ -250,6 +262,59 @@ class RobotProgram:
         return sum(tour.seconds for tour in self.tours)
 
     @property
+    def turns(self) -> bool:
+        """Whether a turntable turns in one of the rounds."""
+        return any(tour.turntable is not None for tour in self.tours)
+
+    def rates_of(self, tour: FixturedTour) -> JointRates:
+        """Return the rates of all columns of a round's joints.
+
+        Parameters
+        ----------
+        tour : FixturedTour
+            One of the rounds.
+
+        Returns
+        -------
+        JointRates
+            With those of the turntable behind those of the joints.
+        """
+        if tour.turntable is None:
+            return self.rates
+        both = zip(self.rates, tour.turntable, strict=True)
+        return JointRates(*(np.concatenate(pair) for pair in both))
+
+    def home_of(self, tour: FixturedTour) -> np.ndarray:
+        """Return the joints at which a round begins and ends.
+
+        Parameters
+        ----------
+        tour : FixturedTour
+            One of the rounds.
+
+        Returns
+        -------
+        array (k,)
+            With the angle 0 of the turntable behind the joints, rad.
+        """
+        return self.home if tour.turntable is None else np.append(self.home, 0.0)
+
+    def names_of(self, tour: FixturedTour) -> tuple[str, ...]:
+        """Return the names of all columns of a round's joints.
+
+        Parameters
+        ----------
+        tour : FixturedTour
+            One of the rounds.
+
+        Returns
+        -------
+        tuple of str
+            With ``turntable`` behind the joints where there is one.
+        """
+        return self.joint_names if tour.turntable is None else (*self.joint_names, TURNTABLE)
+
+    @property
     def complete(self) -> bool:
         """Whether every setting of the plan is visited."""
         return not self.unreached
@@ -272,10 +337,7 @@ class RobotProgram:
             "joint_names": list(self.joint_names),
             "home": self.home.tolist(),
             "speed": self.speed,
-            "rates": {
-                "speeds": self.rates.speeds.tolist(),
-                "accelerations": self.rates.accelerations.tolist(),
-            },
+            "rates": _rates_dict(self.rates),
             "keep_mm": self.keep_mm,
             "seconds": self.seconds,
             "coverage": list(self.coverage),

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from planner.argument_kinds import ABOVE_0_TO_1, check_count, check_kinds, check
 from planner.exceptions import InfeasibleError, RequestError
 from planner.identity.inspection_request import PartRecord
 from planner.motion.arm_uncertainty import ArmUncertainty
+from planner.motion.branch_choice import few_branches
 from planner.motion.checked_tour import TourChecker, straight_costs
 from planner.motion.detour import Detours
 from planner.motion.fixturing_choice import choose_fixturings
@@ -25,11 +27,12 @@ from planner.motion.tour import EXACT_UP_TO, shortest_tour
 from planner.motion.tour_search import quick_length
 from planner.progress import Progress, report
 from planner.records.json_file import encoded
+from planner.robot.reachability import reachability_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from planner.plan import InspectionPlan
-    from planner.robot import Cell
+    from planner.robot import Cell, Reachability
 
 # moves keep this share of the distances that poses keep: near a pose at the limit, none could start
 _KEPT_SHARE = 0.5
@@ -54,17 +57,17 @@ class FixturedArm:
 
     @property
     def lower(self) -> np.ndarray:
-        """Least joints (6,), rad."""
-        return self.cell.robot.lower
+        """Least joints (k,), rad."""
+        return self.cell.limits(self.fixturing)[0]
 
     @property
     def upper(self) -> np.ndarray:
-        """Largest joints (6,), rad."""
-        return self.cell.robot.upper
+        """Largest joints (k,), rad."""
+        return self.cell.limits(self.fixturing)[1]
 
     def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """Return which share of a turn (6,) is free to both sides of joints (n, 6): at most reach (n,)."""
-        return self.cell.in_fixturing(self.fixturing).free_shares(joints, turn, reach, _KEPT_SHARE)
+        """Return which share of a turn (k,) is free to both sides of joints (n, k): at most reach (n,)."""
+        return self.cell.free_shares(joints, turn, reach, _KEPT_SHARE, fixturing=self.fixturing)
 
 
 def robot_program(
@@ -230,37 +233,57 @@ class _ProgramMaker:
 
     def _reach(self, fixturing: str) -> list[_Reached]:
         """Return by which joints the settings are reached in a fixturing."""
-        poses = np.array([setting.cam2world for setting in self._plan.settings])
-        found = self._cell.reach(poses, fixturing, all_branches=True)
+        found = self._told.poses[fixturing]
+        branches = [self._near_home(one.branches) for one in found]
+        if self._cell.fixturings[fixturing].table is not None:
+            rates = self._rates_in(fixturing)
+            branches = few_branches(branches, self._home_in(fixturing), rates)
         return [
-            self._rated(k, self._near_home(one.branches), one.why, fixturing)
-            for k, one in enumerate(found)
+            self._rated(k, own, one.why, fixturing)
+            for k, (own, one) in enumerate(zip(branches, found, strict=True))
         ]
+
+    @cached_property
+    def _told(self) -> Reachability:
+        """By which joints the settings are reached with all their targets in sight."""
+        return reachability_of(self._cell, self._plan, all_branches=True)
+
+    def _rates_in(self, fixturing: str) -> JointRates:
+        return JointRates(*self._cell.rates(fixturing)).scaled(self._speed)
+
+    def _home_in(self, fixturing: str) -> np.ndarray:
+        """Return home, with the angle 0 of a turntable behind it."""
+        turned = self._cell.fixturings[fixturing].table is not None
+        return np.append(self._home, 0.0) if turned else self._home
 
     def _near_home(self, branches: np.ndarray) -> np.ndarray:
         """Return the same configurations, each joint at the full turn nearest to home: cables wind least."""
         robot = self._cell.robot
         whole = 2 * np.pi
-        turned = branches + whole * np.round((self._home - branches) / whole)
+        joints = branches[:, : len(self._home)]
+        turned = joints + whole * np.round((self._home - joints) / whole)
         turned = np.where(turned > robot.upper, turned - whole, turned)
         turned = np.where(turned < robot.lower, turned + whole, turned)
         within = (turned >= robot.lower) & (turned <= robot.upper)
-        return np.where(within, turned, branches)
+        near = np.where(within, turned, joints)
+        return np.concatenate([near, branches[:, len(self._home) :]], axis=1)
 
     def _rated(self, k: int, branches: np.ndarray, why: str, fixturing: str) -> _Reached:
         if self._uncertainty is None or not len(branches):
             return _Reached(branches, why, None, (), np.zeros(len(branches)))
         cell = self._cell
-        covariances = self._uncertainty.covariances(
-            cell.robot, branches, cell.cam2flange, cell.fixturings[fixturing].part2base
-        )
+        own = branches[:, : len(self._home)]
+        angles = branches[:, len(self._home) :].sum(axis=1).tolist()
+        parts = np.array([cell.part2base(fixturing, angle) for angle in angles])
+        covariances = self._uncertainty.covariances(cell.robot, own, cell.cam2flange, parts)
         stated = stated_probabilities(self._plan, self._plan.settings[k], covariances)
         return _Reached(branches, why, covariances, stated, shortfalls(stated))
 
     def _seconds(self, f: int, settings: tuple[int, ...]) -> float:
         """Return about the time of a round of straight moves."""
+        name = self._names[f]
         branches = [self._reached[f][k].branches for k in settings]
-        costs = straight_costs(self._home, branches, self._rates)
+        costs = straight_costs(self._home_in(name), branches, self._rates_in(name))
         return shortest_tour(costs).seconds if len(settings) <= EXACT_UP_TO else quick_length(costs)
 
     def _why_not(self, k: int) -> str:
@@ -274,17 +297,24 @@ class _ProgramMaker:
         name = self._names[f]
         reached = [self._reached[f][k] for k in settings]
         branches = [one.branches for one in reached]
-        detours = Detours(FixturedArm(self._cell, name), self._rates)
+        home = self._home_in(name)
+        detours = Detours(FixturedArm(self._cell, name), self._rates_in(name))
         penalties = self._penalties(reached, self._seconds(f, tuple(settings)))
-        tour = TourChecker(detours, self._home, branches, penalties, self._seed).run()
+        tour = TourChecker(detours, home, branches, penalties, self._seed).run()
         for i in tour.dropped:
             unreached[settings[i]] = f"{name}: no way without collision was found"
         stops = tuple(
             self._stop(f, settings[i], branch, move)
             for i, branch, move in zip(tour.order, tour.branches, tour.moves[:-1], strict=True)
         )
-        back = tour.moves[-1] if stops else Move(np.array([self._home, self._home]), 0.0)
-        return FixturedTour(name, stops, back)
+        back = tour.moves[-1] if stops else Move(np.array([home, home]), 0.0)
+        return FixturedTour(name, stops, back, self._table_rates(name))
+
+    def _table_rates(self, fixturing: str) -> JointRates | None:
+        rates = self._rates_in(fixturing)
+        n = len(self._home)
+        turned = len(rates.speeds) > n
+        return JointRates(rates.speeds[n:], rates.accelerations[n:]) if turned else None
 
     def _penalties(self, reached: Sequence[_Reached], seconds: float) -> np.ndarray:
         """Return seconds (n, b) for branches with a smaller P; all of a round add up to 5 % of its time."""
@@ -300,13 +330,14 @@ class _ProgramMaker:
         joints = reached.branches[branch]
         closest = self._cell.clearance(joints, name)
         robot = self._cell.robot
+        own = joints[: len(self._home)]
         state = ArmState(
             closest.mm,
             (closest.first, closest.second),
-            float(robot.to_limit_rad(joints[None])[0]),
-            float(robot.singular_value(joints[None])[0]),
+            float(robot.to_limit_rad(own[None])[0]),
+            float(robot.singular_value(own[None])[0]),
         )
-        flange = robot.forward(joints)
+        flange = robot.forward(own)
         if reached.covariances is None:
             return Stop(k, move, state, flange)
         covariance = reached.covariances[branch]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 # a part of more triangles is drawn as its convex hull: the figure shows the arm
 _MOST_TRIANGLES = 4000
+_N_JOINTS = 6
 _ARM = "#e0862b"
 _CAMERA = "#26547c"
 _PART = "#9aa7b5"
@@ -35,7 +36,7 @@ class Stand(NamedTuple):
     fixturing : str
         Which way the part lies.
     joints : tuple of float
-        Six, rad.
+        Six, rad, and behind them the angle of a turntable if there is one.
     """
 
     label: str
@@ -52,7 +53,7 @@ def stands_of(plan: InspectionPlan) -> list[Stand]:
         The plan.
     """
     return [
-        Stand(f"setting {k}", setting.fixturing, setting.joints)
+        Stand(f"setting {k}", setting.fixturing, setting.axes)
         for k, setting in enumerate(plan.settings, start=1)
         if setting.fixturing and setting.joints
     ]
@@ -80,16 +81,17 @@ def arm_figure(stands: Sequence[Stand], solid: Solid, cell: Cell) -> go.Figure:
     shown: list[set[int]] = []
     moving = []
     for number, stand in enumerate(stands):
-        shapes = cell.in_fixturing(stand.fixturing).shapes(np.asarray(stand.joints))
+        shapes = cell.shapes(np.asarray(stand.joints), stand.fixturing)
         moving += [corners for _, is_moving, corners, _ in shapes if is_moving]
         own = _traces(shapes, visible=number == 0)
         traces += own
         shown += [{number}] * len(own)
-    for name in dict.fromkeys(stand.fixturing for stand in stands):
-        part2base = cell.fixturings[name].part2base
+    lies = [(stand.fixturing, sum(stand.joints[_N_JOINTS:])) for stand in stands]
+    for name, angle in dict.fromkeys(lies):
+        part2base = cell.part2base(name, angle)
         part = np.asarray(solid.vertices) @ part2base[:3, :3].T + part2base[:3, 3]
         moving.append(part)
-        own_stands = {k for k, stand in enumerate(stands) if stand.fixturing == name}
+        own_stands = {k for k, one in enumerate(lies) if one == (name, angle)}
         traces.append(_part_trace(part, solid, visible=0 in own_stands))
         shown.append(own_stands)
     figure = scene_figure(traces, eye=(1.5, 1.5, 0.9))

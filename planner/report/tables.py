@@ -217,10 +217,14 @@ def arm(plan: InspectionPlan) -> str:
     if not plan.cell:
         return ""
     body = []
+    turns = any(setting.angle_deg is not None for setting in plan.settings)
     for k, setting in enumerate(plan.settings, start=1):
         if not setting.fixturing:
             continue
         cells = [f"<td>{escape(setting.fixturing)}</td>"]
+        if turns:
+            angle = "" if setting.angle_deg is None else f"{setting.angle_deg:g}"
+            cells.append(f"<td class=n>{angle}</td>")
         cells += [f"<td class=n>{np.degrees(angle) + 0.0:.2f}</td>" for angle in setting.joints]
         cells.append(f"<td class=n>{setting.arm['clearance_robot_mm']:.1f}</td>")
         cells.append(f"<td>{escape(setting.arm.get('closest', ''))}</td>")
@@ -228,8 +232,9 @@ def arm(plan: InspectionPlan) -> str:
         cells.append(f"<td class=n>{setting.arm['singular_value']:.2f}</td>")
         body.append(f"<tr><td>{setting_link(k)}</td>{''.join(cells)}</tr>")
     joints = "".join(f'<th class="n">Joint {k} (°)</th>' for k in range(1, 7))
+    table = "<th class=n>Turntable (°)</th>" if turns else ""
     head = (
-        f"<th>Setting</th><th>Part lies</th>{joints}<th class=n>Clearance (mm)</th><th>between</th>"
+        f"<th>Setting</th><th>Part lies</th>{table}{joints}<th class=n>Clearance (mm)</th><th>between</th>"
         "<th class=n>To limit (°)</th><th class=n>Singular value</th>"
     )
     return (

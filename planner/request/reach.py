@@ -57,8 +57,8 @@ class PoseRegion(Protocol):
     def placed(self, cam2world: np.ndarray, segments: np.ndarray) -> dict[str, Any]:
         """Return how the arm stands at a pose (4, 4), by the ways the part lies in which it is reached."""
 
-    def travel_seconds(self, joints: np.ndarray) -> np.ndarray:
-        """Return the time (n, n) between joints (n, 6), s."""
+    def travel_seconds(self, joints: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return the time (n, n) between joints (n, 6), or (n, 7) on a turntable, s."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a plan file says of it."""

@@ -18,6 +18,7 @@ from planner.robot.cell_checks import (
     check_home_is_free,
     check_names,
     check_part_stands_free,
+    check_turns_free,
     pairs_by_design,
 )
 from planner.robot.cell_file import cell_fields
@@ -29,10 +30,11 @@ from planner.robot.collisions import (
     farthest_points,
 )
 from planner.robot.joint_checks import JointChecks
-from planner.robot.pose_reach import PoseReach, Reacher
+from planner.robot.moves.turned_advance import TurnedAdvance
+from planner.robot.pose_reach import PoseReach, Reacher, over_angles
 from planner.robot.reachability import CellRegion, Reachability, reachability_of
 from planner.robot.standing import Fixturing, Standing, hidden_by, standing_bodies
-from planner.robot.transforms import compose, invert
+from planner.robot.transforms import compose
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -97,11 +99,9 @@ class Cell(JointChecks):
         self._standing = standing_bodies(self._obstacles, "obstacle")
         self._arm = Arm(bodies_of(robot, self.cam2flange, self._camera_body))
         self._left_out = pairs_by_design(robot, self._arm)
-        self._with_it = {
-            name: standing_bodies(one.obstacles, "obstacle")
-            for name, one in self.fixturings.items()
-        }
-        self._reachers: dict[str, Reacher] = {}
+        self._stand()
+        self._reachers: dict[tuple[str, float], Reacher] = {}
+        self._advances: dict[str, TurnedAdvance] = {}
         self.check()
 
     @classmethod
@@ -161,10 +161,15 @@ class Cell(JointChecks):
             If the part goes through an obstacle or the robot's base, or home is not free.
         """
         for name, fixturing in self.fixturings.items():
-            others = [*self._standing, *self._with_it[name]]
+            others = [*self._standing, *self._with_it[name], *self._turning[name]]
             if self._part is not None:
                 check_part_stands_free(
                     name, self._part.at(fixturing.part2base), others, self._arm.bodies
+                )
+            if fixturing.table is not None:
+                still = [*self._standing, *self._with_it[name]]
+                check_turns_free(
+                    name, fixturing.table, self._turned_bodies(name), still, self._arm.bodies
                 )
             if self.home is not None:
                 check_home_is_free(name, self.blocked_by(self.home, name))
@@ -190,9 +195,7 @@ class Cell(JointChecks):
         cell = self._copy()
         cell.fixturings = dict(fixturings)
         check_names(cell.fixturings, self._obstacles, self.robot)
-        cell._with_it = {
-            name: standing_bodies(one.obstacles, "obstacle") for name, one in fixturings.items()
-        }
+        cell._stand()
         return cell
 
     def moved(self, motion: np.ndarray) -> Cell:
@@ -210,10 +213,12 @@ class Cell(JointChecks):
         """
         cell = self._copy()
         cell.fixturings = {name: one.moved(motion) for name, one in self.fixturings.items()}
-        cell._with_it = {
-            name: tuple(body.at(compose(motion, body.pose)) for body in bodies)
-            for name, bodies in self._with_it.items()
-        }
+        for of_cell in ("_with_it", "_turning"):
+            moved = {
+                name: tuple(body.at(compose(motion, body.pose)) for body in bodies)
+                for name, bodies in getattr(self, of_cell).items()
+            }
+            setattr(cell, of_cell, moved)
         return cell
 
     def with_home(self, q: Sequence[float]) -> Cell:
@@ -239,44 +244,13 @@ class Cell(JointChecks):
         cell.check()
         return cell
 
-    def flange(self, cam2world: np.ndarray, fixturing: str) -> np.ndarray:
-        """Return the poses of the tip for poses of the camera.
-
-        Parameters
-        ----------
-        cam2world : array, shape (n, 4, 4) or (4, 4)
-            Poses of the camera in the part's frame, mm.
-        fixturing : str
-            Name of a fixturing.
-
-        Returns
-        -------
-        array, shape (n, 4, 4) or (4, 4)
-            Poses of the tip in the base, mm.
-        """
-        camera = compose(self._fixturing(fixturing).part2base, np.asarray(cam2world, dtype=float))
-        return compose(camera, invert(self.cam2flange))
-
-    def cam2world(self, q: np.ndarray, fixturing: str) -> np.ndarray:
-        """Return the poses of the camera for joints.
-
-        Parameters
-        ----------
-        q : array, shape (n, 6)
-            Joints, rad.
-        fixturing : str
-            Name of a fixturing.
-
-        Returns
-        -------
-        array, shape (n, 4, 4)
-            Poses of the camera in the part's frame, mm.
-        """
-        camera = compose(self.robot.forward(q), self.cam2flange)
-        return compose(invert(self._fixturing(fixturing).part2base), camera)
-
     def reach(
-        self, cam2world: np.ndarray, fixturing: str, *, all_branches: bool = False
+        self,
+        cam2world: np.ndarray,
+        fixturing: str,
+        *,
+        all_branches: bool = False,
+        angle: float | None = None,
     ) -> list[PoseReach]:
         """Return by which joints the robot brings the camera to poses, or why it does not.
 
@@ -288,6 +262,8 @@ class Cell(JointChecks):
             Name of a fixturing.
         all_branches : bool
             Whether to look for all joints without collision. Default: the first ones.
+        angle : float, optional
+            The angle of the turntable, rad. Default: all of the fixturing, the nearest to 0 first.
 
         Returns
         -------
@@ -295,7 +271,33 @@ class Cell(JointChecks):
             One for each pose.
         """
         poses = np.asarray(cam2world, dtype=np.float64).reshape(-1, 4, 4)
-        return self._reacher(fixturing).reach(self.flange(poses, fixturing), all_branches)
+        if angle is not None or self._fixturing(fixturing).table is None:
+            at = 0.0 if angle is None else angle
+            flanges = self.flange(poses, fixturing, at)
+            return self._reacher(fixturing, at).reach(flanges, all_branches)
+        return over_angles(
+            lambda one, rows: self.reach(
+                poses[rows], fixturing, all_branches=all_branches, angle=one
+            ),
+            len(poses),
+            self.angles(fixturing),
+            all_branches,
+        )
+
+    def angles(self, fixturing: str) -> tuple[float, ...]:
+        """Return the angles at which images may be taken.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        tuple of float
+            Angles of its turntable, rad, the nearest to 0 first; 0 alone without one.
+        """
+        return tuple(self._fixturing(fixturing).angles)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a plan file says of the cell.
@@ -303,12 +305,19 @@ class Cell(JointChecks):
         Returns
         -------
         dict
-            Name of the robot, digest of the cell, and ``part2base`` of each fixturing.
+            Name of the robot, digest of the cell, and ``part2base`` of each fixturing; with the
+            axes of turntables.
         """
+        tables = {name: one.table for name, one in self.fixturings.items() if one.table}
+        axes = {
+            name: {"point": table.point.tolist(), "direction": table.direction.tolist()}
+            for name, table in tables.items()
+        }
         return {
             "robot": self.robot.name,
             "digest": self.state_name.split()[-1],
             "fixturings": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
+            **({"turntables": axes} if axes else {}),
         }
 
     def region(self, solid: Solid) -> CellRegion:
@@ -326,7 +335,9 @@ class Cell(JointChecks):
         """
         return CellRegion(self.with_part(solid))
 
-    def hidden_by(self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str) -> np.ndarray:
+    def hidden_by(
+        self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float = 0.0
+    ) -> np.ndarray:
         """Return which obstacle hides segments from cameras.
 
         Parameters
@@ -337,14 +348,16 @@ class Cell(JointChecks):
             Segments in the part's frame, mm.
         fixturing : str
             Name of a fixturing.
+        angle : float
+            Angle of its turntable, rad.
 
         Returns
         -------
         array of str, shape (n, s)
             Names; empty where no obstacle is in the way.
         """
-        part2base = self._fixturing(fixturing).part2base
-        standing = (*self._standing, *self._with_it[fixturing])
+        part2base = self.part2base(fixturing, angle)
+        standing = self._bodies_at(fixturing, angle)
         return hidden_by(standing, part2base, cam2world[:, :3, 3], segments)
 
     @property
@@ -388,6 +401,11 @@ class Cell(JointChecks):
         places += [
             (name, one.part2base, self._with_it[name]) for name, one in self.fixturings.items()
         ]
+        tables = {name: one.table for name, one in self.fixturings.items() if one.table}
+        places += [
+            (repr((name, table.numbers)), np.eye(4), self._turning[name])
+            for name, table in tables.items()
+        ]
         return f"cell {digest_of((*own, home), self._arm, places)}"
 
     def _fixturing(self, name: str) -> Fixturing:
@@ -396,24 +414,61 @@ class Cell(JointChecks):
             raise RobotError.of_rule("fixturing", rule, shown(name))
         return self.fixturings[name]
 
-    def _reacher(self, name: str) -> Reacher:
+    def _stand(self) -> None:
+        """Build what comes with the fixturings."""
+        self._with_it = {
+            name: standing_bodies(one.obstacles, "obstacle")
+            for name, one in self.fixturings.items()
+        }
+        self._turning = {
+            name: standing_bodies(one.turning, "turning") for name, one in self.fixturings.items()
+        }
+
+    def _bodies_at(self, name: str, angle: float) -> list[Standing]:
+        """Return all obstacles of a fixturing where they are at an angle of its turntable."""
+        table = self._fixturing(name).table
+        turned: Sequence[Standing] = self._turning[name]
+        if table is not None:
+            motion = table.pose(angle)
+            turned = [body.at(compose(motion, body.pose)) for body in turned]
+        return [*self._standing, *self._with_it[name], *turned]
+
+    def _turned_bodies(self, name: str) -> list[Standing]:
+        """Return what turns with the part, and the part, at the angle 0."""
+        part = [] if self._part is None else [self._part.at(self.part2base(name))]
+        return [*self._turning[name], *part]
+
+    def _reacher(self, name: str, angle: float = 0.0) -> Reacher:
         """Return the robot in one fixturing; built when it is first asked for."""
-        if name not in self._reachers:
-            standing = [*self._standing, *self._with_it.get(name, ())]
-            pose = self._fixturing(name).part2base
-            if self._part is not None:
-                standing.append(self._part.at(pose))
-            around = Surroundings(self._arm, standing, self.clearance_mm, self._left_out)
-            rest = np.clip(0.0, self.robot.lower, self.robot.upper)
-            self._reachers[name] = Reacher(
-                self.robot, around, rest if self.home is None else self.home
+        known = self._reachers.get((name, angle))
+        if known is not None:
+            return known
+        standing = self._bodies_at(name, angle)
+        if self._part is not None:
+            standing.append(self._part.at(self.part2base(name, angle)))
+        around = Surroundings(self._arm, standing, self.clearance_mm, self._left_out)
+        rest = np.clip(0.0, self.robot.lower, self.robot.upper)
+        built = Reacher(self.robot, around, rest if self.home is None else self.home)
+        return self._reachers.setdefault((name, angle), built)
+
+    def _turned(self, name: str) -> TurnedAdvance:
+        """Return how far moves on a turntable stay free."""
+        if name not in self._advances:
+            table = self._fixturing(name).table
+            assert table is not None
+            still = [*self._standing, *self._with_it[name]]
+            around = Surroundings(self._arm, still, self.clearance_mm, self._left_out)
+            turning = self._turned_bodies(name)
+            self._advances[name] = TurnedAdvance(
+                self.robot.chain, around.all, turning, table, self.clearance_mm
             )
-        return self._reachers[name]
+        return self._advances[name]
 
     def _copy(self) -> Cell:
         cell = object.__new__(Cell)
         cell.__dict__.update(self.__dict__)
         cell._reachers = {}
+        cell._advances = {}
         return cell
 
     def __getstate__(self) -> dict[str, Any]:
@@ -438,6 +493,7 @@ class Cell(JointChecks):
         if part is not None:
             self._part = Standing("part", np.eye(4), Surface(part[0], part[1], closed=True))
             self._reachers = {}
+            self._advances = {}
 
     def __repr__(self) -> str:
         return f"<Cell {self.robot.name!r}, fixturings {', '.join(self.fixturings)}>"

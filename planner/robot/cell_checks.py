@@ -16,7 +16,8 @@ from planner.robot.bodies import Hull
 from planner.robot.branches import needed
 from planner.robot.collisions import Arm, Moving, PairGroup
 from planner.robot.standing import SKIN_MM, Standing
-from planner.robot.transforms import carry, check_pose, invert
+from planner.robot.transforms import carry, check_pose, compose, invert
+from planner.robot.turning.turntable import Turntable
 from planner.robot.urdf import N_JOINTS
 
 _LEAST_LEVER_MM = 5.0
@@ -26,6 +27,8 @@ _INWARDS = 0.866
 _DRAWS = 200
 _ALWAYS = 0.95
 _GRID = 72
+# of a turntable, rad
+_STEP = np.radians(5.0)
 
 # links are the first bodies of every arm, whatever camera it carries
 _BY_DESIGN: WeakKeyDictionary[Robot, list[tuple[int, int]]] = WeakKeyDictionary()
@@ -84,8 +87,9 @@ def check_names(fixturings: Mapping[str, Any], obstacles: Mapping[str, Any], rob
             raise RobotError.of_rule(
                 "fixturings", f"must hold a Fixturing for {name!r}", shown(fixturing)
             )
-        for obstacle in (*obstacles, *fixturing.obstacles):
-            if obstacle in taken or (obstacle in obstacles and obstacle in fixturing.obstacles):
+        own = [*fixturing.obstacles, *fixturing.turning]
+        for obstacle in (*obstacles, *own):
+            if obstacle in taken or [*obstacles, *own].count(obstacle) > 1:
                 rule = "must have names that no other body has"
                 raise RobotError.of_rule("obstacles", rule, repr(obstacle))
 
@@ -155,6 +159,40 @@ def check_part_stands_free(
         depth = _depth(part, other)
         if depth > SKIN_MM:
             raise RobotError.of_rule("part2base", rule, f"{depth:.3g} mm deep in {other.name}")
+
+
+def check_turns_free(
+    fixturing: str,
+    table: Turntable,
+    turning: Iterable[Standing],
+    others: Iterable[Standing],
+    arm: Iterable[Moving],
+) -> None:
+    """Raise if what turns with the part hits what stands still at an angle of its turntable.
+
+    Bodies that touch at the angle 0 may touch; of these the part may only not sink in. Angles are looked at in steps.
+    """
+    fcl = needed("fcl")
+    low, high = table.range
+    steps = max(1, int(np.ceil((high - low) / _STEP)))
+    angles = [*table.angles, *np.linspace(low, high, steps + 1).tolist()]
+    still = [Standing(one.name, np.eye(4), one.hull) for one in arm if one.segment == 0]
+    for body in turning:
+        pairs = [(other, _meet(fcl, body, other)) for other in (*others, *still)]
+        for angle in angles:
+            turned = body.at(compose(table.pose(angle), body.pose))
+            for other, touched in pairs:
+                is_part = body.name == "part"
+                if touched and not (is_part and _depth(turned, other) > SKIN_MM):
+                    continue
+                if touched or _meet(fcl, turned, other):
+                    degrees = np.degrees(angle)
+                    rule = f"must not turn {body.name} into other objects in {fixturing!r}"
+                    raise RobotError.of_rule("axis", rule, f"{other.name} at {degrees:.0f} degrees")
+
+
+def _meet(fcl: Any, first: Standing, second: Standing) -> bool:
+    return bool(fcl.collide(first.placed, second.placed))
 
 
 def check_home_is_free(fixturing: str, words: str) -> None:

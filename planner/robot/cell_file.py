@@ -11,7 +11,7 @@ import numpy as np
 
 from aspectgraph.files import check_plain, read_text
 from planner.argument_kinds import shown
-from planner.exceptions import RobotError
+from planner.exceptions import PlannerError, RobotError
 from planner.robot.arm import Robot
 from planner.robot.bodies import Body, Box
 from planner.robot.standing import Fixturing
@@ -32,6 +32,9 @@ _FILE = (
     "home_deg",
 )
 _ROBOT = ("urdf", "tip", "base", "packages", "accelerations")
+_TURNS = ("angles", "turn_speed", "turn_acceleration")
+_FIXTURING = ("part2base", "obstacles", "axis", "angles_deg", "turning", *_TURNS)
+_AXIS = ("point", "direction")
 _BODY = ("low", "high", "pose", "mesh")
 
 
@@ -110,9 +113,27 @@ def _robot(table: Mapping[str, Any], folder: Path) -> Robot:
 
 
 def _fixturing(table: Mapping[str, Any], name: str, folder: Path) -> Fixturing:
-    _check_keys(table, ("part2base", "obstacles"), f"{name}.", required=("part2base",))
+    _check_keys(table, _FIXTURING, f"{name}.", required=("part2base",))
     part2base = _pose(table["part2base"], f"{name}.part2base")
-    return Fixturing(part2base, _bodies(table.get("obstacles", {}), f"{name}.obstacles", folder))
+    obstacles = _bodies(table.get("obstacles", {}), f"{name}.obstacles", folder)
+    given: dict[str, Any] = {key: table[key] for key in _TURNS if key in table}
+    if "angles" in table and "angles_deg" in table:
+        raise RobotError.of_rule(f"{name}.angles_deg", "must not be given with angles", "both")
+    if "angles_deg" in table:
+        listed = table["angles_deg"]
+        count = len(listed) if isinstance(listed, list) else 1
+        given["angles"] = np.radians(_numbers(listed, count, f"{name}.angles_deg")).tolist()
+    if "axis" in table:
+        axis = _table(table["axis"], f"{name}.axis")
+        _check_keys(axis, _AXIS, f"{name}.axis.", required=_AXIS)
+        given["axis"] = [_numbers(axis[key], 3, f"{name}.axis.{key}") for key in _AXIS]
+    if "turning" in table:
+        given["turning"] = _bodies(table["turning"], f"{name}.turning", folder)
+    try:
+        return Fixturing(part2base, obstacles, **given)
+    except PlannerError as error:
+        where = f"{name}.{getattr(error, 'parameter', '')}"
+        raise RobotError.of_rule(where, error.rule, error.got, hint=error.hint) from None
 
 
 def _bodies(tables: Any, name: str, folder: Path) -> dict[str, Body]:

@@ -57,7 +57,7 @@ class Placement:
         Returns
         -------
         dict
-            By attribute, and ``part2base`` of each fixturing.
+            By attribute, and ``part2base`` of each fixturing, with the ``axis`` of a turntable.
         """
         return {
             "centre_mm": list(self.centre_mm),
@@ -66,7 +66,17 @@ class Placement:
             "singular_value": self.singular_value,
             "to_limit_rad": self.to_limit_rad,
             "part2base": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
+            **({"axis": axes} if (axes := _axes(self.fixturings)) else {}),
         }
+
+
+def _axes(fixturings: Mapping[str, Fixturing]) -> dict[str, Any]:
+    """Return point and direction of the turntables."""
+    tables = {name: one.table for name, one in fixturings.items() if one.table}
+    return {
+        name: {"point": table.point.tolist(), "direction": table.direction.tolist()}
+        for name, table in tables.items()
+    }
 
 
 def propose_placements(
@@ -203,7 +213,7 @@ def _tried(cell: Cell, plan: Any, centre: np.ndarray, turn_deg: float) -> Placem
     singular = []
     limits = []
     for poses in zip(*told.poses.values(), strict=True):
-        q = np.concatenate([pose.branches for pose in poses])
+        q = np.concatenate([pose.joints for pose in poses])
         if len(q):
             values = cell.robot.singular_value(q)
             best = int(values.argmax())

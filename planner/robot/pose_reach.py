@@ -7,7 +7,7 @@ still, the same for all branches; the branches; the rest of the arm, branch by b
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from planner.robot.arm import Robot
 from planner.robot.collisions import HAND, Surroundings
 from planner.robot.moves.advance import Advance
 from planner.robot.transforms import carry, compose, invert
+from planner.robot.urdf import N_JOINTS
 
 _AT_ONCE = 2048
 TOO_FAR = "beyond the arm's reach"
@@ -31,8 +32,9 @@ class PoseReach:
 
     Attributes
     ----------
-    branches : array (k, 6)
-        Joints that reach it without collision, the nearest to home first, rad.
+    branches : array (k, 6), or (k, 7) on a turntable
+        Joints that reach it without collision, the nearest to home first, rad. The seventh number
+        is the angle of the turntable.
     why : str
         Why there are none; empty if there are.
     """
@@ -44,6 +46,16 @@ class PoseReach:
     def reached(self) -> bool:
         """Whether the robot reaches the pose."""
         return not self.why
+
+    @property
+    def joints(self) -> np.ndarray:
+        """The joints (k, 6) of the robot alone."""
+        return self.branches[:, :N_JOINTS]
+
+    def with_angle(self, angle: float) -> PoseReach:
+        """Return the same with the angle of a turntable behind the joints."""
+        angles = np.full((len(self.branches), 1), angle)
+        return PoseReach(np.concatenate([self.joints, angles], axis=1), self.why)
 
 
 class ArmAt(NamedTuple):
@@ -61,6 +73,8 @@ class ArmAt(NamedTuple):
         Distance of the joints from their nearest limit.
     singular_value : float
         The smallest of the Jacobian, lengths divided by 500 mm.
+    angle_deg : float or None
+        Angle of the turntable, degrees; None without one.
     """
 
     joints: tuple[float, ...]
@@ -68,6 +82,7 @@ class ArmAt(NamedTuple):
     closest: str
     to_limit_rad: float
     singular_value: float
+    angle_deg: float | None = None
 
 
 class Reacher:
@@ -265,6 +280,41 @@ class Reacher:
         group = self._around.all
         blocker = group.blocker(frames[0], group.bounds(frames)[0])
         return touching(*group.names(blocker)) if blocker >= 0 else ""
+
+
+def over_angles(
+    asked: Callable[[float, np.ndarray], Sequence[PoseReach]],
+    count: int,
+    angles: Sequence[float],
+    all_branches: bool,
+) -> list[PoseReach]:
+    """Return what is known of poses on a turntable.
+
+    Parameters
+    ----------
+    asked : callable
+        ``asked(angle, rows)`` returns what is known of some of the poses at one angle.
+    count : int
+        Number of poses.
+    angles : sequence of float
+        Angles, rad; the first ones are preferred.
+    all_branches : bool
+        Whether to ask for further angles where one has been found.
+    """
+    branches: list[list[np.ndarray]] = [[] for _ in range(count)]
+    reasons: list[list[str]] = [[] for _ in range(count)]
+    for angle in angles:
+        rows = np.array([k for k in range(count) if all_branches or not branches[k]], dtype=int)
+        for k, one in zip(rows, asked(angle, rows), strict=True):
+            if one.reached:
+                branches[k].append(one.with_angle(angle).branches)
+            else:
+                reasons[k].append(one.why)
+    nothing = np.empty((0, N_JOINTS + 1))
+    return [
+        PoseReach(np.concatenate([nothing, *found]), "" if found else most_often(why))
+        for found, why in zip(branches, reasons, strict=True)
+    ]
 
 
 def touching(first: str, second: str) -> str:

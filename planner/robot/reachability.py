@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
 from planner.robot.arm import Robot
 from planner.robot.collisions import Closeness
-from planner.robot.pose_reach import ArmAt, PoseReach, most_often
+from planner.robot.pose_reach import ArmAt, PoseReach, most_often, over_angles
+from planner.robot.urdf import N_JOINTS
 
 
 class _Cell(Protocol):
@@ -24,14 +26,23 @@ class _Cell(Protocol):
 
     def to_dict(self) -> dict[str, Any]: ...
 
+    def angles(self, fixturing: str) -> tuple[float, ...]: ...
+
+    def rates(self, fixturing: str) -> tuple[np.ndarray, np.ndarray]: ...
+
     def clearance(self, q: np.ndarray, fixturing: str) -> Closeness: ...
 
     def reach(
-        self, cam2world: np.ndarray, fixturing: str, *, all_branches: bool = False
+        self,
+        cam2world: np.ndarray,
+        fixturing: str,
+        *,
+        all_branches: bool = False,
+        angle: float | None = None,
     ) -> list[PoseReach]: ...
 
     def hidden_by(
-        self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str
+        self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float = 0.0
     ) -> np.ndarray: ...
 
 
@@ -124,13 +135,11 @@ class Reachability:
         Returns
         -------
         dict
-            By setting and fixturing: ``joints_rad``, or ``why``.
+            By setting and fixturing: ``joints_rad``, and ``angle_deg`` on a turntable, or ``why``.
         """
         return {
             name: {
-                fixturing: {"joints_rad": pose.branches[0].tolist()}
-                if pose.reached
-                else {"why": pose.why}
+                fixturing: _values(pose)
                 for fixturing, pose in ((key, poses[number]) for key, poses in self.poses.items())
             }
             for number, name in enumerate(self.settings)
@@ -141,35 +150,77 @@ def reachability_of(cell: _Cell, plan: _Plan, *, all_branches: bool = False) -> 
     """Return what a cell with the part in it reaches of a plan, by the first joints or by all."""
     names = tuple(f"setting_{number:02d}" for number in range(1, len(plan.settings) + 1))
     cam2world = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)
-    poses = {}
-    for name in cell.fixturings:
-        told = cell.reach(cam2world, name, all_branches=all_branches)
-        poses[name] = tuple(
-            _if_in_sight(cell, plan, setting, one, name)
-            for setting, one in zip(plan.settings, told, strict=True)
-        )
+    segments = [
+        np.array([plan.ends_of(setting, name) for name in setting.entities])
+        for setting in plan.settings
+    ]
+
+    def hidden(fixturing: str, angle: float, row: int) -> str:
+        bodies = cell.hidden_by(cam2world[row][None], segments[row], fixturing, angle)[0]
+        both = zip(plan.settings[row].entities, bodies, strict=True)
+        return next((f"{body} hides {name}" for name, body in both if body), "")
+
+    poses = {
+        name: tuple(_in_sight(cell, cam2world, partial(hidden, name), name, all_branches))
+        for name in cell.fixturings
+    }
     return Reachability(names, poses)
 
 
-def _if_in_sight(
-    cell: _Cell, plan: _Plan, setting: _Setting, told: PoseReach, fixturing: str
-) -> PoseReach:
-    """Return what is known of a setting, given that all its entities must be seen past obstacles."""
-    if not told.reached:
-        return told
-    segments = np.array([plan.ends_of(setting, name) for name in setting.entities])
-    bodies = cell.hidden_by(setting.cam2world[None], segments, fixturing)[0]
-    for name, body in zip(setting.entities, bodies, strict=True):
-        if body:
-            return PoseReach(np.empty((0, 6)), f"{body} hides {name}")
-    return told
+def _in_sight(
+    cell: _Cell,
+    cam2world: np.ndarray,
+    hidden: Callable[[float, int], str],
+    fixturing: str,
+    all_branches: bool = False,
+) -> list[PoseReach]:
+    """Return what is known of poses (n, 4, 4) in a fixturing, given that nothing may hide their targets.
+
+    ``hidden(angle, row)`` tells in words what hides a target of a pose at an angle of the turntable; empty if nothing.
+    """
+
+    def asked(angle: float, rows: np.ndarray) -> list[PoseReach]:
+        told = cell.reach(cam2world[rows], fixturing, all_branches=all_branches, angle=angle)
+        words = [
+            hidden(angle, int(row)) if one.reached else ""
+            for row, one in zip(rows, told, strict=True)
+        ]
+        return [
+            PoseReach(np.empty((0, N_JOINTS)), word) if word else one
+            for one, word in zip(told, words, strict=True)
+        ]
+
+    if cell.fixturings[fixturing].table is None:
+        return asked(0.0, np.arange(len(cam2world)))
+    return over_angles(asked, len(cam2world), cell.angles(fixturing), all_branches)
+
+
+def _values(pose: PoseReach) -> dict[str, Any]:
+    """Return the first joints of a pose as plain values, or why there are none."""
+    if not pose.reached:
+        return {"why": pose.why}
+    angle = angle_deg(pose.branches[0])
+    return {
+        "joints_rad": pose.joints[0].tolist(),
+        **({} if angle is None else {"angle_deg": angle}),
+    }
+
+
+def angle_deg(branch: np.ndarray) -> float | None:
+    """Return the angle of the turntable behind joints (6,) or (7,), degrees; None without one."""
+    if len(branch) == N_JOINTS:
+        return None
+    # a turn divided by a whole number gives no more digits
+    return round(float(np.degrees(branch[N_JOINTS])), 9) + 0.0
 
 
 def _words(pose: PoseReach) -> str:
     if not pose.reached:
         return pose.why
-    degrees = np.round(np.degrees(pose.branches[0]), 1) + 0.0
-    return " ".join(f"{angle:.1f}" for angle in degrees)
+    degrees = np.round(np.degrees(pose.joints[0]), 1) + 0.0
+    angle = angle_deg(pose.branches[0])
+    turned = "" if angle is None else f"table {angle:g}°: "
+    return turned + " ".join(f"{angle:.1f}" for angle in degrees)
 
 
 class CellRegion:
@@ -215,11 +266,13 @@ class CellRegion:
             Which of them no obstacle hides, in the fixturing that shows most of them.
         """
         best = np.zeros_like(wanted)
-        for name in self._cell.fixturings:
+        for name, angle in self._ways:
             left = np.flatnonzero(best.sum(axis=1) < wanted.sum(axis=1))
-            told = self._cell.reach(cam2world[left], name)
+            if not left.size:
+                break
+            told = self._cell.reach(cam2world[left], name, angle=angle)
             left = left[[one.reached for one in told]]
-            hidden = self._cell.hidden_by(cam2world[left], segments, name) != ""
+            hidden = self._cell.hidden_by(cam2world[left], segments, name, angle) != ""
             seen = wanted[left]
             for target in range(wanted.shape[1]):
                 seen[:, target] &= ~hidden[:, owner == target].any(axis=1)
@@ -227,15 +280,26 @@ class CellRegion:
             best[left[better]] = seen[better]
         return best
 
+    @property
+    def _ways(self) -> list[tuple[str, float]]:
+        """The fixturings, each at all angles of its turntable."""
+        cell = self._cell
+        return [(name, angle) for name in cell.fixturings for angle in cell.angles(name)]
+
+    def _told(self, cam2world: np.ndarray, segments: np.ndarray, name: str) -> list[PoseReach]:
+        """Return what is known of poses (n, 4, 4) with all segments (s, 2, 3) in sight."""
+
+        def hidden(angle: float, row: int) -> str:
+            bodies = self._cell.hidden_by(cam2world[row][None], segments, name, angle)[0]
+            return next((f"{body} hides it" for body in bodies if body), "")
+
+        return _in_sight(self._cell, cam2world, hidden, name)
+
     def explain(self, cam2world: np.ndarray, segments: np.ndarray) -> str:
         """Return why poses (n, 4, 4) are not reached with all segments (s, 2, 3) in sight, in words."""
         parts = []
         for name in self._cell.fixturings:
-            hidden = self._cell.hidden_by(cam2world, segments, name)
-            reasons = [
-                one.why or next((f"{body} hides it" for body in row if body), "")
-                for one, row in zip(self._cell.reach(cam2world, name), hidden, strict=True)
-            ]
+            reasons = [one.why for one in self._told(cam2world, segments, name)]
             words = most_often([reason for reason in reasons if reason])
             parts.append(f"{words} ({reasons.count(words)} of {len(reasons)} poses in {name!r})")
         return ", ".join(parts)
@@ -244,26 +308,27 @@ class CellRegion:
         """Return how the robot stands at a pose (4, 4) with all segments (s, 2, 3) in sight, by fixturing."""
         found = {}
         for name in self._cell.fixturings:
-            branches = self._cell.reach(cam2world[None], name)[0].branches
-            if (
-                len(branches)
-                and not (self._cell.hidden_by(cam2world[None], segments, name) != "").any()
-            ):
-                q = branches[:1]
-                near = self._cell.clearance(q[0], name)
-                found[name] = ArmAt(
-                    tuple(q[0].tolist()),
-                    min(near.mm, _FAR_MM),
-                    f"{near.first} and {near.second}" if near.first else "",
-                    float(self._cell.robot.to_limit_rad(q)[0]),
-                    float(self._cell.robot.singular_value(q)[0]),
-                )
+            told = self._told(cam2world[None], segments, name)[0]
+            if told.reached:
+                found[name] = self._standing(told, name)
         return found
 
-    def travel_seconds(self, joints: np.ndarray) -> np.ndarray:
-        """Return the least time (n, n) between joints (n, 6), at full speed, s."""
+    def _standing(self, told: PoseReach, name: str) -> ArmAt:
+        near = self._cell.clearance(told.branches[0], name)
+        q = told.joints[:1]
+        return ArmAt(
+            tuple(q[0].tolist()),
+            min(near.mm, _FAR_MM),
+            f"{near.first} and {near.second}" if near.first else "",
+            float(self._cell.robot.to_limit_rad(q)[0]),
+            float(self._cell.robot.singular_value(q)[0]),
+            angle_deg(told.branches[0]),
+        )
+
+    def travel_seconds(self, joints: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return the least time (n, n) between joints (n, 6) or (n, 7) in a fixturing, at full speed, s."""
         turns = np.abs(joints[:, None] - joints[None])
-        return np.asarray((turns / self._cell.robot.speeds).max(axis=-1))
+        return np.asarray((turns / self._cell.rates(fixturing)[0]).max(axis=-1))
 
     def pose_margin(self, cam2world: np.ndarray) -> np.ndarray:
         """Return 1 for poses (n, 4, 4) that are reached in some fixturing, otherwise -1; (n,)."""

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.solid import RayScene
+from planner.argument_kinds import shown
+from planner.exceptions import RobotError
 from planner.robot.bodies import Body, Box, Hull, Surface, hull_of, mesh_of, surface_of
 from planner.robot.branches import needed
 from planner.robot.transforms import carry, check_pose, compose, invert
+from planner.robot.turning.turntable import Turntable
 
 SKIN_MM = 1.0
 """Depth up to which a part may sink into what it lies on, and to which that hides nothing."""
@@ -21,19 +24,30 @@ _POINTS = 17
 
 @dataclass(frozen=True, eq=False)
 class Fixturing:
-    """One way the part lies in the cell.
+    """One way the part lies in the cell, on a table that stands still or that turns.
 
     Parameters
     ----------
     part2base : array_like, shape (4, 4)
-        The part's frame in the robot's base, mm.
+        The part's frame in the robot's base, mm; on a turntable at the angle 0.
     obstacles : mapping of str to Box, path or (corners, triangles)
-        What comes with it, such as a table or a clamp, in the base frame, mm.
+        What comes with it, such as a table or a clamp, in the base frame, mm. It stands still.
+    axis : (point, direction), optional
+        Of a turntable that carries the part: a point of the axis in the base, mm, and the direction
+        of the axis. Positive angles are right-handed. Default: the part does not turn.
+    angles : int or sequence of float, optional
+        With `axis`, the angles at which images may be taken: so many, spread over a turn, or a list
+        in rad. Default: 24.
+    turning : mapping of str to Box, path or (corners, triangles)
+        With `axis`, what turns with the part, such as the plate or a clamp, in the base frame at
+        the angle 0, mm.
+    turn_speed, turn_acceleration : float
+        With `axis`, the largest ones of the turntable, rad/s and rad/s².
 
     Raises
     ------
     RobotError
-        If `part2base` is no rigid motion.
+        If `part2base` is no rigid motion, or a number of the turntable breaks its rule.
 
     Examples
     --------
@@ -42,14 +56,61 @@ class Fixturing:
     >>> up = Fixturing(part2base, {"table": Box((300, -500, -50), (900, 500, 0))})
     >>> list(up.obstacles)
     ['table']
+    >>> turning = Fixturing(part2base, axis=((600, 0, 0), (0, 0, 1)), angles=4)
+    >>> turning.at(turning.angles[1]).part2base.round(6).tolist()[0]
+    [0.0, -1.0, 0.0, 600.0]
     """
 
     part2base: np.ndarray
     obstacles: Mapping[str, Body] = field(default_factory=dict)
+    axis: Any = None
+    angles: Any = None
+    turning: Mapping[str, Body] = field(default_factory=dict)
+    turn_speed: float = 0.5
+    turn_acceleration: float = 0.5
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "part2base", check_pose("part2base", self.part2base))
         object.__setattr__(self, "obstacles", dict(self.obstacles))
+        object.__setattr__(self, "turning", dict(self.turning))
+        table = self._checked_table()
+        object.__setattr__(self, "_table", table)
+        object.__setattr__(self, "angles", (0.0,) if table is None else table.angles)
+
+    def _checked_table(self) -> Turntable | None:
+        if self.axis is not None:
+            return Turntable.checked(
+                self.axis, self.angles, self.turn_speed, self.turn_acceleration
+            )
+        for name in ("angles", "turning"):
+            given = getattr(self, name)
+            if given and given != (0.0,):
+                raise RobotError.of_rule(name, "must be given with axis only", shown(given))
+        return None
+
+    @property
+    def table(self) -> Turntable | None:
+        """The turntable; None if the part stands still."""
+        return vars(self)["_table"]
+
+    def at(self, angle: float) -> Fixturing:
+        """Return the fixturing as it stands at an angle of its turntable, without a turntable.
+
+        Parameters
+        ----------
+        angle : float
+            Angle, rad.
+
+        Returns
+        -------
+        Fixturing
+            What turns with the part is among its obstacles.
+        """
+        if self.table is None:
+            return self
+        motion = self.table.pose(angle)
+        turned = {name: _moved(name, body, motion) for name, body in self.turning.items()}
+        return Fixturing(compose(motion, self.part2base), {**self.obstacles, **turned})
 
     def moved(self, motion: np.ndarray) -> Fixturing:
         """Return the same fixturing, moved in the base.
@@ -62,10 +123,22 @@ class Fixturing:
         Returns
         -------
         Fixturing
-            With its obstacles moved, too.
+            With its obstacles and its turntable moved, too.
         """
         obstacles = {name: _moved(name, body, motion) for name, body in self.obstacles.items()}
-        return Fixturing(compose(motion, self.part2base), obstacles)
+        part2base = compose(motion, self.part2base)
+        if self.table is None:
+            return Fixturing(part2base, obstacles)
+        table = self.table.moved(motion)
+        return Fixturing(
+            part2base,
+            obstacles,
+            axis=(table.point, table.direction),
+            angles=table.angles,
+            turning={name: _moved(name, body, motion) for name, body in self.turning.items()},
+            turn_speed=table.speed,
+            turn_acceleration=table.acceleration,
+        )
 
 
 class Standing:

@@ -61,6 +61,8 @@ class SensorSetting:
         Which way the part lies for it, in plans for a robot cell; otherwise empty.
     joints : tuple of float
         Joints (6,) of the robot, rad, in plans for a robot cell; otherwise empty.
+    angle_deg : float or None
+        Angle of the turntable, degrees, where the part lies on one; otherwise None.
     arm : dict of str to float or str
         In plans for a robot cell. ``clearance_robot_mm`` is the distance of the ``closest`` two
         objects, ``to_limit_rad`` that of the joints from their limits. ``singular_value`` is the
@@ -85,6 +87,7 @@ class SensorSetting:
     passed_over: dict[str, dict[str, str]] = field(default_factory=dict)
     fixturing: str = ""
     joints: tuple[float, ...] = ()
+    angle_deg: float | None = None
     arm: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -108,6 +111,12 @@ class SensorSetting:
     def position(self) -> np.ndarray:
         """Front nodal point (3,), mm."""
         return self.cam2world[:3, 3]
+
+    @property
+    def axes(self) -> tuple[float, ...]:
+        """The joints, and behind them the angle of the turntable if there is one, rad."""
+        turned = () if self.angle_deg is None else (math.radians(self.angle_deg),)
+        return (*self.joints, *turned)
 
     @property
     def promise(self) -> dict[str, float]:
@@ -150,6 +159,7 @@ class SensorSetting:
                 {
                     "fixturing": self.fixturing,
                     "joints": list(self.joints),
+                    **({} if self.angle_deg is None else {"angle_deg": self.angle_deg}),
                     "arm": dict(self.arm),
                 }
                 if self.fixturing

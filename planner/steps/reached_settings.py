@@ -48,7 +48,7 @@ def in_order_of_arm(
             for setting, ways in zip(settings, placed, strict=True)
             if next((one for one in chosen if one in ways), "") == name
         ]
-        result += _ordered(cell, group, unfinished)
+        result += _ordered(cell, group, name, unfinished)
     # what a cell forbids after all is told by the plan's reachability
     result += [one for one, ways in zip(settings, placed, strict=True) if not ways]
     return result
@@ -78,6 +78,7 @@ def _standing(setting: SensorSetting, fixturing: str, arm: Any) -> SensorSetting
         setting,
         fixturing=fixturing,
         joints=arm.joints,
+        angle_deg=arm.angle_deg,
         arm={
             "clearance_robot_mm": arm.clearance_mm,
             "closest": arm.closest,
@@ -88,10 +89,11 @@ def _standing(setting: SensorSetting, fixturing: str, arm: Any) -> SensorSetting
 
 
 def _ordered(
-    cell: PoseRegion, group: Sequence[SensorSetting], unfinished: bool
+    cell: PoseRegion, group: Sequence[SensorSetting], fixturing: str, unfinished: bool
 ) -> Iterable[SensorSetting]:
     """Return the settings of one fixturing in the order that takes the least time."""
-    joints = np.array([one.joints for one in group]).reshape(-1, 6)
-    seconds = cell.travel_seconds(joints)
+    if not group:
+        return ()
+    seconds = cell.travel_seconds(np.array([one.axes for one in group]), fixturing)
     order = order_by(seconds, starts=1) if unfinished else order_by(seconds)
     return [group[i] for i in order]

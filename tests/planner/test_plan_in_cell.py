@@ -163,6 +163,51 @@ def test_targets_behind_a_wall_need_the_fixturing_without_it(block):
     assert "wall" in plan.uninspectable["back"]
 
 
+@pytest.fixture(scope="module")
+def turned(block):
+    """A wall before the part, which opens to all sides where it lies on a turntable."""
+    wall = Box((500.0, -300.0, 5.0), (510.0, 300.0, 700.0))
+    place = pose((600.0, -30.0, 5.0))
+    axis = ((630.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    on_table = Fixturing(place, {"table": TABLE, "wall": wall}, axis=axis, angles=4)
+    cell = made_cell(fixturings={"turns": on_table})
+    wanted = {name: EDGES[name] for name in ("left", "back")}
+    return cell, planned(block, wanted, cell=cell)
+
+
+def test_on_a_turntable_each_setting_has_its_angle(block, turned, tmp_path):
+    cell, plan = turned
+    assert plan.complete
+    assert cell.reachability(plan, block).complete
+    inside = cell.with_part(block)
+    for setting in plan.settings:
+        assert setting.angle_deg in (0.0, 90.0, -90.0, 180.0)
+        assert inside.free(np.array([setting.axes]), "turns").all()
+        camera = inside.cam2world(np.array([setting.axes]), "turns")[0]
+        np.testing.assert_allclose(camera, setting.cam2world, atol=1e-3)
+    plan.write(tmp_path / "plan.json")
+    again = InspectionPlan.read(tmp_path / "plan.json")
+    assert [one.axes for one in again.settings] == [one.axes for one in plan.settings]
+    assert again.to_dict() == plan.to_dict()
+    assert again.cell["turntables"]["turns"]["point"] == [630.0, 0.0, 0.0]
+    assert "Turntable (°)" in arm(plan)
+
+
+def test_a_turntable_of_one_angle_plans_as_a_part_that_does_not_turn(block, celled, free):
+    only = Fixturing(
+        pose((600.0, 0.0, 0.0)), {"table": TABLE}, axis=((600, 0, 0), (0, 0, 1)), angles=1
+    )
+    plan = planned(block, cell=made_cell(fixturings={"up": only}))
+    assert {one.angle_deg for one in plan.settings} == {0.0}
+    records = [one.to_dict() for one in (plan, celled[1])]
+    for record in records:
+        for name in ("request", "cell"):
+            del record[name]
+        for one in record["settings"]:
+            one.pop("angle_deg", None)
+    assert records[0] == records[1]
+
+
 def test_what_is_out_of_reach_says_what_is_in_the_way(block):
     far = {"far": Fixturing(pose((3000.0, 0.0, 0.0)))}
     plan = planned(block, {"left": EDGES["left"]}, cell=made_cell(fixturings=far))

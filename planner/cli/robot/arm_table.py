@@ -25,7 +25,8 @@ def print_arm(plan: InspectionPlan) -> None:
         (
             str(number),
             setting.fixturing,
-            " ".join(f"{angle + 0.0:.1f}" for angle in np.round(np.degrees(setting.joints), 1)),
+            _turned(setting.angle_deg)
+            + " ".join(f"{angle + 0.0:.1f}" for angle in np.round(np.degrees(setting.joints), 1)),
             f"{setting.arm['clearance_robot_mm']:.1f}",
             f"{np.degrees(setting.arm['to_limit_rad']):.0f}°",
         )
@@ -38,6 +39,10 @@ def print_arm(plan: InspectionPlan) -> None:
     print_table(columns, rows)
     names = list(dict.fromkeys(one.fixturing for one in plan.settings if one.fixturing))
     print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
+
+
+def _turned(angle_deg: float | None) -> str:
+    return "" if angle_deg is None else f"table {angle_deg:g}°: "
 
 
 def listed(names: list[str]) -> str:

@@ -112,7 +112,10 @@ def _print_program(made: RobotProgram) -> None:
 
 
 def _row(tour: FixturedTour, stop: Stop, states_p: bool) -> tuple[str, ...]:
-    angles = " ".join(f"{angle + 0.0:.1f}" for angle in np.round(np.degrees(stop.joints), 1))
+    degrees = np.round(np.degrees(stop.joints), 1) + 0.0
+    turned = "" if tour.turntable is None else f"table {degrees[-1]:g}°: "
+    own = degrees if tour.turntable is None else degrees[:-1]
+    angles = turned + " ".join(f"{angle:.1f}" for angle in own)
     row = (
         tour.fixturing,
         str(stop.setting_idx + 1),

@@ -73,7 +73,7 @@ def _print_first_flange(told: Reachability, cell: Cell) -> None:
     for number, setting in enumerate(told.settings):
         for name, poses in told.poses.items():
             if poses[number].reached:
-                place = cell.robot.forward(poses[number].branches[0])[:3, 3]
+                place = cell.robot.forward(poses[number].joints[0])[:3, 3]
                 shown = " ".join(f"{x:.1f}" for x in place)
                 print_text(
                     f"{setting} in {name!r}: {cell.robot.tip} at ({shown}) mm in the base, to compare "
@@ -120,6 +120,12 @@ def _print_places(found: tuple[Placement, ...], count: int) -> None:
     for name, fixturing in found[0].fixturings.items():
         pose = [[round(x, 6) + 0.0 for x in row] for row in fixturing.part2base.tolist()]
         print(f"part2base = {pose}  # {name}")
+        if fixturing.table is not None:
+            point, direction = (
+                [round(x, 6) + 0.0 for x in one.tolist()]
+                for one in (fixturing.table.point, fixturing.table.direction)
+            )
+            print(f"axis = {{ point = {point}, direction = {direction} }}  # {name}")
 
 
 def _ranges(corners: list[float] | None, cell: Cell) -> list[tuple[float, float] | None]:

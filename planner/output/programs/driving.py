@@ -19,6 +19,9 @@ from planner.setting.image_names import image_name
 HOME_TOLERANCE_RAD = 0.01
 """A program starts only if each joint is within this much of home."""
 
+N_AXES = 6
+"""Joints of the robot; behind them may be the angle of a turntable."""
+
 CAUTION = "Run at reduced speed first. Checked against the model of the cell only."
 
 
@@ -140,12 +143,24 @@ def head_lines(program: RobotProgram, made: date) -> list[str]:
         "Joints: " + ", ".join(plain(name, 40) for name in program.joint_names),
         f"Settings: {program.n_stops}; moves take {program.seconds:.1f} s at the program's speed, "
         f"which is {100 * program.speed:.0f} % of the joints' speeds",
+        *(_turntable_lines(program)),
         f"Every move keeps {program.keep_mm:g} mm to part and obstacles in the model.",
         *(_flange_line(program)),
         *(f"Not reached: setting {k + 1}: {plain(w, 120)}" for k, w in program.unreached.items()),
         *(f"Warning: {plain(text, 160)}" for text in program.warnings),
     ]
     return lines
+
+
+def _turntable_lines(program: RobotProgram) -> Iterator[str]:
+    for tour in program.tours:
+        if tour.turntable is not None:
+            speed = np.degrees(float(tour.turntable.speeds[0]))
+            name = plain(tour.fixturing, 40)
+            yield (
+                f"Fixturing {name} is on a turntable, which turns with the robot by at most "
+                f"{speed:.1f} degrees per second. At 0 the part is put on it."
+            )
 
 
 def _flange_line(program: RobotProgram) -> Iterator[str]:

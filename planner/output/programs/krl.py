@@ -10,6 +10,7 @@ import numpy as np
 from planner.motion.program_record import FixturedTour, RobotProgram
 from planner.output.programs.driving import (
     HOME_TOLERANCE_RAD,
+    N_AXES,
     CameraSignals,
     Drive,
     degrees,
@@ -44,25 +45,36 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         f"  $ACC_AXIS[i]={percent}",
         "ENDFOR",
     ]
+    if program.turns:
+        lines += [
+            "; E1 is the turntable, in degrees; 0 is where the part is put on it.",
+            f"$VEL_EXTAX[1]={percent}",
+            f"$ACC_EXTAX[1]={percent}",
+        ]
     for tour in program.tours:
         lines += _round(tour, program, signals)
     return "\n".join([*lines, "END"]) + "\n"
 
 
 def _axes(joints: np.ndarray) -> str:
-    angles = (f"A{k} {value}" for k, value in enumerate(degrees(joints), 1))
-    return f"{{{','.join(angles)}}}"
+    return f"{{{','.join(f'{axis} {value}' for axis, value in _named(joints))}}}"
+
+
+def _named(joints: np.ndarray) -> list[tuple[str, str]]:
+    """Return the axes with their angles in degrees; a turntable is E1."""
+    names = [*(f"A{k}" for k in range(1, N_AXES + 1)), "E1"]
+    return list(zip(names, degrees(joints), strict=False))
 
 
 def _round(tour: FixturedTour, program: RobotProgram, signals: CameraSignals) -> list[str]:
     lines = [
         f"; Put the part in fixturing {plain(tour.fixturing, 40)}, then start again.",
         "HALT",
-        *_home_check(program.home),
+        *_home_check(program.home_of(tour)),
         # the first move is to where the robot stands, as the controller asks for it
-        f"PTP {_axes(program.home)}",
+        f"PTP {_axes(program.home_of(tour))}",
     ]
-    for step in steps_of(tour, program.rates):
+    for step in steps_of(tour, program.rates_of(tour)):
         if isinstance(step, Drive):
             lines.append(f"PTP {_axes(step.joints)}")
         else:
@@ -81,8 +93,7 @@ def _home_check(home: np.ndarray) -> list[str]:
     """Return a loop that halts until the robot stands at home."""
     tolerance = math.degrees(HOME_TOLERANCE_RAD)
     far = " OR ".join(
-        f"(ABS($AXIS_ACT.A{k}-({value}))>{tolerance:.3f})"
-        for k, value in enumerate(degrees(home), 1)
+        f"(ABS($AXIS_ACT.{axis}-({value}))>{tolerance:.3f})" for axis, value in _named(home)
     )
     return [
         f"WHILE {far}",

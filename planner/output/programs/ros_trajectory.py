@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from planner.motion.move_time import JointRates, profile
-from planner.motion.program_record import Move, RobotProgram
+from planner.motion.program_record import FixturedTour, Move, RobotProgram
 from planner.output.programs.driving import (
     HOME_TOLERANCE_RAD,
     CameraSignals,
@@ -43,20 +43,32 @@ def ros_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         "rounds": [
             {
                 "fixturing": tour.fixturing,
+                **_start_of(tour, program),
                 "steps": [
                     step
                     for stop in tour.stops
                     for step in (
-                        _trajectory(stop.move, program),
+                        _trajectory(stop.move, tour, program),
                         _image(Picture(stop.setting_idx), signals),
                     )
                 ]
-                + [_trajectory(tour.back, program)],
+                + [_trajectory(tour.back, tour, program)],
             }
             for tour in program.tours
         ],
     }
     return json.dumps(data, indent=1) + "\n"
+
+
+def _start_of(tour: FixturedTour, program: RobotProgram) -> dict[str, Any]:
+    """Return where a round with a turntable starts: there is one joint more than above."""
+    if tour.turntable is None:
+        return {}
+    positions = program.home_of(tour).tolist()
+    return {
+        "joint_names": list(program.names_of(tour)),
+        "start_at": {"positions": positions, "tolerance": HOME_TOLERANCE_RAD},
+    }
 
 
 def _image(picture: Picture, signals: CameraSignals) -> dict[str, Any]:
@@ -68,16 +80,16 @@ def _image(picture: Picture, signals: CameraSignals) -> dict[str, Any]:
     }
 
 
-def _trajectory(move: Move, program: RobotProgram) -> dict[str, Any]:
+def _trajectory(move: Move, tour: FixturedTour, program: RobotProgram) -> dict[str, Any]:
     points = [_point(move.joints[0], np.zeros_like(move.joints[0]), 0.0)]
     begun = 0.0
     for start, end in pairwise(move.joints):
         if np.array_equal(start, end):
             continue
-        piece = _points(start, end, begun, program.rates)
+        piece = _points(start, end, begun, program.rates_of(tour))
         begun += piece.pop("end")
         points += piece["points"]
-    return {"joint_trajectory": {"joint_names": list(program.joint_names), "points": points}}
+    return {"joint_trajectory": {"joint_names": list(program.names_of(tour)), "points": points}}
 
 
 def _points(start: np.ndarray, end: np.ndarray, begun: float, rates: JointRates) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import csv
 import io
 from datetime import date
 
-from planner.motion.program_record import RobotProgram
+from planner.motion.program_record import TURNTABLE, RobotProgram
 from planner.output.programs.driving import (
     CameraSignals,
     Drive,
@@ -20,7 +20,7 @@ _FIRST = ("fixturing", "step", "seconds", "setting", "image")
 
 
 def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
-    """Return a row for each move; joints in rad. Lines of the head begin with ``#``.
+    """Return a row for each move; joints and the angle of a turntable in rad. Lines of the head begin with ``#``.
 
     Parameters
     ----------
@@ -35,11 +35,12 @@ def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     for line in [*head_lines(program, made), f"Wait {signals.settle_s:g} s before each image."]:
         stream.write(f"# {line}\n")
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*_FIRST, *(f"{plain(name, 40)}_rad" for name in program.joint_names)])
+    names = [*program.joint_names, *([TURNTABLE] if program.turns else [])]
+    writer.writerow([*_FIRST, *(f"{plain(name, 40)}_rad" for name in names)])
     for tour in program.tours:
         name = plain(tour.fixturing, 40)
-        rows = [[name, "start", "0.000", "", "", *radians(program.home)]]
-        for step in steps_of(tour, program.rates):
+        rows = [[name, "start", "0.000", "", "", *radians(program.home_of(tour))]]
+        for step in steps_of(tour, program.rates_of(tour)):
             if isinstance(step, Drive):
                 rows.append([name, "move", f"{step.seconds:.3f}", "", "", *radians(step.joints)])
             else:
@@ -47,5 +48,7 @@ def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
                 rows[-1][1] = "image"
                 rows[-1][3] = str(step.setting_idx + 1)
                 rows[-1][4] = step.image
-        writer.writerows(rows)
+        # a round without a turntable leaves its column empty
+        width = len(_FIRST) + len(names)
+        writer.writerows([*row, *[""] * (width - len(row))] for row in rows)
     return stream.getvalue()

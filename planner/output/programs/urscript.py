@@ -6,6 +6,7 @@ from datetime import date
 
 import numpy as np
 
+from planner.exceptions import RequestError
 from planner.motion.program_record import FixturedTour, RobotProgram
 from planner.output.programs.driving import (
     HOME_TOLERANCE_RAD,
@@ -29,7 +30,16 @@ def urscript_text(program: RobotProgram, signals: CameraSignals, made: date) -> 
         Trigger and answer of the camera.
     made : date
         The day, for the head.
+
+    Raises
+    ------
+    RequestError
+        If the part lies on a turntable, which URScript does not drive together with the joints.
     """
+    if program.turns:
+        rule = "must be rapid, krl, ros, csv or json for a part on a turntable"
+        hint = "URScript drives no external axis together with the joints"
+        raise RequestError.of_rule("format", rule, "'urscript'", hint=hint)
     lines = [
         *(f"# {line}" for line in head_lines(program, made)),
         "# Send it as a whole to port 30002, or load it as a script file and call inspection().",

@@ -48,7 +48,12 @@ class Advance:
         self._between = between & self._turned[:, self._moving]
 
     def shares(
-        self, frames: np.ndarray, turn: np.ndarray, reach: np.ndarray, kept: float
+        self,
+        frames: np.ndarray,
+        turn: np.ndarray,
+        reach: np.ndarray,
+        kept: float,
+        others_mm: np.ndarray | float = 0.0,
     ) -> np.ndarray:
         """Return which share of a turn is free to both sides of configurations.
 
@@ -62,6 +67,8 @@ class Advance:
             Shares of it beyond which nothing need be known.
         kept : float
             Share of the clearance that pairs must keep.
+        others_mm : array (p,) or float
+            How far the other body of each pair moves on the whole turn, at most.
 
         Returns
         -------
@@ -69,7 +76,7 @@ class Advance:
             At most `reach`. Not positive if the configuration itself is not free.
         """
         group = self._group
-        motions = self._motions(frames, np.abs(turn), reach)
+        motions = self._motions(frames, np.abs(turn), reach) + others_mm
         required = kept * group.required
         with np.errstate(divide="ignore", invalid="ignore"):
             # pairs that do not move against each other are as near as they were

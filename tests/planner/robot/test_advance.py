@@ -46,7 +46,7 @@ def test_proven_shares_are_free(name):
     partly = 0
     for joints in q:
         turn = rng.uniform(-2, 2, 6)
-        share = cell.in_fixturing("up").free_shares(joints[None], turn, reach, 0.5)[0]
+        share = cell.free_shares(joints[None], turn, reach, 0.5, fixturing="up")[0]
         assert 0 < share <= 0.5
         partly += share < 0.5
         inside = rng.uniform(-share, share, 60)
@@ -60,7 +60,7 @@ def test_joints_that_touch_something_are_not_free():
     cell = made_cell()
     q = random_joints(cell.robot, np.random.default_rng(4), 400)
     q = q[cell.slack_bound(q, "up", 1.0) < 0][:20]
-    shares = cell.in_fixturing("up").free_shares(q, np.full(6, 0.5), np.full(len(q), 0.5), 1.0)
+    shares = cell.free_shares(q, np.full(6, 0.5), np.full(len(q), 0.5), 1.0, fixturing="up")
     assert (shares <= 0).all()
 
 
@@ -78,6 +78,6 @@ def test_a_turn_of_the_wrist_costs_only_the_hand():
     )
     assert cell.clearance(home, "up").mm < 150
     turn = np.array([0.0, 0, 0, 0, 0, 0.5])
-    assert cell.in_fixturing("up").free_shares(home[None], turn, np.array([1.0]), 1.0)[0] == 1.0
+    assert cell.free_shares(home[None], turn, np.array([1.0]), 1.0, fixturing="up")[0] == 1.0
     turn = np.array([0.5, 0, 0, 0, 0, 0])
-    assert cell.in_fixturing("up").free_shares(home[None], turn, np.array([1.0]), 1.0)[0] < 0.3
+    assert cell.free_shares(home[None], turn, np.array([1.0]), 1.0, fixturing="up")[0] < 0.3
