@@ -56,6 +56,10 @@ if TYPE_CHECKING:
     from planner.measuring.reading import Reading as Reading
     from planner.measuring.results import MeasurementResults as MeasurementResults
     from planner.motion.arm_uncertainty import ArmUncertainty as ArmUncertainty
+    from planner.motion.other_poses.reached_plan import ReachedPlan as ReachedPlan
+    from planner.motion.other_poses.reached_plan import (
+        with_reached_settings as with_reached_settings,
+    )
     from planner.motion.program_record import RobotProgram as RobotProgram
     from planner.motion.robot_program import robot_program as robot_program
     from planner.optics.proposal import OpticsProposal as OpticsProposal
@@ -130,6 +134,7 @@ _NAMES = {
     "planner.light.plan_light": ("plan_light",),
     "planner.light.ring_space": ("RingSpace",),
     "planner.motion.arm_uncertainty": ("ArmUncertainty",),
+    "planner.motion.other_poses.reached_plan": ("ReachedPlan", "with_reached_settings"),
     "planner.motion.program_record": ("RobotProgram",),
     "planner.motion.robot_program": ("robot_program",),
     "planner.measuring.measurer": ("MeasureOptions", "Measurer", "measure"),

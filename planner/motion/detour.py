@@ -117,7 +117,8 @@ class Detours:
             growing = trial % 2
             first = trees[growing]
             other = trees[1 - growing]
-            target = _drawn(*boxes[trial // 2 % 2], rng)
+            low, high = boxes[trial // 2 % 2]
+            target = _drawn(low, high, rng)
             node = self._grown(first, target, greedy=False)
             if node is None:
                 continue

@@ -2,20 +2,38 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.motion.move_time import JointRates
+from planner.records.json_file import encoded
 from planner.verify.simulate_setting import SuccessRate
+
+if TYPE_CHECKING:
+    from planner.plan import InspectionPlan
 
 FORMAT = "aspectgraph robot program"
 VERSION = 1
 TURNTABLE = "turntable"
 """Name of the column of its angle."""
 _UNITS = {"joints": "rad", "time": "s", "length": "mm", "flange": "tip to base"}
+
+
+def plan_digest(plan: InspectionPlan) -> str:
+    """Return the SHA-256 of what a plan's file says.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    text = json.dumps(encoded(plan.to_dict()), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +235,11 @@ class RobotProgram:
         Digests of plan, part and cell.
     warnings : tuple of str
         Points to look at before driving.
+    replaced : mapping of int to str
+        Index of each setting that another pose stands for, from 0, and how far that is away. Images
+        must then be measured with ``plan``.
+    plan : InspectionPlan or None
+        With other poses, the plan that the program drives.
 
     Examples
     --------
@@ -241,6 +264,8 @@ class RobotProgram:
     coverage: tuple[int, ...]
     digests: Mapping[str, str]
     warnings: tuple[str, ...] = ()
+    replaced: Mapping[int, str] = field(default_factory=dict)
+    plan: InspectionPlan | None = None
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -342,6 +367,11 @@ class RobotProgram:
             "seconds": self.seconds,
             "coverage": list(self.coverage),
             "unreached": {str(k + 1): why for k, why in self.unreached.items()},
+            **(
+                {"replaced": {str(k + 1): text for k, text in self.replaced.items()}}
+                if self.replaced
+                else {}
+            ),
             "warnings": list(self.warnings),
             "tours": [tour.to_dict() for tour in self.tours],
         }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,13 +18,20 @@ from planner.motion.checked_tour import TourChecker, straight_costs
 from planner.motion.detour import Detours
 from planner.motion.fixturing_choice import choose_fixturings
 from planner.motion.move_time import JointRates
-from planner.motion.program_record import ArmState, FixturedTour, Move, RobotProgram, Stop
+from planner.motion.other_poses.driven_plan import program_with_other_poses
+from planner.motion.program_record import (
+    ArmState,
+    FixturedTour,
+    Move,
+    RobotProgram,
+    Stop,
+    plan_digest,
+)
 from planner.motion.program_warnings import program_warnings
 from planner.motion.stated_probability import shortfalls, simulated_rates, stated_probabilities
 from planner.motion.tour import EXACT_UP_TO, shortest_tour
 from planner.motion.tour_search import quick_length
 from planner.progress import Progress, report
-from planner.records.json_file import encoded
 from planner.robot.reachability import reachability_of
 
 if TYPE_CHECKING:
@@ -79,6 +84,7 @@ def robot_program(
     uncertainty: ArmUncertainty | None = None,
     simulate: int = 10_000,
     seed: int = 0,
+    other_poses: bool = False,
     progress: Progress | None = None,
 ) -> RobotProgram:
     """Make the program that takes the images of a plan.
@@ -102,7 +108,11 @@ def robot_program(
     simulate : int
         With `uncertainty`, check P at each stop with this many displaced poses; 0 for none.
     seed : int
-        Of the ways around obstacles and of the displaced poses.
+        Of the ways around obstacles, of the displaced poses and of other poses.
+    other_poses : bool
+        Whether to replace a setting by another pose that inspects the same. That is done where the
+        robot does not reach it, its way is blocked, or its joints are near a limit or singular. The
+        program's ``replaced`` names them, and its ``plan`` is the plan that it drives.
     progress : callable, optional
         ``progress(done, total, label)``.
 
@@ -140,9 +150,15 @@ def robot_program(
         raise RequestError.of_rule("cell.home", "must be given for a program", "none", hint=hint)
     if not plan.settings:
         raise RequestError.of_rule("plan", "must have settings", "none")
-    maker = _ProgramMaker(plan, solid, cell, speed, seed=seed)
-    maker.state_uncertainty(uncertainty, simulate)
-    return maker.program(progress)
+
+    def make(one: InspectionPlan) -> RobotProgram:
+        maker = _ProgramMaker(one, solid, cell, speed, seed=seed)
+        maker.state_uncertainty(uncertainty, simulate)
+        return maker.program(progress)
+
+    if other_poses:
+        return program_with_other_poses(plan, solid, cell, make, seed)
+    return make(plan)
 
 
 def _check_part(plan: InspectionPlan, solid: Solid) -> None:
@@ -202,7 +218,7 @@ class _ProgramMaker:
             self._reached.append(self._reach(name))
         table = np.array([[bool(len(one.branches)) for one in row] for row in self._reached]).T
         choice = choose_fixturings(table, self._seconds)
-        unreached = {k: self._why_not(k) for k, f in enumerate(choice.of_setting) if f < 0}
+        unreached = {k: self._told.why_not(k) for k, f in enumerate(choice.of_setting) if f < 0}
         tours = []
         for f, name in enumerate(self._names):
             report(progress, steps + f, 2 * steps, f"moves in fixturing {name}")
@@ -286,12 +302,6 @@ class _ProgramMaker:
         costs = straight_costs(self._home_in(name), branches, self._rates_in(name))
         return shortest_tour(costs).seconds if len(settings) <= EXACT_UP_TO else quick_length(costs)
 
-    def _why_not(self, k: int) -> str:
-        reasons = {name: row[k].why for name, row in zip(self._names, self._reached, strict=True)}
-        if len(set(reasons.values())) == 1:
-            return next(iter(reasons.values()))
-        return ", ".join(f"{name}: {why}" for name, why in reasons.items())
-
     def _tour(self, f: int, settings: list[int], unreached: dict[int, str]) -> FixturedTour:
         """Return the round through settings in a fixturing; adds to ``unreached`` what has no free way."""
         name = self._names[f]
@@ -351,8 +361,7 @@ class _ProgramMaker:
         return Stop(k, move, state, flange, covariance, stated, rates)
 
     def _digests(self) -> dict[str, str]:
-        text = json.dumps(encoded(self._plan.to_dict()), sort_keys=True)
-        digests = {"plan": hashlib.sha256(text.encode()).hexdigest()}
+        digests = {"plan": plan_digest(self._plan)}
         part = self._plan.request.get("part")
         if part is not None:
             digests["part"] = str(part["digest"])

@@ -116,6 +116,26 @@ class Reachability:
         """
         return most_often([pose.why for pose in self.poses[fixturing] if pose.why])
 
+    def why_not(self, k: int) -> str:
+        """Return why a setting is reached in no fixturing.
+
+        Parameters
+        ----------
+        k : int
+            Its index, from 0.
+
+        Returns
+        -------
+        str
+            One reason, or that of each fixturing; empty if it is reached.
+        """
+        reasons = {name: poses[k].why for name, poses in self.poses.items()}
+        if not all(reasons.values()):
+            return ""
+        if len(set(reasons.values())) == 1:
+            return next(iter(reasons.values()))
+        return ", ".join(f"{name}: {why}" for name, why in reasons.items())
+
     def rows(self) -> list[tuple[str, ...]]:
         """Return the table: the setting, then for each fixturing its joints or why there are none.
 
@@ -286,20 +306,27 @@ class CellRegion:
         cell = self._cell
         return [(name, angle) for name in cell.fixturings for angle in cell.angles(name)]
 
-    def _told(self, cam2world: np.ndarray, segments: np.ndarray, name: str) -> list[PoseReach]:
-        """Return what is known of poses (n, 4, 4) with all segments (s, 2, 3) in sight."""
+    def told(
+        self,
+        cam2world: np.ndarray,
+        segments: np.ndarray,
+        name: str,
+        *,
+        all_branches: bool = False,
+    ) -> list[PoseReach]:
+        """Return what is known of poses (n, 4, 4) in a fixturing, with all segments (s, 2, 3) in sight."""
 
         def hidden(angle: float, row: int) -> str:
             bodies = self._cell.hidden_by(cam2world[row][None], segments, name, angle)[0]
             return next((f"{body} hides it" for body in bodies if body), "")
 
-        return _in_sight(self._cell, cam2world, hidden, name)
+        return _in_sight(self._cell, cam2world, hidden, name, all_branches)
 
     def explain(self, cam2world: np.ndarray, segments: np.ndarray) -> str:
         """Return why poses (n, 4, 4) are not reached with all segments (s, 2, 3) in sight, in words."""
         parts = []
         for name in self._cell.fixturings:
-            reasons = [one.why for one in self._told(cam2world, segments, name)]
+            reasons = [one.why for one in self.told(cam2world, segments, name)]
             words = most_often([reason for reason in reasons if reason])
             parts.append(f"{words} ({reasons.count(words)} of {len(reasons)} poses in {name!r})")
         return ", ".join(parts)
@@ -308,7 +335,7 @@ class CellRegion:
         """Return how the robot stands at a pose (4, 4) with all segments (s, 2, 3) in sight, by fixturing."""
         found = {}
         for name in self._cell.fixturings:
-            told = self._told(cam2world[None], segments, name)[0]
+            told = self.told(cam2world[None], segments, name)[0]
             if told.reached:
                 found[name] = self._standing(told, name)
         return found

@@ -49,7 +49,13 @@ def add_reach(reach: argparse.ArgumentParser) -> None:
     placing.add_argument(
         "--draws", type=whole, default=300, metavar="N", help="with --place: positions to try"
     )
-    add_seed(placing, "same seed, same positions")
+    add_seed(placing, "same seed, same positions and other poses")
+    reach.add_argument(
+        "--plan-out",
+        metavar="FILE",
+        help="write the plan with other poses that inspect the same for settings that are not "
+        "reached; one that exists is replaced (default: say only which there are)",
+    )
     add_reading(reach)
     add_messages(reach)
 
@@ -94,6 +100,12 @@ def add_program(program: argparse.ArgumentParser) -> None:
         default=1,
         metavar="N",
         help="digital input at which the camera says that the image is taken",
+    )
+    output.add_argument(
+        "--plan-out",
+        metavar="FILE",
+        help="use other poses that inspect the same for settings that are not reached or hard to "
+        "drive, and write the plan with these; its images must be measured with it",
     )
     add_seed(output, "same seed, same ways around obstacles")
     _add_arm(program)

@@ -29,6 +29,8 @@ def program(options: argparse.Namespace) -> int:
     """Write a robot program, and print its rounds."""
     out = FORMATS[options.format] if options.out is None else options.out
     check_file_place(out, "--out")
+    if options.plan_out is not None:
+        check_file_place(options.plan_out, "--plan-out")
     signals = CameraSignals(
         settle_s=options.settle,
         trigger_output=options.trigger_output,
@@ -48,14 +50,19 @@ def program(options: argparse.Namespace) -> int:
             uncertainty=uncertainty,
             simulate=options.simulate,
             seed=options.seed,
+            other_poses=options.plan_out is not None,
             progress=progress,
         )
+    if made.plan is not None:
+        made.plan.write(options.plan_out)
     path = write_program(made, out, format=options.format, signals=signals)
     if options.json:
         print_json(made.to_dict())
     else:
         _print_program(made)
         print(visible(str(path)))
+        if made.plan is not None:
+            print(visible(str(options.plan_out)))
     return DONE if made.complete else INCOMPLETE
 
 
@@ -105,6 +112,8 @@ def _print_program(made: RobotProgram) -> None:
     if len(made.coverage) > 1:
         counts = [f"{k}: {count}" for k, count in enumerate(made.coverage, 1)]
         print_text(f"settings reached by the number of fixturings: {', '.join(counts)}")
+    for k, text in made.replaced.items():
+        print_text(f"setting {k + 1} has another pose that inspects the same: {text}")
     for k, why in made.unreached.items():
         print_text(f"setting {k + 1} is not reached: {why}")
     for text in made.warnings:

@@ -10,8 +10,11 @@ import numpy as np
 from planner.cli.job import check_same_part, read_part
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.exceptions import RequestError
+from planner.files import check_file_place
+from planner.motion.other_poses.reached_plan import with_reached_settings
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import terminal_progress
+from planner.progress.terminal_text import visible
 from planner.progress.text_table import Column, print_table, print_text
 from planner.records.json_file import print_json
 from planner.robot import Cell, Placement, Reachability
@@ -31,6 +34,7 @@ def reach(options: argparse.Namespace) -> int:
     """Print which settings of a plan a robot reaches."""
     if options.within is not None and not options.place:
         raise RequestError.of_rule("within", "must be given with --place", "none")
+    _check_plan_out(options)
     plan = read_plan(options.plan)
     solid = read_part(options)
     check_same_part(solid, plan, options.part)
@@ -44,7 +48,40 @@ def reach(options: argparse.Namespace) -> int:
     _print_reached(told, cell)
     if plan.cell and plan.cell["digest"] != cell.to_dict()["digest"]:
         print_text("note: the plan was made for another cell")
-    return DONE if told.complete else INCOMPLETE
+    if told.complete:
+        return DONE
+    return _other_poses(options, plan, solid, cell)
+
+
+def _check_plan_out(options: argparse.Namespace) -> None:
+    if options.plan_out is None:
+        return
+    if options.place or options.json:
+        rule = "must not be given with --place or --json"
+        raise RequestError.of_rule("plan_out", rule, repr(options.plan_out))
+    check_file_place(options.plan_out, "--plan-out")
+
+
+def _other_poses(
+    options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cell: Cell
+) -> int:
+    """Print which settings are reached from other poses, and write the plan with these where that is asked."""
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        found = with_reached_settings(plan, solid, cell, seed=options.seed, progress=progress)
+    if found.note:
+        print_text(f"no other poses were tried: {found.note}")
+        return INCOMPLETE
+    for k, one in found.replaced.items():
+        print_text(f"setting {k + 1} is reached from another pose that inspects the same: {one}")
+    for k in found.unreached:
+        print_text(f"setting {k + 1} is reached from no other pose that was tried")
+    if options.plan_out is None:
+        if found.replaced:
+            print_text("--plan-out FILE writes the plan with these poses")
+        return INCOMPLETE
+    found.plan.write(options.plan_out)
+    print(visible(str(options.plan_out)))
+    return INCOMPLETE if found.unreached else DONE
 
 
 def _print_reached(told: Reachability, cell: Cell) -> None:

@@ -146,6 +146,10 @@ def head_lines(program: RobotProgram, made: date) -> list[str]:
         *(_turntable_lines(program)),
         f"Every move keeps {program.keep_mm:g} mm to part and obstacles in the model.",
         *(_flange_line(program)),
+        *(
+            f"Setting {k + 1} has another pose than in the first plan: {plain(text, 120)}"
+            for k, text in program.replaced.items()
+        ),
         *(f"Not reached: setting {k + 1}: {plain(w, 120)}" for k, w in program.unreached.items()),
         *(f"Warning: {plain(text, 160)}" for text in program.warnings),
     ]

@@ -1,0 +1,230 @@
+"""Other poses inspect the same as a setting, and a plan with them is reached."""
+
+import json
+
+import numpy as np
+import pytest
+from robot_cells import TABLE, made_cell, pose
+from robot_programs import HOME, plan_of, reached_poses
+from robot_programs import block as plain_block
+from scipy.spatial.transform import Rotation
+
+from aspectgraph import read_solid
+from planner import (
+    Camera,
+    Effort,
+    Fixturing,
+    InspectionOptions,
+    PoseUncertainty,
+    RequestError,
+    plan_inspection,
+    predict,
+    read_plan,
+    robot_program,
+    with_reached_settings,
+)
+from planner.cli.main import main
+from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.motion.other_poses.equivalent_poses import EquivalentPoses, why_no_other_poses
+from planner.motion.program_record import plan_digest
+
+CAMERA = Camera.named("basler-acA2440-20gm-8mm")
+UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+EDGES = {"left": [[60, 20, 10], [60, 40, 10]], "corner": [[0, 0, 0], [0, 0, 40]]}
+EFFORT = Effort(viewpoints=6, pricing_rounds=1, refutations=1, bound_nodes=300)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return read_solid("examples/two_pocket_block.off")
+
+
+@pytest.fixture(scope="module")
+def plan(block):
+    """A plan for no robot: one of its settings looks up from below the table."""
+    made = plan_inspection(block, EDGES, CAMERA, UNCERTAINTY, accuracy=0.95, effort=EFFORT)
+    return made.simulated(500)
+
+
+def turned_cell(degrees):
+    turn = Rotation.from_euler("z", degrees, degrees=True).as_matrix()
+    fixturing = Fixturing(pose((850.0, 0.0, 0.0), turn), {"table": TABLE})
+    return made_cell(fixturings={"up": fixturing}, home=HOME)
+
+
+@pytest.fixture(scope="module")
+def reached(plan, block):
+    cell = turned_cell(300)
+    return cell, with_reached_settings(plan, block, cell)
+
+
+def test_other_poses_inspect_the_same(plan, block):
+    found = EquivalentPoses(plan, block)
+    need = plan.request["requirements"]
+    options = InspectionOptions(
+        workspace=plan.workspace,
+        field_margin_px=need["field_margin_px"],
+        visibility_radius_mm=need["visibility_radius_mm"],
+    )
+    for k, setting in enumerate(plan.settings):
+        poses = found.poses(k)
+        assert len(poses) > 100
+        wanted = {name: EDGES[name] for name in setting.entities}
+        for one in poses[:: len(poses) // 4]:
+            told = predict(block, wanted, one, CAMERA, UNCERTAINTY, accuracy=0.95, options=options)
+            assert all(each.inspected for each in told.values())
+            assert min(each.probability for each in told.values()) >= plan.probability
+        distances = [np.dot(found.distance(k, one), (1.0, 200.0)) for one in poses]
+        assert (np.diff(distances) > -1e-5).all()
+        # some are only rolled
+        shifts = np.linalg.norm(poses[:, :3, 3] - setting.position, axis=1)
+        along = poses[:, :3, 2] @ setting.cam2world[:3, 2]
+        assert ((shifts < 1e-6) & (along > 1 - 1e-9)).any()
+
+
+def test_a_plan_with_other_poses_is_reached(plan, block, reached, tmp_path):
+    cell, found = reached
+    before = cell.reachability(plan, block)
+    assert not before.complete
+    assert set(found.replaced) == set(np.flatnonzero(~before.reached.any(axis=1)))
+    assert not found.unreached
+    assert cell.reachability(found.plan, block).complete
+    for k, (one, old) in enumerate(zip(found.plan.settings, plan.settings, strict=True)):
+        assert one.entities == old.entities
+        if k not in found.replaced:
+            assert one is old
+            continue
+        other = found.replaced[k]
+        assert other.moved_mm == pytest.approx(np.linalg.norm(one.position - old.position))
+        assert other.why == before.why_not(k)
+        assert min(one.probability.values()) >= plan.probability
+        assert min(one.p_all.values()) >= plan.probability
+        assert min(one.margins.values()) >= 0
+    # stated again for the new poses
+    assert found.plan.simulation.n == plan.simulation.n
+    assert found.plan.simulation.confirmed
+    found.plan.write(tmp_path / "reached.json")
+    again = read_plan(tmp_path / "reached.json")
+    assert cell.reachability(again, block).complete
+
+
+def test_a_program_drives_the_plan_that_it_holds(plan, block, reached, tmp_path):
+    cell, found = reached
+    without = (
+        robot_program(plan, block, cell) if found.plan.settings[0] is plan.settings[0] else None
+    )
+    assert without is None or not without.complete
+    made = robot_program(plan, block, cell, other_poses=True)
+    assert made.complete
+    assert set(made.replaced) >= set(found.replaced)
+    inside = cell.with_part(block)
+    for tour in made.tours:
+        for stop in tour.stops:
+            setting = made.plan.settings[stop.setting_idx]
+            camera = inside.cam2world(stop.joints[None], tour.fixturing)[0]
+            np.testing.assert_allclose(camera, setting.cam2world, atol=1e-3)
+            assert setting.joints == tuple(stop.joints)
+            assert setting.fixturing == tour.fixturing
+    assert made.digests["plan"] == plan_digest(made.plan) != plan_digest(plan)
+    record = json.loads(json.dumps(made.to_dict()))
+    assert set(record["replaced"]) == {str(k + 1) for k in made.replaced}
+    made.plan.write(tmp_path / "driven.json")
+    assert read_plan(tmp_path / "driven.json").cell == cell.to_dict()
+
+
+def test_where_all_is_reached_nothing_is_replaced(plan, block, reached):
+    cell, found = reached
+    again = with_reached_settings(found.plan, block, cell)
+    assert again.plan is found.plan
+    assert not again.replaced
+
+
+def test_what_no_other_pose_reaches_says_why(plan, block):
+    far = made_cell(fixturings={"far": Fixturing(pose((4000.0, 0.0, 0.0)))}, home=HOME)
+    found = with_reached_settings(plan, block, far)
+    assert found.plan is plan
+    assert found.unreached == dict.fromkeys(range(len(plan.settings)), "beyond the arm's reach")
+
+
+def test_plans_without_their_request_have_no_other_poses():
+    plan = plan_of(reached_poses()[:1])
+    assert why_no_other_poses(plan) == "the plan does not hold its request: plan again"
+    far = made_cell(fixturings={"far": Fixturing(pose((4000.0, 0.0, 0.0)))}, home=HOME)
+    found = with_reached_settings(plan, plain_block(), far)
+    assert found.note == why_no_other_poses(plan)
+    assert found.unreached
+    with pytest.raises(RequestError, match="other_poses must be left out for this plan"):
+        robot_program(plan, plain_block(), far, other_poses=True)
+
+
+CELL = """
+cam2flange = {{ xyz = [0, 0, 90] }}
+home_deg = [0, -108.862, 97.403, 0, 89.954, 0]
+camera_body = [{{ low = [-30, -30, -90], high = [30, 30, 0] }}]
+robot = {{ urdf = "{folder}/made_parallel.urdf", packages = {{ made_robots = "{folder}" }} }}
+[fixturings.up]
+part2base = {{ xyz = [850, 0, 0], rpy_deg = [0, 0, 300] }}
+[fixturings.up.obstacles.table]
+low = [300, -500, -100]
+high = [1300, 500, 0]
+"""
+
+
+@pytest.fixture(scope="module")
+def files(plan, tmp_path_factory):
+    from robot_cells import ROBOTS
+
+    folder = tmp_path_factory.mktemp("reach")
+    plan.write(folder / "plan.json")
+    (folder / "cell.toml").write_text(CELL.format(folder=ROBOTS.as_posix()), "utf-8")
+    return folder
+
+
+def run(files, capsys, *arguments, plan="plan.json"):
+    command, *more = arguments
+    part = "examples/two_pocket_block.off"
+    given = [command, files / plan, part, "--cell", files / "cell.toml", *more]
+    code = main([str(one) for one in given])
+    return code, " ".join(capsys.readouterr().out.split())
+
+
+def test_reach_names_other_poses_and_writes_them_only_where_asked(files, capsys):
+    before = (files / "plan.json").read_bytes()
+    code, out = run(files, capsys, "reach")
+    assert code == INCOMPLETE
+    assert "setting 1 is reached from another pose that inspects the same:" in out
+    assert "--plan-out FILE writes the plan with these poses" in out
+    code, _ = run(files, capsys, "reach", "--plan-out", files / "reached.json")
+    assert code == DONE
+    code, out = run(files, capsys, "reach", plan="reached.json")
+    assert code == DONE
+    assert "another pose" not in out
+    assert (files / "plan.json").read_bytes() == before
+
+
+def test_program_uses_other_poses_only_where_asked(files, capsys):
+    code, out = run(
+        files, capsys, "program", "--out", files / "a.script", "--plan-out", files / "d.json"
+    )
+    assert code == DONE
+    assert "has another pose that inspects the same" in out
+    text = (files / "a.script").read_text("utf-8")
+    assert "Setting 1 has another pose than in the first plan" in text
+    assert plan_digest(read_plan(files / "d.json")) in text
+
+
+def test_a_place_for_the_plan_that_is_none(files, capsys):
+    code = main(
+        [
+            "reach",
+            str(files / "plan.json"),
+            "examples/two_pocket_block.off",
+            "--cell",
+            str(files / "cell.toml"),
+            "--place",
+            "--plan-out",
+            "x.json",
+        ]
+    )
+    assert code == BAD_INPUT
+    assert "plan-out must not be given with --place" in capsys.readouterr().err
