@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from planner.motion.other_poses.reached_plan import (
         with_reached_settings as with_reached_settings,
     )
+    from planner.motion.program_file import read_program as read_program
     from planner.motion.program_record import RobotProgram as RobotProgram
     from planner.motion.robot_program import robot_program as robot_program
     from planner.optics.proposal import OpticsProposal as OpticsProposal
@@ -135,6 +136,7 @@ _NAMES = {
     "planner.light.ring_space": ("RingSpace",),
     "planner.motion.arm_uncertainty": ("ArmUncertainty",),
     "planner.motion.other_poses.reached_plan": ("ReachedPlan", "with_reached_settings"),
+    "planner.motion.program_file": ("read_program",),
     "planner.motion.program_record": ("RobotProgram",),
     "planner.motion.robot_program": ("robot_program",),
     "planner.measuring.measurer": ("MeasureOptions", "Measurer", "measure"),

@@ -145,7 +145,15 @@ class Stop:
             found["probability"] = dict(self.probability)
         if self.simulated:
             found["simulated"] = {
-                name: {"frequency": rate.frequency, "low": rate.low, "high": rate.high, "n": rate.n}
+                name: {
+                    "successes": rate.successes,
+                    "n": rate.n,
+                    "frequency": rate.frequency,
+                    "low": rate.low,
+                    "high": rate.high,
+                    "confidence": rate.confidence,
+                    "outside": rate.outside,
+                }
                 for name, rate in self.simulated.items()
             }
         return found

@@ -370,7 +370,7 @@ class _ProgramMaker:
 
     def _warnings(self, tours: Sequence[FixturedTour]) -> tuple[str, ...]:
         found = program_warnings(tours, self._plan.probability)
-        planned = self._plan.cell
-        if planned and planned["digest"] != self._given.to_dict()["digest"]:
-            return ("the plan was made for another cell.", *found)
+        changed = self._given.difference(self._plan.cell)
+        if changed:
+            return (f"the cell of the plan differs from the cell given, in {changed}.", *found)
         return found

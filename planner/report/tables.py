@@ -240,7 +240,8 @@ def arm(plan: InspectionPlan) -> str:
     return (
         f'<div class="scroll"><table class="arm"><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table>'
         f"</div><p class='note'>{escape(plan.cell['robot'])} reaches these settings. The clearance is the distance of "
-        "the closest two objects that may touch. The limit is that of the nearest joint. At a singular value of 0 "
+        "arm or camera from the nearest object, or of two links nearer than 5 mm. The limit is that of the nearest "
+        "joint. At a singular value of 0 "
         "joints turn fast for a slow camera. Its lengths are divided by 500 mm.</p>"
     )
 

@@ -26,9 +26,9 @@ from planner.robot.collisions import (
     Arm,
     Surroundings,
     bodies_of,
-    digest_of,
     farthest_points,
 )
+from planner.robot.identity.cell_identity import CellIdentity
 from planner.robot.joint_checks import JointChecks
 from planner.robot.moves.turned_advance import TurnedAdvance
 from planner.robot.pose_reach import PoseReach, Reacher, over_angles
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from aspectgraph import Solid
 
 
-class Cell(JointChecks):
+class Cell(JointChecks, CellIdentity):
     """A robot that holds a camera, and everything it must not touch.
 
     The tip of the robot is the flange: tip(q) · cam2flange = part2base · cam2world.
@@ -299,27 +299,6 @@ class Cell(JointChecks):
         """
         return tuple(self._fixturing(fixturing).angles)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what a plan file says of the cell.
-
-        Returns
-        -------
-        dict
-            Name of the robot, digest of the cell, and ``part2base`` of each fixturing; with the
-            axes of turntables.
-        """
-        tables = {name: one.table for name, one in self.fixturings.items() if one.table}
-        axes = {
-            name: {"point": table.point.tolist(), "direction": table.direction.tolist()}
-            for name, table in tables.items()
-        }
-        return {
-            "robot": self.robot.name,
-            "digest": self.state_name.split()[-1],
-            "fixturings": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
-            **({"turntables": axes} if axes else {}),
-        }
-
     def region(self, solid: Solid) -> CellRegion:
         """Return the poses that the robot reaches, as planning asks for them.
 
@@ -391,22 +370,6 @@ class Cell(JointChecks):
             A table of settings and fixturings.
         """
         return reachability_of(self.with_part(solid), plan, all_branches=all_branches)
-
-    @property
-    def state_name(self) -> str:
-        """Digest of everything that decides what is reached."""
-        own = (self.robot.state_name, self.clearance_mm, self.cam2flange.tolist())
-        home = None if self.home is None else self.home.tolist()
-        places = [("", np.eye(4), self._standing)]
-        places += [
-            (name, one.part2base, self._with_it[name]) for name, one in self.fixturings.items()
-        ]
-        tables = {name: one.table for name, one in self.fixturings.items() if one.table}
-        places += [
-            (repr((name, table.numbers)), np.eye(4), self._turning[name])
-            for name, table in tables.items()
-        ]
-        return f"cell {digest_of((*own, home), self._arm, places)}"
 
     def _fixturing(self, name: str) -> Fixturing:
         if name not in self.fixturings:

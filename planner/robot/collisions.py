@@ -6,7 +6,6 @@ fcl is asked for the pairs that they leave open.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from threading import RLock
@@ -349,19 +348,3 @@ def farthest_points(chain: Chain, arm: Arm) -> np.ndarray:
         lengths = np.concatenate([[0.0], np.cumsum(offsets[joint + 1 :])])
         levers[joint] = (lengths + farthest[joint + 1 :]).max()
     return levers
-
-
-def digest_of(
-    numbers: tuple[Any, ...], arm: Arm, places: Iterable[tuple[str, np.ndarray, Sequence[Standing]]]
-) -> str:
-    """Return the SHA-256 of an arm, of numbers, and of what stands still by name and pose."""
-    digest = hashlib.sha256(repr(numbers).encode())
-    for body in arm.bodies:
-        digest.update(body.hull.corners.tobytes())
-    for name, pose, standing in places:
-        digest.update(repr((name, pose.tolist())).encode())
-        for one in standing:
-            digest.update(repr((one.name, one.pose.tolist())).encode())
-            digest.update(one.shape.corners.tobytes())
-            digest.update(one.shape.triangles.astype("<i8").tobytes())
-    return digest.hexdigest()

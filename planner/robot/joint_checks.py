@@ -15,6 +15,9 @@ from planner.robot.standing import Fixturing
 from planner.robot.transforms import compose, invert
 from planner.robot.urdf import N_JOINTS
 
+LINKS_NEAR_MM = 5.0
+"""Two links of the arm are named as the closest objects only if they are nearer than this."""
+
 
 class JointChecks(ABC):
     """What a `Cell` says of joints: six, or seven in a fixturing on a turntable, whose angle is the last."""
@@ -186,8 +189,10 @@ class JointChecks(ABC):
         ((_, reacher, own),) = self._by_angle(np.asarray(q, dtype=np.float64)[None], fixturing)
         return reacher.blocked_by(own[0])
 
-    def clearance(self, q: np.ndarray, fixturing: str) -> Closeness:
-        """Return the closest two objects.
+    def clearance(
+        self, q: np.ndarray, fixturing: str, *, links_mm: float = LINKS_NEAR_MM
+    ) -> Closeness:
+        """Return what arm or camera is nearest to: the part, an obstacle, or a link of the arm that is very near.
 
         Parameters
         ----------
@@ -195,14 +200,16 @@ class JointChecks(ABC):
             Joints, rad.
         fixturing : str
             Name of a fixturing.
+        links_mm : float
+            Pairs of the arm's own bodies count only if they are nearer than this: some are near in all joints.
 
         Returns
         -------
         Closeness
-            Their names and their distance, mm.
+            Names of the closest two objects and their distance, mm.
         """
         ((_, reacher, own),) = self._by_angle(np.asarray(q, dtype=np.float64)[None], fixturing)
-        return Closeness(*reacher.closest(own[0]))
+        return Closeness(*reacher.closest(own[0], links_mm))
 
     def slack_bound(
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf, *, share: float = 1.0

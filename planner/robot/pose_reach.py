@@ -262,12 +262,22 @@ class Reacher:
         ]
         return moving + standing
 
-    def closest(self, q: np.ndarray) -> tuple[float, str, str]:
-        """Return the distance of the closest two bodies, and their names, for joints (6,)."""
+    def closest(self, q: np.ndarray, links_mm: float) -> tuple[float, str, str]:
+        """Return the distance of the closest two bodies, and their names, for joints (6,).
+
+        Of the arm's own pairs those count that are nearer than `links_mm`.
+        """
         frames = self._robot.chain.frames(q[None])
         group = self._around.all
-        nothing = np.zeros(len(group.required))
-        mm, pair = group.closest(frames[0], group.bounds(frames)[0], nothing, np.inf)
+        bounds = group.bounds(frames)[0]
+        own = np.array([both for _, _, both in group.pairs], dtype=bool)
+        found = (np.inf, -1)
+        for some, below in ((~own, np.inf), (own, links_mm)):
+            apart = np.where(some, bounds, np.inf)
+            mm, pair = group.closest(frames[0], apart, np.zeros(len(own)), np.inf)
+            if pair >= 0 and mm < min(found[0], below):
+                found = (mm, pair)
+        mm, pair = found
         return (max(mm, 0.0), *group.names(pair)) if pair >= 0 else (np.inf, "", "")
 
     def blocked_by(self, q: np.ndarray) -> str:

@@ -46,8 +46,9 @@ def reach(options: argparse.Namespace) -> int:
         print_json(told.to_dict())
         return DONE if told.complete else INCOMPLETE
     _print_reached(told, cell)
-    if plan.cell and plan.cell["digest"] != cell.to_dict()["digest"]:
-        print_text("note: the plan was made for another cell")
+    changed = cell.difference(plan.cell)
+    if changed:
+        print_text(f"note: the cell of the plan differs from the cell given, in {changed}")
     if told.complete:
         return DONE
     return _other_poses(options, plan, solid, cell)

@@ -166,8 +166,18 @@ def test_a_plan_for_another_cell_is_warned_of():
     of_cell = cell().to_dict()
     plan = plan_of(reached_poses()[:1], cell=of_cell)
     assert robot_program(plan, block(), cell()).warnings == ()
-    plan = plan_of(reached_poses()[:1], cell={**of_cell, "digest": "0" * 64})
-    assert robot_program(plan, block(), cell()).warnings[0] == "the plan was made for another cell."
+    plan = plan_of(reached_poses()[:1], cell={**of_cell, "digest": "0" * 64, "parts": {}})
+    (warned,) = robot_program(plan, block(), cell()).warnings
+    assert warned == (
+        "the cell of the plan differs from the cell given, in something that the plan does not name."
+    )
+    moved = made_cell(fixturings={"up": FIXTURINGS["up"]}, home=HOME, clearance_mm=9.0)
+    plan = plan_of(reached_poses()[1:2], cell=moved.to_dict())
+    (warned,) = robot_program(plan, block(), cell()).warnings
+    assert warned == (
+        "the cell of the plan differs from the cell given, in clearance_mm and fixturing "
+        "'turned over' (new)."
+    )
 
 
 def test_the_record_is_json():

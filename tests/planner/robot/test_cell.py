@@ -110,7 +110,7 @@ def test_a_packed_cell_gives_the_same_answers(asked):
 def test_clearances_and_slacks_agree(asked):
     cell = asked[0]
     q = random_joints(cell.robot, np.random.default_rng(2), 60)
-    exact = np.array([cell.clearance(one, "up").mm for one in q])
+    exact = np.array([cell.clearance(one, "up", links_mm=np.inf).mm for one in q])
     distances = np.maximum(cell.slack_bound(q, "up", share=0.0), 0.0)
     np.testing.assert_allclose(distances, exact, atol=1e-9)
     quick = np.maximum(cell.slack_bound(q, "up", 20.0, share=0.0), 0.0)
@@ -119,6 +119,25 @@ def test_clearances_and_slacks_agree(asked):
     slack = cell.slack_bound(q, "up")
     assert ((slack >= 0) == cell.free(q, "up")).all()
     assert (cell.slack_bound(q, "up", share=0.5) >= slack).all()
+
+
+def test_two_links_are_the_closest_only_where_they_nearly_touch(asked):
+    cell = asked[0]
+    links = set(cell.robot.segment_names) | {"camera"}
+    q = random_joints(cell.robot, np.random.default_rng(2), 80)
+    own = 0
+    for one in q:
+        every = cell.clearance(one, "up", links_mm=np.inf)
+        told = cell.clearance(one, "up")
+        if {told.first, told.second} <= links:
+            own += 1
+            assert told == every
+            assert told.mm < 5.0
+        else:
+            assert {told.first, told.second} & {"table", "part"}
+            # nearer links are left out, unless they nearly touch
+            assert every.mm == told.mm or (every.mm >= 5.0 and {every.first, every.second} <= links)
+    assert 0 < own < len(q)
 
 
 def test_no_point_moves_farther_than_the_levers_say(asked):

@@ -1,0 +1,87 @@
+"""A program comes back from its file, and a file that contradicts itself is refused by the name of the field."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+from robot_programs import program
+
+from planner import PlanFileError, program_text, read_program, write_program
+from planner.motion.program_file import program_of
+
+
+@pytest.fixture(scope="module")
+def record():
+    return json.loads(json.dumps(program().to_dict()))
+
+
+def test_a_program_comes_back_from_its_file(tmp_path):
+    path = write_program(program(), tmp_path / "program.json")
+    again = read_program(path)
+    assert again.to_dict() == program().to_dict()
+    assert program_text(again, "rapid") == program_text(program(), "rapid")
+    assert program_text(again, "urscript") == program_text(program(), "urscript")
+    for one, other in zip(again.tours, program().tours, strict=True):
+        for stop, before in zip(one.stops, other.stops, strict=True):
+            assert stop.simulated == before.simulated
+            np.testing.assert_array_equal(stop.joints, before.joints)
+
+
+def changed(record, path, value):
+    data = copy.deepcopy(record)
+    *way, last = path.split(".")
+    inside = data
+    for key in way:
+        inside = inside[int(key) if isinstance(inside, list) else key]
+    inside[int(last) if isinstance(inside, list) else last] = value
+    return data
+
+
+STOP = "tours.0.stops.0"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("format", "plan", "format must be 'aspectgraph robot program'. Got 'plan'"),
+        ("version", True, "version must be 1. Got True"),
+        ("home", [0.0] * 5, r"home must hold finite numbers of the shape \(6,\)"),
+        ("home.0", 0.5, r"tours.0.stops.0.move.joints must begin where the last move ended"),
+        ("speed", 0, "speed must be above 0 and at most 1. Got 0"),
+        ("rates.speeds.1", -1.0, "rates.speeds must be positive"),
+        ("rates.speeds.0", "fast", r"rates.speeds must hold finite numbers of the shape \(6,\)"),
+        ("seconds", 1.0, "seconds must be the time of the moves"),
+        ("tours.0.seconds", 1.0, "tours.0.seconds must be the time of the moves"),
+        (f"{STOP}.setting", 0, f"{STOP}.setting must be an integer from 1. Got 0"),
+        (f"{STOP}.joints", [0.0] * 6, f"{STOP}.joints must be those at which its move ends"),
+        (f"{STOP}.move.seconds", 9.0, f"{STOP}.move.seconds must be the time of the moves"),
+        (f"{STOP}.move.joints", [[0.0] * 6], f"{STOP}.move.joints must hold two rows"),
+        (f"{STOP}.flange", [[1.0]], rf"{STOP}.flange must hold finite numbers of the shape \(4, 4"),
+        (f"{STOP}.arm.closest", ["a"], f"{STOP}.arm.closest must be two names"),
+        (f"{STOP}.probability.near", 1.5, f"{STOP}.probability.near must be from 0 to 1"),
+        (f"{STOP}.simulated.near.low", 1.0, f"{STOP}.simulated.near.low must be at most"),
+        (f"{STOP}.simulated.near.n", 5, f"{STOP}.simulated.near.n must be all displaced poses"),
+        ("tours.0.stops", [], "tours.0.stops must hold a stop"),
+        ("tours.0.back.joints.1.0", 0.1, "tours.0.back.seconds must be the time"),
+        ("tours.0.turntable", {"speeds": [1]}, "tours.0.turntable.accelerations must hold finite"),
+        ("unreached", {"0": "far"}, "unreached must have numbers of settings from 1 as keys"),
+        ("unreached", {"1": "far"}, "unreached must hold settings that are not visited. Got 1"),
+        ("tours.1.stops.0.setting", 4, "must visit each setting once. Got 'setting 4 again'"),
+        ("warnings", [1], "warnings must be a text. Got 1"),
+        ("keep_mm", None, "keep_mm must be a finite number. Got None"),
+    ],
+)
+def test_a_file_that_contradicts_itself_is_refused(record, path, value, message):
+    with pytest.raises(PlanFileError, match=message):
+        program_of(changed(record, path, value))
+
+
+def test_an_error_names_the_file(tmp_path):
+    path = tmp_path / "program.json"
+    path.write_text("{}", "utf-8")
+    with pytest.raises(PlanFileError, match=r"program.json: format must be"):
+        read_program(path)
+    path.write_text("[", "utf-8")
+    with pytest.raises(PlanFileError, match="program file must be JSON"):
+        read_program(path)
