@@ -25,6 +25,7 @@ CHOSEN = {
     "showing": 0,
     "dimensions": 1,
     "measuring": 0,
+    "robot_cell": 0,
     "tables_iii_iv": 2,
     "comparisons": 3,
     "cluster": 0,
