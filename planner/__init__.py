@@ -86,6 +86,8 @@ if TYPE_CHECKING:
     from planner.robot import Box as Box
     from planner.robot import Cell as Cell
     from planner.robot import Fixturing as Fixturing
+    from planner.robot import Grip as Grip
+    from planner.robot import HeldPartCell as HeldPartCell
     from planner.robot import Reachability as Reachability
     from planner.robot import Robot as Robot
     from planner.robot import propose_placements as propose_placements
@@ -162,6 +164,8 @@ _NAMES = {
         "Box",
         "Cell",
         "Fixturing",
+        "Grip",
+        "HeldPartCell",
         "Reachability",
         "Robot",
         "propose_placements",

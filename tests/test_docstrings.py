@@ -37,7 +37,7 @@ RESULTS = {
     "VisibilityRegions", "AxisDisplacement", "DisplacementTerms", "MonteCarloEstimate",
     "SegmentDisplacement", "SegmentError", "GAResult", "Generation", "History", "Cover",
     "InspectionPlan", "LightPlan", "LitImage", "OpticsProposal", "PartResult", "PlannedDimension",
-    "Decision", "MeasurementResults", "PosePrediction", "Reading", "ReasonKind", "Result",
+    "Decision", "MeasurementResults", "PosePrediction", "ReachedPlan", "Reading", "ReasonKind", "Result",
     "SensorSetting", "SimulationResult", "SuccessRate",
 }  # fmt: skip
 # goes away with the option that needs it

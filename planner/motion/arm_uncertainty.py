@@ -100,6 +100,41 @@ class ArmUncertainty:
             found = found + by_part @ self.part.covariance @ by_part.transpose(0, 2, 1)
         return (found + found.transpose(0, 2, 1)) / 2
 
+    def covariances_held(
+        self, robot: Kinematics, joints: np.ndarray, part2flange: np.ndarray, cam2part: np.ndarray
+    ) -> np.ndarray:
+        """Return Σ(q) for joints of an arm that holds the part before a camera that stands still.
+
+        `hand_eye` is then the uncertainty of the camera in the base, about the nodal point and in
+        the camera's axes. `part` is that of the part in the hand, about the part's origin.
+
+        Parameters
+        ----------
+        robot : Robot
+            Its kinematics.
+        joints : array (n, k)
+            Joints, rad.
+        part2flange : array (4, 4)
+            The part in the robot's tip, mm.
+        cam2part : array (4, 4)
+            The camera in the part's frame, mm: that of a setting.
+
+        Returns
+        -------
+        array (n, 6, 6)
+            As of `covariances`.
+        """
+        by_part = registration_jacobian(cam2part[None])
+        sigmas = np.broadcast_to(np.asarray(self.joints_rad, dtype=float), (joints.shape[-1],))
+        # the joints move the part as they would move a camera in its place
+        scaled = by_part @ camera_jacobian(robot, joints, part2flange) * sigmas
+        found = np.einsum("nij,nkj->nik", scaled, scaled)
+        if self.hand_eye is not None:
+            found = found + self.hand_eye.covariance
+        if self.part is not None:
+            found = found + by_part @ self.part.covariance @ by_part.transpose(0, 2, 1)
+        return (found + found.transpose(0, 2, 1)) / 2
+
 
 def camera_jacobian(robot: Kinematics, joints: np.ndarray, cam2flange: np.ndarray) -> np.ndarray:
     """Return what small turns of the joints do to the camera, about its nodal point and in its axes.

@@ -32,6 +32,7 @@ from planner.motion.stated_probability import shortfalls, simulated_rates, state
 from planner.motion.tour import EXACT_UP_TO, shortest_tour
 from planner.motion.tour_search import quick_length
 from planner.progress import Progress, report
+from planner.robot.held.held_part_cell import HeldPartCell
 from planner.robot.reachability import reachability_of
 
 if TYPE_CHECKING:
@@ -289,9 +290,13 @@ class _ProgramMaker:
             return _Reached(branches, why, None, (), np.zeros(len(branches)))
         cell = self._cell
         own = branches[:, : len(self._home)]
-        angles = branches[:, len(self._home) :].sum(axis=1).tolist()
-        parts = np.array([cell.part2base(fixturing, angle) for angle in angles])
-        covariances = self._uncertainty.covariances(cell.robot, own, cell.cam2flange, parts)
+        if isinstance(cell, HeldPartCell):
+            camera = self._plan.settings[k].cam2world
+            part2flange = cell.grips[fixturing].part2flange
+            covariances = self._uncertainty.covariances_held(cell.robot, own, part2flange, camera)
+        else:
+            parts = np.array([cell.part_at(q, fixturing) for q in branches])
+            covariances = self._uncertainty.covariances(cell.robot, own, cell.cam2flange, parts)
         stated = stated_probabilities(self._plan, self._plan.settings[k], covariances)
         return _Reached(branches, why, covariances, stated, shortfalls(stated))
 

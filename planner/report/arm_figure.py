@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 # a part of more triangles is drawn as its convex hull: the figure shows the arm
 _MOST_TRIANGLES = 4000
-_N_JOINTS = 6
 _ARM = "#e0862b"
 _CAMERA = "#26547c"
 _PART = "#9aa7b5"
@@ -86,12 +85,12 @@ def arm_figure(stands: Sequence[Stand], solid: Solid, cell: Cell) -> go.Figure:
         own = _traces(shapes, visible=number == 0)
         traces += own
         shown += [{number}] * len(own)
-    lies = [(stand.fixturing, sum(stand.joints[_N_JOINTS:])) for stand in stands]
-    for name, angle in dict.fromkeys(lies):
-        part2base = cell.part2base(name, angle)
+    lies = [cell.part_at(np.asarray(stand.joints), stand.fixturing) for stand in stands]
+    for key in dict.fromkeys(place.tobytes() for place in lies):
+        own_stands = {k for k, place in enumerate(lies) if place.tobytes() == key}
+        part2base = lies[min(own_stands)]
         part = np.asarray(solid.vertices) @ part2base[:3, :3].T + part2base[:3, 3]
         moving.append(part)
-        own_stands = {k for k, one in enumerate(lies) if one == (name, angle)}
         traces.append(_part_trace(part, solid, visible=0 in own_stands))
         shown.append(own_stands)
     figure = scene_figure(traces, eye=(1.5, 1.5, 0.9))
@@ -154,8 +153,8 @@ def _traces(
     for name, is_moving, corners, triangles in shapes:
         if name == "part":
             continue
-        arm_or_camera = "camera" if name == "camera" else "robot"
-        group = arm_or_camera if is_moving else "obstacles"
+        others = "robot" if is_moving else "obstacles"
+        group = "camera" if name == "camera" else others
         groups.setdefault(group, []).append(_coarse(corners, triangles))
     colors = {"robot": _ARM, "camera": _CAMERA, "obstacles": _OBSTACLE}
     return [

@@ -8,16 +8,19 @@ from planner.robot.arm import Joint, Robot
 from planner.robot.bodies import Box
 from planner.robot.cell import Cell
 from planner.robot.collisions import Closeness
+from planner.robot.held.held_part_cell import HeldPartCell
 from planner.robot.placement import Placement, propose_placements
 from planner.robot.pose_reach import PoseReach
 from planner.robot.reachability import Reachability
-from planner.robot.standing import Fixturing
+from planner.robot.standing import Fixturing, Grip
 
 __all__ = [
     "Box",
     "Cell",
     "Closeness",
     "Fixturing",
+    "Grip",
+    "HeldPartCell",
     "Joint",
     "Placement",
     "PoseReach",

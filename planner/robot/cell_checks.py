@@ -84,14 +84,32 @@ def check_names(fixturings: Mapping[str, Any], obstacles: Mapping[str, Any], rob
     taken = {"camera", "part", *robot.segment_names}
     for name, fixturing in fixturings.items():
         if type(fixturing).__name__ != "Fixturing":
-            raise RobotError.of_rule(
-                "fixturings", f"must hold a Fixturing for {name!r}", shown(fixturing)
-            )
+            held = type(fixturing).__name__ == "Grip"
+            hint = "a Grip needs a HeldPartCell, whose camera stands still" if held else ""
+            rule = f"must hold a Fixturing for {name!r}"
+            raise RobotError.of_rule("fixturings", rule, shown(fixturing), hint=hint)
         own = [*fixturing.obstacles, *fixturing.turning]
         for obstacle in (*obstacles, *own):
             if obstacle in taken or [*obstacles, *own].count(obstacle) > 1:
                 rule = "must have names that no other body has"
                 raise RobotError.of_rule("obstacles", rule, repr(obstacle))
+
+
+def check_grips(grips: Mapping[str, Any], obstacles: Mapping[str, Any], robot: Robot) -> None:
+    """Raise unless there is a grip, and every body has a name of its own."""
+    if not grips:
+        rule = "must name at least one way the robot holds the part"
+        raise RobotError.of_rule("fixturings", rule, "none")
+    taken = {"camera", "part", *robot.segment_names}
+    for name, grip in grips.items():
+        if type(grip).__name__ != "Grip":
+            rule = f"must hold a Grip for {name!r} where the camera stands still"
+            raise RobotError.of_rule("fixturings", rule, shown(grip))
+        names = [*obstacles, *grip.gripper]
+        for body in names:
+            if body in taken or names.count(body) > 1:
+                rule = "must have names that no other body has"
+                raise RobotError.of_rule("obstacles", rule, repr(body))
 
 
 def pairs_by_design(robot: Robot, arm: Arm) -> list[tuple[int, int]]:
@@ -106,7 +124,7 @@ def pairs_by_design(robot: Robot, arm: Arm) -> list[tuple[int, int]]:
     pairs = []
     for pair in arm.own_pairs:
         first, second = (arm.bodies[number] for number in pair)
-        if "camera" in (first.name, second.name):
+        if first.is_held or second.is_held:
             continue
         if _always_touch(robot, arm, pair, drawn) or _never_touch(robot, arm, pair):
             pairs.append(pair)

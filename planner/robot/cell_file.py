@@ -14,7 +14,7 @@ from planner.argument_kinds import shown
 from planner.exceptions import PlannerError, RobotError
 from planner.robot.arm import Robot
 from planner.robot.bodies import Body, Box
-from planner.robot.standing import Fixturing
+from planner.robot.standing import Fixturing, Grip
 from planner.robot.transforms import check_pose, from_rpy
 
 try:
@@ -25,6 +25,7 @@ except ModuleNotFoundError:  # Python 3.10
 _FILE = (
     "robot",
     "cam2flange",
+    "cam2base",
     "fixturings",
     "camera_body",
     "obstacles",
@@ -76,12 +77,17 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _fields(content: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    _check_keys(content, _FILE, "", required=("robot", "cam2flange", "fixturings"))
+    # the camera is in the hand, or stands still while the hand holds the part
+    camera = "cam2base" if "cam2base" in content else "cam2flange"
+    _check_keys(content, _FILE, "", required=("robot", camera, "fixturings"))
+    if "cam2base" in content and "cam2flange" in content:
+        raise RobotError.of_rule("cam2base", "must not be given with cam2flange", "both")
+    read = _grip if camera == "cam2base" else _fixturing
     fields: dict[str, Any] = {
         "robot": _robot(_table(content["robot"], "robot"), folder),
-        "cam2flange": _pose(content["cam2flange"], "cam2flange"),
+        camera: _pose(content[camera], camera),
         "fixturings": {
-            name: _fixturing(_table(one, f"fixturings.{name}"), f"fixturings.{name}", folder)
+            name: read(_table(one, f"fixturings.{name}"), f"fixturings.{name}", folder)
             for name, one in _table(content["fixturings"], "fixturings").items()
         },
         "obstacles": _bodies(content.get("obstacles", {}), "obstacles", folder),
@@ -134,6 +140,12 @@ def _fixturing(table: Mapping[str, Any], name: str, folder: Path) -> Fixturing:
     except PlannerError as error:
         where = f"{name}.{getattr(error, 'parameter', '')}"
         raise RobotError.of_rule(where, error.rule, error.got, hint=error.hint) from None
+
+
+def _grip(table: Mapping[str, Any], name: str, folder: Path) -> Grip:
+    _check_keys(table, ("part2flange", "gripper"), f"{name}.", required=("part2flange",))
+    part2flange = _pose(table["part2flange"], f"{name}.part2flange")
+    return Grip(part2flange, _bodies(table.get("gripper", {}), f"{name}.gripper", folder))
 
 
 def _bodies(tables: Any, name: str, folder: Path) -> dict[str, Body]:

@@ -35,11 +35,14 @@ class Moving:
         Number of the joint frame F_k it is fixed to; 0 is the base.
     hull : Hull
         The body in that frame.
+    is_held : bool
+        Whether it is no link, but what the hand carries.
     """
 
     name: str
     segment: int
     hull: Hull
+    is_held: bool = False
 
 
 @dataclass(frozen=True, order=True)
@@ -115,8 +118,7 @@ class Arm:
 
 def _may_touch(a: Moving, b: Moving) -> bool:
     """Return whether two bodies can come closer: neighbours in the chain touch always."""
-    camera = "camera" in (a.name, b.name)
-    return abs(a.segment - b.segment) >= (1 if camera else 2)
+    return abs(a.segment - b.segment) >= (1 if a.is_held or b.is_held else 2)
 
 
 class Surroundings:
@@ -183,8 +185,10 @@ class PairGroup:
         self._pairs += [(a, b, True) for a, b in own]
         self.required = np.array(
             [
-                clearance_mm if not both or "camera" in self.names(column) else 0.0
-                for column, (_, _, both) in enumerate(self._pairs)
+                clearance_mm
+                if not both or arm.bodies[first].is_held or arm.bodies[second].is_held
+                else 0.0
+                for first, second, both in self._pairs
             ]
         )
 
@@ -332,7 +336,7 @@ def bodies_of(robot: Robot, cam2flange: np.ndarray, camera: Sequence[Body]) -> l
     in_hand = compose(robot.chain.tip, cam2flange)
     for body in camera:
         points = body.corners() if isinstance(body, Box) else mesh_of(body, "camera_body")[0]
-        bodies.append(Moving("camera", HAND, hull_of(carry(in_hand, points), "camera_body")))
+        bodies.append(Moving("camera", HAND, hull_of(carry(in_hand, points), "camera_body"), True))
     return bodies
 
 

@@ -64,6 +64,23 @@ class JointChecks(ABC):
         one = self._fixturing(fixturing)
         return one.part2base if one.table is None else compose(one.table.pose(angle), one.part2base)
 
+    def part_at(self, q: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return where the part is at joints.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (4, 4)
+            The part's frame in the base, mm.
+        """
+        return self.part2base(fixturing, float(np.sum(q[N_JOINTS:])))
+
     def flange(self, cam2world: np.ndarray, fixturing: str, angle: float = 0.0) -> np.ndarray:
         """Return the poses of the tip for poses of the camera.
 

@@ -152,7 +152,11 @@ class PlacementSearch:
         self, plan: Any, solid: Solid, cell: Cell, ranges: Sequence[Sequence[float] | None]
     ) -> None:
         self._plan = plan
-        first = next(iter(cell.fixturings.values())).part2base
+        lying = next(iter(cell.fixturings.values()))
+        if not isinstance(lying, Fixturing):
+            rule = "must have the part lying in it to look for its place"
+            raise RobotError.of_rule("cell", rule, "a part in the hand")
+        first = lying.part2base
         corners = np.asarray(solid.bounds, dtype=np.float64)
         self._middle = carry(first, corners.mean(axis=0)[None])[0]
         height = (self._middle[2], self._middle[2])

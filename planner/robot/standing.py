@@ -141,6 +141,42 @@ class Fixturing:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Grip:
+    """One way the robot holds the part before a camera that stands still, for a `HeldPartCell`.
+
+    Parameters
+    ----------
+    part2flange : array_like, shape (4, 4)
+        The part's frame in the robot's tip, mm.
+    gripper : mapping of str to Box, path or (corners, triangles)
+        What holds the part, in the frame of the tip, mm. Each counts as its convex hull. It may hide
+        targets.
+
+    Raises
+    ------
+    RobotError
+        If `part2flange` is no rigid motion.
+
+    Examples
+    --------
+    >>> from planner import Box, Grip
+    >>> part2flange = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 80], [0, 0, 0, 1]]
+    >>> list(Grip(part2flange, {"jaws": Box((-40, -20, 0), (40, 20, 80))}).gripper)
+    ['jaws']
+    """
+
+    part2flange: np.ndarray
+    gripper: Mapping[str, Body] = field(default_factory=dict)
+
+    table = None
+    angles = (0.0,)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "part2flange", check_pose("part2flange", self.part2flange))
+        object.__setattr__(self, "gripper", dict(self.gripper))
+
+
 class Standing:
     """A body that stands still in a fixturing: an obstacle or the part.
 

@@ -42,7 +42,7 @@ class CellIdentity(ABC):
             (name, one.part2base, self._with_it[name]) for name, one in self.fixturings.items()
         ]
         places += [place for name in self.fixturings for place in self._table_of(name)]
-        return f"cell {_digest((*own, self._home_values), self._arm, places)}"
+        return f"cell {digest_of((*own, self._home_values), self._arm, places)}"
 
     @property
     def _home_values(self) -> list[float] | None:
@@ -63,16 +63,16 @@ class CellIdentity(ABC):
             for one in self._camera_body
         ]
         found = {
-            "robot": _short(self.robot.state_name),
-            "cam2flange": _short(self.cam2flange.tolist()),
-            "camera_body": _short([corners.tolist() for corners in camera]),
-            "clearance_mm": _short(self.clearance_mm),
-            "home": _short(self._home_values),
-            "obstacles": _short(_digest((), None, [("", np.eye(4), self._standing)])),
+            "robot": short_digest(self.robot.state_name),
+            "cam2flange": short_digest(self.cam2flange.tolist()),
+            "camera_body": short_digest([corners.tolist() for corners in camera]),
+            "clearance_mm": short_digest(self.clearance_mm),
+            "home": short_digest(self._home_values),
+            "obstacles": short_digest(digest_of((), None, [("", np.eye(4), self._standing)])),
         }
         for name, one in self.fixturings.items():
             place = [(name, one.part2base, self._with_it[name]), *self._table_of(name)]
-            found[_FIXTURING + name] = _short(_digest((), None, place))
+            found[_FIXTURING + name] = short_digest(digest_of((), None, place))
         return found
 
     def to_dict(self) -> dict[str, Any]:
@@ -133,11 +133,12 @@ def _named(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
     return word if name in now else f"{word} (gone)"
 
 
-def _short(value: Any) -> str:
-    return hashlib.sha256(repr(value).encode()).hexdigest()[:_SHORT]
+def short_digest(value: Any, digits: int = _SHORT) -> str:
+    """Return the first hexadecimal digits of the SHA-256 of a plain value."""
+    return hashlib.sha256(repr(value).encode()).hexdigest()[:digits]
 
 
-def _digest(
+def digest_of(
     numbers: tuple[Any, ...],
     arm: Arm | None,
     places: Iterable[tuple[str, np.ndarray, Sequence[Standing]]],

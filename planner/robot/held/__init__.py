@@ -1,0 +1,1 @@
+"""Cells in which the robot holds the part, and the camera stands still."""
