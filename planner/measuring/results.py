@@ -23,6 +23,7 @@ from planner.files import write_text
 from planner.measuring.image.picture import Picture
 from planner.measuring.merge import Result
 from planner.measuring.poses.registered import Registered
+from planner.measuring.qif import qif_text
 from planner.measuring.reading import SOURCES, Reading
 
 FORMAT = "aspectgraph-results"
@@ -154,6 +155,27 @@ class MeasurementResults:
         """
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False, ensure_ascii=False)
         write_text(path, text + "\n")
+        return Path(path)
+
+    def qif(self, path: str | os.PathLike[str]) -> Path:
+        """Write the results as QIF 3.0, for software of coordinate measuring machines and statistics.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            The file. An existing one is replaced.
+
+        Returns
+        -------
+        pathlib.Path
+            The file.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        write_text(path, qif_text(self))
         return Path(path)
 
     def rows(self) -> list[dict[str, Any]]:

@@ -21,7 +21,9 @@ from planner.records.json_file import print_json
 
 WITH_EDGES = "edges+"
 """Before the file of a board whose pose the part's own edges improve."""
-FILES = ("results.json", "results.csv", "report.html")
+QIF = "results.qif"
+"""Only written if asked for; that of an earlier measurement does not stay."""
+FILES = ("results.json", "results.csv", QIF, "report.html")
 
 _RULES = {
     "iso": DecisionRule.iso14253(),
@@ -37,6 +39,7 @@ def measure(options: argparse.Namespace) -> int:
         _registration(options), coverage=options.coverage, rule=_RULES[options.rule]
     )
     out = absolute(options.out)
+    names = [name for name in FILES if options.qif or name != QIF]
     parts = _parts(options)
     codes = []
     records = []
@@ -52,7 +55,7 @@ def measure(options: argparse.Namespace) -> int:
                 partial=options.partial,
                 allow_lossy=options.allow_lossy,
             )
-            _write(results, out / serial if options.parts else out)
+            _write(results, out / serial if options.parts else out, options.qif)
             codes.append(_code(results, options.exit))
             records.append(results.to_dict())
             if not options.json:
@@ -61,7 +64,7 @@ def measure(options: argparse.Namespace) -> int:
         print_json(records if options.parts else records[0])
     else:
         folders = [out / serial for serial, _ in parts] if options.parts else [out]
-        files = [path_text(folder / name) for folder in folders for name in FILES]
+        files = [path_text(folder / name) for folder in folders for name in names]
         terminal_tables.print_written(files, path_text(out), files[-1])
     return max(codes)
 
@@ -80,8 +83,10 @@ def _parts(options: argparse.Namespace) -> list[tuple[str, Path]]:
     return found
 
 
-def _write(results: MeasurementResults, folder: Path) -> None:
+def _write(results: MeasurementResults, folder: Path, with_qif: bool) -> None:
     with staged_folder(folder, FILES, "--out") as staging:
+        if with_qif:
+            results.qif(staging / QIF)
         results.write(staging / "results.json")
         results.write_csv(staging / "results.csv")
         (staging / "report.html").write_text(measured_html(results), encoding="utf-8")

@@ -42,6 +42,26 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
         help="standard deviation of the position of the part's faces along their normals "
         "(default: that of the plan)",
     )
+    _add_deciding(measure)
+    measure.add_argument(
+        "--qif", action="store_true", help="also write results.qif: QIF 3.0, with statuses and u"
+    )
+    images = measure.add_argument_group("images")
+    images.add_argument("--serial", metavar="TEXT", help="name of the measured part, for the files")
+    images.add_argument(
+        "--parts",
+        action="store_true",
+        help="IMAGES holds a folder of images for each of many parts, named by their serials",
+    )
+    images.add_argument(
+        "--partial", action="store_true", help="measure although images are missing"
+    )
+    images.add_argument("--allow-lossy", action="store_true", help="accept JPEG files")
+    add_reading(measure)
+    add_messages(measure)
+
+
+def _add_deciding(measure: argparse.ArgumentParser) -> None:
     deciding = measure.add_argument_group("deciding")
     deciding.add_argument(
         "--coverage",
@@ -62,16 +82,3 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
         default="conforms",
         help="exit with 0 if everything conforms, or if everything is measured",
     )
-    images = measure.add_argument_group("images")
-    images.add_argument("--serial", metavar="TEXT", help="name of the measured part, for the files")
-    images.add_argument(
-        "--parts",
-        action="store_true",
-        help="IMAGES holds a folder of images for each of many parts, named by their serials",
-    )
-    images.add_argument(
-        "--partial", action="store_true", help="measure although images are missing"
-    )
-    images.add_argument("--allow-lossy", action="store_true", help="accept JPEG files")
-    add_reading(measure)
-    add_messages(measure)

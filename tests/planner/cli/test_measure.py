@@ -126,3 +126,11 @@ def test_a_folder_of_parts(folder, tmp_path, capsys):
     assert run(folder, tmp_path, *given(folder), "--parts", "--serial", "N3") == 2
     assert run(folder, tmp_path / "N1", *given(folder), "--parts") == 2
     assert "the images must hold a folder for each part" in capsys.readouterr().err
+
+
+def test_qif_is_written_if_asked_for_and_does_not_stay(folder, capsys):
+    assert run(folder, "good", *given(folder), "--qif", out="qif") == 0
+    assert "4 files" in capsys.readouterr().out
+    assert "<CharacteristicStatusEnum>PASS<" in (folder / "qif" / "results.qif").read_text()
+    assert run(folder, "good", *given(folder), out="qif") == 0
+    assert not (folder / "qif" / "results.qif").exists()
