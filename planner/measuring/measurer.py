@@ -22,6 +22,7 @@ from planner.measuring.length import read_length
 from planner.measuring.merge import Result, merged
 from planner.measuring.part_model import PartModel
 from planner.measuring.poses.fiducials import NoFiducialsError, locate
+from planner.measuring.poses.likeness import check_lens, looks_like
 from planner.measuring.poses.register import NotRegisteredError, register
 from planner.measuring.poses.registered import Registered, as_given, prior_covariance
 from planner.measuring.poses.registration import (
@@ -47,8 +48,6 @@ NEAR_PX = 3.0
 
 # windows of unregistered images begin with the plan's, which are three standard deviations wide
 _ROOM_PX = 2.0
-# settings that an image is compared with which does not show its own
-_MOST_LOOKS = 30
 # with a wider window, more samples have another line in it
 _MOST_TOLERANCE_PX = 3.0
 
@@ -249,10 +248,13 @@ class Measurer:
         if how.method in (OWN_EDGES, BOTH):
             prior = prior_covariance(self.model, known, self._surfaces_mm(how))
             try:
-                return register(self.model, own, pose, prior)
+                found = register(self.model, own, pose, prior)
             except NotRegisteredError as error:
-                like = self._looks_like(own, shot.setting, prior)
+                poses = [np.asarray(one.cam2world) for one in self.plan.settings]
+                like = looks_like(self.model, own, poses, shot.setting, prior)
                 raise NotRegisteredError(f"{error}{like and f'; it {like}'}") from None
+            check_lens(self.model, own, pose, prior, found)
+            return found
         if how.method == GIVEN:
             stem = shot.name if shot.name in how.poses else setting_name(shot.setting)
             if stem not in how.poses:
@@ -261,26 +263,6 @@ class Measurer:
                 )
             pose = how.poses[stem]
         return as_given(self.model, pose, known, self._surfaces_mm(how), how.method)
-
-    def _looks_like(self, pictures: list[Picture], setting: int, prior: NDArray[np.float64]) -> str:
-        """Say what an image shows that does not show its setting; empty if that is not known."""
-        poses = [np.asarray(one.cam2world) for one in self.plan.settings]
-        tried = [
-            (f"looks like {setting_name(k)}", pictures, pose)
-            for k, pose in enumerate(poses[:_MOST_LOOKS])
-            if k != setting
-        ]
-        turned = [one.turned() for one in pictures]
-        tried.append(("looks turned by 180 degrees", turned, poses[setting]))
-        mirrored = [one.mirrored() for one in pictures]
-        tried.append(("looks mirrored", mirrored, poses[setting]))
-        for text, shown, pose in tried:
-            try:
-                register(self.model, shown, pose, prior)
-            except NotRegisteredError:
-                continue
-            return text
-        return ""
 
     def _surfaces_mm(self, how: Registration) -> float:
         if how.surfaces_mm is not None:

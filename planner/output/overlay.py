@@ -34,6 +34,13 @@ COLOURS = {
 }
 """Colours of samples by state."""
 
+PLANNED = "#ffe14d"
+"""Colour of the planned outline."""
+REGISTERED = "#e8f1ff"
+"""Colour of the registered one."""
+LONG_PX = 60.0
+"""Samples of an edge that are farther apart are not joined: what is between them is hidden or near another line."""
+
 _WIDE_PX = 900
 _CROP_PX = 560
 _ROOM_PX = 26
@@ -58,11 +65,33 @@ def image_data(picture: Picture, window: tuple[int, int, int, int], width: int) 
 
 
 def image_svg(picture: Picture, points: NDArray[np.void], title: str) -> str:
-    """Return a whole image with the samples of its registration (u, v, state)."""
+    """Return a whole image with the samples of its registration, and the planned and the registered outline."""
     height, width = picture.grey.shape
     window = (0, 0, width, height)
+    lines = ""
+    if "edge" in (points.dtype.names or ()):
+        size = 0.0011 * width
+        lines = outline_path(points, ("planned_u", "planned_v"), PLANNED, size)
+        lines += outline_path(points, ("u", "v"), REGISTERED, size)
     dots = _dots(points[::2], 0.0026 * width)
-    return _svg(window, image_data(picture, window, _WIDE_PX), dots, title)
+    return _svg(window, image_data(picture, window, _WIDE_PX), lines + dots, title)
+
+
+def outline_path(
+    points: NDArray[np.void], fields: tuple[str, str], colour: str, size: float
+) -> str:
+    """Return lines through the samples (edge, and two fields of places) of each edge."""
+    places = np.stack([points[name] for name in fields], axis=1)
+    marks = []
+    for k in np.unique(points["edge"]):
+        own = places[points["edge"] == k]
+        steps = np.linalg.norm(np.diff(own, axis=0), axis=1)
+        for part in np.split(own, np.flatnonzero(~(steps <= LONG_PX)) + 1):
+            if len(part) > 1 and np.isfinite(part).all():
+                marks.append("M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in part.tolist()))
+    return (
+        f'<path class="outline" stroke="{colour}" stroke-width="{size:.2f}" d="{"".join(marks)}"/>'
+    )
 
 
 def entity_svg(picture: Picture, entities: Sequence[NDArray[np.void]], title: str) -> str:

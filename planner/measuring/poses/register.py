@@ -351,7 +351,7 @@ def _checked(
         chi2=chi2,
         notes=_little_known(estimate.covariance[:POSE, :POSE], task.prior[:POSE, :POSE]),
         prior=task.prior,
-        samples=_states(centres, agree, found),
+        samples=_states(task, first, centres, agree, found),
     )
 
 
@@ -365,9 +365,13 @@ def _little_known(covariance: Array, prior: Array) -> tuple[str, ...]:
     return tuple(f"the image says little about the camera's {name}" for name in sorted(names))
 
 
-def _states(centres: Array, agree: NDArray[np.bool_], found: list[_Found]) -> NDArray[np.void]:
+def _states(
+    task: _Task, planned: Array, centres: Array, agree: NDArray[np.bool_], found: list[_Found]
+) -> NDArray[np.void]:
     """Return samples with what became of them in the image in which most were found."""
     samples = np.zeros(len(centres), dtype=SAMPLE)
+    samples["edge"] = task.samples.edge
+    samples["planned_u"], samples["planned_v"] = planned.T
     samples["u"], samples["v"] = centres.T
     best = max(found, key=lambda one: int(one.good.sum()))
     lost = np.where(best.good, int(State.OUTLIER), best.state)

@@ -14,7 +14,12 @@ from planner.measuring.part_model import POSE, PartModel
 
 Array = NDArray[np.float64]
 
-SAMPLE = np.dtype([("u", float), ("v", float), ("state", np.int64)])
+SAMPLE = np.dtype(
+    [
+        *(("u", float), ("v", float), ("state", np.int64)),
+        *(("edge", np.int64), ("planned_u", float), ("planned_v", float)),
+    ]
+)
 """A sample of a registration."""
 FREE_MM = 2.0
 """Standard deviation of a surface that a target measures: nothing is assumed of it."""
@@ -59,7 +64,8 @@ class Registered:
     prior : array (6 + 3k, 6 + 3k) or None
         What was known before the image; None if nothing is estimated.
     samples : structured array (m,)
-        u, v: the samples at the registered pose, px; state: see `planner.measuring.image.scans.State`.
+        u, v: the samples at the registered pose, px; state: see `planner.measuring.image.scans.State`; edge: number of
+        the sample's edge; planned_u, planned_v: the sample at the planned pose.
     """
 
     cam2world: Array

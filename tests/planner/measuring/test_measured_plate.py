@@ -170,6 +170,17 @@ def test_a_lens_with_distortion(solid, images):
         assert abs(results[name].deviation - TRUE[name]) < results[name].expanded_uncertainty
 
 
+@pytest.mark.parametrize("strength", [1.0, -0.25], ids=["6 px", "1.4 px"])
+def test_undistorted_images_are_refused(solid, images, strength):
+    """The plan's lens has distortion, of up to so much, and the images have none."""
+    lens = tuple(strength * k for k in (-0.4, 0.1, 0.002, -0.001))
+    plan = measured_plan(solid, ["right"], camera=dataclasses.replace(CAMERA, distortion=lens))
+    results = measure(plan, solid, images)
+    assert set(results.failed) == {"setting_01", "setting_02"}
+    for why in results.failed.values():
+        assert "looks undistorted, and the plan's camera has lens distortion" in why
+
+
 def test_notes_on_exposure(solid, exact, images):
     plan = measured_plan(solid, ["left"], settings=1)
     dark = measure(plan, solid, {1: images[1] // 8}, registration=exact)

@@ -9,7 +9,7 @@ from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_p
 
 from planner import Registration, measure, measured_html
 from planner.measuring.image.scans import State
-from planner.output.overlay import COLOURS, residual_svg, value_svg
+from planner.output.overlay import COLOURS, PLANNED, REGISTERED, residual_svg, value_svg
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +73,23 @@ def test_what_is_not_measured_comes_first_and_is_named():
     page = measured_html(dark)
     assert "Not measured: setting_01: the image cannot be registered" in page
     assert "Cannot be registered: only" in page
+
+
+def test_the_outline_is_drawn_as_planned_and_as_registered():
+    """The camera is 0.6 mm to the side, which is 3.5 px on this part: the planned outline is off by that."""
+    solid = thick_plate()
+    plan = measured_plan(solid, ["left"], settings=1)
+    real = POSES[0].copy()
+    real[:3, 3] += 0.6 * real[:3, 0]
+    results = measure(plan, solid, photograph(fine_plate(), [real]))
+    page = measured_html(results)
+    places = []
+    for colour in (PLANNED, REGISTERED):
+        (path,) = re.findall(rf'class="outline" stroke="{colour}"[^>]* d="([^"]*)"', page)
+        places.append(np.array(re.findall(r"[\d.]+", path), dtype=float).reshape(-1, 2))
+    planned, registered = places
+    assert len(planned) == len(registered) > 100
+    shift = np.median(planned - registered, axis=0)
+    # focal length 25 mm, pixels of 13.8 µm, at about 300 mm
+    assert shift[0] == pytest.approx(0.6 * 25 / 0.0138 / 300, rel=0.1)
+    assert abs(shift[1]) < 0.3
