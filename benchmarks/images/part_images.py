@@ -111,6 +111,11 @@ class DeviatingPart:
         self.surfaces.append(Surface(middle, axis, radius, extent, np.zeros(3)))
         return len(self.surfaces) - 1
 
+    @property
+    def moved(self):
+        """Its distinct vertices as they are, in the order of `nominal`."""
+        return self._moved
+
     def deviate(self, rng, planes_mm: float, cylinders_mm: float, tilts_mm: float = 0.0) -> None:
         """Draw deviations of all surfaces, and move the mesh."""
         for one in self.surfaces:

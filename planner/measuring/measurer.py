@@ -23,7 +23,7 @@ from planner.measuring.merge import Result, merged
 from planner.measuring.part_model import PartModel
 from planner.measuring.poses.fiducials import NoFiducialsError, locate
 from planner.measuring.poses.likeness import check_lens, looks_like
-from planner.measuring.poses.register import NotRegisteredError, register
+from planner.measuring.poses.register import NotRegisteredError, bias_of, register
 from planner.measuring.poses.registered import Registered, as_given, prior_covariance
 from planner.measuring.poses.registration import (
     BOTH,
@@ -46,6 +46,9 @@ FLOOR_PX = 0.08
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
 
+LOST_SHARE = 0.05
+"""An overexposed share of a target's samples from which on its image has a note, if it is not measured."""
+
 # windows of unregistered images begin with the plan's, which are three standard deviations wide
 _ROOM_PX = 2.0
 # with a wider window, more samples have another line in it
@@ -61,8 +64,9 @@ class MeasureOptions:
     registration : Registration
         How poses are known.
     localisation : Localisation or None
-        How well edges are found; only its floor counts, because single points are judged by their own residuals. None
-        is the plan's, or a floor of 0.08 px if that has none.
+        How well edges are found; only its floor counts, because single points are judged by their own residuals. A
+        registration takes edges to be off by three times the floor. None is the plan's, or a floor of 0.08 px if that
+        has none.
     coverage : float
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule
@@ -205,21 +209,28 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(found),
-            (*found.notes, *self._image_notes(pictures, registered)),
+            (*found.notes, *self._image_notes(pictures, registered, readings)),
             pictures,
         )
 
     @staticmethod
     def _image_notes(
-        pictures: Mapping[str, Picture], registered: Mapping[str, Registered]
+        pictures: Mapping[str, Picture],
+        registered: Mapping[str, Registered],
+        readings: Mapping[str, list[Reading]],
     ) -> list[str]:
         """Return what is wrong with exposure and focus of images."""
         blurs = {name: one.blur_px for name, one in registered.items()}
-        return [
-            f"{name}: {note}"
-            for name, picture in pictures.items()
-            for note in picture.notes(blurs.get(name, 0.0))
-        ]
+        notes = []
+        for name, picture in pictures.items():
+            lost = [
+                one.name
+                for own in readings.values()
+                for one in own
+                if one.image == name and not one.measured and one.overexposed_share > LOST_SHARE
+            ]
+            notes += [f"{name}: {note}" for note in picture.notes(blurs.get(name, 0.0), lost)]
+        return notes
 
     def _by_setting(self, pictures: Mapping[str, Picture]) -> list[list[Shot]]:
         """Return the shots that have an image, those of one setting together."""
@@ -248,7 +259,7 @@ class Measurer:
         if how.method in (OWN_EDGES, BOTH):
             prior = prior_covariance(self.model, known, self._surfaces_mm(how))
             try:
-                found = register(self.model, own, pose, prior)
+                found = register(self.model, own, pose, prior, self._bias_px(options))
             except NotRegisteredError as error:
                 poses = [np.asarray(one.cam2world) for one in self.plan.settings]
                 like = looks_like(self.model, own, poses, shot.setting, prior)
@@ -328,6 +339,11 @@ class Measurer:
         if options.localisation is not None:
             return options.localisation.floor_px
         return planned.floor_px if planned.floor_px > 0 else FLOOR_PX
+
+    def _bias_px(self, options: MeasureOptions) -> float:
+        """Return the standard deviation of edges' biases, px."""
+        floors = (self._floor_px(one.localisation, options) for one in self.targets.values())
+        return bias_of(max(floors, default=FLOOR_PX))
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""

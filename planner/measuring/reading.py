@@ -17,6 +17,7 @@ from errors.measurands.fitted import Frame
 from errors.registration import rests_on_prior
 from planner.measuring.entity_scan import EntityScan
 from planner.measuring.fit import carried_back, fit_entities
+from planner.measuring.image.scans import STATE_TEXTS, State
 from planner.measuring.monte_carlo import TOLERATED, drawn_uncertainty
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.registered import Registered, displaced
@@ -88,6 +89,12 @@ class Reading:
     def measured(self) -> bool:
         """Whether it has a value."""
         return not self.reason
+
+    @property
+    def overexposed_share(self) -> float:
+        """Share of the samples that are overexposed."""
+        total = sum(self.counts.values())
+        return self.counts.get(STATE_TEXTS[State.CLIPPED], 0) / total if total else 0.0
 
 
 def read_value(

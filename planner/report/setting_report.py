@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 from scipy.spatial.transform import Rotation
 
+from aspectgraph.solid.ray_scene import RayScene
+from planner.light.exposure import WHITE_SHARE, exposure
 from planner.progress import report
 from planner.progress.time_left import TimeLeft
 from planner.report.figure import color_of
@@ -36,6 +38,8 @@ NO_PICTURES = '<p class="note">The pictures are left out: the time limit ended. 
 
 # what fills more of the image is shown once
 _WORTH_ENLARGING = 1.25
+# from this ratio of light on, the dimmest target is named
+_UNEVEN = 2.0
 
 
 def settings_table(plan: InspectionPlan, named: tuple[str, str]) -> str:
@@ -111,6 +115,7 @@ def settings_section(
         Time, as `time.time` gives it, after which settings get a sentence instead of pictures.
     """
     maker = PictureMaker(solid, plan.camera)
+    scene = RayScene(solid.vertices, solid.triangles) if plan.light is not None else None
     time_left = TimeLeft(until)
     sections = []
     for k in range(len(plan.settings)):
@@ -119,18 +124,50 @@ def settings_section(
             if time_left.fits_another()
             else NO_PICTURES
         )
-        sections.append(_setting(plan, k, setting_table(plan, rows[k]), shots))
+        lit = [*lamp_texts(plan, k), *exposure_texts(plan, scene, k)]
+        sections.append(_setting(plan, k, setting_table(plan, rows[k]), shots, lit))
         report(progress, k + 1, len(plan.settings), "predicted images")
     return "".join(sections)
 
 
-def _setting(plan: InspectionPlan, k: int, table: str, shots: str) -> str:
+def exposure_texts(plan: InspectionPlan, scene: RayScene | None, k: int) -> list[str]:
+    """Say what to expose each image of a setting for; nothing of a plan without lamps.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    scene : RayScene or None
+        Of its part.
+    k : int
+        Number of the setting, from 0.
+    """
+    if plan.light is None or scene is None:
+        return []
+    texts = []
+    pose = plan.settings[k].cam2world
+    for image in plan.light.images[k]:
+        points = {name: plan.targets[name].points for name in image.contrast}
+        lamps = plan.light.lamps[list(image.lamps)]
+        found = exposure(scene, pose, plan.camera, points, lamps)
+        if found is None:
+            continue
+        text = (
+            f"under {lamps_named(image)}, expose so that pixel {found.pixel} beside {found.target} "
+            f"has {100 * WHITE_SHARE:.0f} % of white: it is the brightest place beside the targets of a "
+            "matt part"
+        )
+        if found.times >= _UNEVEN:
+            text += f"; {found.dimmest} gets {found.times:.1f} times less light"
+        texts.append(text)
+    return texts
+
+
+def _setting(plan: InspectionPlan, k: int, table: str, shots: str, lit: Sequence[str]) -> str:
     setting = plan.settings[k]
     x, y, z, w = Rotation.from_matrix(setting.cam2world[:3, :3]).as_quat(canonical=True)
     position = ", ".join(f"{value:.3f}" for value in setting.position)
-    lamps = "".join(
-        f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lamp_texts(plan, k)
-    )
+    lamps = "".join(f'<p class="note">{escape(text[0].upper() + text[1:])}</p>' for text in lit)
     return (
         f'<section class="setting" id="setting-{k + 1}"><div class="head"><h3>{_swatch(k)}Setting {k + 1}</h3>'
         f'<span class="note">{escape(stance(plan, setting).text)}; camera at ({position}) mm, '

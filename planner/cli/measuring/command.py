@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from errors.measurands import DecisionRule
+from errors.measurands import DecisionRule, Localisation
 from planner.cli.job import check_same_part, read_part
 from planner.cli.process.exit_codes import DONE, INCOMPLETE, NOT_REGISTERED
 from planner.exceptions import RequestError
@@ -36,7 +36,10 @@ def measure(options: argparse.Namespace) -> int:
     """Measure a part in images of a plan's settings."""
     plan = read_plan(options.plan)
     how = MeasureOptions(
-        _registration(options), coverage=options.coverage, rule=_RULES[options.rule]
+        _registration(options),
+        _localisation(options),
+        coverage=options.coverage,
+        rule=_RULES[options.rule],
     )
     out = absolute(options.out)
     names = [name for name in FILES if options.qif or name != QIF]
@@ -97,6 +100,13 @@ def _code(results: MeasurementResults, wanted: str) -> int:
         return NOT_REGISTERED
     fine = results.measured if wanted == "measured" else results.conforms
     return DONE if fine else INCOMPLETE
+
+
+def _localisation(options: argparse.Namespace) -> Localisation | None:
+    """Return a localisation with the floor that is asked for; of it, only this counts."""
+    if options.floor_px is None:
+        return None
+    return Localisation.gaussian(floor_px=options.floor_px)
 
 
 def _registration(options: argparse.Namespace) -> Registration:

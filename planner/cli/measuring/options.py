@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from planner.cli.arguments import add_messages, add_reading
-from planner.cli.parsing.quantities import MM, SHARE
+from planner.cli.parsing.quantities import MM, PX, SHARE
 
 _CODES = """\
 exit codes:
@@ -62,6 +62,13 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
 
 
 def _add_deciding(measure: argparse.ArgumentParser) -> None:
+    measure.add_argument_group("uncertainty").add_argument(
+        "--floor-px",
+        type=PX,
+        metavar="PX",
+        help="error that all points of an edge or rim have in common, standard deviation in pixels "
+        "(default: that of the plan); a smaller one needs a measured part of known sizes as proof",
+    )
     deciding = measure.add_argument_group("deciding")
     deciding.add_argument(
         "--coverage",

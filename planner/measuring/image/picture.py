@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,13 +53,24 @@ class Picture:
         grey = np.ascontiguousarray(image, dtype=np.float32)
         return cls(name, grey, white_of(image), noise_of(grey), camera)
 
-    def notes(self, blur_px: float) -> list[str]:
-        """Return what is wrong with the exposure, and with the focus, given the blur across edges in px."""
+    def notes(self, blur_px: float, overexposed: Sequence[str] = ()) -> list[str]:
+        """Return what is wrong with the exposure, and with the focus.
+
+        Parameters
+        ----------
+        blur_px : float
+            Blur across edges.
+        overexposed : sequence of str
+            Targets that are not measured, because light beside their edges is.
+        """
         found = []
         bright = float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
         if self.clipped_share > MOST_CLIPPED:
             share = f"{100 * self.clipped_share:.0f} % of the image is overexposed"
             found.append(f"{share}: expose for half of the time or less")
+        elif overexposed:
+            names = ", ".join(overexposed)
+            found.append(f"overexposed beside {names}: expose for half of the time or less")
         elif bright < DARK_SHARE:
             found.append(f"dark: expose for {WELL_EXPOSED / max(bright, 0.004):.1f} times as long")
         if blur_px > MOST_BLUR_PX:

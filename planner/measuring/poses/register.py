@@ -39,6 +39,10 @@ WINDOWS_PX = (5.0, 4.0, 3.0, 3.0, 2.5, 2.5)
 """How far edges are searched in each round."""
 BIAS_PX = 0.15
 """Standard deviation of where an edge is found as a whole: light and blur move it."""
+BIAS_SHARE = 3.0
+"""The same in the localisation's floor: lamps are chosen for the edges of targets, not for all that register."""
+LEAST_BIAS_PX = 0.03
+"""An edge's bias is taken to be this large at least."""
 LEAST_NOISE_PX = 0.05
 """Standard deviation that a single point has at least."""
 CORRELATION_PX = 4.0
@@ -88,6 +92,7 @@ class _Task:
     samples: Samples
     unknowns: list[NDArray[np.int64]]
     moves: Array
+    bias_px: float
 
     def places(self, x: Array) -> tuple[Array, Array]:
         """Return pose (4, 4) and points (m, 3) at unknowns."""
@@ -127,7 +132,18 @@ class _Found:
     blur_px: Array
 
 
-def register(model: PartModel, pictures: list[Picture], planned: Array, prior: Array) -> Registered:
+def bias_of(floor_px: float) -> float:
+    """Return the standard deviation of edges' biases, px, that belongs to a floor of the localisation."""
+    return max(BIAS_SHARE * floor_px, LEAST_BIAS_PX)
+
+
+def register(
+    model: PartModel,
+    pictures: list[Picture],
+    planned: Array,
+    prior: Array,
+    bias_px: float = BIAS_PX,
+) -> Registered:
     """Return the pose of a setting and the deviations of the part's surfaces.
 
     Parameters
@@ -140,6 +156,8 @@ def register(model: PartModel, pictures: list[Picture], planned: Array, prior: A
         Its planned pose.
     prior : array (n, n)
         What is known of pose and surfaces, see `prior_covariance`.
+    bias_px : float
+        Standard deviation of where an edge is found as a whole.
 
     Returns
     -------
@@ -151,7 +169,7 @@ def register(model: PartModel, pictures: list[Picture], planned: Array, prior: A
     NotRegisteredError
         If the images do not show the part from near the planned pose.
     """
-    task = _task(model, pictures[0].camera, planned, prior)
+    task = _task(model, pictures[0].camera, planned, prior, bias_px)
     x, lead = _coarse(task, pictures)
     first = task.predicted(np.zeros(len(prior)))[0]
     signs: list[NDArray[np.int64]] = []
@@ -169,7 +187,7 @@ def register(model: PartModel, pictures: list[Picture], planned: Array, prior: A
     return _checked(task, estimate, found, (first, centres, across), lead)
 
 
-def _task(model: PartModel, camera: Camera, planned: Array, prior: Array) -> _Task:
+def _task(model: PartModel, camera: Camera, planned: Array, prior: Array, bias_px: float) -> _Task:
     edges = model.edges.edges
     every = model.edges.samples(planned, camera, edges, 0.0)
     pixels = pixels_of(every.points, planned, camera)
@@ -190,7 +208,7 @@ def _task(model: PartModel, camera: Camera, planned: Array, prior: Array) -> _Ta
         number, chosen.share, chosen.points, chosen.tangents, chosen.visible, chosen.apart
     )
     unknowns = [model.unknowns_of(edge) for edge in kept]
-    return _Task(model, camera, planned, prior, samples, unknowns, moves)
+    return _Task(model, camera, planned, prior, samples, unknowns, moves, bias_px)
 
 
 def _window_px(task: _Task, design: Array) -> float:
@@ -267,7 +285,7 @@ def _solved(task: _Task, x: Array, across: Array, found: list[_Found], *, final:
         variance = noise**2 * max(1.0, CORRELATION_PX / STEP_PX)
         for one, weight in zip(found, weights, strict=True):
             rows += _rows(task, design, one.offset + now, one.good * weight / variance)
-        estimate = posterior(task.prior, rows, BIAS_PX**2)
+        estimate = posterior(task.prior, rows, task.bias_px**2)
     return estimate
 
 
@@ -285,10 +303,11 @@ def _moved(task: _Task, design: Array, step: Array) -> Array:
 def _edge_means(task: _Task, residual: Array, good: NDArray[np.bool_]) -> Array:
     """Return for each sample the median of its edge's residuals, px, as far as an edge's bias explains it."""
     means = np.zeros(len(task.unknowns))
+    most = _SIGMAS * task.bias_px
     for k in range(len(means)):
         own = good & (task.samples.edge == k)
         if own.sum() >= 4:
-            means[k] = np.clip(np.median(residual[own]), -_SIGMAS * BIAS_PX, _SIGMAS * BIAS_PX)
+            means[k] = np.clip(np.median(residual[own]), -most, most)
     return np.asarray(means[task.samples.edge])
 
 

@@ -134,3 +134,18 @@ def test_qif_is_written_if_asked_for_and_does_not_stay(folder, capsys):
     assert "<CharacteristicStatusEnum>PASS<" in (folder / "qif" / "results.qif").read_text()
     assert run(folder, "good", *given(folder), out="qif") == 0
     assert not (folder / "qif" / "results.qif").exists()
+
+
+def test_the_floor_of_the_localisation_is_that_of_the_option(folder, capsys):
+    """The plan states 0.05 px; its part of the variance falls with the square, and the others stay with given poses."""
+    budgets = []
+    for floor in ("0.05", "0.01px"):
+        assert run(folder, "good", *given(folder), "--floor-px", floor, out="floor") == 0
+        data = json.loads((folder / "floor" / "results.json").read_text())
+        budgets.append(data["results"][0]["readings"][0]["variance"])
+    assert budgets[1]["localisation floor"] == pytest.approx(
+        budgets[0]["localisation floor"] / 25, rel=1e-9
+    )
+    assert budgets[1]["localisation"] == budgets[0]["localisation"]
+    assert run(folder, "good", "--floor-px", "-1", out="floor") == 2
+    assert "--floor-px" in capsys.readouterr().err

@@ -190,6 +190,25 @@ def test_notes_on_exposure(solid, exact, images):
     assert any("of the image is overexposed" in note for note in over.notes)
 
 
+def test_a_note_names_targets_that_are_overexposed_in_an_image_that_is_not(solid, exact, images):
+    """A small part of the image gets four times as much light, and it is at the left hole."""
+    plan = measured_plan(solid, ["left", "right"], settings=1)
+    seen = measure(plan, solid, {1: images[1]}, registration=exact)
+    (points,) = seen["left"].readings[0].points
+    places = np.c_[points["u"], points["v"]]
+    size = int(np.linalg.norm(places - places.mean(axis=0), axis=1).mean())
+    # around a point of the rim, so large that it covers a quarter of it
+    u, v = places[0].astype(int)
+    spot = images[1].astype(float)
+    spot[v - size : v + size, u - size : u + size] *= 4
+    spot = np.clip(spot, 0, 255).astype(np.uint8)
+    results = measure(plan, solid, {1: spot}, registration=exact)
+    assert results.pictures["setting_01"].clipped_share < 0.05
+    assert (
+        "setting_01: overexposed beside left: expose for half of the time or less" in results.notes
+    )
+
+
 def test_several_lamps_of_a_setting(solid, images, exact):
     """Each target is measured in the image whose lamp shows it; both images have one pose."""
     plan = measured_plan(solid, ["left", "right"], settings=1)

@@ -18,7 +18,12 @@ from planner import MeasureOptions, Measurer, PoseUncertainty, Registration, mea
 from planner.measuring.image.picture import Picture
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.coarse import coarse_shift
-from planner.measuring.poses.register import NotRegisteredError, register
+from planner.measuring.poses.register import (
+    LEAST_BIAS_PX,
+    NotRegisteredError,
+    bias_of,
+    register,
+)
 from planner.measuring.poses.registered import displaced, prior_covariance
 
 
@@ -109,6 +114,19 @@ def test_drawn_and_derived_uncertainties_agree(solid, images):
                 expanded = 2 * reading.standard_uncertainty
                 assert reading.drawn_uncertainty == pytest.approx(expanded, rel=0.06)
                 assert reading.notes == ()
+
+
+def test_edges_with_less_bias_say_more_of_the_pose(model, images):
+    """Biases of edges are what limits the pose: with a fifth of them, it is known better in every direction."""
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.0)
+    picture = Picture.of("one", images[1], CAMERA)
+    known = [register(model, [picture], POSES[0], prior, bias) for bias in (0.15, 0.03)]
+    sigmas = [np.sqrt(np.diag(one.covariance)[:POSE]) for one in known]
+    assert np.all(sigmas[1] < sigmas[0])
+    # without tolerances of surfaces, standard deviations fall with the biases until noise of points limits them
+    assert np.all(sigmas[1] > sigmas[0] / 5)
+    assert bias_of(0.05) == pytest.approx(0.15)
+    assert bias_of(0.0) == LEAST_BIAS_PX
 
 
 def test_images_that_are_exchanged_are_named(solid, images):

@@ -1,0 +1,86 @@
+"""What to expose for, against light that is computed by hand for a block."""
+
+import numpy as np
+import pytest
+from lit_parts import RIM, block, step
+from plan_examples import plan, setting
+
+from aspectgraph.solid.ray_scene import RayScene
+from planner import Camera, LightPlan, LitImage, look_at
+from planner.camera.imaging import image_of
+from planner.camera.pose import world_to_cam
+from planner.light.exposure import exposure, irradiance
+from planner.report.setting_report import exposure_texts
+
+CAMERA = Camera(25.0, (0.0138, 0.0138), (640, 512), 8.0, 300.0)
+ABOVE = look_at([[40.0, 25.0, 360.0]], [40.0, 25.0, 60.0])[0]
+# of the block's upper face: near x = 0 and near x = 80
+EDGES = {
+    "left": np.array([[0.0, y, 60.0] for y in (5.0, 25.0, 45.0)]),
+    "right": np.array([[80.0, y, 60.0] for y in (5.0, 25.0, 45.0)]),
+}
+
+
+def pixel_of(place):
+    local = world_to_cam(np.array([place]), ABOVE)
+    return image_of(CAMERA, local / local[:, 2:])[0]
+
+
+def scene_of(solid):
+    return RayScene(solid.vertices, solid.triangles)
+
+
+def test_light_falls_with_cosine_and_squared_distance():
+    lamp = np.array([40.0, 25.0, 160.0])
+    places = np.array([[40.0, 25.0, 60.0], [70.0, 25.0, 60.0]])
+    pixels = np.array([pixel_of(one) for one in places])
+    light = irradiance(scene_of(block()), ABOVE, CAMERA, pixels, lamp[None])
+    # straight above at 100 mm; and 30 mm aside
+    assert light[0] == pytest.approx(1 / 100**2, rel=1e-3)
+    assert light[1] == pytest.approx((100 / np.hypot(100, 30)) / (100**2 + 30**2), rel=1e-3)
+
+
+def test_off_the_part_and_below_a_face_there_is_no_light():
+    off = np.array([pixel_of([-40.0, 25.0, 60.0]), pixel_of([40.0, 25.0, 60.0])])
+    below = np.array([[40.0, 25.0, -100.0]])
+    assert irradiance(scene_of(block()), ABOVE, CAMERA, off, below).tolist() == [0.0, 0.0]
+    assert exposure(scene_of(block()), ABOVE, CAMERA, EDGES, below) is None
+
+
+def test_a_lamp_at_one_side_lights_its_edge_most():
+    lamp = np.array([[90.0, 25.0, 160.0]])
+    found = exposure(scene_of(block()), ABOVE, CAMERA, EDGES, lamp)
+    assert (found.target, found.dimmest) == ("right", "left")
+    # within 3 px of the middle of the right edge
+    np.testing.assert_allclose(found.pixel, pixel_of([80.0, 25.0, 60.0]), atol=4)
+    near = 100 / np.hypot(100, 10.5) ** 3
+    far = 100 / np.sqrt(100**2 + 89.5**2 + 20**2) ** 3
+    assert found.times == pytest.approx(near / far, rel=0.1)
+
+
+def test_a_shadow_is_dark():
+    """Of the step of 10 mm, the lower floor beside it is in the shadow of a low lamp behind."""
+    pose = look_at([[30.0, 20.0, 300.0]], [30.0, 20.0, 0.0])[0]
+    local = world_to_cam(np.array([[32.0, 20.0, 0.0], [55.0, 20.0, 0.0]]), pose)
+    pixels = image_of(CAMERA, local / local[:, 2:])
+    light = irradiance(scene_of(step()), pose, CAMERA, pixels, np.array([[-10.0, 20.0, 30.0]]))
+    # the shadow ends at x = 50: from 40 mm away, 20 mm above the step of 10 mm
+    assert light[0] == 0
+    assert light[1] > 0
+
+
+def test_the_report_says_what_to_expose_for():
+    lamps = np.array([[30.0, 20.0, 500.0]])
+    light = LightPlan(
+        "placed", 0.1, 0.05, "dark", lamps, ((LitImage((0,), {"rim": 0.5}),),), ({},), 1, "by hand"
+    )
+    lit = plan(
+        settings=(setting((10.0, 20.0, 400.0), ["rim"], (30.0, 20.0, 10.0)),),
+        entities=RIM,
+        uninspectable={},
+        workspace=np.array([[-900.0] * 3, [900.0] * 3]),
+        light=light,
+    )
+    (text,) = exposure_texts(lit, scene_of(step()), 0)
+    assert text.startswith("under lamp 1, expose so that pixel (")
+    assert "beside rim has 80 % of white" in text
