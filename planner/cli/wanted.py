@@ -19,6 +19,7 @@ from planner.report.wording import count
 from planner.wanted.assumed import SURFACES_MM
 from planner.wanted.dimension_files import read_wanted
 from planner.wanted.model_dimensions import dimensions_to_plan
+from planner.wanted.places import with_places
 from planner.wanted.resolve import resolve_wanted
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -
         if not items:
             raise _nothing_to_plan(stated, options.part)
     else:
-        items = read_wanted(Path(options.dimensions), kinds(), options.share)
+        items = with_places(solid, read_wanted(Path(options.dimensions), kinds(), options.share))
     rounded = localisation.model == "rounding"
     entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
     return Wanted(items, entities, localisation, left_out)

@@ -12,6 +12,7 @@ from planner.argument_kinds import (
     NOT_NEGATIVE,
     POSITIVE,
     NumberRule,
+    check_count,
     check_fraction,
     check_number,
 )
@@ -22,6 +23,9 @@ QUARTER = 0.25
 """Share of a tolerance's half width that a measurement error may take: the usual 4 : 1 test uncertainty ratio."""
 
 _POSITIVE = NumberRule("must be a positive number", POSITIVE.holds)
+
+MOST_PLACES = 100
+"""Places along an edge at most."""
 
 _REQUIREMENTS = ("tolerance", "tolerance_class", "max_error", "accuracy")
 
@@ -74,6 +78,11 @@ class Dimension:
         The tolerance of the model that `surfaces_mm` follows from. A value of the call replaces
         it. Empty if you state it.
 
+    places : int
+        Number of positions along two edges at which a distance is measured, 100 at most. Each is a
+        characteristic of its own, such as ``"width [2 of 3 places]"``, on its own stretches. They
+        divide the length over which the edges face each other into equal parts.
+
     Raises
     ------
     RequestError
@@ -100,6 +109,7 @@ class Dimension:
     tolerance_class: str | None = None
     surfaces_mm: float | None = None
     surfaces_from: str = ""
+    places: int = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
@@ -133,6 +143,13 @@ class Dimension:
             raise RequestError.of_rule(
                 "n_features", "must be a whole number, 1 or more", repr(self.n_features)
             )
+        check_count("places", self.places, 1, MOST_PLACES)
+        if self.places > 1 and (self.kind != "distance" or len(self.entities) != 2):
+            raise RequestError.of_rule(
+                "places",
+                "must be 1 unless it is a distance of two edges",
+                f"{self.places} for a {self.kind.replace('_', ' ')}",
+            )
 
     @classmethod
     def length(cls, edge: Target, **requirement: Any) -> Dimension:
@@ -163,7 +180,7 @@ class Dimension:
             The edges.
         **requirement
             ``tolerance_mm`` (lower, upper), ``tolerance`` (a class, ``"H7"``),
-            ``max_error_mm`` or ``accuracy``; ``share``, ``direction``: `Dimension`.
+            ``max_error_mm`` or ``accuracy``; ``share``, ``direction``, ``places``: `Dimension`.
 
         Returns
         -------
@@ -399,7 +416,8 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     """Take the unit off the names of what is asked; refuse names and units that are not known."""
     names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
     names |= {
-        name: name for name in ("accuracy", "share", "direction", "tolerance_class", "surfaces_mm")
+        name: name
+        for name in ("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places")
     }
     if isinstance(requirement.get("tolerance"), str):
         # deviations have their unit in the name; a class has none

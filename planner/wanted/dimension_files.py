@@ -11,7 +11,7 @@ from aspectgraph.entities.entity_files import parse_names
 from planner.exceptions import RequestError
 from planner.wanted.dimension import QUARTER, Dimension
 
-_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "unit", "any")
+_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any")
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
 _ANGLES = ("deg", "rad")
@@ -25,6 +25,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     ``step = { distance = [17, 18], max_error = 0.02 }``, ``rim = { edge = 17, max_error = 0.05 }``. Values are mm
     (angles: degrees), or of the ``unit`` given. A tolerance may be a class: ``tolerance = "H7"``. Other entities that
     give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
+    A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
 
     Parameters
     ----------

@@ -13,6 +13,7 @@ from errors.measurands import Circle, Line, Measurand, MeasurandError, measurand
 from planner.exceptions import RequestError
 from planner.wanted.classes import check_side
 from planner.wanted.dimension import Dimension
+from planner.wanted.places import with_places
 from planner.wanted.stretches import stretch_ways
 from planner.wanted.targets import DimensionTarget, Target, Witness, edge_target
 from planner.wanted.witness_choice import PREFERRED, WitnessChoice, kept_witnesses
@@ -69,7 +70,7 @@ def resolve_wanted(
     entities : dict of str to Entity
         Every entity that is needed once: an edge under its item's name, the others under their ids.
     targets : tuple of Target
-        The items, in order.
+        The items, in order. A dimension with places is a target for each of them.
 
     Raises
     ------
@@ -80,6 +81,7 @@ def resolve_wanted(
     """
     from aspectgraph import resolve_entities
 
+    wanted = with_places(solid, wanted)
     plain = {name: item for name, item in wanted.items() if not isinstance(item, Dimension)}
     entities: dict[str, Entity] = resolve_entities(solid, plain) if plain else {}
     known = {_key(entity): name for name, entity in entities.items()}
@@ -184,6 +186,7 @@ def _dimension_target(
     curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
     try:
         values = [_value_of(solid, dimension, parts, curves) for parts in ways]
+        ways, values = _without_other_stretches(dimension, ways, values)
         if dimension.tolerance_class is not None:
             dimension = dimension.with_limits(values[0].nominal)
         permitted = min(dimension.permitted_error(one.nominal, accuracy) for one in values)
@@ -195,6 +198,16 @@ def _dimension_target(
     for entity in {one.name: one for k in kept for one in ways[k]}.values():
         _check_chords(name, entity, curves, permitted)
     return DimensionTarget(name, tuple(witnesses[k] for k in kept), dimension, permitted)
+
+
+def _without_other_stretches(
+    dimension: Dimension, ways: list[list[Entity]], values: list[Measurand]
+) -> tuple[list[list[Entity]], list[Measurand]]:
+    """Leave out stretches in place of long edges that give another value, as of edges that are not quite parallel."""
+    given = len(dimension.witnesses)
+    first = values[0].nominal
+    own = [k for k, one in enumerate(values) if k < given or abs(one.nominal - first) <= SAME_VALUE]
+    return [ways[k] for k in own], [values[k] for k in own]
 
 
 def _value_of(

@@ -7,7 +7,10 @@ form of the faces is not averaged (two-point size, ISO 14405-1).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from fractions import Fraction
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,7 +38,7 @@ def stretch_ways(
     way : sequence of Entity
         Entities that give the value.
     stretch_mm : float
-        Edges longer than this, mm, are cut into pieces of about this length.
+        Edges and stretches longer than this, mm, are cut into pieces of about this length.
 
     Returns
     -------
@@ -62,21 +65,32 @@ def stretch_ways(
 
 
 def _is_long(entity: Entity, stretch_mm: float) -> bool:
-    """Tell whether an entity is one whole edge that is worth cutting: into two pieces at least."""
-    if entity.kind != "edge" or entity.part is not None or len(entity.edge_ids) != 1:
+    """Tell whether an entity is one edge or stretch that is worth cutting: into two pieces at least."""
+    if entity.kind != "edge" or len(entity.edge_ids) != 1:
         return False
-    return float(np.linalg.norm(entity.endpoints[1] - entity.endpoints[0])) > 1.5 * stretch_mm
+    return _length(entity) > 1.5 * stretch_mm
+
+
+def _length(entity: Entity) -> float:
+    return float(np.linalg.norm(entity.endpoints[1] - entity.endpoints[0]))
 
 
 def _pieces(
     solid: Solid, entity: Entity, stretch_mm: float
 ) -> list[tuple[Stretch, NDArray[np.float64]]]:
-    """Return the pieces of an edge, and the middle of each, mm."""
-    from aspectgraph import pieces_of_edge
+    """Return the pieces of an edge or of a stretch of one, and the middle of each, mm."""
+    from aspectgraph import Stretch, pieces_of_edge
 
     edge = entity.edge_ids[0]
     start, end = solid.edge_points(edge)
-    cut = pieces_of_edge(solid, edge, stretch_mm, at_most=MOST_PIECES)
+    cut: Sequence[Stretch]
+    if isinstance(entity.part, Stretch):
+        whole = entity.part
+        n = min(MOST_PIECES, math.ceil(_length(entity) / stretch_mm - 1e-9))
+        cuts = [whole.start + Fraction(k, n) * whole.share for k in range(n + 1)]
+        cut = [Stretch(edge, *ends) for ends in pairwise(cuts)]
+    else:
+        cut = pieces_of_edge(solid, edge, stretch_mm, at_most=MOST_PIECES)
     return [(one, start + float(one.start + one.end) / 2 * (end - start)) for one in cut]
 
 

@@ -1,7 +1,7 @@
 """Characteristics: one dimension on one feature. Their names, and how many a plan leaves out.
 
 A dimension of a pattern applies to each of its holes. A plan measures each of them, or one per
-pattern if the request says so.
+pattern if the request says so. A distance may also be asked for at several places along its edges.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-_NUMBERED = re.compile(r" \[\d+ of \d+\]( #\d+)?$")
+_NUMBERED = re.compile(r" \[\d+ of \d+( places)?\]( #\d+)?$")
 
 
 def characteristic_name(dimension: str, k: int, n: int) -> str:
@@ -31,8 +31,27 @@ def characteristic_name(dimension: str, k: int, n: int) -> str:
     return f"{dimension} [{k} of {n}]"
 
 
+def place_name(dimension: str, k: int, n: int) -> str:
+    """Return the name of a dimension at one of several places along its edges.
+
+    Parameters
+    ----------
+    dimension : str
+        Name of the dimension.
+    k, n : int
+        Number of the place, from 1, and number of all places.
+
+    Examples
+    --------
+    >>> from planner.wanted.words.feature_counts import place_name
+    >>> place_name("width", 2, 3)
+    'width [2 of 3 places]'
+    """
+    return f"{dimension} [{k} of {n} places]"
+
+
 def is_characteristic(name: str) -> bool:
-    """Return whether a name is that of a dimension on one feature of a pattern.
+    """Return whether a name is that of a dimension on one feature of a pattern, or at one place.
 
     Parameters
     ----------
