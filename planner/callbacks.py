@@ -22,11 +22,17 @@ LEAST_REGIONS_S = 10.0
 SEARCH_SHARE = 0.8
 """Share of a time limit after which the search ends, so that simulation, report and graph have the rest."""
 
+SETTLING_SHARE = 0.05
+"""Share of a time limit in which the settings of a plan that it ended are still moved off their limits."""
+
 SIMULATION_SHARE = 0.88
 """Share of a time limit after which the simulation ends."""
 
 LEAST_SIMULATION_S = 2.0
 """Seconds that the simulation may take, however short a time limit is: a plan that is not checked is worth less."""
+
+LEAST_SETTLING_S = 1.0
+"""Seconds that this may take, however short a time limit is."""
 
 PICTURES_SHARE = 0.95
 """Share of a time limit after which no more pictures are drawn, so that the page can be put together."""
@@ -85,6 +91,10 @@ class Deadline:
         if not self.limited:
             return None
         return max(share * self._limit - (time.monotonic() - self._begin), 1e-3)
+
+    def of_settling(self) -> float:
+        """Return when settings are no longer moved off their limits after the time is up, as `time.time` counts."""
+        return time.time() + max(SETTLING_SHARE * self._limit, LEAST_SETTLING_S)
 
     def time_left(self, share: float = 1.0, least_s: float = 0.0) -> TimeLeft:
         """Return what tells whether another piece of work fits until a share of the limit has passed.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -28,7 +30,13 @@ _PARTS = (0.5, 0.25, 0.125)
 
 
 def centre_setting(
-    shared: Shared, setting: SensorSetting, seed: int, poses: int, centring: Centring
+    shared: Shared,
+    setting: SensorSetting,
+    seed: int,
+    poses: int,
+    centring: Centring,
+    settings: int = 1,
+    until: float = math.inf,
 ) -> SensorSetting:
     """Move a setting off its limits, and count what it promises.
 
@@ -44,6 +52,10 @@ def centre_setting(
         Displaced poses to count over, at least.
     centring : Centring
         How long to search.
+    settings : int
+        How many settings share the trials that the effort allows a plan.
+    until : float
+        When the search ends, as `time.time` counts: a setting whose turn comes later stays where it is.
 
     Returns
     -------
@@ -51,13 +63,16 @@ def centre_setting(
         For the same targets, with their P_all.
     """
     judge: Judge = shared.value
+    late = time.time() > until
     loses = _Losses(judge, setting, seed, centring.give_up)
-    for pose in _off_limits(judge, setting, seed, centring):
+    for pose in () if late else _off_limits(judge, setting, seed, centring):
+        if time.time() > until:
+            break
         if not _inspects(judge, pose, setting.entities):
             continue
         own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
         if not loses(own):
-            setting = best_supported(judge, [own, setting], seed)
+            setting = best_supported(judge, [own, setting], seed, settings)
             break
     return with_p_all(judge, setting, seed, poses)
 

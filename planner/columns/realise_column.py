@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,7 +20,13 @@ from planner.setting.plan_setting import best_setting
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.reason import Reason, ReasonKind
 from planner.setting.sensor_setting import SensorSetting
-from planner.verify.p_all import MOST_REQUIRED, DisplacedChecks, JointCounts, poses_needed
+from planner.verify.p_all import (
+    MOST_REQUIRED,
+    DisplacedChecks,
+    JointCounts,
+    poses_needed,
+    successes_needed,
+)
 from planner.verify.simulate_setting import simulate_setting
 from planner.verify.simulated import Posed
 
@@ -121,7 +127,9 @@ def meaning(error: InfeasibleError) -> ReasonKind:
     return _MEANING[error.constraint]
 
 
-def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) -> SensorSetting:
+def best_supported(
+    judge: Judge, options: Sequence[SensorSetting], seed: int, settings: int = 1
+) -> SensorSetting:
     """Return the first setting that simulation does not contradict, or a pose near the first that it supports.
 
     The probability is of second order in the displacement and does not count ends that leave the image, so a pose may
@@ -134,18 +142,20 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
         For the same entities, the best first.
     seed : int
         Of the poses tried and displaced.
+    settings : int
+        How many settings share the trials that the effort allows a plan.
     """
     support = judge.effort.support
     rng = np.random.default_rng([seed, support.trial_poses])
     best: SensorSetting | PosedOnly = options[0]
     least = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
-        options, _near(judge, options[0], rng)
+        options, _near(judge, options[0], rng, support.trials_of(settings))
     )
     for pose in poses:
         too_much = max(_excess(judge, pose, rng).values())
         if too_much <= support.too_high:
-            short = shortfalls(judge, pose.cam2world, pose.entities, seed)
+            short = _shortfalls_below(judge, pose, seed, least - support.too_high)
             too_much = max([too_much, *(support.too_high + miss for miss in short.values())])
         if too_much < least:
             best = pose
@@ -158,8 +168,18 @@ def best_supported(judge: Judge, options: Sequence[SensorSetting], seed: int) ->
     return setting_at(judge.request, best.cam2world, best.entities, message, seed=options[0].seed)
 
 
+def supported_pose(
+    shared: Shared, options: Sequence[SensorSetting], seed: int, settings: int
+) -> SensorSetting:
+    """Return what `best_supported` returns, as a task for any executor; ``shared`` holds the judge."""
+    return best_supported(shared.value, options, seed, settings)
+
+
 def without_contradicted(
-    judge: Judge, settings: Iterable[SensorSetting], seed: int
+    judge: Judge,
+    settings: Iterable[SensorSetting],
+    seed: int,
+    check: Callable[[], object] = lambda: None,
 ) -> list[SensorSetting]:
     """Take from settings the entities that simulation contradicts there and supports in another one.
 
@@ -169,12 +189,18 @@ def without_contradicted(
     settings : sequence of SensorSetting
     seed : int
         Of the poses displaced.
+    check : callable
+        Is called before each setting is simulated; it may raise.
     """
     settings = list(settings)
     support = judge.effort.support
     rng = np.random.default_rng([seed, support.trial_poses])
-    excess = [_excess(judge, setting, rng) for setting in settings]
-    short = [shortfalls(judge, one.cam2world, one.entities, seed) for one in settings]
+    excess = []
+    short = []
+    for setting in settings:
+        check()
+        excess.append(_excess(judge, setting, rng))
+        short.append(shortfalls(judge, setting.cam2world, setting.entities, seed))
     supported = [
         {name for name, too_much in rates.items() if too_much <= support.too_high} - set(missing)
         for rates, missing in zip(excess, short, strict=True)
@@ -205,7 +231,12 @@ def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, floa
 
 
 def joint_counts(
-    judge: Judge, cam2world: np.ndarray, names: Sequence[str], seed: int, at_least: int = 0
+    judge: Judge,
+    cam2world: np.ndarray,
+    names: Sequence[str],
+    seed: int,
+    at_least: int = 0,
+    needed: float = 0.0,
 ) -> JointCounts:
     """Count over displaced poses how often all that is asked of targets holds at a pose.
 
@@ -221,14 +252,20 @@ def joint_counts(
         Of the displaced poses.
     at_least : int
         Displaced poses at least.
+    needed : float
+        The count ends as soon as the bound of a target cannot become this large any more, and states too much then.
     """
     checks = DisplacedChecks(judge.request.at_pose(cam2world, names), names)
     n = poses_needed(judge.threshold, max(at_least, judge.effort.support.joint_poses))
-    return checks.count(cam2world, n, seed)
+    return checks.count(cam2world, n, seed, successes_needed(needed, n))
 
 
 def joint_bounds(
-    judge: Judge, cam2world: np.ndarray, names: Sequence[str], seed: int
+    judge: Judge,
+    cam2world: np.ndarray,
+    names: Sequence[str],
+    seed: int,
+    needed: float = 0.0,
 ) -> dict[str, tuple[float, int]]:
     """Return a lower bound of the P_all of each target at a pose, and over how many displaced poses it was counted.
 
@@ -238,21 +275,32 @@ def joint_bounds(
     ----------
     judge, cam2world, names, seed
         As `joint_counts` takes them.
+    needed : float
+        As soon as one bound is surely below this, others may state too much.
     """
     support = judge.effort.support
     bounds: dict[str, tuple[float, int]] = {}
     left = tuple(names)
     for at_least in (support.joint_poses, support.joint_sure_poses):
-        counts = joint_counts(judge, cam2world, left, seed, at_least)
+        sure = at_least == support.joint_sure_poses
+        counts = joint_counts(judge, cam2world, left, seed, at_least, needed if sure else 0.0)
         bounds.update({name: (counts.lower[name], counts.n) for name in left})
         left = tuple(
             name
             for name, hits in zip(counts.names, counts.successes, strict=True)
             if hits >= judge.threshold * counts.n and not keeps(judge, counts.lower[name])
         )
-        if not left:
+        decided = [lower for name, (lower, _) in bounds.items() if name not in left]
+        if not left or min(decided, default=1.0) < needed:
             break
     return bounds
+
+
+def _shortfalls_below(judge: Judge, pose: Posed, seed: int, most: float) -> dict[str, float]:
+    """Return the `shortfalls` of a pose; if one of them is ``most`` or more, others may be too small."""
+    # a rounding error less than what cannot be below
+    needed = min(judge.threshold - most - _LEAST, MOST_REQUIRED)
+    return missing(judge, joint_bounds(judge, pose.cam2world, pose.entities, seed, needed))
 
 
 def shortfalls(
@@ -307,8 +355,10 @@ def _excess(
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
 
 
-def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Iterator[PosedOnly]:
-    """Yield poses near a setting that inspect the same entities."""
+def _near(
+    judge: Judge, setting: SensorSetting, rng: np.random.Generator, most: int
+) -> Iterator[PosedOnly]:
+    """Yield poses near a setting that inspect the same entities, so many at most."""
     support = judge.effort.support
     poses = perturbed(
         np.repeat(setting.cam2world[None], support.neighbours, axis=0),
@@ -322,9 +372,7 @@ def _near(judge: Judge, setting: SensorSetting, rng: np.random.Generator) -> Ite
     for first in range(0, len(poses), support.batch):
         neighbours = poses[first : first + support.batch]
         judged = judge(neighbours, prices)
-        for k in np.flatnonzero(judged.inspects[:, is_wanted].all(axis=1))[
-            : support.most_trials - tried
-        ]:
+        for k in np.flatnonzero(judged.inspects[:, is_wanted].all(axis=1))[: most - tried]:
             tried += 1
             stated = dict(zip(judge.names, judged.probability[k].tolist(), strict=True))
             yield PosedOnly(

@@ -112,6 +112,8 @@ class Support:
         Neighbours evaluated at a time. Often simulation confirms one of the first.
     most_trials : int
         Largest number of simulated neighbours that inspect the same entities.
+    all_trials : int
+        The same for all settings of a plan together. They share it equally.
     too_high : float
         Simulation contradicts a probability that is too high by more than this, as for the whole
         plan.
@@ -133,9 +135,25 @@ class Support:
     neighbours: int = 2000
     batch: int = 250
     most_trials: int = 100
+    all_trials: int = 1000
     too_high: float = 0.005
     sure_poses: int = 40_000
     joint_poses: int = 1000
     joint_sure_poses: int = 20_000
     joint_all_poses: int = 400_000
     retried: int = 8
+
+    def trials_of(self, settings: int) -> int:
+        """Return how many neighbours each of so many settings may simulate, one at least.
+
+        Parameters
+        ----------
+        settings : int
+            Settings that share the trials.
+
+        Returns
+        -------
+        int
+            All that there may be, for few settings.
+        """
+        return min(self.most_trials, max(self.all_trials // max(settings, 1), 1))

@@ -32,6 +32,7 @@ from planner.request.image_constraints import (
     Lens,
     cone_slacks,
     image_slacks,
+    least_slacks,
 )
 from planner.request.positions import (
     FEW,
@@ -40,7 +41,7 @@ from planner.request.positions import (
     visibility_slacks,
     workspace_slacks,
 )
-from planner.request.reach import PoseRegion, Reach, SignedDistance, check_reach, reach_margin
+from planner.request.reach import PoseRegion, Reach, check_reach, distance_to, reach_margin
 from planner.request.space import Space
 from planner.wanted.targets import Target, edge_targets
 
@@ -229,7 +230,7 @@ class Constraints:
         self._box = np.array(
             [np.min(space.solid.vertices, axis=0), np.max(space.solid.vertices, axis=0)]
         )
-        self._distance = SignedDistance(space.solid.vertices, space.solid.triangles)
+        self._distance = distance_to(space.solid)
         # of the image, in columns of `image_slacks`
         self._columns = {"resolution_mm": RESOLUTION, "focus_mm": FOCUS}
         if self._exact_field:
@@ -374,7 +375,7 @@ class Constraints:
             image[:, ~self.resolved, RESOLUTION] = np.inf
         if len(self.segments) == len(self.names):
             return image
-        return np.asarray(np.minimum.reduceat(image, self._first, axis=1))
+        return least_slacks(image, self._first)
 
     def margins(
         self, cam2world: np.ndarray, only: Sequence[str] | None = None
@@ -428,11 +429,13 @@ class Constraints:
         """Return a natural size of a constraint's margin, to weigh violations of different units."""
         low, high = (np.asarray(corner, dtype=float) for corner in self.space.workspace)
         diagonal = float(np.linalg.norm(high - low))
+        if name == "field_of_view_mm":
+            # it takes long to find, and few requests have a cone
+            return max(self.sphere_radius, 1e-9)
         return {
             "resolution_mm": max(self.min_length_mm, 1e-9),
             "focus_mm": self.camera.depth_of_field_mm[0],
             "field_of_view_px": float(max(self.camera.resolution)),
-            "field_of_view_mm": max(self.sphere_radius, 1e-9),
             "clearance_mm": max(self.requirements.stand_off_mm, 1.0),
             "workspace_mm": diagonal,
             # a region's margin is a distance, a callable's is +1 or -1

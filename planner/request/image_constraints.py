@@ -98,6 +98,16 @@ def image_slacks(lens: Lens, ends_cam: np.ndarray) -> np.ndarray:
     return out
 
 
+def least_slacks(slacks: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Return the least slacks (n, k, c) of each item over its segments, from those of all segments (n, s, c).
+
+    ``first`` (k,) are the items' first segments.
+    """
+    out = np.empty((len(slacks), len(first), slacks.shape[2]))
+    _least_slacks(slacks, np.append(first, slacks.shape[1]), out)
+    return out
+
+
 def resolution_slacks(camera: Camera, ends_cam: np.ndarray, min_length_mm: float) -> np.ndarray:
     """Eq 16: length of each entity's image minus the smallest allowed, mm on the sensor; (n, k, 1)."""
     return image_slacks(Lens.of(camera, min_length_mm=min_length_mm), ends_cam)[..., RESOLUTION]
@@ -161,6 +171,20 @@ def _image_slacks(lens, ends_cam, out):
                 row[7 + e] = lens.right_px - u - lens.margin_px
                 row[9 + e] = v - lens.top_px - lens.margin_px
                 row[11 + e] = lens.bottom_px - v - lens.margin_px
+
+
+@entry_kernel(error_model="numpy")
+def _least_slacks(slacks, first, out):
+    for i in range(slacks.shape[0]):
+        for k in range(out.shape[1]):
+            for c in range(slacks.shape[2]):
+                least = slacks[i, first[k], c]
+                for j in range(first[k] + 1, first[k + 1]):
+                    value = slacks[i, j, c]
+                    # what is no number stays none, as numpy has it
+                    if value < least or value != value:
+                        least = value
+                out[i, k, c] = least
 
 
 def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.ndarray:

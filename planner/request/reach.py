@@ -14,13 +14,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from types import CodeType, FunctionType, MethodType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from aspectgraph.solid import RayScene
 from planner.argument_kinds import POSITIVE, check_number
 from planner.exceptions import RequestError
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
 
 
 class ReachRegion(Protocol):
@@ -81,6 +85,22 @@ class SignedDistance:
     def __call__(self, positions: np.ndarray) -> np.ndarray:
         """Return the distance (n,) in mm of positions (n, 3), negative inside the mesh."""
         return self._scene.signed_distance(positions)
+
+
+_distances: WeakKeyDictionary[Solid, SignedDistance] = WeakKeyDictionary()
+
+
+def distance_to(solid: Solid) -> SignedDistance:
+    """Return the distance to a part; its rays' scene is built once."""
+    try:
+        found = _distances.get(solid)
+    except TypeError:
+        # a part of somebody's own, that cannot be a key
+        return SignedDistance(solid.vertices, solid.triangles)
+    if found is None:
+        found = SignedDistance(solid.vertices, solid.triangles)
+        _distances[solid] = found
+    return found
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from planner.columns.candidates import derive_seed
 from planner.columns.centre_column import with_p_all
-from planner.columns.realise_column import best_supported, joint_bounds, keeps
+from planner.columns.realise_column import joint_bounds, keeps
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.run import Run
@@ -73,6 +72,7 @@ class ShortTargets:
         """Let settings that are there measure the targets, where they can."""
         judge = self._run.judge
         for name in list(self.reached):
+            self._run.callbacks.deadline.check()
             own = judge.names.index(name)
             bounds = {}
             for k, setting in enumerate(self.settings):
@@ -116,6 +116,7 @@ class ShortTargets:
             if not wanted.any():
                 continue
             tried += wanted
+            run.callbacks.deadline.check()
             (candidate,) = candidate_settings(run, run.pool, [c])
             others = [n for n in candidate.entities if n not in run.names_of(wanted)]
             for one in as_simulated(run, [without(run.request, candidate, others)]):
@@ -128,11 +129,7 @@ class ShortTargets:
         run = self._run
         sets = [(name,) for name in self.reached]
         found = [one.setting for one in run.realise(sets)]
-        return [
-            best_supported(run.judge, [one], derive_seed(run.seed, one.entities))
-            for one in found
-            if one is not None
-        ]
+        return run.supported([[one] for one in found if one is not None])
 
     def _add(self, settings: Sequence[SensorSetting]) -> None:
         """Take the settings in, for the targets that have the required P_all there and were short."""

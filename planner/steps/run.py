@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -21,6 +22,7 @@ from planner.columns.realise_column import (
     missing,
     promised_too_much,
     realise,
+    supported_pose,
 )
 from planner.effort.effort import Effort
 from planner.executors import Shared, in_order
@@ -28,6 +30,9 @@ from planner.request.request import Request
 from planner.resume import PlanningState
 from planner.setting.sensor_setting import SensorSetting
 from planner.steps.plan_state import PlanState
+
+# seconds after which the checking of poses is shown
+SILENT_S = 1.0
 
 
 class Run:
@@ -185,6 +190,21 @@ class Run:
             self.callbacks.report(done, self._begun, "genetic algorithm")
         outcomes = (self.memo.get(names) for names in sets)
         return [outcome for outcome in outcomes if outcome is not None]
+
+    def supported(self, options: Sequence[Sequence[SensorSetting]]) -> list[SensorSetting]:
+        """Return for each of some settings the best of its options that simulation supports; see `best_supported`."""
+        tasks = [
+            (self.shared, some, derive_seed(self.seed, some[0].entities), len(options))
+            for some in options
+        ]
+        found = []
+        begun = time.monotonic()
+        for one in in_order(self.executor, supported_pose, tasks, self.callbacks.check):
+            found.append(one)
+            # what is soon done needs no line
+            if time.monotonic() - begun > SILENT_S:
+                self.callbacks.report(len(found), len(tasks), "checked poses")
+        return found
 
     def _start(self, names: Sequence[str]) -> np.ndarray | None:
         """Return the candidate pose (1, 4, 4) that inspects, or nearly inspects, a set of entities."""

@@ -5,6 +5,7 @@ That pose is moved off its limits, and what it promises is counted.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,7 +14,7 @@ import numpy as np
 
 from planner.columns.candidates import derive_seed
 from planner.columns.centre_column import centre_setting
-from planner.columns.realise_column import best_supported, without_contradicted
+from planner.columns.realise_column import without_contradicted
 from planner.cover.few_columns import few_columns
 from planner.effort.poses import Centring
 from planner.executors import in_order
@@ -67,7 +68,7 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
         run.effort.cover,
     )
     sets = [run.names_of(pool.membership[c]) for c in chosen]
-    settings = []
+    all_options = []
     for c, names, outcome in zip(chosen, sets, run.realise(sets), strict=True):
         seed = derive_seed(run.seed, names)
         found = outcome.setting
@@ -77,7 +78,8 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
                 found.fitness < options[0].fitness - run.effort.stages.preference.fitness_gain,
                 found,
             )
-        settings.append(best_supported(run.judge, options, seed))
+        all_options.append(options)
+    settings = run.supported(all_options)
     centring = run.effort.centring
     if not moves:
         centring = replace(centring, give_up=0.0)
@@ -85,7 +87,8 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
     def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
         return centre_all(run, some, centring)
 
-    return _without_short(run, centre(without_contradicted(run.judge, settings, run.seed)), centre)
+    settings = without_contradicted(run.judge, settings, run.seed, run.callbacks.deadline.check)
+    return _without_short(run, centre(settings), centre)
 
 
 def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPlan:
@@ -100,7 +103,12 @@ def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPl
     proven : callable
         ``proven(run, settings)`` returns the bound for what settings inspect, and what it rests on.
     """
-    moved = centre_all(run, plan.settings, run.effort.centring.shorter(), early=True)
+    moved = centre_all(
+        run,
+        plan.settings,
+        run.effort.centring.shorter(),
+        until=run.callbacks.deadline.of_settling(),
+    )
     settled = _without_short(run, moved)
     settings = settled.settings
     if run.request.requirements.cell is not None:
@@ -151,7 +159,7 @@ def _without_short(
 
 
 def centre_all(
-    run: Run, settings: Sequence[SensorSetting], centring: Centring, *, early: bool = False
+    run: Run, settings: Sequence[SensorSetting], centring: Centring, *, until: float | None = None
 ) -> list[SensorSetting]:
     """Move settings off their limits, and count what they promise.
 
@@ -163,8 +171,9 @@ def centre_all(
         Settings that simulation supports.
     centring : Centring
         How long to search.
-    early : bool
-        The time is up: it is not asked again, and fewer poses are displaced.
+    until : float, optional
+        The time limit has passed, which is not asked again. Fewer poses are displaced, and from this time on, as
+        `time.time` counts, poses are not moved.
 
     Returns
     -------
@@ -173,11 +182,21 @@ def centre_all(
     """
     support = run.effort.support
     poses = support.joint_poses
+    early = until is not None
     if not early:
         each = support.joint_all_poses // max(sum(len(one.entities) for one in settings), 1)
         poses = min(support.joint_sure_poses, max(each, poses))
     tasks = [
-        (run.shared, setting, derive_seed(run.seed, setting.entities), poses, centring)
+        (
+            run.shared,
+            setting,
+            derive_seed(run.seed, setting.entities),
+            poses,
+            centring,
+            # a pose that needs a neighbour is left as it is
+            support.all_trials if early else len(settings),
+            math.inf if until is None else until,
+        )
         for setting in settings
     ]
     check = (lambda: None) if early else run.callbacks.check

@@ -21,10 +21,7 @@ from planner.cover.exchange_search import exchange_columns
 from planner.cover.set_cover import bound_columns, greedy_cover
 from planner.setting.pose_setting import setting_at, without
 from planner.setting.sensor_setting import SensorSetting
-from planner.steps.run import Run
-
-# seconds after which the checking of poses is shown
-_SILENT_S = 1.0
+from planner.steps.run import SILENT_S, Run
 
 
 class SupportedColumns:
@@ -72,7 +69,7 @@ class SupportedColumns:
                 membership[c] = self._supported(run, pool, c)
                 done[c] = True
                 # what is soon done needs no line
-                if time.monotonic() - begun > _SILENT_S:
+                if time.monotonic() - begun > SILENT_S:
                     run.callbacks.report(i, len(new), "checked poses")
             self._give_up(run, membership, done)
             if k + 1 < covers:

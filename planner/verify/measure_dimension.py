@@ -14,10 +14,10 @@ from errors.measurands import Circle, Geometry, Localisation
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import world_to_cam
+from planner.verify.circle_fits import fit_circles
+from planner.verify.point_loops import carry_back, image_points
 from planner.wanted.planned import PlannedDimension, sample_points
 
-_ROUNDS = 30
-_STILL = 1e-10
 # of an entity's size: how far ahead its direction in the image is taken
 _AHEAD = 1e-5
 
@@ -120,7 +120,7 @@ def _common(
 
     ``ahead`` (n, m, 2) are steps along its image.
     """
-    way = ahead / np.linalg.norm(ahead, axis=2, keepdims=True)
+    way = ahead / np.sqrt(ahead[..., :1] ** 2 + ahead[..., 1:] ** 2)
     n, points, _ = ahead.shape
     if each_end:
         return np.asarray(rng.normal(0.0, how.common_px, (n, points, 1)) * way)
@@ -150,9 +150,25 @@ def _pixels(
     points: NDArray[np.float64], poses: NDArray[np.float64], camera: Camera
 ) -> NDArray[np.float64]:
     """Return images (n, m, 2) in px of points (m, 3) from poses (n, 4, 4); nan behind the camera."""
+    if camera.distortion is None:
+        # copies, so that the loops are compiled for one kind of arrays
+        found = np.empty((len(poses), len(points), 2))
+        image_points(
+            np.array(points, np.float64, order="C"),
+            np.array(poses, np.float64, order="C"),
+            _scale(camera),
+            found,
+        )
+        return found
     local = world_to_cam(points, poses)
     depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
     return image_of(camera, local / depth)
+
+
+def _scale(camera: Camera) -> NDArray[np.float64]:
+    """Return focal lengths and principal point, px."""
+    matrix = camera.matrix
+    return np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
 
 
 def _on_sensor(pixels: NDArray[np.float64], camera: Camera) -> NDArray[np.bool_]:
@@ -183,15 +199,10 @@ def _carried_back(
     frame: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return coordinates (n, m, 2) in a plane (3, 3: origin, x, y) where rays from the planned pose meet it."""
-    ones = np.ones((*pixels.shape[:2], 1))
-    ideal = undistorted_px(camera, pixels)
-    rays = (
-        np.concatenate([ideal, ones], axis=2) @ np.linalg.inv(camera.matrix).T @ planned[:3, :3].T
-    )
-    normal = np.cross(frame[1], frame[2])
-    depth = ((frame[0] - planned[:3, 3]) @ normal) / (rays @ normal)
-    local = planned[:3, 3] + depth[..., None] * rays - frame[0]
-    return np.asarray(local @ frame[1:].T)
+    ideal = np.ascontiguousarray(undistorted_px(camera, pixels), np.float64)
+    found = np.empty(ideal.shape)
+    carry_back(ideal, np.array(planned, np.float64, order="C"), _scale(camera), frame, found)
+    return found
 
 
 def _lines(flat: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -206,24 +217,7 @@ def _lines(flat: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _circles(flat: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """Fit circles to points (n, m, 2) by squares of distances (Gauss–Newton); return centre and radius (n, 3)."""
-    middle = flat.mean(axis=1)
-    # algebraic fit first: it needs no start
-    off = flat - middle[:, None]
-    rows = np.concatenate([2 * off, np.ones((*off.shape[:2], 1))], axis=2)
-    right = (off**2).sum(axis=2)
-    normal = np.einsum("nmi,nmj->nij", rows, rows)
-    solved = np.linalg.solve(normal, np.einsum("nmi,nm->ni", rows, right)[..., None])[..., 0]
-    size = np.sqrt(np.maximum(solved[:, 2] + (solved[:, :2] ** 2).sum(axis=1), 1e-12 * radius**2))
-    found = np.concatenate([middle + solved[:, :2], size[:, None]], axis=1)
-    for _ in range(_ROUNDS):
-        away = flat - found[:, None, :2]
-        distance = np.maximum(np.linalg.norm(away, axis=2), 1e-9 * radius)
-        slopes = np.concatenate([away / distance[..., None], np.ones((*distance.shape, 1))], axis=2)
-        residual = distance - found[:, 2:]
-        normal = np.einsum("nmi,nmj->nij", slopes, slopes)
-        step = np.linalg.solve(normal, np.einsum("nmi,nm->ni", slopes, residual)[..., None])[..., 0]
-        found = found + step
-        if np.abs(step).max() <= _STILL * radius:
-            break
+    """Fit circles to points (n, m, 2) by squares of distances; return centre and radius (n, 3)."""
+    found = np.empty((len(flat), 3))
+    fit_circles(np.ascontiguousarray(flat), float(radius), found)
     return found

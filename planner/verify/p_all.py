@@ -12,6 +12,7 @@ same holds for what concerns the robot: workspace, reach and stand-off.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -80,6 +81,14 @@ def lower_bound(successes: int, n: int) -> float:
     return clopper_pearson(successes, n, 2.0 * CONFIDENCE - 1.0)[0]
 
 
+def successes_needed(bound: float, n: int) -> int:
+    """Return the fewest successes in n trials that have at least this lower bound, or n + 1; see `lower_bound`."""
+    if bound <= 0.0:
+        return 0
+    # that of more successes is larger
+    return bisect_left(range(n + 1), bound, key=lambda hits: lower_bound(hits, n))
+
+
 def without_reserves(requirements: Requirements) -> Requirements:
     """Return what an image must meet, without what planned poses keep for displacements."""
     return replace(
@@ -134,10 +143,24 @@ class DisplacedChecks:
         found["image"] = shown
         return found
 
-    def count(self, cam2world: NDArray[np.float64], n: int, seed: int) -> JointCounts:
+    def count(
+        self, cam2world: NDArray[np.float64], n: int, seed: int, needed: int = 0
+    ) -> JointCounts:
         """Count over n displaced poses how often everything holds at a planned pose (4, 4).
 
         Each target has draws of its own, so what is counted for it depends on no other target.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        n : int
+            Displaced poses.
+        seed : int
+            Of the draws.
+        needed : int
+            The count ends as soon as a target cannot succeed this often any more. What was not displaced then counts
+            as a success of all targets.
         """
         request = self.request
         rng = np.random.default_rng([seed, n])
@@ -163,6 +186,11 @@ class DisplacedChecks:
             valid &= accurate
             successes += valid.sum(axis=0)
             together += int(valid.all(axis=1).sum())
+            left = n - start - size
+            if successes.min() + left < needed:
+                successes += left
+                together += left
+                break
         return JointCounts(
             request.names,
             n,
