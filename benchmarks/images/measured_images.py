@@ -32,6 +32,7 @@ from planner import (
     Registration,
     read_plan,
 )
+from planner.wanted.planned import targets_of
 
 METHODS = ("planned", "own edges", "given")
 
@@ -84,7 +85,11 @@ def rows_of(options) -> list[Row]:
     plan = replace(plan, pose_uncertainty=PoseUncertainty(np.diag(sigmas**2)))
     part = DeviatingPart(options.part)
     measurer = Measurer(plan, read_solid(options.part))
-    measured = {name: as_measured(one) for name, one in plan.dimensions.items()}
+    # by the witness that a setting uses
+    used = {
+        name: targets_of(plan.targets, one)[name] for one in plan.settings for name in one.entities
+    }
+    measured = {name: as_measured(used.get(name, one)) for name, one in plan.dimensions.items()}
     matrix = plan.camera.matrix
     draw = np.random.default_rng(99)
     renderer = Renderer(part.vertices, part.triangles, matrix, samples=2)

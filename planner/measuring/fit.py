@@ -151,12 +151,15 @@ def _circles(flat: Array, weight: Array, radius: float) -> tuple[Array, Array, A
 
 
 def _solved(design: Array, right: Array, weight: Array) -> Array:
-    """Return weighted least squares solutions (n, p) of designs (n, m, p)."""
+    """Return weighted least squares solutions (n, p) of designs (n, m, p); the shortest where some do not decide."""
     weighted = design * weight[:, None]
     normal = np.einsum("nmp,nmq->npq", weighted, design)
-    return np.asarray(
-        np.linalg.solve(normal, np.einsum("nmp,nm->np", weighted, right)[..., None])[..., 0]
-    )
+    sides = np.einsum("nmp,nm->np", weighted, right)[..., None]
+    try:
+        return np.asarray(np.linalg.solve(normal, sides)[..., 0])
+    except np.linalg.LinAlgError:
+        # points drawn at random may lie on one line
+        return np.asarray((np.linalg.pinv(normal, hermitian=True) @ sides)[..., 0])
 
 
 def robust_fit(geometry: Geometry, flat: Array, px_per_mm: Array) -> tuple[Fit, NDArray[np.bool_]]:

@@ -35,7 +35,9 @@ from planner.measuring.poses.registration import (
 from planner.measuring.reading import Reading, covariance_of, read_value
 from planner.measuring.results import MeasurementResults
 from planner.setting.image_names import setting_name
+from planner.setting.sensor_setting import SensorSetting
 from planner.verify.setting_record import search_windows_px
+from planner.wanted.planned import PlannedTarget, targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -94,6 +96,12 @@ class MeasureOptions:
             raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
 
 
+def _witness_key(setting: SensorSetting, name: str) -> str:
+    """Return a name for a target as a setting measures it."""
+    k = setting.witness.get(name, 0)
+    return f"{name} (way {k + 1})" if k else name
+
+
 class Measurer:
     """Measures parts by images of a plan's settings; rays and surfaces are found once.
 
@@ -132,9 +140,14 @@ class Measurer:
             raise RequestError.of_rule("plan", "must have a setting", "one without settings")
         self.plan = plan
         self.shots = shots_of(plan)
-        inspected = {name: plan.targets[name] for name in plan.inspected}
-        self.targets = inspected
-        self.model = PartModel(solid, inspected)
+        self.targets = {name: plan.targets[name] for name in plan.inspected}
+        # a setting measures a target by the witness that it was planned with
+        self._by_witness = {
+            _witness_key(one, name): targets_of(plan.targets, one)[name]
+            for one in plan.settings
+            for name in one.entities
+        }
+        self.model = PartModel(solid, self._by_witness)
 
     def measure(
         self,
@@ -287,16 +300,17 @@ class Measurer:
         half = self._half_px(shot, registered)
         found = []
         for name in shot.targets:
-            target = self.targets[name]
+            key = _witness_key(self.plan.settings[shot.setting], name)
+            target = self._by_witness[key]
             where = (name, shot.name, shot.setting)
             if target.in_image:
-                (edge,) = self.model.measured[name]
+                (edge,) = self.model.measured[key]
                 how = (half[name], options.coverage, self._floor_px(target.localisation, options))
                 found.append(
                     read_length(where, target.measurand, edge, picture, registered, self.model, how)
                 )
                 continue
-            edges = list(self.model.measured[name])
+            edges = list(self.model.measured[key])
             samples = entity_samples(self.model, edges, registered, picture.camera, half[name])
             scans = [
                 scan_entity(
@@ -320,15 +334,18 @@ class Measurer:
         if registered.method == OWN_EDGES:
             # deviations are estimated, and entities are searched for where these put them
             return dict.fromkeys(shot.targets, NEAR_PX)
-        room = {name: self._tolerance_px(name, registered) for name in shot.targets}
+        setting = self.plan.settings[shot.setting]
+        room = {
+            name: self._tolerance_px(self._by_witness[_witness_key(setting, name)], registered)
+            for name in shot.targets
+        }
         if registered.method != PLANNED:
             return {name: max(NEAR_PX, more + _ROOM_PX) for name, more in room.items()}
-        windows = search_windows_px(self.plan, self.plan.settings[shot.setting])
+        windows = search_windows_px(self.plan, setting)
         return {name: windows[name] + more + _ROOM_PX for name, more in room.items()}
 
-    def _tolerance_px(self, name: str, registered: Registered) -> float:
+    def _tolerance_px(self, target: PlannedTarget, registered: Registered) -> float:
         """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 3."""
-        target = self.targets[name]
         share = target.permitted_error_px(registered.cam2world, self.plan.camera)
         if target.tolerance is None or share is None:
             return 0.0

@@ -72,3 +72,13 @@ def test_many_wrong_points_do_not_bend_a_line(share):
     y[: int(100 * share)] += 0.6
     fit, _ = robust_fit(LINE, np.c_[x, y], np.full(100, 7.0))
     assert np.isfinite(fit.fitted).all()
+
+
+def test_points_on_a_line_are_no_circle_and_no_crash():
+    """Three points that a first circle is drawn through may lie on a line: here most do."""
+    turn = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
+    flat = np.column_stack([np.linspace(-1.0, 1.0, 30), np.zeros(30)])
+    flat = np.concatenate([flat, np.column_stack([np.cos(turn), np.sin(turn)])])
+    fit, kept = robust_fit(Circle([0, 0, 0], [0, 0, 1], 1.0), flat, np.full(len(flat), 20.0))
+    assert np.isfinite(fit.fitted).all()
+    assert len(kept) == len(flat)

@@ -22,6 +22,7 @@ from planner import (
 )
 from planner.camera.imaging import undistorted_px
 from planner.measuring.results import COLUMNS, results_schema
+from planner.wanted.planned_witness import PlannedWitness
 
 MADE = {"left": 0.05, "right": 0.0, "width": 0.08}
 TRUE = {"left": 0.1, "right": 0.0, "apart": 0.0, "width": 0.08}
@@ -56,6 +57,32 @@ def test_a_deviation_is_read_within_its_uncertainty(results, name):
     assert abs(one.deviation - TRUE[name]) < one.expanded_uncertainty
     # a twentieth of a pixel, whatever the uncertainty says
     assert abs(one.deviation - TRUE[name]) < 0.012
+
+
+def test_a_setting_measures_by_its_own_witness(solid, images, exact):
+    """The plan lists the lower rim first, which no pose shows, and its settings use the upper one."""
+    plan = measured_plan(solid, ("left",))
+    upper = plan.dimensions["left"]
+    (rim,) = (
+        one
+        for one in solid.rims()
+        if abs(one.centre[2]) < 1e-6 and abs(one.centre[0] - upper.geometry[0].centre[0]) < 1e-6
+    )
+    circle = dataclasses.replace(upper.geometry[0], centre=rim.centre)
+    lower = dataclasses.replace(
+        upper,
+        entities=(rim.id,),
+        geometry=(circle,),
+        witnesses=(
+            PlannedWitness((rim.id,), (circle,)),
+            PlannedWitness(upper.entities, upper.geometry),
+        ),
+    )
+    settings = [dataclasses.replace(one, witness={"left": 1}) for one in plan.settings]
+    plan = dataclasses.replace(plan, settings=tuple(settings), dimensions={"left": lower})
+    results = measure(plan, solid, images, registration=exact)
+    assert results["left"].measured, results["left"].reason
+    assert abs(results["left"].deviation - TRUE["left"]) < 0.012
 
 
 def test_budget_sums_to_the_variance(results):
