@@ -51,9 +51,10 @@ class PlannerError(Exception):
         text = super().__str__()
         if not self.hint:
             return text
-        if self.hint[0].isupper():
-            return f"{text} {self.hint}."
-        return f"{text.removesuffix('.')}; {self.hint}."
+        hint = self.hint if self.hint.endswith("?") else f"{self.hint}."
+        if hint[0].isupper():
+            return f"{text} {hint}"
+        return f"{text.removesuffix('.')}; {hint}"
 
 
 class CameraError(PlannerError, ValueError):

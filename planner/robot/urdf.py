@@ -216,7 +216,8 @@ def _root(text: str) -> ElementTree.Element:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise RobotError.of_rule("urdf", "must be XML", str(error)) from None
-    spaces = [name for name in root.iter() if str(name.tag).startswith("{http://www.ros.org")]
+    # http://www.ros.org/wiki/xacro and others
+    spaces = [one for one in root.iter() if re.match(r"\{[^}]*ros\.org[^}]*\}", str(one.tag))]
     if spaces or "${" in text or "$(" in text:
         hint = "xacrodoc writes the URDF of a xacro: xacrodoc robot.urdf.xacro -o robot.urdf"
         raise RobotError.of_rule("urdf", "must be expanded", "a xacro file", hint=hint)

@@ -53,6 +53,11 @@ CASES = {
     ),
     "visual format": ("cube.obj", "cube.dae", "must name meshes that exist"),
     "doctype": ("<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot', "must hold no DOCTYPE"),
+    "xacro at another address": (
+        "</robot>",
+        '<x:include xmlns:x="http://wiki.ros.org/xacro" filename="a.xacro"/></robot>',
+        "Got a xacro file; xacrodoc",
+    ),
     "xacro": ('xyz="0.1 0 0.615"', 'xyz="${a} 0 0"', "Got a xacro file; xacrodoc"),
     "not XML": ("</robot>", "", "must be XML"),
     "another element": ("robot", "model", "must hold the element robot"),
