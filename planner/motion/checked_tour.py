@@ -18,13 +18,14 @@ import numpy as np
 from planner.motion.detour import Detours
 from planner.motion.move_time import JointRates, move_times
 from planner.motion.program_record import Move
-from planner.motion.tour import Tour, shortest_tour
+from planner.motion.tour import EXACT_UP_TO, Tour, shortest_tour
+from planner.motion.tour_search import KICKS
 
 # of a move without a way
 _BLOCKED_S = 1e6
 # how much longer a way around takes than the straight move, before one is known
 _LONGER = 1.25
-# how often a round is disturbed when it is found again
+# how often a round is disturbed when all of its moves are known
 _KICKS_AGAIN = 2
 # place and branch
 _End = tuple[int, int]
@@ -131,15 +132,21 @@ class TourChecker:
 
     def run(self) -> CheckedTour:
         """Return the round; settings without a free way are dropped one by one."""
+        kicks = KICKS
         while self._left:
-            tour = self._tour()
+            tour = self._tour(kicks)
             legs = self._legs(tour)
             unchecked = [leg for leg in legs if leg not in self._moves]
             for leg in unchecked:
                 self._check(leg)
             if unchecked:
+                kicks = 0
                 continue
             blocked = [leg for leg in legs if self._moves[leg] is None]
+            if not blocked and kicks == 0 and len(self._left) > EXACT_UP_TO:
+                # only a round that is known as a whole is worth disturbing again
+                kicks = _KICKS_AGAIN
+                continue
             if not blocked:
                 order = tuple(self._left[k] for k in tour.order)
                 return CheckedTour(order, tour.branches, self._driven(legs), self._dropped)
@@ -150,7 +157,7 @@ class TourChecker:
     def _dropped(self) -> tuple[int, ...]:
         return tuple(k for k in range(len(self._joints) - 1) if k not in self._left)
 
-    def _tour(self) -> Tour:
+    def _tour(self, kicks: int) -> Tour:
         """Return the shortest round through the settings that are left, by the times known."""
         places = [0, *(k + 1 for k in self._left)]
         chosen = np.ix_(places, places)
@@ -162,7 +169,7 @@ class TourChecker:
         else:
             # a few times have changed since
             start = [self._left.index(k) + 1 for k in self._order if k in self._left]
-            tour = shortest_tour(costs, _KICKS_AGAIN, start)
+            tour = shortest_tour(costs, kicks, start)
         self._order = [self._left[k] for k in tour.order]
         return tour
 
