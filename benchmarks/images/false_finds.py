@@ -44,12 +44,12 @@ class Scene:
     image: np.ndarray
 
 
-def taken(part, plan, lamps, rng, near) -> list[Scene]:
+def taken(part, plan, lamps, rng, near, scale=(1.0, 1.0, 1.0)) -> list[Scene]:
     """Render an image for each setting of a part that deviates, from a pose near the planned one."""
     part.deviate(rng, 0.02, 0.03, 0.01)
-    images = PartImages(
-        part.vertices, part.triangles, Optics(plan.camera.matrix, plan.camera.resolution, samples=2)
-    )
+    optics = Optics(plan.camera.matrix, plan.camera.resolution, samples=2)
+    middle = part.vertices.mean(axis=0)
+    images = PartImages(middle + (part.vertices - middle) * scale, part.triangles, optics)
     scenes = []
     for k, (setting, lamp) in enumerate(zip(plan.settings, lamps, strict=True)):
         pose = displaced(np.asarray(setting.cam2world), near, rng)
@@ -120,7 +120,6 @@ def count_finds(options) -> dict[str, Counter]:
     ]
     poses = [np.asarray(one.cam2world) for one in plan.settings]
     outline = Outline(part)
-    other = DeviatingPart(options.other) if options.other else None
     counts: dict[str, Counter] = {}
     begun = time.process_time()
     n = 0
@@ -150,10 +149,10 @@ def count_finds(options) -> dict[str, Counter]:
             n += _wrong(counts, model, wrong, poses, prior, camera)
         total = sum(counts.values(), Counter())
         print(f"{n}: {dict(total)}", file=sys.stderr, flush=True)
-        if other is not None:
-            images = taken(other, plan, lamps, rng, 0.5 * sigmas)
-            wrong = {f"another part {one.setting}": (one.image, one.setting) for one in images}
-            n += _wrong(counts, model, wrong, poses, prior, camera)
+        # a part of the same family, smaller by 3 to 15 % in each direction
+        others = taken(part, plan, lamps, rng, 0.5 * sigmas, 1 - rng.uniform(0.03, 0.15, 3))
+        wrong = {f"another part {one.setting}": (one.image, one.setting) for one in others}
+        n += _wrong(counts, model, wrong, poses, prior, camera)
     print(f"{(time.process_time() - begun) / n:.2f} s of processor time each, with rendering")
     return counts
 
@@ -183,7 +182,6 @@ def main() -> int:
     )
     parser.add_argument("plan", type=Path)
     parser.add_argument("part", type=Path)
-    parser.add_argument("--other", type=Path, help="another part, seen from the same poses")
     parser.add_argument("-n", type=int, default=1000, help="registrations, at least")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
