@@ -33,6 +33,8 @@ _ROLLS = 72
 _NEAR = 2000
 # half the box around a setting in which the camera may be, mm
 _AROUND_MM = 400.0
+# beyond the part, which that box must contain, mm
+_ROOM_MM = 50.0
 # a turn of a radian is as far as so many millimetres
 _MM_PER_RAD = 200.0
 _MESSAGE = "another pose that inspects the same"
@@ -185,9 +187,11 @@ class EquivalentPoses:
         """Return the workspace (2, 3) around a setting."""
         low, high = np.asarray(self._plan.workspace, dtype=float)
         centre = setting.position
-        return np.array(
-            [np.maximum(low, centre - _AROUND_MM), np.minimum(high, centre + _AROUND_MM)]
-        )
+        # the part must be inside
+        first, last = np.asarray(self._solid.bounds, dtype=float)
+        near = np.minimum(centre - _AROUND_MM, first - _ROOM_MM)
+        far = np.maximum(centre + _AROUND_MM, last + _ROOM_MM)
+        return np.array([np.maximum(low, near), np.minimum(high, far)])
 
     def _with_lines(self, k: int, setting: SensorSetting) -> SensorSetting:
         """Return a setting that tells of other visible lines in the search windows of edges."""

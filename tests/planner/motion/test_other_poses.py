@@ -1,6 +1,7 @@
 """Other poses inspect the same as a setting, and a plan with them is reached."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,6 +81,21 @@ def test_other_poses_inspect_the_same(plan, block):
         shifts = np.linalg.norm(poses[:, :3, 3] - setting.position, axis=1)
         along = poses[:, :3, 2] @ setting.cam2world[:3, 2]
         assert ((shifts < 1e-6) & (along > 1 - 1e-9)).any()
+
+
+def test_the_box_around_a_setting_contains_the_part(plan, block):
+    """Also where the camera is far to one side: regions are computed in a box about the part."""
+    found = EquivalentPoses(plan, block)
+    low, high = np.asarray(block.bounds)
+    for shift in ([900.0, 0.0, 0.0], [0.0, -700.0, 300.0]):
+        pose = plan.settings[0].cam2world.copy()
+        pose[:3, 3] += shift
+        box = found._box(replace(plan.settings[0], cam2world=pose))
+        first, last = np.asarray(plan.workspace)
+        assert (box[0] < low).all()
+        assert (box[1] > high).all()
+        assert (box[0] >= first).all()
+        assert (box[1] <= last).all()
 
 
 def test_a_plan_with_other_poses_is_reached(plan, block, reached, tmp_path):
