@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Circle
+from errors.measurands import Circle, Geometry
 from planner.wanted.planned import targets_of
 
 if TYPE_CHECKING:
@@ -38,11 +38,22 @@ def polylines(
     list of array (n, 3)
         Two points of a line, a fine polygon of a circle or arc.
     """
-    found = []
     if setting is None:
         setting = next((one for one in plan.settings if name in one.entities), None)
     targets = plan.targets if setting is None else targets_of(plan.targets, setting)
-    for one in targets[name].geometry:
+    return lines_of(targets[name].geometry)
+
+
+def lines_of(geometry: Iterable[Geometry]) -> list[NDArray[np.float64]]:
+    """Return one polyline (n, 3) per line or circle, mm.
+
+    Parameters
+    ----------
+    geometry : iterable of Line or Circle
+        What is measured.
+    """
+    found = []
+    for one in geometry:
         if isinstance(one, Circle):
             n = max(2, round(_PARTS_OF_CIRCLE * one.span_rad / (2 * np.pi)))
             found.append(one.points(np.linspace(0.0, one.span_rad, n + 1)))

@@ -26,6 +26,7 @@ from planner.report.setting_table import may_be_unsharp
 from planner.report.summary.facts import facts, sigma_text
 from planner.report.summary.overview import overview
 from planner.report.tables import download, promise_name, results, robot
+from planner.report.target_picker import target_picker
 from planner.report.views import view_buttons
 from planner.report.wording import (
     bound_sentence,
@@ -126,6 +127,7 @@ def report_html(
         report(progress, 0, len(plan.settings), "predicted images")
     figure = plan_figure(plan, space.solid, space, until=until)
     views = figure_views(plan, space.solid)
+    picker = target_picker(plan)
     rows = measured_rows(plan)
     template = Template(
         resources.files("planner.report").joinpath("report.html").read_text(encoding="utf-8")
@@ -149,6 +151,8 @@ def report_html(
         reasons=reasons_section(plan.uninspectable, _named(plan)[0]),
         views=json.dumps(views, sort_keys=True),
         buttons=view_buttons(views),
+        picker=picker.html,
+        picks=picker.data,
         graph=_GRAPH,
         attention=attention(
             rows, [k for k, one in enumerate(plan.settings, 1) if may_be_unsharp(plan, one)]

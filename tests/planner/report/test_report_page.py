@@ -121,6 +121,38 @@ def test_a_setting_leads_to_its_view_in_space(page):
     assert 0 <= top < 200
 
 
+def test_a_chosen_target_stands_out_and_all_of_them_come_back(page):
+    def choose(value):
+        page.run(
+            f"(() => {{ target.value = {value!r}; target.dispatchEvent(new Event('change')); }})()"
+        )
+
+    def faint(group):
+        shown = (
+            f"plan3d.data.filter((one) => one.legendgroup === '{group}').map((one) => one.opacity)"
+        )
+        return set(page.run(shown))
+
+    count = "plan3d.data.filter((one) => one.name === 'chosen target').length"
+    # the second target of the first setting is the only one of the second
+    choose("1:1")
+    page.wait(f"{count} === 1")
+    xs = page.run("Array.from(plan3d.data.find((one) => one.name === 'chosen target').x)")
+    assert xs == [*SPACE.entities["+z+x"].endpoints[:, 0], None]
+    told = page.run("ways.textContent")
+    assert told.startswith("Setting 1 measures +z+x. Measured in setting 2, too.")
+    assert (faint("setting 1"), faint("setting 2")) == ({0.5}, {0.12})
+    choose("none:0")
+    page.wait("ways.textContent.startsWith('-z+y is not inspected: unobservable: <hidden> & gone')")
+    page.wait(
+        f"{count} === 1 && plan3d.data.at(-1).x[0] === {SPACE.entities['-z+y'].endpoints[0][0]}"
+    )
+    choose("")
+    page.wait(f"{count} === 0")
+    assert page.run("ways.textContent") == ""
+    assert faint("setting 1") == faint("setting 2") == {1}
+
+
 def test_domains_of_a_setting_are_switched_in_the_legend(page):
     index = page.run("plan3d.data.findIndex((one) => one.name === 'domains of setting 1')")
     shown = f"plan3d.data[{index}].visible"
