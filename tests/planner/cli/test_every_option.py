@@ -89,6 +89,7 @@ BAD = {
     "--speed": ["0"],
     "--stand-off": NEGATIVE,
     "--surfaces-mm": NEGATIVE,
+    "--floor-px": NEGATIVE,
     "--surround-px": NEGATIVE,
     "--time-limit": ["0"],
     "--trigger-output": NEGATIVE,
