@@ -25,8 +25,8 @@ from planner.report.setting_report import NO_PICTURES, settings_section, setting
 from planner.report.setting_table import may_be_unsharp
 from planner.report.summary.facts import facts, sigma_text
 from planner.report.summary.overview import overview
+from planner.report.summary.target_picker import target_picker
 from planner.report.tables import download, promise_name, results, robot
-from planner.report.target_picker import target_picker
 from planner.report.views import view_buttons
 from planner.report.wording import (
     bound_sentence,
@@ -48,7 +48,7 @@ from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLER
 from planner.wanted.planned import words_of
 
 if TYPE_CHECKING:
-    from aspectgraph import EntityAspectGraph
+    from aspectgraph import EntityAspectGraph, Solid
     from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.progress import Progress
@@ -126,8 +126,6 @@ def report_html(
         # something shows while the figure and the tables are made
         report(progress, 0, len(plan.settings), "predicted images")
     figure = plan_figure(plan, space.solid, space, until=until)
-    views = figure_views(plan, space.solid)
-    picker = target_picker(plan)
     rows = measured_rows(plan)
     template = Template(
         resources.files("planner.report").joinpath("report.html").read_text(encoding="utf-8")
@@ -149,10 +147,7 @@ def report_html(
         ),
         uninspectable=not_inspected(plan.uninspectable, _named(plan)[0]),
         reasons=reasons_section(plan.uninspectable, _named(plan)[0]),
-        views=json.dumps(views, sort_keys=True),
-        buttons=view_buttons(views),
-        picker=picker.html,
-        picks=picker.data,
+        **_controls(plan, space.solid),
         graph=_GRAPH,
         attention=attention(
             rows, [k for k, one in enumerate(plan.settings, 1) if may_be_unsharp(plan, one)]
@@ -171,6 +166,18 @@ def report_html(
     )
     page = add_notes(page, notes)
     return page if graph is None else add_graph(page, plan, graph, progress, until=until)
+
+
+def _controls(plan: InspectionPlan, solid: Solid) -> dict[str, str]:
+    """Return what the page needs to show the view of each setting, and to choose a target."""
+    views = figure_views(plan, solid)
+    picker = target_picker(plan)
+    return {
+        "views": json.dumps(views, sort_keys=True),
+        "buttons": view_buttons(views),
+        "picker": picker.html,
+        "picks": picker.data,
+    }
 
 
 def add_notes(page: str, notes: Sequence[str]) -> str:

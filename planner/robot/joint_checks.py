@@ -218,7 +218,7 @@ class JointChecks(ABC):
         fixturing : str
             Name of a fixturing.
         links_mm : float
-            Pairs of the arm's own bodies count only if they are nearer than this: some are near in all joints.
+            Pairs of the arm's own links count only if they are nearer than this: some are near in all joints.
 
         Returns
         -------

@@ -27,7 +27,7 @@ _TRIES = 12
 
 @dataclass(frozen=True, eq=False)
 class OtherSetting:
-    """A setting in the place of one that the robot does not reach.
+    """A setting instead of one that the robot does not reach.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class OtherSetting:
 
 @dataclass(frozen=True, eq=False)
 class ReachedPlan:
-    """A plan with other settings in the place of those that were not reached.
+    """A plan with other settings instead of those that were not reached.
 
     Attributes
     ----------
@@ -151,7 +151,7 @@ def with_reached_settings(
 ) -> ReachedPlan:
     """Replace settings that a robot does not reach by other poses that inspect the same.
 
-    A setting is rolled about its line of sight and moved a little. A pose takes its place if it
+    A setting is rolled about its line of sight and moved a little. A pose replaces it if it
     inspects the same entities by all rules of the plan's request, and the robot reaches it. P and
     margins are stated anew, and the simulation of the plan is repeated if it has one.
 

@@ -36,7 +36,7 @@ class HeldPartCell(Cell):
     """A robot that holds the part before a camera that stands still, and everything it must not touch.
 
     **Guarantee.** As that of `Cell`, with the part in the hand. The part in the hand counts as its
-    convex hull, which refuses poses at which the camera would look out of a hollow of the part.
+    convex hull. So poses are refused at which the camera would look out of a hollow of the part.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ class HeldPartCell(Cell):
     def hidden_by(
         self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float = 0.0
     ) -> np.ndarray:
-        """Return which obstacle, or which body of the gripper, hides segments from cameras.
+        """Return which obstacle, or which object of the gripper, hides segments from cameras.
 
         Parameters
         ----------

@@ -82,7 +82,7 @@ class CellIdentity(ABC):
         -------
         dict
             Name of the robot, digest of the cell, and ``part2base`` of each fixturing; with the
-            axes of turntables. ``parts`` are short digests, which tell what was changed.
+            axes of turntables. ``parts`` are short digests, which show what was changed.
         """
         tables = {name: one.table for name, one in self.fixturings.items() if one.table}
         axes = {

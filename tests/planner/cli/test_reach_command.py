@@ -131,9 +131,9 @@ def test_a_plan_for_a_cell_is_reached(planned, capsys):
 def test_another_cell_is_noted(planned, tmp_path, capsys):
     out, path = planned
     assert main(["reach", out, PART, "--cell", path]) == 0
-    assert "another cell" not in capsys.readouterr().out
+    assert "cell of the plan differs" not in capsys.readouterr().out
     main(["reach", out, PART, "--cell", cell_file(tmp_path, x=610)])
-    assert "note: the plan was made for another cell" in capsys.readouterr().out
+    assert "note: the cell of the plan differs from the cell given, in" in capsys.readouterr().out
 
 
 def test_a_plan_for_a_cell_is_planned_again_with_its_cell(planned, tmp_path, capsys):

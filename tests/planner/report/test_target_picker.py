@@ -9,7 +9,7 @@ import pytest
 from plan_examples import plan, setting
 
 from errors.measurands import Line, Localisation
-from planner.report.target_picker import target_picker
+from planner.report.summary.target_picker import target_picker
 from planner.wanted.planned import PlannedDimension
 from planner.wanted.planned_witness import PlannedWitness
 
