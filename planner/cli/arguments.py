@@ -279,14 +279,15 @@ def add_limits(plan: Options) -> None:
 def add_showing(plan: Options) -> None:
     """Add what the image needs so that edges can be found in it."""
     shows = plan.add_argument_group(
-        "edges in the image", "Conditions for finding an edge in the image. 0 switches one off."
+        "edges in the image",
+        "Conditions for finding edges and dimensions in the image. 0 switches one off.",
     )
     shows.add_argument(
         "--separation-px",
         type=PX,
         default=5.0,
         metavar="PX",
-        help="distance from an edge to the next visible line",
+        help="distance from an edge, or a fitted line or circle, to the next visible line",
     )
     shows.add_argument(
         "--surround-px",

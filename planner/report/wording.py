@@ -378,6 +378,14 @@ def calibration_rows(camera: Camera) -> dict[str, str]:
     return rows
 
 
+def _separation_text(plan: InspectionPlan, least_px: float) -> str:
+    """Say what other visible lines keep away from: whole edges, or enough of what is fitted."""
+    kinds = {target.in_image for target in plan.targets.values()}
+    edges = ["an edge"] if True in kinds else []
+    fitted = ["four fifths of a fitted line or circle"] if False in kinds else []
+    return f"no other visible line within {least_px:g} px of {' or of '.join(edges + fitted)}"
+
+
 def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
     """Say what every setting satisfies, also in standard deviations of the pose; nothing if not known."""
     need = plan.requirements
@@ -386,9 +394,7 @@ def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
         return {}
     asked = {}
     if need.get("separation_px"):
-        asked["Separation"] = (
-            f"no other visible line within {need['separation_px']:g} px of an edge"
-        )
+        asked["Separation"] = _separation_text(plan, need["separation_px"])
     if need.get("surround_px"):
         asked["Surroundings"] = (
             f"{need['surround_px']:g} px of the image around each end, inside the margin"
