@@ -63,6 +63,9 @@ if TYPE_CHECKING:
     from planner.motion.program_file import read_program as read_program
     from planner.motion.program_record import RobotProgram as RobotProgram
     from planner.motion.robot_program import robot_program as robot_program
+    from planner.motion.robot_program import (
+        robot_program_with_other_poses as robot_program_with_other_poses,
+    )
     from planner.optics.proposal import OpticsProposal as OpticsProposal
     from planner.optics.proposal import optics_table as optics_table
     from planner.optics.propose import propose_optics as propose_optics
@@ -140,7 +143,7 @@ _NAMES = {
     "planner.motion.other_poses.reached_plan": ("ReachedPlan", "with_reached_settings"),
     "planner.motion.program_file": ("read_program",),
     "planner.motion.program_record": ("RobotProgram",),
-    "planner.motion.robot_program": ("robot_program",),
+    "planner.motion.robot_program": ("robot_program", "robot_program_with_other_poses"),
     "planner.measuring.measurer": ("MeasureOptions", "Measurer", "measure"),
     "planner.measuring.merge": ("Result",),
     "planner.measuring.reading": ("Reading",),

@@ -24,7 +24,6 @@ PARAMETERS: dict[str, int] = {
     "errors/referee/twin.py:simulate_measurement": 10,
     "ga/run.py:maximize": 21,
     "planner/inspection.py:plan_inspection": 27,
-    "planner/motion/robot_program.py:robot_program": 9,
     "planner/setting/plan_setting.py:plan_setting": 19,
     "planner/verify/simulate_setting.py:simulate_setting": 9,
 }

@@ -85,7 +85,6 @@ def robot_program(
     uncertainty: ArmUncertainty | None = None,
     simulate: int = 10_000,
     seed: int = 0,
-    other_poses: bool = False,
     progress: Progress | None = None,
 ) -> RobotProgram:
     """Make the program that takes the images of a plan.
@@ -109,11 +108,7 @@ def robot_program(
     simulate : int
         With `uncertainty`, check P at each stop with this many displaced poses; 0 for none.
     seed : int
-        Of the ways around obstacles, of the displaced poses and of other poses.
-    other_poses : bool
-        Whether to replace a setting by another pose that inspects the same. That is done where the
-        robot does not reach it, its way is blocked, or its joints are near a limit or singular. The
-        program's ``replaced`` names them, and its ``plan`` is the plan that it drives.
+        Of the ways around obstacles, and of the displaced poses.
     progress : callable, optional
         ``progress(done, total, label)``.
 
@@ -141,6 +136,94 @@ def robot_program(
     >>> program.n_stops, [tour.fixturing for tour in program.tours]
     (1, ['up'])
     """
+    _check_asked(plan, solid, cell, speed=speed, simulate=simulate, seed=seed)
+    maker = _ProgramMaker(plan, solid, cell, speed, seed=seed)
+    maker.state_uncertainty(uncertainty, simulate)
+    return maker.program(progress)
+
+
+def robot_program_with_other_poses(
+    plan: InspectionPlan,
+    solid: Solid,
+    cell: Cell,
+    *,
+    speed: float = 1.0,
+    uncertainty: ArmUncertainty | None = None,
+    simulate: int = 10_000,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> RobotProgram:
+    """Make a program like `robot_program`, with other poses that inspect the same where they help.
+
+    A setting is replaced where the robot does not reach it, its way is blocked, or its joints are
+    near a limit or singular. The program's ``replaced`` names these settings, and its ``plan`` is
+    the plan that it drives.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan; it must hold its request.
+    solid : Solid
+        Its part.
+    cell : Cell
+        The robot cell, with a ``home``.
+    speed : float
+        Share of the largest joint speeds, in (0, 1].
+    uncertainty : ArmUncertainty, optional
+        Of the arm, see `robot_program`.
+    simulate : int
+        Displaced poses for the check of P at each stop; 0 for none.
+    seed : int
+        Of the program, and of the other poses.
+    progress : callable, optional
+        ``progress(done, total, label)``.
+
+    Returns
+    -------
+    RobotProgram
+        With ``replaced`` and ``plan``.
+
+    Raises
+    ------
+    RequestError
+        As `robot_program`, and if the plan allows no other poses, for example because of its lamps.
+    RobotError, InfeasibleError
+        As `robot_program`.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, RequestError, read_plan, robot_program_with_other_poses
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> cell = Cell.from_toml("examples/cell.toml")
+    >>> try:
+    ...     program = robot_program_with_other_poses(plan, block, cell)
+    ... except RequestError as error:
+    ...     print(error)
+    plan must allow other poses. Got one without; the plan does not hold its request: plan again.
+    """
+    _check_asked(plan, solid, cell, speed=speed, simulate=simulate, seed=seed)
+
+    def make(one: InspectionPlan) -> RobotProgram:
+        return robot_program(
+            one,
+            solid,
+            cell,
+            speed=speed,
+            uncertainty=uncertainty,
+            simulate=simulate,
+            seed=seed,
+            progress=progress,
+        )
+
+    return program_with_other_poses(plan, solid, cell, make, seed)
+
+
+def _check_asked(
+    plan: InspectionPlan, solid: Solid, cell: Cell, *, speed: float, simulate: int, seed: int
+) -> None:
+    """Check what is asked of a program, before the work."""
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"), cell=(cell, "Cell"))
     check_number("speed", speed, ABOVE_0_TO_1)
     check_count("simulate", simulate, 0, 10**9)
@@ -151,15 +234,6 @@ def robot_program(
         raise RequestError.of_rule("cell.home", "must be given for a program", "none", hint=hint)
     if not plan.settings:
         raise RequestError.of_rule("plan", "must have settings", "none")
-
-    def make(one: InspectionPlan) -> RobotProgram:
-        maker = _ProgramMaker(one, solid, cell, speed, seed=seed)
-        maker.state_uncertainty(uncertainty, simulate)
-        return maker.program(progress)
-
-    if other_poses:
-        return program_with_other_poses(plan, solid, cell, make, seed)
-    return make(plan)
 
 
 def _check_part(plan: InspectionPlan, solid: Solid) -> None:

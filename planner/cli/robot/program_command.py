@@ -14,7 +14,7 @@ from planner.exceptions import UncertaintyError
 from planner.files import check_file_place
 from planner.motion.arm_uncertainty import ArmUncertainty
 from planner.motion.program_record import FixturedTour, RobotProgram, Stop
-from planner.motion.robot_program import robot_program
+from planner.motion.robot_program import robot_program, robot_program_with_other_poses
 from planner.output.programs import FORMATS, CameraSignals, write_program
 from planner.plan import read_plan
 from planner.progress import terminal_progress
@@ -42,7 +42,8 @@ def program(options: argparse.Namespace) -> int:
     check_same_part(solid, plan, options.part)
     cell = Cell.from_toml(options.cell)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
-        made = robot_program(
+        make = robot_program if options.plan_out is None else robot_program_with_other_poses
+        made = make(
             plan,
             solid,
             cell,
@@ -50,7 +51,6 @@ def program(options: argparse.Namespace) -> int:
             uncertainty=uncertainty,
             simulate=options.simulate,
             seed=options.seed,
-            other_poses=options.plan_out is not None,
             progress=progress,
         )
     if made.plan is not None:

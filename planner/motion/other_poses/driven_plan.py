@@ -41,7 +41,7 @@ def program_with_other_poses(
     """
     note = why_no_other_poses(plan)
     if note:
-        raise RequestError.of_rule("other_poses", "must be left out for this plan", note)
+        raise RequestError.of_rule("plan", "must allow other poses", "one without", hint=note)
     first = with_reached_settings(plan, solid, cell, seed=seed)
     made = make(first.plan)
     replaced = dict(first.replaced)

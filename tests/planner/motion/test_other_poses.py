@@ -22,6 +22,7 @@ from planner import (
     predict,
     read_plan,
     robot_program,
+    robot_program_with_other_poses,
     with_reached_settings,
 )
 from planner.cli.main import main
@@ -130,7 +131,7 @@ def test_a_program_drives_the_plan_that_it_holds(plan, block, reached, tmp_path)
         robot_program(plan, block, cell) if found.plan.settings[0] is plan.settings[0] else None
     )
     assert without is None or not without.complete
-    made = robot_program(plan, block, cell, other_poses=True)
+    made = robot_program_with_other_poses(plan, block, cell)
     assert made.complete
     assert set(made.replaced) >= set(found.replaced)
     inside = cell.with_part(block)
@@ -169,8 +170,8 @@ def test_plans_without_their_request_have_no_other_poses():
     found = with_reached_settings(plan, plain_block(), far)
     assert found.note == why_no_other_poses(plan)
     assert found.unreached
-    with pytest.raises(RequestError, match="other_poses must be left out for this plan"):
-        robot_program(plan, plain_block(), far, other_poses=True)
+    with pytest.raises(RequestError, match="plan must allow other poses"):
+        robot_program_with_other_poses(plan, plain_block(), far)
 
 
 CELL = """
