@@ -240,8 +240,13 @@ class Solid:
         -------
         ndarray of float64, shape (2, 3)
             In mm, in the order of ``Edge.vertices``.
+
+        Raises
+        ------
+        SolidError
+            If there is no such edge.
         """
-        return self.vertices[list(self.edges[edge_id].vertices)]
+        return self.vertices[list(self._edge(edge_id).vertices)]
 
     def edge_length_mm(self, edge_id: int) -> float:
         """Return the length of an edge.
@@ -255,6 +260,11 @@ class Solid:
         -------
         float
             In mm.
+
+        Raises
+        ------
+        SolidError
+            If there is no such edge.
         """
         start, end = self.edge_points(edge_id)
         return float(np.linalg.norm(end - start))
@@ -343,7 +353,11 @@ class Solid:
         SolidError
             If there is no such edge.
         """
-        edge_id = edge.id if isinstance(edge, Edge) else edge
+        chosen = self._edge(edge.id if isinstance(edge, Edge) else edge)
+        return find_edge_ends(self, chosen, *self._ends)
+
+    def _edge(self, edge_id: int) -> Edge:
+        """Return the edge of an id. A negative one is none: as an index it would be another edge's."""
         if (
             isinstance(edge_id, bool)
             or not isinstance(edge_id, int | np.integer)
@@ -352,7 +366,7 @@ class Solid:
             raise SolidError(
                 f"an edge must be one of the solid's, 0..{len(self.edges) - 1}. Got {edge_id!r}."
             )
-        return find_edge_ends(self, self.edges[edge_id], *self._ends)
+        return self.edges[edge_id]
 
     @classmethod
     def read(cls, path: str | PathLike[str], **reading: Any) -> Solid:

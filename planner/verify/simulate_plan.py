@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from errors.formatting import below_one
+from planner.argument_kinds import check_kinds
 from planner.progress import Progress, report
 from planner.verify.shown_images import ShownImages, count_shown
 from planner.verify.simulate_setting import (
@@ -175,7 +176,8 @@ def simulate_plan(
     Raises
     ------
     RequestError
-        If ``n`` or ``rng`` breaks its rule, or the part lacks an edge of the plan.
+        If ``plan`` is none, ``n`` or ``rng`` breaks its rule, or the part lacks an edge of the
+        plan.
 
     Examples
     --------
@@ -185,6 +187,8 @@ def simulate_plan(
     >>> result.confirmed, result.n
     (True, 500)
     """
+    if not hasattr(plan, "settings"):
+        check_kinds(plan=(plan, "InspectionPlan"))
     seed = rng if isinstance(rng, int) else None
     intervals = max(1, sum(len(setting.entities) for setting in plan.settings))
     rates = []

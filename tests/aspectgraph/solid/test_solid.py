@@ -222,6 +222,13 @@ def test_arrays_are_read_only_and_solids_can_be_pickled():
     assert (twin.triangles == solid.triangles).all()
 
 
+@pytest.mark.parametrize("edge_id", [12, -1, True, 1.0])
+def test_an_edge_that_a_solid_lacks(edge_id):
+    for asked in (cube().edge_points, cube().edge_length_mm, cube().edge_ends):
+        with pytest.raises(SolidError, match=rf"one of the solid's, 0\.\.11\. Got {edge_id}"):
+            asked(edge_id)
+
+
 @pytest.mark.parametrize(
     ("value", "rule"),
     [(np.nan, "must be finite"), (np.inf, "must be finite"), (1e61, "below 1e60 mm")],

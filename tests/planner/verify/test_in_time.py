@@ -8,7 +8,7 @@ import time
 import pytest
 
 from aspectgraph import read_solid
-from planner import read_plan, simulate_plan
+from planner import RequestError, read_plan, simulate_plan
 from planner.progress.time_left import TimeLeft
 from planner.verify import in_time
 from planner.verify.in_time import NOT_COUNTED, NOT_SIMULATED, simulate_in_time
@@ -63,3 +63,8 @@ def test_what_the_images_have_no_time_for_is_said(plan, block, monkeypatch):
     found, notes = simulate_in_time(plan, 500, 3, None, block, TimeLeft(1.0, lambda: next(ticks)))
     assert found == simulate_plan(plan, 500, 3)
     assert notes == [NOT_COUNTED]
+
+
+def test_what_is_no_plan(block, plan):
+    with pytest.raises(RequestError, match="plan must be an InspectionPlan"):
+        simulate_plan(block, plan)
