@@ -11,7 +11,6 @@ import re
 import uuid
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
-from decimal import Decimal as Exact
 from typing import Any, Protocol
 
 from errors.measurands import Decision, DecisionRule
@@ -46,7 +45,9 @@ _STANDARDS = {
     "simple": ("IEC Guide 98-4", "2012"),
     "guard U": ("IEC Guide 98-4", "2012"),
 }
-_DEGREE = "0.017453292519943295"
+_DEGREE = "0.0174532925199433"
+# of mm and degrees. With six digits before the point there are 16, as many as every reader of XML must know
+_DECIMALS = 10
 # XML 1.0 has no way to write these
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -262,9 +263,10 @@ def _plain(text: str) -> str:
 
 
 def _decimal(value: float) -> str:
-    """Return a number without an exponent, which a decimal of XML does not have."""
-    return f"{Exact(repr(float(value))):f}"
+    """Return a number without an exponent, which a decimal of XML does not have, and with few digits."""
+    whole, _, decimals = f"{value:.{_DECIMALS}f}".partition(".")
+    return f"{whole}.{decimals.rstrip('0') or '0'}"
 
 
 def _uuid(name: str) -> str:
-    return str(uuid.uuid5(_OWN, name))
+    return str(uuid.uuid5(_OWN, _plain(name)))

@@ -2,10 +2,12 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
+import xmlschema
 from measured_plate import CAMERA, POSES, fine_plate, measured_plan, photograph, thick_plate
 from scipy.ndimage import map_coordinates
 
@@ -83,6 +85,11 @@ def test_a_setting_measures_by_its_own_witness(solid, images, exact):
     results = measure(plan, solid, images, registration=exact)
     assert results["left"].measured, results["left"].reason
     assert abs(results["left"].deviation - TRUE["left"]) < 0.012
+
+
+def test_measured_values_are_valid_qif(results, tmp_path):
+    schema = xmlschema.XMLSchema11(Path(__file__).with_name("qif_written.xsd"))
+    schema.validate(results.qif(tmp_path / "results.qif"))
 
 
 def test_budget_sums_to_the_variance(results):

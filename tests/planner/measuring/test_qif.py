@@ -1,16 +1,17 @@
-"""QIF 3.0: structure, references and values of the file.
+"""QIF 3.0: files are valid by a schema, and their values are the results'.
 
-The table below was read off the schema files QIFDocument, Characteristics, QIFResults and Units of QIF 3.0 and its
-sample files (DMSC, qif-community). The files themselves are not kept here, so this does not show validity by them.
+The schema is `qif_written.xsd`, which states requirements of QIF 3.0 for what is written, and is stricter.
 """
 
 import dataclasses
 import re
 import uuid
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xmlschema
 
 from errors.measurands import Decision, DecisionRule
 from planner.measuring.merge import Result
@@ -18,40 +19,7 @@ from planner.measuring.qif import CHARACTERISTICS, NAMESPACE, qif_text
 from planner.measuring.reading import Reading
 from planner.measuring.results import MeasurementResults
 
-# children in their order; those without ? must be there
-_STATUS = "(Attributes )?Status CharacteristicItemId (ActualComponentId )?(Value )?"
-CHILDREN = {
-    "QIFDocument": "QPId Header StandardsDefinitions FileUnits Characteristics Results ",
-    "Header": "Application (Description )?(Scope )?",
-    "StandardsDefinitions": "(Standard )+",
-    "Standard": "Organization Designator (Year )?",
-    "PrimaryUnits": "(AngularUnit )?(LinearUnit )?",
-    "AngularUnit": "SIUnitName UnitName UnitConversion ",
-    "LinearUnit": "SIUnitName UnitName UnitConversion ",
-    "Characteristics": "FormalStandardId CharacteristicDefinitions CharacteristicNominals "
-    "(CharacteristicItems )?",
-    "Tolerance": "MaxValue MinValue DefinedAsLimit ",
-    "Results": "MeasurementResultsSet (ActualComponentSets )?",
-    "MeasurementResults": "(ExternalFileReferences )?MeasuredCharacteristics InspectionStatus "
-    "(ActualComponentIds )?",
-    "ExternalFileReference": "URI FileSpec (Description )?",
-    "ActualComponent": "(SerialNumber )?Status ",
-    "CharacteristicDesignator": "Designator (UUID )?",
-}
-KINDS = {"Diameter", "Radius", "Length", "DistanceBetween", "AngleBetween"}
-for _kind in KINDS:
-    _mode = "AnalysisMode " if _kind.endswith("Between") else ""
-    _name = f"{_kind}Characteristic"
-    CHILDREN[f"{_name}Definition"] = "(Tolerance |NonTolerance )"
-    CHILDREN[f"{_name}Nominal"] = f"CharacteristicDefinitionId (Name )?(TargetValue )?{_mode}"
-    CHILDREN[f"{_name}Item"] = "(Name )?(CharacteristicDesignator )?CharacteristicNominalId "
-    CHILDREN[f"{_name}Measurement"] = _STATUS
-DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)")
-DECIMALS = {"TargetValue", "MaxValue", "MinValue", "Value", "Factor"}
-STATUSES = {
-    *("PASS", "FAIL", "REWORK", "SYSERROR", "INDETERMINATE", "NOT_ANALYZED", "BASIC_OR_TED"),
-    "UNDEFINED",
-}
+SCHEMA = xmlschema.XMLSchema11(Path(__file__).with_name("qif_written.xsd"))
 
 
 def result(name, kind, decision, value=np.nan, u=np.nan, tolerance=(-0.1, 0.1), reason=""):
@@ -98,36 +66,171 @@ def root():
     return ET.fromstring(qif_text(measured()))
 
 
-def test_elements_have_their_children_in_the_order_of_the_schema(root):
-    for element in root.iter():
-        children = "".join(f"{tag(child)} " for child in element)
-        if tag(element) in CHILDREN:
-            assert re.fullmatch(CHILDREN[tag(element)], children), (tag(element), children)
-        if element.get("n") is not None:
-            assert int(element.get("n")) == len(element)
-        if tag(element) in DECIMALS:
-            assert DECIMAL.fullmatch(element.text)
+def faults(document):
+    """Return what the schema says of a document."""
+    return [error.reason for error in SCHEMA.iter_errors(document)]
 
 
-def test_ids_are_unique_and_every_reference_names_the_right_kind(root):
-    ids = {one.get("id"): tag(one) for one in root.iter() if one.get("id")}
-    assert len(ids) == sum(one.get("id") is not None for one in root.iter())
-    assert root.get("idMax") == str(max(map(int, ids)))
-    assert root.get("versionQIF") == "3.0.0"
-    for parent in root.iter():
-        for child in parent:
-            name = tag(child)
-            if not name.endswith("Id") or name == "QPId":
-                continue
-            if name.startswith("Characteristic"):
-                # of the same characteristic: a nominal refers to its definition, an item to its nominal
-                aspect = name.removeprefix("Characteristic").removesuffix("Id")
-                kind = re.split("(?<=Characteristic)", tag(parent))[0]
-                assert ids[child.text] == kind + aspect
-            elif name == "FormalStandardId":
-                assert ids[child.text] == "Standard"
-            else:
-                assert ids[child.text] == "ActualComponent"
+def replaced(every, **fields):
+    """Return results whose every target has other fields."""
+    results = {name: dataclasses.replace(one, **fields) for name, one in every.results.items()}
+    return dataclasses.replace(every, results=results)
+
+
+def named(*names):
+    one = result("x", "diameter", Decision.CONFORMS, 10.0, 0.01)
+    results = {name: dataclasses.replace(one, name=name) for name in names}
+    return dataclasses.replace(measured(serial=names[0]), results=results)
+
+
+CASES = {
+    "all kinds and decisions": measured(),
+    "simple rule, without a serial number": measured(DecisionRule.simple(), ""),
+    "guard band": measured(DecisionRule.guard()),
+    "upper deviation only": replaced(measured(), tolerance=(0.0, 0.1)),
+    "lower deviation only": replaced(measured(), tolerance=(-0.1, 0.0)),
+    "no tolerance": replaced(measured(), tolerance=None),
+    "nothing measured": replaced(
+        measured(),
+        value=np.nan,
+        standard_uncertainty=np.nan,
+        decision=Decision.NOT_MEASURED,
+        reason="overexposed",
+    ),
+    "tiny and huge": replaced(
+        measured(), nominal=-1e6, value=1e-9, standard_uncertainty=1e-12, tolerance=(-1e5, 1e-7)
+    ),
+    "names": named("a & b < c > d", "\"'", "Größe ⌀ 12 №3 漢字 😀", " two  spaces ", "a\x07\ud800"),
+    "no images": dataclasses.replace(measured(), source={}),
+    "images of several lamps": dataclasses.replace(
+        measured(), source={"images": {"setting_01_1": "f0", "setting_01_2": "f1"}}
+    ),
+}
+
+
+@pytest.mark.parametrize("results", CASES.values(), ids=list(CASES))
+def test_documents_are_valid(results):
+    assert faults(qif_text(results)) == []
+
+
+def test_documents_of_several_parts_are_valid_and_differ_in_their_ids():
+    texts = [qif_text(measured(serial=name)) for name in ("N1", "N2", "N<3>")]
+    assert [faults(text) for text in texts] == [[]] * 3
+    assert len({ET.fromstring(text)[0].text for text in texts}) == 3
+
+
+def first(root, name):
+    return by_tag(root, name)[0]
+
+
+def without(parent, child):
+    """Remove the first element of a name from where it is."""
+
+    def change(root):
+        found = first(root, parent)
+        found.remove(found.find(f"{{{NAMESPACE}}}{child}"))
+
+    return change
+
+
+def swapped(parent, i=0):
+    """Exchange a child with the next."""
+
+    def change(root):
+        found = first(root, parent)
+        found[i], found[i + 1] = found[i + 1], found[i]
+
+    return change
+
+
+def text(name, value):
+    """Write another text in the first element of a name."""
+
+    def change(root):
+        first(root, name).text = value
+
+    return change
+
+
+def attribute(name, which, value):
+    """Write another attribute of the first element of a name, or none."""
+
+    def change(root):
+        found = first(root, name)
+        found.attrib.pop(which)
+        if value is not None:
+            found.set(which, value)
+
+    return change
+
+
+def swapped_items(root):
+    """Let two measurements of other kinds refer to each other's items: both ids exist."""
+    one, two = (
+        first(root, f"{kind}CharacteristicMeasurement").find(f"{{{NAMESPACE}}}CharacteristicItemId")
+        for kind in ("Diameter", "AngleBetween")
+    )
+    one.text, two.text = two.text, one.text
+
+
+MUTANTS = {
+    "no identity": (without("QIFDocument", "QPId"), "QPId"),
+    "no standard": (without("QIFDocument", "StandardsDefinitions"), "StandardsDefinitions"),
+    "no status": (without("DiameterCharacteristicMeasurement", "Status"), "Status|assertion"),
+    "no item": (
+        without("DiameterCharacteristicMeasurement", "CharacteristicItemId"),
+        "CharacteristicItemId",
+    ),
+    "no definition of limits": (without("Tolerance", "DefinedAsLimit"), "DefinedAsLimit"),
+    "no description of a file": (without("ExternalFileReference", "Description"), "Description"),
+    "no mode of a distance": (
+        without("DistanceBetweenCharacteristicNominal", "AnalysisMode"),
+        "AnalysisMode",
+    ),
+    "no definition": (
+        without("RadiusCharacteristicNominal", "CharacteristicDefinitionId"),
+        "CharacteristicDefinitionId",
+    ),
+    "no inspection status": (without("MeasurementResults", "InspectionStatus"), "InspectionStatus"),
+    "no unit of length": (without("PrimaryUnits", "LinearUnit"), "LinearUnit"),
+    "length before angle": (swapped("PrimaryUnits"), "LinearUnit"),
+    "results first": (swapped("QIFDocument", 4), "Results"),
+    "lower limit first": (swapped("Tolerance"), "MinValue"),
+    "item before status": (swapped("DiameterCharacteristicMeasurement"), "CharacteristicItemId"),
+    "serial number after status": (swapped("ActualComponent"), "SerialNumber"),
+    "a word for a status": (text("CharacteristicStatusEnum", "GOOD"), "enumeration|must be one of"),
+    "an exponent": (text("TargetValue", "1e-5"), "decimal"),
+    "not a number": (text("Value", "nan"), "decimal|ordinary"),
+    "inches": (text("SIUnitName", "degree"), "fixed|radian"),
+    "half an identity": (text("QPId", "6f1c3f0e-6f3b"), "pattern"),
+    "a component that is not there": (text("ActualComponentId", "999"), "q:component"),
+    "a standard that is not there": (text("FormalStandardId", "999"), "q:standard"),
+    "a definition that is not there": (
+        text("CharacteristicDefinitionId", "999"),
+        "q:diameter-definition",
+    ),
+    "a nominal that is not there": (text("CharacteristicNominalId", "999"), "q:diameter-nominal"),
+    "an item that is not there": (text("CharacteristicItemId", "999"), "q:diameter-item"),
+    "items of another kind": (swapped_items, "q:(diameter|angle)-item"),
+    "an id twice": (attribute("Standard", "id", "2"), "ids"),
+    "an id with a zero": (attribute("Standard", "id", "01"), "pattern"),
+    "another largest id": (attribute("QIFDocument", "idMax", "7"), "assertion"),
+    "another length of a list": (attribute("CharacteristicItems", "n", "3"), "assertion"),
+    "an uncertainty without an error": (attribute("Value", "meanError", None), "meanError"),
+    "a negative uncertainty": (
+        attribute("Value", "combinedUncertainty", "-0.1"),
+        "greater or equal",
+    ),
+    "another version": (attribute("QIFDocument", "versionQIF", "2.1.0"), "fixed|3.0.0"),
+}
+
+
+@pytest.mark.parametrize(("change", "word"), MUTANTS.values(), ids=list(MUTANTS))
+def test_the_schema_refuses_a_change(change, word):
+    root = ET.fromstring(qif_text(CASES["all kinds and decisions"]))
+    change(root)
+    (reason, *_) = faults(ET.tostring(root, encoding="unicode"))
+    assert re.search(word, reason), reason
 
 
 def test_values_are_read_back(root):
@@ -144,14 +247,15 @@ def test_values_are_read_back(root):
     assert found.keys() == expected.keys()
     for name, one in expected.items():
         fields = found[name]
-        assert fields["Status"][0].text in STATUSES
         if not one.measured:
             assert "Value" not in fields
             assert fields["Status"][0].text == "NOT_ANALYZED"
             assert fields["Attributes"][0].get("value") == "only 3 % < 80 % was\ufffdfound"
             continue
-        assert float(fields["Value"].text) == one.value
-        assert float(fields["Value"].get("combinedUncertainty")) == one.standard_uncertainty
+        # ten decimals are written
+        assert float(fields["Value"].text) == pytest.approx(one.value, abs=5.1e-11)
+        accuracy = float(fields["Value"].get("combinedUncertainty"))
+        assert accuracy == pytest.approx(one.standard_uncertainty, abs=5.1e-11)
         assert fields["Value"].get("meanError") == "0"
     assert [found[name]["Status"][0].text for name in ("bad", "open", "free", "a angle")] == [
         *("FAIL", "INDETERMINATE", "UNDEFINED", "PASS")
