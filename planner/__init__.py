@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from planner.light.lamps import LampBox as LampBox
     from planner.light.lamps import LampDome as LampDome
     from planner.light.lamps import LampsTogether as LampsTogether
+    from planner.light.light_plan import Exposure as Exposure
     from planner.light.light_plan import LightPlan as LightPlan
     from planner.light.light_plan import LitImage as LitImage
     from planner.light.lighting import Lighting as Lighting
@@ -135,7 +136,7 @@ _NAMES = {
     "planner.inspection": ("plan_inspection",),
     "planner.inspection_options": ("InspectionOptions",),
     "planner.light.lamps": ("LampBox", "LampDome", "LampsTogether"),
-    "planner.light.light_plan": ("LightPlan", "LitImage"),
+    "planner.light.light_plan": ("Exposure", "LightPlan", "LitImage"),
     "planner.light.lighting": ("Lighting",),
     "planner.light.plan_light": ("plan_light",),
     "planner.light.ring_space": ("RingSpace",),

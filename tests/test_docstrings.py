@@ -32,7 +32,7 @@ CHECKS = {"GL08", "SS01", "PR01", "PR02", "PR03", "PR04", "PR07", "RT01", "RT03"
 # what calls return and nobody makes by hand, and what the example of another name shows
 RESULTS = {
     "Arc", "Cell", "CellSet", "Circle", "Crossing", "Edge", "EdgeEnd", "Entity",
-    "EntityAspectGraph", "Face", "GraphDrawing", "JointEstimate", "LightGraph", "LightRegions",
+    "EntityAspectGraph", "Exposure", "Face", "GraphDrawing", "JointEstimate", "LightGraph", "LightRegions",
     "ListOfEntities", "ModelDimension", "PartitionSurface", "Rim", "SectionDrawing",
     "VisibilityRegions", "AxisDisplacement", "DisplacementTerms", "MonteCarloEstimate",
     "SegmentDisplacement", "SegmentError", "GAResult", "Generation", "History", "Cover",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,12 @@ from numpy.typing import NDArray
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, tangents_of
 from planner.camera.pose import world_to_cam
+from planner.light.light_plan import Exposure, LightPlan, LitImage
+from planner.wanted.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph.solid.ray_scene import RayScene
+    from planner.light.demands import PlanToLight
 
 Array = NDArray[np.float64]
 
@@ -21,30 +25,19 @@ WHITE_SHARE = 0.8
 """Share of white that the brightest place beside an edge should have."""
 
 _BESIDE_PX = 3.0
-_WAYS = 8
+# in eight directions
+_RING = _BESIDE_PX * np.array(
+    [(1, 0), (np.sqrt(0.5), np.sqrt(0.5)), (0, 1), (-np.sqrt(0.5), np.sqrt(0.5))]
+)
+_RING = np.concatenate([_RING, -_RING])
+# between the ends of an edge
+_ALONG = 17
+# of places whose light is the same to this share the first is named, on every machine
+_SAME = 1e-3
+# digits of a ratio
+_DIGITS = 3
 # rays to lamps start this far above a face, as a share of the way from the camera
 _LIFT = 1e-5
-
-
-class Exposure(NamedTuple):
-    """What one image is exposed for.
-
-    Attributes
-    ----------
-    target : str
-        The target beside which the brightest place is.
-    pixel : (int, int)
-        That place, px: u and v.
-    dimmest : str
-        The target whose edges get least light.
-    times : float
-        How many times less.
-    """
-
-    target: str
-    pixel: tuple[int, int]
-    dimmest: str
-    times: float
 
 
 def exposure(
@@ -76,40 +69,107 @@ def exposure(
     """
     brightest: dict[str, tuple[float, Array]] = {}
     dimmest: dict[str, float] = {}
-    turns = 2 * np.pi * np.arange(_WAYS) / _WAYS
-    ring = _BESIDE_PX * np.stack([np.cos(turns), np.sin(turns)], axis=1)
     for name, own in points.items():
-        local = world_to_cam(own, cam2world)
-        own_pixels = image_of(camera, local[local[:, 2] > 0] / local[local[:, 2] > 0][:, 2:])
-        pixels = own_pixels[:, None] + ring
+        pixels = beside(camera, cam2world, own)
         light = irradiance(scene, cam2world, camera, pixels.reshape(-1, 2), lamps)
-        beside = light.reshape(len(own_pixels), -1)
-        if not beside.size or not beside.max() > 0:
+        most = light.max(initial=0.0)
+        if not most > 0:
             continue
-        at = np.unravel_index(int(np.argmax(beside)), beside.shape)
-        brightest[name] = (float(beside.max()), pixels[at])
+        at = int(np.argmax(light >= (1 - _SAME) * most))
+        brightest[name] = (float(most), pixels.reshape(-1, 2)[at])
         # what hides an edge is not lit like it: half of its points are sure
-        dimmest[name] = float(np.median(beside.max(axis=1)))
+        dimmest[name] = float(np.median(light.reshape(pixels.shape[:2]).max(axis=1)))
     if not brightest:
         return None
-    target = max(brightest, key=lambda name: brightest[name][0])
-    most, pixel = brightest[target]
-    weakest = min(dimmest, key=lambda name: dimmest[name])
-    u, v = np.rint(pixel).astype(int).tolist()
-    times = most / dimmest[weakest] if dimmest[weakest] > 0 else np.inf
-    return Exposure(target, (u, v), weakest, times)
+    most = max(value for value, _ in brightest.values())
+    target = next(name for name, (value, _) in brightest.items() if value >= (1 - _SAME) * most)
+    least = min(dimmest.values())
+    weakest = next(name for name, value in dimmest.items() if value <= (1 + _SAME) * least)
+    u, v = np.rint(brightest[target][1]).astype(int).tolist()
+    times = most / least if least > 0 else np.inf
+    return Exposure(target, (u, v), weakest, float(f"{times:.{_DIGITS}g}"))
+
+
+def beside(camera: Camera, cam2world: Array, points: Array) -> Array:
+    """Return pixels (n, 8, 2) around the images of points (m, 3), n <= m in front of the camera; of two, also between.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    cam2world : array (4, 4)
+        Its pose.
+    points : array (m, 3)
+        Points on edges, or the two ends of one, mm.
+    """
+    if len(points) == 2:
+        share = np.linspace(0.0, 1.0, _ALONG)[:, None]
+        points = (1 - share) * points[0] + share * points[1]
+    local = world_to_cam(points, cam2world)
+    local = local[local[:, 2] > 0]
+    return image_of(camera, local / local[:, 2:])[:, None] + _RING
+
+
+def with_exposures(light: LightPlan, plan: PlanToLight, scene: RayScene) -> LightPlan:
+    """Return lamps whose images say what to expose them for.
+
+    Parameters
+    ----------
+    light : LightPlan
+        The lamps.
+    plan : PlanToLight
+        The settings that they are for.
+    scene : RayScene
+        Of the part.
+    """
+    images = tuple(
+        tuple(replace(image, expose_for=exposure_of(image, light, plan, k, scene)) for image in own)
+        for k, own in enumerate(light.images)
+    )
+    return replace(light, images=images)
+
+
+def exposure_of(
+    image: LitImage, light: LightPlan, plan: PlanToLight, k: int, scene: RayScene
+) -> Exposure | None:
+    """Return what an image of the k-th setting is exposed for, None if no lamp lights any of it.
+
+    Parameters
+    ----------
+    image : LitImage
+        The image.
+    light : LightPlan
+        Its lamps.
+    plan : PlanToLight
+        Its plan.
+    k : int
+        Number of its setting, from 0.
+    scene : RayScene
+        Of the part.
+    """
+    setting = plan.settings[k]
+    targets = targets_of(plan.targets, setting)
+    points = {name: targets[name].points for name in image.contrast}
+    lamps = light.lamps[list(image.lamps)]
+    return exposure(scene, np.asarray(setting.cam2world), plan.camera, points, lamps)
 
 
 def irradiance(
     scene: RayScene, cam2world: Array, camera: Camera, pixels: Array, lamps: Array
 ) -> Array:
-    """Return the light (n,) on what pixels show: cosine over squared distance of all lamps, 1/mm²; 0 off the part."""
+    """Return the light (n,) on what pixels show: cosine over squared distance of all lamps, 1/mm².
+
+    It is 0 off the part and off the sensor.
+    """
     tangents = tangents_of(camera, pixels)
-    rays = np.concatenate([tangents, np.ones((len(tangents), 1))], axis=1) @ cam2world[:3, :3].T
+    right, down, forward = cam2world[:3, :3].T
+    rays = tangents[:, :1] * right + tangents[:, 1:] * down + forward
+    last = np.array(camera.resolution) - 1
+    seen = ((pixels >= 0) & (pixels <= last)).all(axis=1)
     eye = cam2world[:3, 3]
     hit = scene.cast(eye, rays)
     depth = hit["t_hit"].astype(np.float64)
-    met = np.isfinite(depth) & np.isfinite(rays).all(axis=1)
+    met = seen & np.isfinite(depth) & np.isfinite(rays).all(axis=1)
     rays = rays[met]
     places = eye + depth[met, None] * rays
     normals = hit["primitive_normals"][met].astype(np.float64)

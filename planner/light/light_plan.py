@@ -2,12 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+class Exposure(NamedTuple):
+    """What one image is exposed for.
+
+    Attributes
+    ----------
+    target : str
+        The brightest point is next to this target.
+    pixel : (int, int)
+        That point, px: u and v.
+    dimmest : str
+        The target whose edges get least light.
+    times : float
+        How many times less; infinite if most of its edges get none.
+    """
+
+    target: str
+    pixel: tuple[int, int]
+    dimmest: str
+    times: float
 
 
 @dataclass(frozen=True)
@@ -23,23 +45,56 @@ class LitImage:
         is the contrast with the background.
     silhouettes : tuple of str
         Names of targets with at least one edge that the camera sees as a silhouette.
+    expose_for : Exposure or None
+        The brightest point next to the edges, for a matt part of one albedo. None if its light was
+        not computed, as in plans of earlier programs.
     """
 
     lamps: tuple[int, ...]
     contrast: Mapping[str, float]
     silhouettes: tuple[str, ...] = ()
+    expose_for: Exposure | None = None
+
+    def exposure_dict(self) -> dict[str, Any] | None:
+        """Return what the image is exposed for as plain values, ready for JSON.
+
+        Returns
+        -------
+        dict or None
+            An infinite ratio is None.
+        """
+        if self.expose_for is None:
+            return None
+        target, pixel, dimmest, times = self.expose_for
+        ratio = times if math.isfinite(times) else None
+        return {"target": target, "pixel": list(pixel), "dimmest": dimmest, "times": ratio}
 
 
 def _image_dict(image: LitImage) -> dict[str, Any]:
+    found = image.exposure_dict()
     return {
         "lamps": list(image.lamps),
         "contrast": dict(image.contrast),
         "silhouettes": list(image.silhouettes),
+        **({} if found is None else {"expose_for": found}),
     }
 
 
 def _image_of(data: Mapping[str, Any]) -> LitImage:
-    return LitImage(tuple(data["lamps"]), dict(data["contrast"]), tuple(data["silhouettes"]))
+    return LitImage(
+        tuple(data["lamps"]),
+        dict(data["contrast"]),
+        tuple(data["silhouettes"]),
+        _exposure_of(data.get("expose_for")),
+    )
+
+
+def _exposure_of(data: Mapping[str, Any] | None) -> Exposure | None:
+    if data is None:
+        return None
+    u, v = data["pixel"]
+    times = math.inf if data["times"] is None else float(data["times"])
+    return Exposure(data["target"], (u, v), data["dimmest"], times)
 
 
 # fields that a file holds as they are, in its order

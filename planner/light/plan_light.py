@@ -15,6 +15,7 @@ from planner.cover.set_cover import min_cover
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
 from planner.light.demands import PlanToLight
+from planner.light.exposure import with_exposures
 from planner.light.fewest import Jobs, LampSearch
 from planner.light.lamps import LampSpace
 from planner.light.light_plan import LightPlan, LitImage
@@ -131,8 +132,15 @@ def chosen_lamps(
     also: ArrayLike = (),
 ) -> LightPlan:
     """Choose lamps as `plan_light` does; ``also`` (n, 3) are places to try besides, mm, where lamps are placed."""
-    given = lighting.given
     served = lighting.served(plan, solid, progress)
+    light = _chosen(lighting, served, plan, also)
+    return with_exposures(light, plan, served.scene)
+
+
+def _chosen(
+    lighting: Lighting, served: Served, plan: PlanToLight, also: ArrayLike = ()
+) -> LightPlan:
+    given = lighting.given
     work = _Work(served, len(plan.settings), lighting.ground)
     if given is None:
         return _ring(work, eyes_of(plan))

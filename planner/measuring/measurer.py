@@ -18,6 +18,7 @@ from planner.identity.program import program_version
 from planner.measuring.entity_scan import entity_samples, scan_entity
 from planner.measuring.image.image_files import ImageSet, Shot, read_images, shots_of
 from planner.measuring.image.picture import Picture
+from planner.measuring.image_notes import image_notes
 from planner.measuring.length import read_length
 from planner.measuring.merge import Result, merged
 from planner.measuring.part_model import PartModel
@@ -47,9 +48,6 @@ FLOOR_PX = 0.08
 """Error that all points of an entity have in common, px, where the plan does not state one."""
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
-
-LOST_SHARE = 0.05
-"""An overexposed share of a target's samples from which on its image has a note, if it is not measured."""
 
 # windows of unregistered images begin with the plan's, which are three standard deviations wide
 _ROOM_PX = 2.0
@@ -214,6 +212,8 @@ class Measurer:
             for name, own in readings.items()
         }
         results |= self._not_planned(options.rule)
+        scene = self.model.edges.scene
+        notes = image_notes(self.plan, scene, pictures, registered, readings)
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             registered,
@@ -222,28 +222,9 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(found),
-            (*found.notes, *self._image_notes(pictures, registered, readings)),
+            (*found.notes, *notes),
             pictures,
         )
-
-    @staticmethod
-    def _image_notes(
-        pictures: Mapping[str, Picture],
-        registered: Mapping[str, Registered],
-        readings: Mapping[str, list[Reading]],
-    ) -> list[str]:
-        """Return what is wrong with exposure and focus of images."""
-        blurs = {name: one.blur_px for name, one in registered.items()}
-        notes = []
-        for name, picture in pictures.items():
-            lost = [
-                one.name
-                for own in readings.values()
-                for one in own
-                if one.image == name and not one.measured and one.overexposed_share > LOST_SHARE
-            ]
-            notes += [f"{name}: {note}" for note in picture.notes(blurs.get(name, 0.0), lost)]
-        return notes
 
     def _by_setting(self, pictures: Mapping[str, Picture]) -> list[list[Shot]]:
         """Return the shots that have an image, those of one setting together."""

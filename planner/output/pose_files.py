@@ -23,7 +23,7 @@ import json
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -99,7 +99,10 @@ def write_poses(plan: InspectionPlan, folder: str | os.PathLike[str]) -> list[Pa
 
 
 def opencv_json(plan: InspectionPlan) -> str:
-    """Return the poses for OpenCV: ``K``, and per setting ``R``, ``rvec`` and ``t`` with x_cam = R x_world + t, mm."""
+    """Return the poses for OpenCV: ``K``, and per setting ``R``, ``rvec`` and ``t`` with x_cam = R x_world + t, mm.
+
+    A plan with lamps has the images of each setting, with their lamps and the pixel to expose for.
+    """
     settings = []
     for k, setting in enumerate(plan.settings):
         world2cam = inverse(setting.cam2world)
@@ -110,6 +113,7 @@ def opencv_json(plan: InspectionPlan) -> str:
                 "rvec": Rotation.from_matrix(world2cam[:3, :3]).as_rotvec().tolist(),
                 "t": world2cam[:3, 3].tolist(),
                 "entities": list(setting.entities),
+                **_lit_images(plan, k),
             }
         )
     data = {
@@ -120,6 +124,23 @@ def opencv_json(plan: InspectionPlan) -> str:
         "settings": settings,
     }
     return json.dumps(data, indent=1) + "\n"
+
+
+def _lit_images(plan: InspectionPlan, k: int) -> dict[str, Any]:
+    """Return the images of the k-th setting of a plan with lamps."""
+    if plan.light is None:
+        return {}
+    lit = plan.light.images[k]
+    images = [
+        {
+            "name": image_name(k, i if len(lit) > 1 else None),
+            "lamps": plan.light.lamps[list(image.lamps)].tolist(),
+            "entities": list(image.contrast),
+            "expose_for": image.exposure_dict(),
+        }
+        for i, image in enumerate(lit)
+    ]
+    return {"images": images}
 
 
 def colmap_cameras(plan: InspectionPlan) -> str:

@@ -278,11 +278,12 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
                 if value < light["contrast"] - _SAME:
                     rule = f"must be at least light.contrast, {light['contrast']:g}"
                     _refuse(field_name(*path, "contrast", name), rule, value)
-            for name in image["silhouettes"]:
+            exposed = image.get("expose_for", {})
+            named = [("silhouettes", name) for name in image["silhouettes"]]
+            named += [("expose_for", exposed[field]) for field in ("target", "dimmest") if exposed]
+            for field, name in named:
                 if name not in image["contrast"]:
-                    _refuse(
-                        field_name(*path, "silhouettes"), "must be names that the image shows", name
-                    )
+                    _refuse(field_name(*path, field), "must be names that the image shows", name)
         if sorted(reported) != sorted(setting["entities"]):
             _refuse(
                 field_name(*where),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from scipy.spatial.transform import Rotation
 
 from aspectgraph.solid.ray_scene import RayScene
-from planner.light.exposure import WHITE_SHARE, exposure
+from planner.light.exposure import WHITE_SHARE, exposure_of
 from planner.progress import report
 from planner.progress.time_left import TimeLeft
 from planner.report.figure import color_of
@@ -145,11 +145,9 @@ def exposure_texts(plan: InspectionPlan, scene: RayScene | None, k: int) -> list
     if plan.light is None or scene is None:
         return []
     texts = []
-    pose = plan.settings[k].cam2world
     for image in plan.light.images[k]:
-        points = {name: plan.targets[name].points for name in image.contrast}
-        lamps = plan.light.lamps[list(image.lamps)]
-        found = exposure(scene, pose, plan.camera, points, lamps)
+        # plans of earlier programs do not have it
+        found = image.expose_for or exposure_of(image, plan.light, plan, k, scene)
         if found is None:
             continue
         text = (

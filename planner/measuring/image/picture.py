@@ -53,7 +53,9 @@ class Picture:
         grey = np.ascontiguousarray(image, dtype=np.float32)
         return cls(name, grey, white_of(image), noise_of(grey), camera)
 
-    def notes(self, blur_px: float, overexposed: Sequence[str] = ()) -> list[str]:
+    def notes(
+        self, blur_px: float, overexposed: Sequence[str] = (), share: float | None = None
+    ) -> list[str]:
         """Return what is wrong with the exposure, and with the focus.
 
         Parameters
@@ -62,20 +64,28 @@ class Picture:
             Blur across edges.
         overexposed : sequence of str
             Targets that are not measured, because light beside their edges is.
+        share : float, optional
+            For what share of the time to expose, if the image is overexposed and that is known.
         """
         found = []
         bright = float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
-        if self.clipped_share > MOST_CLIPPED:
-            share = f"{100 * self.clipped_share:.0f} % of the image is overexposed"
-            found.append(f"{share}: expose for half of the time or less")
+        shorter = "expose for half of the time or less"
+        if share is not None:
+            shorter = f"expose for {100 * share:.2g} % of the time, less if the part is shiny"
+        if self.overexposed:
+            found.append(f"{100 * self.clipped_share:.0f} % of the image is overexposed: {shorter}")
         elif overexposed:
-            names = ", ".join(overexposed)
-            found.append(f"overexposed beside {names}: expose for half of the time or less")
+            found.append(f"overexposed beside {', '.join(overexposed)}: {shorter}")
         elif bright < DARK_SHARE:
             found.append(f"dark: expose for {WELL_EXPOSED / max(bright, 0.004):.1f} times as long")
         if blur_px > MOST_BLUR_PX:
             found.append(f"blurred: edges are spread with a standard deviation of {blur_px:.1f} px")
         return found
+
+    @property
+    def overexposed(self) -> bool:
+        """Whether so much of the image is overexposed that it has a note."""
+        return self.clipped_share > MOST_CLIPPED
 
     def turned(self) -> Picture:
         """Return the image turned by 180 degrees."""

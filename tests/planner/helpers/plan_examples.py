@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from planner import Camera, LightPlan, LitImage, PoseUncertainty, SensorSetting, look_at
+from planner import (
+    Camera,
+    Exposure,
+    LightPlan,
+    LitImage,
+    PoseUncertainty,
+    SensorSetting,
+    look_at,
+)
 from planner.plan import InspectionPlan
 
 CAMERA = Camera(25.0, (0.00345, 0.0035), (2448, 2048), 8.0, 600.0, name="test camera")
@@ -19,7 +27,14 @@ LIGHT = LightPlan(
     "dark",
     np.array([[40.0, -300.0, 500.0], [300.0, 25.0, 90.0]]),
     (
-        (LitImage((0,), {"top front": 0.3, "top right": 1.0}, ("top right",)),),
+        (
+            LitImage(
+                (0,),
+                {"top front": 0.3, "top right": 1.0},
+                ("top right",),
+                Exposure("top right", (1200, 800), "top front", 2.5),
+            ),
+        ),
         (LitImage((1,), {"top right": 0.76}),),
     ),
     ({}, {}),

@@ -1,15 +1,19 @@
 """What to expose for, against light that is computed by hand for a block."""
 
+import dataclasses
+import json
+
 import numpy as np
 import pytest
 from lit_parts import RIM, block, step
 from plan_examples import plan, setting
 
 from aspectgraph.solid.ray_scene import RayScene
-from planner import Camera, LightPlan, LitImage, look_at
+from planner import Camera, Exposure, LightPlan, LitImage, look_at
 from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
 from planner.light.exposure import exposure, irradiance
+from planner.light.plan_light import plan_light
 from planner.report.setting_report import exposure_texts
 
 CAMERA = Camera(25.0, (0.0138, 0.0138), (640, 512), 8.0, 300.0)
@@ -58,6 +62,51 @@ def test_a_lamp_at_one_side_lights_its_edge_most():
     assert found.times == pytest.approx(near / far, rel=0.1)
 
 
+def test_lamps_of_a_plan_come_with_what_to_expose_for():
+    ends = {"left": [[0.0, 0, 60], [0, 50, 60]], "right": [[80.0, 0, 60], [80, 50, 60]]}
+    one = dataclasses.replace(
+        setting((40.0, 25.0, 360.0), list(ends), (40.0, 25.0, 60.0)), cam2world=ABOVE
+    )
+    above = plan(settings=(one,), entities=ends, uninspectable={}, camera=CAMERA)
+    light = plan_light(above, block(), [[90.0, 25.0, 160.0]])
+    (image,) = light.images[0]
+    found = image.expose_for
+    assert (found.target, found.dimmest) == ("right", "left")
+    # the light is most in the middle of the edge
+    np.testing.assert_allclose(found.pixel, pixel_of([80.0, 25.0, 60.0]), atol=4)
+    near = 100 / np.hypot(100, 10.5) ** 3
+    far = 100 / np.sqrt(100**2 + 89.5**2) ** 3
+    # half of the left edge is nearer to its middle than 12.5 mm
+    assert found.times == pytest.approx(near / far, rel=0.1)
+    assert LightPlan.from_dict(json.loads(json.dumps(light.to_dict()))) == light
+    assert plan_light(above, block(), [[90.0, 25.0, 160.0]]) == light
+
+
+def test_of_two_equally_bright_targets_the_first_is_named():
+    """The lamp is over the middle, and rays differ in their last digits."""
+    lamp = np.array([[40.0, 25.0, 160.0]])
+    for names in (("left", "right"), ("right", "left")):
+        points = {name: EDGES[name] for name in names}
+        found = exposure(scene_of(block()), ABOVE, CAMERA, points, lamp)
+        assert (found.target, found.dimmest) == (names[0], names[0])
+
+
+def test_what_the_camera_does_not_see_is_not_exposed_for():
+    outside = {"left": EDGES["left"] + [0.0, 200.0, 0.0]}
+    lamp = np.array([[40.0, 225.0, 160.0]])
+    assert exposure(scene_of(block()), ABOVE, CAMERA, outside, lamp) is None
+
+
+def test_an_infinite_ratio_is_null_and_plans_of_earlier_programs_have_none():
+    image = LitImage((0,), {"a": 0.5, "b": 0.5}, (), Exposure("a", (3, 4), "b", np.inf))
+    light = LightPlan("fixed", 0.1, 0.05, "dark", np.ones((1, 3)), ((image,),), ({},), 1, "by hand")
+    data = light.to_dict()
+    assert data["settings"][0]["images"][0]["expose_for"]["times"] is None
+    assert LightPlan.from_dict(data) == light
+    del data["settings"][0]["images"][0]["expose_for"]
+    assert LightPlan.from_dict(data).images[0][0].expose_for is None
+
+
 def test_a_shadow_is_dark():
     """Of the step of 10 mm, the lower floor beside it is in the shadow of a low lamp behind."""
     pose = look_at([[30.0, 20.0, 300.0]], [30.0, 20.0, 0.0])[0]
@@ -84,3 +133,9 @@ def test_the_report_says_what_to_expose_for():
     (text,) = exposure_texts(lit, scene_of(step()), 0)
     assert text.startswith("under lamp 1, expose so that pixel (")
     assert "beside rim has 80 % of white" in text
+    # what the plan holds is not computed again
+    stored = Exposure("rim", (7, 9), "rim", 1.0)
+    images = ((LitImage((0,), {"rim": 0.5}, (), stored),),)
+    known = dataclasses.replace(lit, light=dataclasses.replace(light, images=images))
+    (text,) = exposure_texts(known, scene_of(step()), 0)
+    assert text.startswith("under lamp 1, expose so that pixel (7, 9) beside rim")

@@ -2,13 +2,14 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
 import xmlschema
-from measured_plate import CAMERA, POSES, fine_plate, measured_plan, photograph, thick_plate
+from measured_plate import CAMERA, LAMP, POSES, fine_plate, measured_plan, photograph, thick_plate
 from scipy.ndimage import map_coordinates
 
 from errors.measurands import Decision, DecisionRule
@@ -241,6 +242,30 @@ def test_a_note_names_targets_that_are_overexposed_in_an_image_that_is_not(solid
     assert (
         "setting_01: overexposed beside left: expose for half of the time or less" in results.notes
     )
+
+
+def test_a_note_says_for_what_share_of_the_time_to_expose(solid, exact, images):
+    """The brightest faces have four fifths of white when they are exposed for that time."""
+    plan = measured_plan(solid, ["left", "width"], settings=1)
+    lit = LitImage((0,), {"left": 0.5, "width": 0.5})
+    light = LightPlan("fixed", 0.1, 0.05, "dark", LAMP.place[None], ((lit,),), ({},), 1, "by hand")
+    plan = dataclasses.replace(plan, light=light)
+    bright = photograph(fine_plate(**MADE), POSES[:1], exposure=2.5)
+    results = measure(plan, solid, bright, registration=exact)
+    (note,) = results.notes
+    found = re.fullmatch(
+        r"setting_01: \d+ % of the image is overexposed: expose for (\d+) % of the time, "
+        "less if the part is shiny",
+        note,
+    )
+    share = int(found[1]) / 100
+    # of the image at exposure 1, in which nothing is overexposed
+    true = 0.8 / (2.5 * np.quantile(images[1], 0.995) / 255)
+    assert 0.8 < share / true < 1.1
+    again = photograph(fine_plate(**MADE), POSES[:1], exposure=2.5 * share)
+    results = measure(plan, solid, again, registration=exact)
+    assert results.measured
+    assert results.notes == ()
 
 
 def test_several_lamps_of_a_setting(solid, images, exact):

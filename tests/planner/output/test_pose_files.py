@@ -1,5 +1,6 @@
 """Every format is read back by its own rules (or its own library) and must put one known point on the same pixel."""
 
+import dataclasses
 import json
 import re
 
@@ -8,7 +9,7 @@ import numpy as np
 import open3d
 import pytest
 import yaml
-from plan_examples import CAMERA, plan
+from plan_examples import CAMERA, LIGHT, plan
 
 from planner import Camera
 from planner.output.pose_files import image_name, inverse, write_poses
@@ -45,6 +46,35 @@ def test_point_is_inside_the_image(k):
     assert 0 < u < 2447
     assert 0 < v < 2047
     assert abs(u - 1223.5) + abs(v - 1023.5) > 50
+
+
+def test_images_under_lamps_say_what_to_expose_for(tmp_path):
+    lit = plan(light=LIGHT)
+    two = dataclasses.replace(LIGHT, images=(LIGHT.images[0] + LIGHT.images[1], ()))
+    for light, names in (
+        (LIGHT, ["setting_01.png"]),
+        (two, ["setting_01_1.png", "setting_01_2.png"]),
+    ):
+        write_poses(dataclasses.replace(lit, light=light), tmp_path)
+        settings = json.loads((tmp_path / "poses_opencv.json").read_text())["settings"]
+        assert [one["name"] for one in settings[0]["images"]] == names
+        found = settings[0]["images"][0]
+        assert found["lamps"] == [[40.0, -300.0, 500.0]]
+        assert found["entities"] == ["top front", "top right"]
+        exposed = {
+            "target": "top right",
+            "pixel": [1200, 800],
+            "dimmest": "top front",
+            "times": 2.5,
+        }
+        assert found["expose_for"] == exposed
+    assert settings[0]["images"][1]["expose_for"] is None
+    assert settings[1]["images"] == []
+
+
+def test_poses_without_lamps_have_no_images(folder):
+    settings = json.loads((folder / "poses_opencv.json").read_text())["settings"]
+    assert all("images" not in one for one in settings)
 
 
 def test_opencv(folder, k, expected):

@@ -55,6 +55,7 @@ def test_every_rule_of_the_schema_has_words():
 
 FIRST = ("settings", 0)
 LIT = ("light", "settings", 1)
+LIT_FIRST = ("light", "settings", 0, "images", 0)
 RATE = ("simulation", "rates", 0, "top front")
 WRONG = {
     "probability nan": (
@@ -194,6 +195,21 @@ WRONG = {
     ),
     "lit settings": (("light", "settings"), [], "must hold one object per setting, 2. Got 0."),
     "lit twice": ((*LIT, "unlit", "top right"), "why", None),
+    "exposed for nobody": (
+        (*LIT_FIRST, "expose_for", "dimmest"),
+        "bottom",
+        None,
+    ),
+    "off the image": (
+        (*LIT_FIRST, "expose_for", "pixel", 1),
+        -1,
+        "must be an integer from 0. Got -1.",
+    ),
+    "more light than most": (
+        (*LIT_FIRST, "expose_for", "times"),
+        0.5,
+        "must be a number from 1, or null. Got 0.5.",
+    ),
     "nobody's outline": (
         (*LIT, "images", 0, "silhouettes"),
         ["x"],
@@ -202,6 +218,8 @@ WRONG = {
 }
 # where the field that is named is not the one that was changed, or the value is told otherwise
 SENTENCES = {
+    "exposed for nobody": "light.settings[0].images[0].expose_for must be names that the image shows. "
+    'Got "bottom".',
     "kind for nobody": 'uninspectable_kinds.x must be a name that has a reason. Got "x".',
     "lit twice": 'light.settings[1] must tell of each of the setting\'s entities once. Got ["top right", "top right"].',
     "unknown entity": "settings[0].probability.x must be given. Got none.",
