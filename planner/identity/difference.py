@@ -78,9 +78,12 @@ def _first_change(path: tuple[str, ...], now: Any, before: Any, tolerance: float
         if _UNNAMED in now or _UNNAMED in before:
             # nobody can know whether these are the same
             return _Change(path, None, None)
+        keys = list(dict.fromkeys([*before, *now]))
+        if path:
+            # a number of its own says more than one inside a record
+            keys.sort(key=lambda key: isinstance(before.get(key, now.get(key)), Mapping))
         changes = (
-            _first_change((*path, key), now.get(key), before.get(key), tolerance)
-            for key in dict.fromkeys([*before, *now])
+            _first_change((*path, key), now.get(key), before.get(key), tolerance) for key in keys
         )
         return next((change for change in changes if change is not None), None)
     return None if _is_same(now, before, tolerance) else _Change(path, now, before)
