@@ -159,10 +159,9 @@ NORMAL = Effort()
 QUICK = Effort(
     pricing_rounds=20,
     refutations=4,
-    bound_nodes=200_000,
+    bound_nodes=400_000,
     cover_nodes=200,
     witnesses=3,
-    support=Support(all_trials=300, joint_sure_poses=5000, joint_all_poses=100_000),
     search=Search(max_draws=2048),
     centring=Centring().shorter(),
 )
