@@ -149,8 +149,8 @@ def _with_all(run: Run) -> Any:
         full = setting_at(
             run.request, pose, names, setting.message, seed=derive_seed(run.seed, names)
         )
-        wrong = run.contradicted_in(full)
-        return run.with_bounds(without(run.request, full, list(wrong)) if wrong else full)
+        wrong = run.promises.contradicted_in(full)
+        return run.promises.with_bounds(without(run.request, full, list(wrong)) if wrong else full)
 
     return with_all
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,14 +15,8 @@ from planner.columns.candidates import Pools, derive_seed
 from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
-from planner.columns.realise_column import (
-    PosedOnly,
-    joint_bounds,
-    missing,
-    promised_too_much,
-    realise,
-    supported_pose,
-)
+from planner.columns.promises import Promises, simulate_promises
+from planner.columns.realise_column import realise, supported_pose
 from planner.effort.effort import Effort
 from planner.executors import Shared, in_order
 from planner.request.request import Request
@@ -73,6 +66,7 @@ class Run:
         self.judge = Judge(request, effort)
         self.names = request.names
         self.shared = Shared(self.judge)
+        self.promises = Promises(self.shared, seed)
         self.seed = seed
         self.effort = effort
         self.memo = memo
@@ -81,10 +75,6 @@ class Run:
         last = memo.last()
         self.state = PlanState.empty(len(self.names)) if last is None else PlanState.unpack(last)
         self._begun = 0
-        # by how much simulation contradicts what is stated of an entity from a pose
-        self._excess: dict[tuple[bytes, str, float], float] = {}
-        # lower bound of P_all of an entity from a pose, and over how many displaced poses
-        self._bounds: dict[tuple[bytes, str], tuple[float, int]] = {}
 
     @property
     def pools(self) -> Pools:
@@ -123,46 +113,17 @@ class Run:
         """Return the names of the entities in a column (k,) of bool."""
         return tuple(np.array(self.names)[column].tolist())
 
-    def contradicted_in(self, setting: SensorSetting) -> dict[str, float]:
-        """Return the entities of a setting that simulation contradicts or that lack P_all, and by how much.
-
-        Each promise is simulated once, and what comes out depends on nothing else that is stated of its pose, nor on
-        what was simulated before.
-        """
-        pose = setting.cam2world.tobytes()
-        stated = {name: setting.probability[name] for name in setting.entities}
-        new = [name for name in stated if (pose, name, stated[name]) not in self._excess]
-        # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
-        own = [name for name in new if not self.request.find_target(name).in_image]
-        for names in (tuple(name for name in new if name not in own), *((name,) for name in own)):
-            if names:
-                some = PosedOnly(setting.cam2world, names, {name: stated[name] for name in names})
-                wrong = promised_too_much(self.judge, some, self.seed)
-                self._excess.update(
-                    {(pose, name, stated[name]): wrong.get(name, 0.0) for name in names}
-                )
-        kept = tuple(name for name in new if self._excess[pose, name, stated[name]] <= 0.0)
-        if kept:
-            bounds = joint_bounds(self.judge, setting.cam2world, kept, self.seed)
-            self._bounds.update({(pose, name): bound for name, bound in bounds.items()})
-            short = missing(self.judge, bounds)
-            self._excess.update({(pose, name, stated[name]): short[name] for name in short})
-        found = {
-            name: self._excess[pose, name, probability] for name, probability in stated.items()
-        }
-        return {name: too_much for name, too_much in found.items() if too_much > 0.0}
-
-    def with_bounds(self, setting: SensorSetting) -> SensorSetting:
-        """Return a setting that states the P_all which `contradicted_in` counted for its entities."""
-        pose = setting.cam2world.tobytes()
-        if not all((pose, name) in self._bounds for name in setting.entities):
-            return setting
-        found = {name: self._bounds[pose, name] for name in setting.entities}
-        stated = {name: min(lower, setting.probability[name]) for name, (lower, _) in found.items()}
-        # what is missed by one at least is missed by no more than all of them miss
-        together = max(1.0 - sum(1.0 - p for p in stated.values()), 0.0)
-        poses = min((n for _, n in found.values()), default=0)
-        return replace(setting, p_all=stated, p_all_together=together, p_all_poses=poses)
+    def simulate(self, settings: Sequence[SensorSetting]) -> Iterator[SensorSetting]:
+        """Simulate what settings state and was not simulated before, several at a time; yield each when it is done."""
+        # what two settings state of one pose is simulated twice, and is the same
+        tasks = [self.promises.task(setting) for setting in settings]
+        new = [k for k, task in enumerate(tasks) if task[2]]
+        results = in_order(
+            self.executor, simulate_promises, [tasks[k] for k in new], self.callbacks.deadline.check
+        )
+        for k, found in zip(new, results, strict=True):
+            self.promises.take(settings[k], found)
+            yield settings[k]
 
     def accept(self, outcome: Outcome) -> tuple[str, ...]:
         """Add what a run of the genetic algorithm achieved to the pool; return the entities it inspects."""

@@ -64,13 +64,14 @@ class SupportedColumns:
             if not new:
                 break
             begun = time.monotonic()
-            for i, c in enumerate(new, 1):
-                run.callbacks.deadline.check()
-                membership[c] = self._supported(run, pool, c)
-                done[c] = True
+            untried = [c for c in new if _key(run, pool, c) not in self._tried]
+            for i, _ in enumerate(run.simulate(candidate_settings(run, pool, untried)), 1):
                 # what is soon done needs no line
                 if time.monotonic() - begun > SILENT_S:
-                    run.callbacks.report(i, len(new), "checked poses")
+                    run.callbacks.report(i, len(untried), "checked poses")
+            for c in new:
+                membership[c] = self._supported(run, pool, c)
+                done[c] = True
             self._give_up(run, membership, done)
             if k + 1 < covers:
                 chosen = _short_cover(membership, beaten, run.rng("incumbent"), trying.exchanges)
@@ -129,9 +130,9 @@ def as_simulated(run: Run, settings: Iterable[SensorSetting]) -> list[SensorSett
     """Return settings that state what simulation does not contradict; those that state nothing are left out."""
     supported = []
     for setting in settings:
-        wrong = run.contradicted_in(setting)
+        wrong = run.promises.contradicted_in(setting)
         kept = without(run.request, setting, list(wrong)) if wrong else setting
-        supported.append(run.with_bounds(kept))
+        supported.append(run.promises.with_bounds(kept))
     return [setting for setting in supported if setting.entities]
 
 

@@ -130,7 +130,7 @@ def test_no_more_poses_are_simulated_than_the_effort_allows(retried, tries, monk
         seen.append(setting.cam2world[0, 3])
         return dict.fromkeys(setting.entities, 0.1)
 
-    monkeypatch.setattr(run, "contradicted_in", contradicted)
+    monkeypatch.setattr(run.promises, "contradicted_in", contradicted)
     short = ShortTargets(run, [], {BACK: 0.5}, never)
     assert short._other_columns() == []
     # the most probable first

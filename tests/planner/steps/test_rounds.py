@@ -1,15 +1,17 @@
 """What a run keeps and knows: bounds by what excludes each other, checkpoints, what simulation says of a promise."""
 
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
 from grid_box import EDGES, BoxSpace
 
-from planner import Camera, PoseUncertainty
+from planner import Camera, PoseUncertainty, look_at
 from planner.callbacks import NOBODY
 from planner.effort.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
+from planner.setting.pose_setting import setting_at
 from planner.steps import prove_bound
 from planner.steps.incumbents import Incumbents
 from planner.steps.plan_state import PlanState
@@ -86,22 +88,26 @@ def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeyp
         asked.append(setting.entities)
         return {name: 0.1 for name in setting.entities if name == NAMES[2]}
 
-    monkeypatch.setattr("planner.steps.run.promised_too_much", too_much)
-    monkeypatch.setattr("planner.steps.run.joint_bounds", lambda judge, pose, names, seed: {})
+    monkeypatch.setattr("planner.columns.promises.promised_too_much", too_much)
+    monkeypatch.setattr(
+        "planner.columns.promises.joint_bounds", lambda judge, pose, names, seed: {}
+    )
     run = run_with(np.eye(4))
     in_image = dict(zip(NAMES, [True, False, True, False], strict=True))
-    run.request = SimpleNamespace(find_target=lambda name: SimpleNamespace(in_image=in_image[name]))
+    run.judge.request = SimpleNamespace(
+        find_target=lambda name: SimpleNamespace(in_image=in_image[name])
+    )
     setting = SimpleNamespace(
         cam2world=np.eye(4), entities=tuple(NAMES), probability=dict.fromkeys(NAMES, 0.95)
     )
-    assert run.contradicted_in(setting) == {NAMES[2]: 0.1}
+    assert run.promises.contradicted_in(setting) == {NAMES[2]: 0.1}
     assert asked == [(NAMES[0], NAMES[2]), (NAMES[1],), (NAMES[3],)]
     # known by now, with fewer stated, too; another promise is asked for
     fewer = SimpleNamespace(cam2world=np.eye(4), entities=(NAMES[2],), probability={NAMES[2]: 0.95})
     other = SimpleNamespace(cam2world=np.eye(4), entities=(NAMES[2],), probability={NAMES[2]: 0.9})
-    assert run.contradicted_in(fewer) == {NAMES[2]: 0.1}
+    assert run.promises.contradicted_in(fewer) == {NAMES[2]: 0.1}
     assert len(asked) == 3
-    assert run.contradicted_in(other) == {NAMES[2]: 0.1}
+    assert run.promises.contradicted_in(other) == {NAMES[2]: 0.1}
     assert asked[3:] == [(NAMES[2],)]
 
 
@@ -113,15 +119,34 @@ def test_a_promise_that_leaves_the_picture_too_often_counts_as_contradicted(monk
         asked.append(names)
         return {NAMES[0]: (0.93, 1000), NAMES[1]: (0.85, 1000)}
 
-    monkeypatch.setattr("planner.steps.run.promised_too_much", lambda judge, setting, seed: {})
-    monkeypatch.setattr("planner.steps.run.joint_bounds", bounds)
+    monkeypatch.setattr(
+        "planner.columns.promises.promised_too_much", lambda judge, setting, seed: {}
+    )
+    monkeypatch.setattr("planner.columns.promises.joint_bounds", bounds)
     run = run_with(np.eye(4))
     setting = SimpleNamespace(
         cam2world=np.eye(4), entities=tuple(NAMES[:2]), probability=dict.fromkeys(NAMES, 0.95)
     )
     for _ in range(2):
-        (name, short), *others = run.contradicted_in(setting).items()
+        (name, short), *others = run.promises.contradicted_in(setting).items()
         assert (name, others) == (NAMES[1], [])
         # 0.9 is required
         assert abs(short - 0.05) < 1e-12
     assert asked == [tuple(NAMES[:2])]
+
+
+def test_several_processes_find_what_one_does(monkeypatch):
+    """What is found beforehand, in any order of work, is not simulated again."""
+    run = run_with(np.eye(4))
+    request = run.request
+    poses = look_at([[20.0, 30.0, 300.0 + k] for k in range(3)], [0, 0, 0])
+    settings = [setting_at(request, pose, tuple(NAMES[:2]), "", seed=0) for pose in poses]
+    alone = [run.promises.contradicted_in(setting) for setting in settings]
+    assert any(alone)
+    with ThreadPoolExecutor(2) as executor:
+        other = run_with(np.eye(4))
+        other.executor = executor
+        assert list(other.simulate([*settings, settings[0]])) == [*settings, settings[0]]
+    monkeypatch.setattr("planner.columns.promises.simulate_promises", None)
+    assert [other.promises.contradicted_in(setting) for setting in settings] == alone
+    assert list(other.simulate(settings)) == []

@@ -43,6 +43,10 @@ class World:
     def names_of(self, column):
         return tuple(np.array(self.names)[column].tolist())
 
+    def simulate(self, columns):
+        # what is found beforehand is taken from here by `simulated`
+        return iter(columns)
+
     def simulated(self, run, columns):
         (c,) = columns
         self.tries[c] += 1
