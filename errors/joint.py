@@ -291,8 +291,8 @@ def quadratic_probability(
     ----------
     gradient, hessian : array (n, 6), (n, 6, 6)
         Of the error in the displacement.
-    root : array (6, 6)
-        S with S S' the covariance of the displacement.
+    root : array (6, 6) or (n, 6, 6)
+        S with S S' the covariance of the displacement; one for all or one each.
     noise : array (n, 3)
         Widths of two triangular variables, and variance of a normal one.
     limits : array (n, 2)
@@ -304,7 +304,8 @@ def quadratic_probability(
         Probabilities in [0, 1].
     """
     out = np.empty(len(gradient))
-    _quadratic_loop(gradient, hessian, np.ascontiguousarray(root), noise, limits, out)
+    roots = np.ascontiguousarray(root if root.ndim == 3 else root[None])
+    _quadratic_loop(gradient, hessian, roots, noise, limits, out)
     return out
 
 
@@ -315,8 +316,9 @@ def _quadratic_loop(gradient, hessian, root, noise, limits, out):
     beta2 = np.zeros(6)
     m = np.empty((6, 6))
     work = np.empty((3, 6))
+    shared = len(root) == 1
     for i in range(len(gradient)):
-        _whiten(gradient[i], hessian[i], root, b, m, work)
+        _whiten(gradient[i], hessian[i], root[0] if shared else root[i], b, m, work)
         b_norm2 = _tridiagonalise(b, m, alpha, beta2, work)
         if b_norm2 == 0.0 and not noise[i].any() and not alpha.any():
             out[i] = 1.0 if limits[i, 0] <= 0.0 <= limits[i, 1] else 0.0

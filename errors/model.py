@@ -80,13 +80,18 @@ class SuccessModel:
         self.model = model
         self._root = covariance_root(self.covariance)[None]
 
-    def __call__(self, endpoints: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(
+        self, endpoints: NDArray[np.float64], root: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
         """Return the probability that each edge is measured to the required accuracy.
 
         Parameters
         ----------
         endpoints : array, shape (..., 2, 3)
             Edge ends in the paper's camera frame, in mm.
+        root : array, shape (n, 6, 6), optional
+            S with S S' the covariance of each edge's own displacement. Only of the model "joint".
+            Default: the covariance of all.
 
         Returns
         -------
@@ -94,12 +99,14 @@ class SuccessModel:
             Probabilities in [0, 1]; 0 for an edge without an image.
         """
         flat = np.asarray(endpoints, dtype=np.float64).reshape(-1, 2, 3)
-        solve = self._joint if self.model == "joint" else self._of_imaged
-        return solve(flat).reshape(endpoints.shape[:-2])
+        shape = endpoints.shape[:-2]
+        if self.model == "joint":
+            return self._joint(flat, self._root if root is None else root).reshape(shape)
+        return self._of_imaged(flat).reshape(shape)
 
-    def _joint(self, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _joint(self, flat: NDArray[np.float64], root: NDArray[np.float64]) -> NDArray[np.float64]:
         return joint_probability(
-            flat, self.focal_length_mm, self.pixel_pitch_mm, self._root, self.accuracy
+            flat, self.focal_length_mm, self.pixel_pitch_mm, root, self.accuracy
         )
 
     def _of_imaged(self, flat: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -42,6 +42,7 @@ from planner.light.background import DEFAULT_STEP
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.light.ring_space import RingSpace
+from planner.measuring.poses.planned_edges import registered_request
 from planner.plan import InspectionPlan
 from planner.progress import labelled
 from planner.request.reach import Reach
@@ -58,6 +59,7 @@ from planner.steps.stages import run_stages
 if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions
     from aspectgraph.visibility.kept_regions import RegionStore
+    from planner.measuring.poses.registration import Registration
     from planner.progress import Progress
     from planner.robot import Cell
 
@@ -85,6 +87,7 @@ def plan_inspection(
     effort: Effort | None = None,
     localisation: Localisation | None = None,
     surfaces_mm: float | None = None,
+    registration: Registration | PoseUncertainty | None = None,
     time_limit_s: float | None = None,
     gap: float = 0.0,
     on_incumbent: Callable[[InspectionPlan], object] | None = None,
@@ -171,6 +174,13 @@ def plan_inspection(
         Standard deviation of the position of the part's faces along their normals, mm, for
         dimensions. Points of the image are carried back to these faces. Default: what a
         `Dimension` states of its own, otherwise 0.02 mm; 0 if points are rounded to whole pixels.
+    registration : Registration or PoseUncertainty, optional
+        How the poses of images are known when values are read. With ``Registration.own_edges()``,
+        `measure` will register each image to the part's own edges, and P is that of values read
+        from registered images; the program predicts how sure they are from what each pose shows of
+        the part. A `PoseUncertainty` is that of poses that something else measures. Where the
+        camera may be while it takes the images, remains ``pose_uncertainty``. Default: values are
+        read with the planned poses.
     time_limit_s : float, optional
         End the planning after this many seconds with the best plan so far, which is then
         ``unfinished``. Visibility may take half of them. The plan omits a target whose visibility
@@ -239,6 +249,7 @@ def plan_inspection(
         effort=effort,
         localisation=localisation,
         surfaces_mm=surfaces_mm,
+        registration=registration,
         time_limit_s=time_limit_s,
         gap=gap,
         on_incumbent=on_incumbent,
@@ -369,7 +380,8 @@ def _request(
         )
     joined = TargetSpace.of(space, targets)
     found_by = asked.localisation, asked.surfaces_mm
-    return Request(joined, joined.entity_names, *rest, targets, *found_by)
+    request = Request(joined, joined.entity_names, *rest, targets, *found_by)
+    return registered_request(request, asked.registration)
 
 
 def visible_regions(

@@ -27,6 +27,7 @@ from planner.request.defaults import (
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 from planner.request.reach import Reach
 from planner.request.space import Space
+from planner.wanted.registered.record import GIVEN, RegistrationRecord
 
 if TYPE_CHECKING:
     from planner.light.lighting import Lighting
@@ -78,6 +79,8 @@ class InspectionOptions:
         Standard deviation of the position of the part's faces along their normals, mm, for
         dimensions. Default: what a `Dimension` states of its own, otherwise 0.02 mm; 0 if points are
         rounded to whole pixels.
+    registration : Registration or PoseUncertainty, optional
+        How the poses of images are known when values are read. Default: no better than planned.
     time_limit_s : float, optional
         End the planning after this many seconds with the best plan so far. Default: no limit.
     gap : float
@@ -113,6 +116,7 @@ class InspectionOptions:
     effort: Effort | None = None
     localisation: Localisation | None = None
     surfaces_mm: float | None = None
+    registration: Any = None
     time_limit_s: float | None = None
     gap: float = 0.0
     on_incumbent: Callable[[InspectionPlan], object] | None = None
@@ -130,6 +134,23 @@ class InspectionOptions:
             if self.lamps is None or isinstance(self.lamps, Lighting)
             else Lighting(self.lamps)
         )
+
+    @property
+    def registration_record(self) -> RegistrationRecord | None:
+        """How poses are known when values are read, as a request states it; None for no better than planned."""
+        how = self.registration
+        if how is None or isinstance(how, RegistrationRecord):
+            return how
+        if isinstance(how, PoseUncertainty):
+            return RegistrationRecord(GIVEN, None, how)
+        if not hasattr(how, "planned"):
+            raise RequestError.of_rule(
+                "registration",
+                "must be Registration.own_edges() or a PoseUncertainty",
+                type(how).__name__,
+            )
+        planned: RegistrationRecord | None = how.planned()
+        return planned
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:
         """Return the constraints, with defaults that suit the pose uncertainty.

@@ -27,6 +27,7 @@ from planner.wanted.assumed import (
     surfaces_or_default,
     with_surfaces_of_call,
 )
+from planner.wanted.registered.record import OWN_EDGES
 from planner.wanted.targets import Target
 
 if TYPE_CHECKING:
@@ -172,6 +173,11 @@ def predict(
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
     check_fraction("accuracy", accuracy)
+    registration = (options or InspectionOptions()).registration_record
+    if registration is not None and registration.method == OWN_EDGES:
+        raise RequestError.of_rule(
+            "registration", "must be a PoseUncertainty for one pose", "Registration.own_edges()"
+        )
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     pose = np.asarray(cam2world, dtype=np.float64)
@@ -202,6 +208,7 @@ def predict(
         targets,
         found_by,
         surfaces_or_default(how.surfaces_mm, found_by),
+        None if registration is None else registration.pose_uncertainty,
     )
     seen = _observable(space, pose[:3, 3])
     return {

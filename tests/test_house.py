@@ -23,7 +23,7 @@ PARAMETERS: dict[str, int] = {
     "errors/referee/montecarlo.py:simulate_success": 9,
     "errors/referee/twin.py:simulate_measurement": 10,
     "ga/run.py:maximize": 21,
-    "planner/inspection.py:plan_inspection": 27,
+    "planner/inspection.py:plan_inspection": 28,
     "planner/setting/plan_setting.py:plan_setting": 19,
     "planner/verify/simulate_setting.py:simulate_setting": 9,
 }

@@ -118,6 +118,18 @@ class FittedEntities:
         )
         return seen, gradient, hessian, variance
 
+    def by_entity(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the value's gradient by the displacement of the camera, of each entity alone; (n, e, 6)."""
+        angles = np.zeros((len(self.shapes), POINTS, 2))
+        solve = np.zeros((len(self.shapes), 6, POINTS))
+        for k, one in enumerate(self._geometry):
+            if isinstance(one, Circle):
+                angles[k], solve[k] = circle_fit(one, POINTS)
+        gradient = np.zeros((len(poses), len(self.shapes), 6))
+        entities = (self.shapes, self.frames, self.sizes, angles, solve)
+        _by_entity(np.ascontiguousarray(poses), entities, self.gradient, gradient)
+        return gradient
+
 
 def _surfaces(frames: tuple[Frame, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return which entities lie on one surface, as the index of its first one, and the surfaces' normals (k, 3)."""
@@ -215,3 +227,23 @@ def _expand_entity(pose, entities, e, own, fit, common, out):
     radius = np.array([0.0, 0.0, 1.0])
     known = circle_noise(at, sizes[e], angles[e], solve[e], radius, fit, closed)
     return known <= (_MOST_NOISE * sizes[e]) ** 2
+
+
+@njit(error_model="numpy")
+def _by_entity(poses, entities, of_value, gradient):
+    shapes, frames, sizes, angles, solve = entities
+    at = np.empty((3, 3))
+    unused = np.empty((6, 6))
+    rows = np.empty((3, 6))
+    for i in range(len(poses)):
+        start = 0
+        for e in range(len(shapes)):
+            n_fitted = 2 if shapes[e] == _LINE else 3
+            own = of_value[start : start + n_fitted]
+            turned(frames[e], poses[i], at)
+            g = gradient[i, e]
+            if shapes[e] == _LINE:
+                expand_line(at, sizes[e], own, g, unused, rows)
+            else:
+                expand_circle(at, sizes[e], angles[e], solve[e], own, g, unused, rows)
+            start += n_fitted

@@ -124,6 +124,12 @@ class Measurand:
             seen, gradient, hessian, variance, np.zeros((len(poses), 2)), np.ones(len(poses))
         )
 
+    def by_entity(self, poses: NDArray[np.float64], image: Image) -> NDArray[np.float64]:
+        """Return the gradient (n, e, 6) of `expansion` by the displacement of the camera, of each entity alone."""
+        if self.in_image:
+            return self.expansion(poses, image, Localisation.rounding()).gradient[:, None]
+        return self._fitted.by_entity(poses)
+
     @property
     def surfaces(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Which entities lie on one surface, as the index of its first one (k,), and the normals (k, 3)."""

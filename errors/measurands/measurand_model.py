@@ -21,6 +21,7 @@ from errors.measurands.conformity import COVERAGE
 from errors.measurands.fitted import is_short
 from errors.measurands.localisation import Localisation
 from errors.measurands.measurand import Expansion, Image, Measurand
+from errors.registration.known_poses import KnownPoses
 
 # what a normal variable is within one and two standard deviations of its mean with
 _ONE = math.erf(1 / math.sqrt(2))
@@ -90,6 +91,9 @@ class MeasurandModel:
         Largest error that counts as accurate, in the unit of the value.
     surfaces_mm : float
         Standard deviation of a face's position along its normal, mm. Entities in one plane share it.
+    by_surfaces : float, optional
+        Standard deviation of the value by the position of faces, in its unit, where it is known; then ``surfaces_mm``
+        does not count.
 
     Raises
     ------
@@ -107,7 +111,9 @@ class MeasurandModel:
         localisation: Localisation,
         permitted_error: float,
         surfaces_mm: float = 0.0,
+        by_surfaces: float | None = None,
     ):
+        self.by_surfaces = by_surfaces
         self.measurand = measurand
         self.localisation = localisation
         self.surfaces_mm = check_not_negative(surfaces_mm, "surfaces_mm")
@@ -145,6 +151,35 @@ class MeasurandModel:
         """
         expansion = self._expansion(world_to_camera)
         return self._within(expansion, np.full(len(expansion.seen), self.permitted_error))
+
+    def probability_at(
+        self, world_to_camera: ArrayLike, known: KnownPoses, excess: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the same with a covariance of each pose.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (n, 4, 4)
+            Planned poses.
+        known : KnownPoses
+            Their covariances (n, 6, 6), with roots.
+        excess : array (n,)
+            Variance of x beside that by the pose, see `errors.measurands.measurand.Expansion`: by surfaces.
+
+        Returns
+        -------
+        array (n,)
+            Probabilities in [0, 1].
+        """
+        expansion = self._expansion(world_to_camera)
+        expansion.variance[:, 2] = excess
+        error = np.full(len(expansion.seen), self.permitted_error)
+        return self._within(expansion, error, (known.covariance, known.root))
+
+    def scale(self, world_to_camera: ArrayLike) -> float:
+        """Return the unit of x per unit of the value at one pose (1, 4, 4); 0 without an image."""
+        expansion = self._expansion(world_to_camera)
+        return float(expansion.scale[0]) if expansion.seen[0] else 0.0
 
     def describe(self, world_to_camera: ArrayLike) -> Prediction:
         """Return how sure the value is measured from one pose.
@@ -188,20 +223,31 @@ class MeasurandModel:
             raise InvalidShapeError.of_rule(
                 "world_to_camera", "must have shape (n, 4, 4)", str(poses.shape)
             )
-        return self.measurand.expansion(poses, self.image, self.localisation, self.surfaces_mm)
+        expansion = self.measurand.expansion(poses, self.image, self.localisation, self.surfaces_mm)
+        if self.by_surfaces is not None:
+            expansion.variance[:, 2] = (self.by_surfaces * expansion.scale) ** 2
+        return expansion
 
-    def _within(self, expansion: Expansion, error: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return P(|error| <= given) (n,)."""
+    def _within(
+        self,
+        expansion: Expansion,
+        error: NDArray[np.float64],
+        known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return P(|error| <= given) (n,), with a covariance and a root of each pose if they are given."""
         seen = expansion.seen
+        covariance, root = (self.covariance, self._root) if known is None else known
         result = np.zeros(len(seen))
         if not seen.any():
             return result
         gradient = expansion.gradient[seen]
         hessian = expansion.hessian[seen]
+        if known is not None:
+            covariance, root = covariance[seen], root[seen]
         if expansion.logarithmic:
             bend = np.full(len(gradient), 1 / self.measurand.nominal)
         else:
-            bend = _bend(gradient, hessian, self.covariance, 1 / self.measurand.nominal)
+            bend = _bend(gradient, hessian, covariance, 1 / self.measurand.nominal)
             hessian = hessian - bend[:, None, None] * (gradient[:, :, None] * gradient[:, None, :])
         limits = (
             _bent(np.stack([-error, error], axis=1)[seen], bend[:, None])
@@ -209,7 +255,7 @@ class MeasurandModel:
         )
         variance = expansion.variance.sum(axis=1, keepdims=True)
         noise = np.concatenate([expansion.widths, variance], axis=1)[seen]
-        result[seen] = quadratic_probability(gradient, hessian, self._root, noise, limits)
+        result[seen] = quadratic_probability(gradient, hessian, root, noise, limits)
         return result
 
     def _budget(self, expansion: Expansion) -> tuple[dict[str, float], float]:
@@ -254,7 +300,8 @@ def _bend(
     g: NDArray[np.float64], h: NDArray[np.float64], covariance: NDArray[np.float64], most: float
 ) -> NDArray[np.float64]:
     """Return k (n,) that makes ln(1 + k error) / k linear along the gradient: g'S H S g / (g'S g)^2, in [0, most]."""
-    way = g @ covariance
+    # one covariance for all poses, or one for each
+    way = g @ covariance if covariance.ndim == 2 else np.einsum("ni,nij->nj", g, covariance)
     variance = (way * g).sum(axis=1)
     along = (way[:, None, :] @ h @ way[:, :, None])[:, 0, 0]
     safe = np.where(variance > 0, variance, np.inf)

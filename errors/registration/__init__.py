@@ -5,6 +5,24 @@ prior says what is known of the unknowns beforehand.
 """
 
 from errors.registration.gauge import rests_on_prior, undetermined
+from errors.registration.known_poses import (
+    Imaging,
+    KnownPoses,
+    Stretches,
+    Values,
+    known_poses,
+)
 from errors.registration.posterior import Posterior, Rows, posterior
 
-__all__ = ["Posterior", "Rows", "posterior", "rests_on_prior", "undetermined"]
+__all__ = [
+    "Imaging",
+    "KnownPoses",
+    "Posterior",
+    "Rows",
+    "Stretches",
+    "Values",
+    "known_poses",
+    "posterior",
+    "rests_on_prior",
+    "undetermined",
+]

@@ -14,6 +14,7 @@ from planner.cli.parsing.quantities import (
     SHARE,
     all_or_indices,
     indices,
+    registration,
     whole,
 )
 from planner.light.background import DEFAULT_STEP
@@ -222,6 +223,21 @@ def add_promise(parser: Options) -> None:
         default=0.002,
         metavar="RAD",
         help="standard deviation of the camera's orientation, in rad or like 0.1deg",
+    )
+
+
+def add_registration(plan: Options) -> None:
+    """Add how poses are known when values are read."""
+    group = plan.add_argument_group("registration of images")
+    group.add_argument(
+        "--register",
+        dest="registration",
+        type=registration,
+        metavar="edges|none|MM,RAD",
+        help="how the camera's pose is known when values are read. edges: aspectgraph measure "
+        "registers each image to the part's own edges; none: it is the planned pose; a length and "
+        "an angle: standard deviations of a pose that something else measures, like "
+        "0.02mm,0.1mrad (default: none)",
     )
 
 

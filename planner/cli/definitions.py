@@ -18,6 +18,7 @@ from planner.cli.arguments import (
     add_part,
     add_promise,
     add_reading,
+    add_registration,
     add_seed,
     add_select,
     add_units,
@@ -143,6 +144,7 @@ def _add_plan(commands: Any) -> None:
     add_part(plan)
     add_wanted(plan)
     add_asked(plan, "plan")
+    add_registration(plan)
     output = _group(plan, "output")
     output.add_argument(
         "--force",

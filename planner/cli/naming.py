@@ -22,6 +22,7 @@ _OPTIONS = {
     "lamps": "--light",
     "ring": "--light",
     "step": "--grey-step",
+    "registration": "--register",
     "focus_reserve": "--focus-margin-mm",
     "rng": "--seed",
     "time_limit_s": "--time-limit",

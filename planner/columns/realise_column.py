@@ -29,6 +29,7 @@ from planner.verify.p_all import (
 )
 from planner.verify.simulate_setting import simulate_setting
 from planner.verify.simulated import Posed
+from planner.wanted.pose_knowledge import PoseKnowledge
 
 # a shortfall is more than nothing
 _LEAST = 1e-9
@@ -337,14 +338,17 @@ class PosedOnly(NamedTuple):
     cam2world: np.ndarray
     entities: tuple[str, ...]
     probability: dict[str, float]
+    registered: PoseKnowledge | None = None
 
 
 def _excess(
     judge: Judge, setting: Posed, rng: np.random.Generator, n: int | None = None
 ) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
+    names = tuple(setting.entities)
+    known = judge.request.known_at(setting.cam2world, names)
     rates = simulate_setting(
-        setting,
+        PosedOnly(setting.cam2world, names, dict(setting.probability), known),
         judge.request.at_pose(setting.cam2world, setting.entities).measured,
         judge.camera,
         judge.request.pose_uncertainty,

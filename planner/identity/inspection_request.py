@@ -26,6 +26,7 @@ from planner.identity.program import program_digest
 from planner.identity.target_record import TargetRecord
 from planner.light.lighting import Lighting
 from planner.request.constraints import Requirements
+from planner.wanted.registered.record import RegistrationRecord
 
 # beside the request in a plan file: how the part's file was read
 SOURCE = "source"
@@ -110,6 +111,8 @@ class InspectionRequest:
         Share of the settings that the bound may miss.
     surfaces_mm : float
         Standard deviation of the position of faces along their normals, mm.
+    registration : RegistrationRecord or None
+        How poses are known when values are read; None for no better than planned.
     """
 
     part: PartRecord | None
@@ -127,6 +130,7 @@ class InspectionRequest:
     effort: Effort
     gap: float = 0.0
     surfaces_mm: float = 0.0
+    registration: RegistrationRecord | None = None
 
     def identity(self) -> dict[str, Any]:
         """Return all fields as plain values, the same in every process.

@@ -146,6 +146,7 @@ def promised(
         "requirements": options.requirements(camera, pose_uncertainty),
         "localisation": options.localisation or Localisation.rounding(),
         "surfaces_mm": surfaces_or_default(options.surfaces_mm, options.localisation),
+        "registration": options.registration_record,
         "lighting": options.lighting,
         "effort": options.effort or Effort(),
     }

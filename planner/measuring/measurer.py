@@ -26,19 +26,14 @@ from planner.measuring.poses.fiducials import NoFiducialsError, locate
 from planner.measuring.poses.likeness import check_lens, looks_like
 from planner.measuring.poses.register import NotRegisteredError, bias_of, register
 from planner.measuring.poses.registered import Registered, as_given, prior_covariance
-from planner.measuring.poses.registration import (
-    BOTH,
-    GIVEN,
-    OWN_EDGES,
-    PLANNED,
-    Registration,
-)
+from planner.measuring.poses.registration import BOTH, PLANNED, Registration
 from planner.measuring.reading import Reading, covariance_of, read_value
 from planner.measuring.results import MeasurementResults
 from planner.setting.image_names import setting_name
 from planner.setting.sensor_setting import SensorSetting
 from planner.verify.setting_record import search_windows_px
 from planner.wanted.planned import PlannedTarget, targets_of
+from planner.wanted.registered.record import GIVEN, OWN_EDGES
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -272,6 +267,9 @@ class Measurer:
     def _surfaces_mm(self, how: Registration) -> float:
         if how.surfaces_mm is not None:
             return how.surfaces_mm
+        planned = (self.plan.request.get("registration") or {}).get("surfaces_mm")
+        if planned is not None:
+            return float(planned)
         return max((one.surfaces_mm for one in self.targets.values()), default=0.0)
 
     def _read(

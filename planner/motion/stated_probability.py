@@ -12,6 +12,8 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.verify.simulate_setting import SuccessRate, simulate_setting
 from planner.wanted.models import EdgeModels
 from planner.wanted.planned import PlannedLength, targets_of
+from planner.wanted.pose_knowledge import means_at
+from planner.wanted.registered.record import OWN_EDGES
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
@@ -37,17 +39,29 @@ def stated_probabilities(
     list of dict of str to float
         P by target for each covariance, given that the image shows the target.
     """
-    return [_probabilities(plan, setting, PoseUncertainty(one)) for one in covariances]
+    return [_probabilities(plan, _of_arm(plan, setting, one), one) for one in covariances]
+
+
+def _of_arm(plan: InspectionPlan, setting: SensorSetting, covariance: np.ndarray) -> SensorSetting:
+    """Return a setting whose registration begins with the uncertainty of an arm."""
+    known = setting.registered
+    asked = plan.request.get("registration") or {}
+    if known is None or asked.get("method") != OWN_EDGES:
+        return setting
+    return replace(
+        setting, registered=known.with_prior(plan.pose_uncertainty.covariance, covariance)
+    )
 
 
 def _probabilities(
-    plan: InspectionPlan, setting: SensorSetting, uncertainty: PoseUncertainty
+    plan: InspectionPlan, setting: SensorSetting, covariance: np.ndarray
 ) -> dict[str, float]:
-    means = replace(plan.means, pose_uncertainty=uncertainty)
+    by_arm = replace(plan.means, pose_uncertainty=PoseUncertainty(covariance))
     targets = targets_of(plan.targets, setting)
     found = {}
     for name in setting.entities:
         target = targets[name]
+        means = means_at(by_arm, setting, name)
         if isinstance(target, PlannedLength):
             own = replace(means, accuracy=target.accuracy)
             model = EdgeModels(target.ends[None], own)
@@ -106,7 +120,7 @@ def simulated_rates(
         By target. A target outside of the image counts as a failure.
     """
     return simulate_setting(
-        replace(setting, probability=dict(stated), p_all={}),
+        replace(_of_arm(plan, setting, covariance), probability=dict(stated), p_all={}),
         plan.targets,
         plan.camera,
         PoseUncertainty(covariance),

@@ -19,6 +19,8 @@ from planner.request.space import Space
 from planner.request.target_space import TargetSpace, entity_space
 from planner.request.witnesses import Witnesses, best_witnesses
 from planner.wanted.models import Means
+from planner.wanted.pose_knowledge import PoseKnowledge, knowledge_of
+from planner.wanted.registered.own_edges import OwnEdges
 from planner.wanted.targets import Target, edge_targets, witness_name
 
 if TYPE_CHECKING:
@@ -52,6 +54,8 @@ class Request:
         How well points are found in the image. Default: the paper's, both ends of an edge on whole pixels.
     surfaces_mm : float
         Standard deviation of a face's position along its normal, mm; for dimensions.
+    registered : OwnEdges or PoseUncertainty, optional
+        How poses are known when values are read; the pose uncertainty says where images are taken. Default: no better.
     chosen : mapping of str to int
         Which of its witnesses a target has here, where it had several; see `at_pose`.
 
@@ -71,6 +75,7 @@ class Request:
     targets: tuple[Target, ...] = ()
     localisation: Localisation | None = None
     surfaces_mm: float = 0.0
+    registered: OwnEdges | PoseUncertainty | None = None
     chosen: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -106,13 +111,37 @@ class Request:
     @property
     def means(self) -> Means:
         """What the targets are measured with, and how accurately."""
+        how = self.registered
+        if isinstance(how, PoseUncertainty):
+            known, own_edges = how, None
+        else:
+            known, own_edges = self.pose_uncertainty, how
         return Means(
             self.camera,
-            self.pose_uncertainty,
+            known,
             self.accuracy,
             self.localisation,
             surfaces_mm=self.surfaces_mm,
+            own_edges=own_edges,
         )
+
+    def known_at(
+        self, cam2world: NDArray[np.float64], names: Sequence[str]
+    ) -> PoseKnowledge | None:
+        """Return what registration will tell of a pose; None without registration.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        names : sequence of str
+            The targets that are measured there.
+        """
+        if self.registered is None:
+            return None
+        if isinstance(self.registered, PoseUncertainty):
+            return PoseKnowledge(self.registered)
+        return knowledge_of(self.at_pose(cam2world, names).targets, self.means, cam2world)
 
     def restricted_to(self, names: Sequence[str]) -> Request:
         """Return the same request for some of the entities."""

@@ -19,6 +19,7 @@ from planner.verify.simulate_setting import (
     SuccessRate,
 )
 from planner.wanted.planned import targets_of
+from planner.wanted.pose_knowledge import means_at
 
 WARN_BELOW_PX = 2.0
 """A row warns of a smaller permitted error: there one part may be measured more or less often than P says."""
@@ -128,7 +129,7 @@ def _setting_rows(plan: Any, k: int, setting: Any) -> list[Row]:
     targets = targets_of(plan.targets, setting)
     for name in setting.entities:
         target = targets[name]
-        described = target.describe(setting.cam2world, plan.means)
+        described = target.describe(setting.cam2world, means_at(plan.means, setting, name))
         permitted_px = target.permitted_error_px(setting.cam2world, plan.camera)
         rate = rates.get(name)
         probability = setting.probability[name]

@@ -232,6 +232,7 @@ def best_setting(
         seed=seed,
         history=outcome.history,
         witness={name: request.chosen[name] for name in request.names if name in request.chosen},
+        registered=request.known_at(outcome.cam2world, request.names),
     )
 
 

@@ -61,6 +61,7 @@ def setting_at(
         message=message,
         seed=seed,
         witness={name: own.chosen[name] for name in names if name in own.chosen},
+        registered=own.known_at(pose[0], names),
     )
 
 
@@ -83,7 +84,7 @@ def without(request: Request, setting: SensorSetting, names: Sequence[str]) -> S
     """
     kept = tuple(name for name in setting.entities if name not in names)
     if not kept:
-        return replace(setting, entities=(), probability={}, p_all={})
+        return replace(setting, entities=(), probability={}, p_all={}, registered=None)
     fewer = setting_at(
         request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev
     )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from planner.records.json_file import number
+from planner.wanted.pose_knowledge import PoseKnowledge
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,6 +58,8 @@ class SensorSetting:
     lines_in_window_px : dict of str to float
         Edges with another visible line in their search window, and the distance of that line, px.
         Only plans with conditions on the image have it.
+    registered : PoseKnowledge or None
+        How surely its pose and values are known when they are read, in plans with registration.
     fixturing : str
         Which way the part lies for it, in plans for a robot cell; otherwise empty.
     joints : tuple of float
@@ -85,6 +88,7 @@ class SensorSetting:
     p_all_poses: int = 0
     witness: dict[str, int] = field(default_factory=dict)
     passed_over: dict[str, dict[str, str]] = field(default_factory=dict)
+    registered: PoseKnowledge | None = None
     fixturing: str = ""
     joints: tuple[float, ...] = ()
     angle_deg: float | None = None
@@ -149,6 +153,7 @@ class SensorSetting:
             "seed": self.seed,
             "history": list(self.history),
             **({"witness": dict(self.witness)} if self.witness else {}),
+            **({} if self.registered is None else {"registered": self.registered.to_dict()}),
             **({"passed_over": dict(self.passed_over)} if self.passed_over else {}),
             **(
                 {"lines_in_window_px": dict(self.lines_in_window_px)}
@@ -183,7 +188,9 @@ class SensorSetting:
         """
         margins = {name: number(value) for name, value in data["margins"].items()}
         lists = {name: tuple(data.get(name, ())) for name in ("entities", "history", "joints")}
-        return cls(**{**data, **lists, "margins": margins})
+        known = data.get("registered")
+        registered = None if known is None else PoseKnowledge.from_dict(known)
+        return cls(**{**data, **lists, "margins": margins, "registered": registered})
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, SensorSetting):

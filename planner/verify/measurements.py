@@ -13,6 +13,7 @@ from planner.camera.pose import world_to_cam
 from planner.request.focus_reserve import NO_RESERVE, FocusReserve
 from planner.request.shares import probability_share, rooms, shares
 from planner.wanted.planned import targets_of
+from planner.wanted.pose_knowledge import means_at
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
 
 def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
     target = targets_of(plan.targets, setting)[name]
-    described = target.describe(setting.cam2world, plan.means)
+    described = target.describe(setting.cam2world, means_at(plan.means, setting, name))
     points = world_to_cam(target.points, setting.cam2world)
     margins = {
         "probability": float(probability_share(setting.promise[name], plan.probability)),

@@ -23,7 +23,12 @@ from numpy.typing import NDArray
 from planner.request.constraints import Constraints, Requirements
 from planner.request.focus_reserve import NO_RESERVE
 from planner.request.request import Request
-from planner.verify.simulate_setting import accurate_in, clopper_pearson, displaced_poses
+from planner.verify.simulate_setting import (
+    ValuePoses,
+    accurate_in,
+    clopper_pearson,
+    displaced_poses,
+)
 
 CONFIDENCE = 0.999
 """One-sided confidence of the lower bounds that are stated."""
@@ -164,6 +169,7 @@ class DisplacedChecks:
         """
         request = self.request
         rng = np.random.default_rng([seed, n])
+        values = ValuePoses(cam2world, request.known_at(cam2world, request.names), [seed, n])
         draws = [np.random.default_rng([seed, n, *name.encode()]) for name in request.names]
         k = len(request.names)
         successes = np.zeros(k, dtype=int)
@@ -176,10 +182,19 @@ class DisplacedChecks:
             for kind, met in self.met(poses).items():
                 failures[kind] += (valid & ~met).sum(axis=0)
                 valid &= met
+            found_from = values.of(poses)
             accurate = np.column_stack(
                 [
-                    accurate_in(target, cam2world, poses, request.camera, request.accuracy, own)
-                    for target, own in zip(self._targets, draws, strict=True)
+                    accurate_in(
+                        target,
+                        cam2world,
+                        found_from,
+                        request.camera,
+                        request.accuracy,
+                        own,
+                        values.by_surfaces(name),
+                    )
+                    for name, target, own in zip(request.names, self._targets, draws, strict=True)
                 ]
             )
             failures["error"] += (valid & ~accurate).sum(axis=0)

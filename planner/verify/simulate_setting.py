@@ -12,8 +12,8 @@ draw anew. On the sensor's one grid the nominal part has an image of definite ph
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,10 +27,13 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.verify.measure_dimension import measured_errors
 from planner.verify.simulated import Posed
+from planner.wanted.pose_knowledge import PoseKnowledge
 
 _BATCH = 100_000
 # of dimensions, which have more points
 _FEWER = 10_000
+# draws of registered poses, apart from the others
+_REGISTERED = b"registered"
 # The probability is of second order in the displacement: within 0.002 of exact rotations up to 0.03 rad, and within
 # 0.004 up to 0.055 rad (`errors.success_probability`).
 MODEL_TOLERANCE = 0.005
@@ -116,7 +119,8 @@ def simulate_setting(
     Parameters
     ----------
     setting : SensorSetting
-        The planned pose, its entities and their predicted probabilities.
+        The planned pose, its entities and their predicted probabilities. With registration, also how well its pose is
+        known when values are read.
     entities : mapping
         Name to `Entity`, to its two ends (2, 3) in mm, or to a `PlannedTarget`, for at least the setting's entities.
     camera : Camera
@@ -182,7 +186,7 @@ def simulate_setting(
     )
     for name, dimension in dimensions.items():
         counts[name] = _dimension_successes(
-            setting, dimension, camera, pose_uncertainty, n, rng, sensor_limits
+            setting, (name, dimension), camera, pose_uncertainty, n, rng, sensor_limits
         )
     return {
         name: SuccessRate(
@@ -199,7 +203,7 @@ def simulate_setting(
 
 def _dimension_successes(
     setting: Posed,
-    dimension: Any,
+    named: tuple[str, Any],
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     n: int,
@@ -207,11 +211,17 @@ def _dimension_successes(
     sensor_limits: bool,
 ) -> tuple[int, int]:
     """Measure a dimension from n displaced poses; return how often that is accurate, and how often not all in view."""
+    name, dimension = named
     hits = lost = 0
     planned = np.asarray(setting.cam2world, dtype=float)
+    values = _values_of(setting, rng)
     for start in range(0, n, _FEWER):
         poses = displaced_poses(planned, pose_uncertainty, min(_FEWER, n - start), rng)
-        error, outside = measured_errors(dimension, planned, poses, camera, rng)
+        error, outside = value_errors(
+            dimension, planned, values.of(poses), camera, rng, values.by_surfaces(name)
+        )
+        if values.registered:
+            _, outside = measured_errors(dimension, planned, poses, camera, rng)
         accurate = np.abs(error) <= dimension.permitted_error
         hits += int((accurate & ~outside if sensor_limits else accurate).sum())
         lost += int(outside.sum())
@@ -235,9 +245,12 @@ def _edge_successes(
     planned = np.asarray(setting.cam2world, dtype=float)
     successes = np.zeros(len(ends), dtype=int)
     outside = np.zeros(len(ends), dtype=int)
+    values = _values_of(setting, rng)
     for start in range(0, n, _BATCH):
         poses = displaced_poses(planned, pose_uncertainty, min(_BATCH, n - start), rng)
-        accurate, lost = _accurate_lengths(ends, planned, poses, camera, accuracy, rng)
+        accurate, lost = _accurate_lengths(ends, planned, values.of(poses), camera, accuracy, rng)
+        if values.registered:
+            lost = ~_in_image(_project(ends, poses, camera), camera)
         successes += (accurate & ~lost if sensor_limits else accurate).sum(axis=0)
         outside += lost.sum(axis=0)
     return {
@@ -269,6 +282,7 @@ def accurate_in(
     camera: Camera,
     accuracy: float,
     rng: np.random.Generator,
+    by_surfaces: float | None = None,
 ) -> np.ndarray:
     """Measure a target from displaced poses.
 
@@ -286,6 +300,8 @@ def accurate_in(
         Required accuracy of lengths.
     rng : numpy.random.Generator
         For errors of localisation, and for the phases of the pixel grid.
+    by_surfaces : float, optional
+        Standard deviation of its value by surfaces, where it is known.
 
     Returns
     -------
@@ -295,8 +311,68 @@ def accurate_in(
     if target.in_image:
         ends = np.asarray(_ends_of(target), dtype=float)[None]
         return _accurate_lengths(ends, planned, poses, camera, accuracy, rng)[0][:, 0]
-    error, _ = measured_errors(target, planned, poses, camera, rng)
+    error, _ = value_errors(target, planned, poses, camera, rng, by_surfaces)
     return np.asarray(np.abs(error) <= target.permitted_error)
+
+
+def value_errors(
+    dimension: Any,
+    planned: np.ndarray,
+    poses: np.ndarray,
+    camera: Camera,
+    rng: np.random.Generator,
+    by_surfaces: float | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `measured_errors` returns; with errors by surfaces as they are known, instead of faces off place."""
+    if by_surfaces is None:
+        return measured_errors(dimension, planned, poses, camera, rng)
+    exact = replace(dimension, surfaces_mm=0.0)
+    error, outside = measured_errors(exact, planned, poses, camera, rng)
+    return error + rng.normal(0.0, by_surfaces, len(error)), outside
+
+
+class ValuePoses:
+    """Where the camera is, as far as values are concerned: off the planned pose by what registration leaves unknown.
+
+    Values are read with the pose that registration finds. Their errors are those of values that are read with the
+    planned pose while the camera is off by the error of registration.
+
+    Parameters
+    ----------
+    planned : array (4, 4)
+        The planned pose.
+    known : PoseKnowledge or None
+        What is known after registration; None without it.
+    seed : list of int
+        Of the draws.
+    """
+
+    def __init__(self, planned: np.ndarray, known: PoseKnowledge | None, seed: Sequence[int]):
+        self._planned = planned
+        self._known = known
+        self._rng = np.random.default_rng([*seed, *_REGISTERED])
+
+    @property
+    def registered(self) -> bool:
+        """Whether there is a registration."""
+        return self._known is not None
+
+    def of(self, poses: np.ndarray) -> np.ndarray:
+        """Return as many poses as are given; these without registration."""
+        if self._known is None:
+            return poses
+        return displaced_poses(self._planned, self._known.pose_uncertainty, len(poses), self._rng)
+
+    def by_surfaces(self, name: str) -> float | None:
+        """Return the standard deviation of a value by surfaces, where it is known."""
+        return None if self._known is None else self._known.by_surfaces.get(name)
+
+
+def _values_of(setting: Posed, rng: np.random.Generator) -> ValuePoses:
+    known = getattr(setting, "registered", None)
+    # without registration nothing more is drawn
+    seed = [] if known is None else rng.integers(2**31, size=2).tolist()
+    return ValuePoses(np.asarray(setting.cam2world, dtype=float), known, seed)
 
 
 def _ends_of(item: Any) -> Any:

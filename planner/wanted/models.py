@@ -17,11 +17,13 @@ import numpy as np
 
 import errors
 from planner.camera.camera import Camera
-from planner.camera.pose import cam_to_paper, world_to_cam
+from planner.camera.pose import cam_to_paper, paper_displacement_jacobian, world_to_cam
 from planner.camera.pose_uncertainty import PoseUncertainty
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation, Measurand, MeasurandModel
+    from errors.registration import KnownPoses
+    from planner.wanted.registered.own_edges import Key, OwnEdges
 
 _IMAGE_SCALE = 1e-3
 
@@ -45,6 +47,10 @@ class Means:
         Error model of edges, see `errors.success_probability`.
     surfaces_mm : float
         Standard deviation of a face's position along its normal, mm; for dimensions.
+    by_surfaces : float, optional
+        Standard deviation of the value by surfaces, where it is known; then ``surfaces_mm`` does not count.
+    own_edges : OwnEdges, optional
+        Registration that makes poses better known than ``pose_uncertainty`` says.
     """
 
     camera: Camera
@@ -53,6 +59,8 @@ class Means:
     localisation: Localisation | None = None
     model: str = "joint"
     surfaces_mm: float = 0.0
+    by_surfaces: float | None = None
+    own_edges: OwnEdges | None = None
 
 
 class TargetModels(Protocol):
@@ -83,10 +91,18 @@ class EdgeModels:
             accuracy=means.accuracy,
             model=means.model,
         )
+        self._own_edges = means.own_edges if means.model == "joint" else None
 
     def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """Return P of poses for wanted edges; 0 for one not wholly in front of the camera or seen as a point."""
-        return self.probability_of(world_to_cam(self.ends, cam2world)[wanted])
+        ends = world_to_cam(self.ends, cam2world)[wanted]
+        if self._own_edges is None:
+            return self.probability_of(ends)
+        used = np.flatnonzero(wanted.any(axis=1))
+        known = self._own_edges.poses(np.linalg.inv(cam2world[used]))
+        root = paper_displacement_jacobian(self._image_distance) @ known.root
+        rows = np.nonzero(wanted[used])[0]
+        return self._probability(cam_to_paper(ends, self._image_distance), root[rows])
 
     def probability_of(self, ends_cam: np.ndarray) -> np.ndarray:
         """Return P (...) of edges whose ends in the camera frame are given, (..., 2, 3) in mm, OpenCV axes."""
@@ -94,19 +110,80 @@ class EdgeModels:
 
 
 class DimensionModels:
-    """The second-order models of measurands, one for each dimension."""
+    """The second-order models of measurands, one for each dimension.
 
-    def __init__(self, models: Sequence[MeasurandModel]):
-        self._models = tuple(models)
+    Parameters
+    ----------
+    models : sequence of MeasurandModel (k,)
+        The models.
+    own_edges : OwnEdges, optional
+        Registration that says how well each pose is known.
+    keys : sequence of tuple of str (k,)
+        What registration knows the targets by.
+
+    Attributes
+    ----------
+    models : tuple of MeasurandModel (k,)
+        The models.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[MeasurandModel],
+        own_edges: OwnEdges | None = None,
+        keys: Sequence[Key] = (),
+    ):
+        self.models = tuple(models)
+        self._own_edges = own_edges
+        self._keys = tuple(keys)
 
     def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """Return P of poses for wanted dimensions, as `TargetModels`."""
+        if self._own_edges is not None:
+            return self._registered(self._own_edges, cam2world, wanted)
         result = np.zeros(wanted.shape)
-        for i, model in enumerate(self._models):
+        for i, model in enumerate(self.models):
             rows = np.flatnonzero(wanted[:, i])
             if rows.size:
                 result[rows, i] = model.probability(np.linalg.inv(cam2world[rows]))
         return result[wanted]
+
+    def _registered(
+        self, own_edges: OwnEdges, cam2world: np.ndarray, wanted: np.ndarray
+    ) -> np.ndarray:
+        used = np.flatnonzero(wanted.any(axis=1))
+        inverse = np.linalg.inv(cam2world[used])
+        rows, columns = np.nonzero(wanted[used])
+        known = self.known(own_edges, inverse, rows, columns)
+        excess = np.maximum(known.variance - known.by_pose, 0.0)
+        result = np.zeros(len(rows))
+        for i in np.unique(columns):
+            own = columns == i
+            at = rows[own]
+            poses = known._replace(covariance=known.covariance[at], root=known.root[at])
+            result[own] = self.models[i].probability_at(inverse[at], poses, excess[own])
+        return result
+
+    def known(
+        self,
+        own_edges: OwnEdges,
+        world_to_camera: np.ndarray,
+        rows: np.ndarray,
+        columns: np.ndarray,
+    ) -> KnownPoses:
+        """Return what registration tells of poses (n, 4, 4), and of dimensions ``columns`` (t,) at poses ``rows`` (t,).
+
+        Variances are those of x, see `errors.measurands.measurand.Expansion`.
+        """
+        size = max(len(model.measurand.geometry) for model in self.models)
+        gradient = np.zeros((len(rows), size, 6))
+        for i in np.unique(columns):
+            own = columns == i
+            model = self.models[i]
+            by_entity = model.measurand.by_entity(world_to_camera[rows[own]], model.image)
+            gradient[own, : by_entity.shape[1]] = by_entity
+        keys = [self._keys[i] for i in columns]
+        return own_edges.known(world_to_camera, rows, keys, gradient)
 
 
 def measurand_model(value: Measurand, permitted_error: float, means: Means) -> MeasurandModel:
@@ -121,4 +198,5 @@ def measurand_model(value: Measurand, permitted_error: float, means: Means) -> M
         localisation=means.localisation or Localisation.rounding(),
         permitted_error=permitted_error,
         surfaces_mm=means.surfaces_mm,
+        by_surfaces=means.by_surfaces,
     )

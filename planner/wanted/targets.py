@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from errors.measurands import Measurand, MeasurandModel
     from planner.wanted.dimension import Dimension
-    from planner.wanted.models import Means, TargetModels
+    from planner.wanted.models import DimensionModels, Means, TargetModels
 
 
 @dataclass(frozen=True)
@@ -160,11 +160,16 @@ class DimensionTarget(Target):
     max_error: float
 
     @classmethod
-    def models(cls, targets: Sequence[DimensionTarget], means: Means) -> TargetModels:
+    def models(cls, targets: Sequence[DimensionTarget], means: Means) -> DimensionModels:
         """Return the models of the measurands."""
         from planner.wanted.models import DimensionModels
+        from planner.wanted.registered.own_edges import key_of
 
-        return DimensionModels([target.description(means) for target in targets])
+        return DimensionModels(
+            [target.description(means) for target in targets],
+            means.own_edges,
+            [key_of(target.name, target.witness.entities) for target in targets],
+        )
 
     def permitted_error(self, accuracy: float) -> float:
         """Return the dimension's own, mm (angles: degrees)."""

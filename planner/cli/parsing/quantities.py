@@ -7,7 +7,9 @@ import math
 import re
 from collections.abc import Mapping
 
-from planner.exceptions import RequestError
+from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.exceptions import PlannerError, RequestError
+from planner.wanted.registered.record import GIVEN, OWN_EDGES, RegistrationRecord
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf(?:inity)?|nan)"
 _QUANTITY = re.compile(rf"({_NUMBER})\s*(.*)", re.ASCII | re.IGNORECASE | re.DOTALL)
@@ -117,6 +119,33 @@ def sigma_pair(text: str) -> tuple[float, float]:
     raise argparse.ArgumentTypeError(
         f"must be a length and an angle like 0.05mm,0.5mrad, not negative. Got {text!r}."
     )
+
+
+def registration(text: str) -> RegistrationRecord | None:
+    """Return how poses are known when values are read.
+
+    Parameters
+    ----------
+    text : str
+        ``edges``, ``none``, or standard deviations as `sigma_pair` takes them.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is none of these.
+    """
+    if text == "none":
+        return None
+    if text == "edges":
+        return RegistrationRecord(OWN_EDGES)
+    try:
+        length, angle = sigma_pair(text)
+        known = PoseUncertainty.isotropic(translation_mm=length, rotation_rad=angle)
+    except (argparse.ArgumentTypeError, PlannerError):
+        raise argparse.ArgumentTypeError(
+            f"must be edges, none, or a length and an angle like 0.02mm,0.1mrad. Got {text!r}."
+        ) from None
+    return RegistrationRecord(GIVEN, None, known)
 
 
 # no file has more solids; Python reads no number of more than some thousand digits

@@ -20,7 +20,8 @@ from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.samples import pixels_of
-from planner.measuring.poses.registered import LEAST_POSE, displaced
+from planner.measuring.poses.registered import displaced
+from planner.wanted.pose_knowledge import LEAST_POSE
 
 if sys.version_info >= (3, 11):
     import tomllib

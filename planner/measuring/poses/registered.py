@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph.entities.carriers import PARAMETERS
 from planner.measuring.image.samples import PartEdge
 from planner.measuring.part_model import POSE, PartModel
+from planner.wanted.pose_knowledge import LEAST_POSE
 
 Array = NDArray[np.float64]
 
@@ -27,8 +28,6 @@ CYLINDER_SHARE = 3.0
 """Standard deviation of radius and place of other cylinders, in that of planes: holes are less accurate than faces."""
 TILT_SHARE = 0.5
 """How far a plane is lifted at its extent by each tilt, in the standard deviation of its offset."""
-LEAST_POSE = np.array([1e-4] * 3 + [1e-6] * 3)
-"""Standard deviations of poses that are said to be exact, mm and rad."""
 LEAST_MM = 1e-4
 """Standard deviation of surfaces that are said to be exact: none is."""
 

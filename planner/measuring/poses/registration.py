@@ -16,10 +16,9 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
 from planner.measuring.poses.fiducials import Fiducials
 from planner.setting.image_names import setting_name
+from planner.wanted.registered.record import GIVEN, OWN_EDGES, RegistrationRecord
 
 PLANNED = "planned"
-GIVEN = "given"
-OWN_EDGES = "own edges"
 FIDUCIALS = "fiducials"
 BOTH = "fiducials and own edges"
 _RIGID = 1e-6
@@ -173,6 +172,31 @@ class Registration:
             checked[name] = _rigid(pose, name)
         known = None if covariance is None else PoseUncertainty(np.asarray(covariance))
         return cls(GIVEN, surfaces_mm, checked, known)
+
+    def planned(self) -> RegistrationRecord | None:
+        """Return it as a plan takes it: for poses that are not known yet.
+
+        Returns
+        -------
+        RegistrationRecord or None
+            None for planned poses.
+
+        Raises
+        ------
+        RequestError
+            If a plan cannot know how sure poses will be.
+        """
+        if self.method == PLANNED:
+            return None
+        if self.method == OWN_EDGES:
+            return RegistrationRecord(OWN_EDGES, self.surfaces_mm)
+        if self.pose_uncertainty is not None:
+            return RegistrationRecord(GIVEN, None, self.pose_uncertainty)
+        raise RequestError.of_rule(
+            "registration",
+            "must be from own edges, or state a covariance",
+            f"one from {self.method}" if self.method != GIVEN else "given poses without one",
+        )
 
     @classmethod
     def read(cls, path: str | PathLike[str], surfaces_mm: float | None = None) -> Registration:

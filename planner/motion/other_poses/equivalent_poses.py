@@ -23,6 +23,7 @@ from planner.request.request import Request
 from planner.request.target_space import TargetSpace
 from planner.setting.pose_setting import setting_at
 from planner.verify.setting_record import search_windows_px
+from planner.wanted.registered.record import OWN_EDGES
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -47,9 +48,11 @@ def why_no_other_poses(plan: InspectionPlan) -> str:
     if plan.light is not None or plan.request.get("ring") is not None:
         return "its lamps were chosen for its poses"
     try:
-        _asked(plan)
+        asked = _asked(plan)
     except PlanFileError:
         return "the plan's request cannot be made again"
+    if asked.registration is not None and asked.registration.method == OWN_EDGES:
+        return "its values are read from images registered to the part's own edges"
     return ""
 
 
@@ -181,6 +184,7 @@ class EquivalentPoses:
             resolved.targets,
             asked.localisation,
             asked.surfaces_mm,
+            None if asked.registration is None else asked.registration.pose_uncertainty,
         )
 
     def _box(self, setting: SensorSetting) -> np.ndarray:

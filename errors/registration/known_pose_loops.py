@@ -1,0 +1,332 @@
+"""The loops of `errors.registration.known_poses`; its notation is theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from compiled.cache import njit
+
+POSE = 6
+"""Numbers of a camera's displacement."""
+
+# numbers of a surface
+_OWN = 3
+
+
+@njit(error_model="numpy")
+def find_known_poses(poses, prior, stretches, imaging, values, covariance, root, variance):
+    """Write covariance and root of each pose, and the variance of each value: by all, and by the pose alone."""
+    sigmas = stretches.sigmas
+    rows = np.zeros((len(stretches.points), POSE + 2 * _OWN))
+    weights = np.zeros(len(stretches.points))
+    shown = np.zeros(len(stretches.points))
+    scale = np.empty(POSE)
+    for i in range(POSE):
+        scale[i] = np.sqrt(prior[i, i])
+    before = _inverse_scaled(prior, scale)
+    place = np.empty(len(sigmas), np.int64)
+    first = 0
+    for i in range(len(poses)):
+        last = first
+        while last < len(values.pose) and values.pose[last] == i:
+            last += 1
+        _look(poses[i], stretches, imaging, rows, weights, shown)
+        count = _placed(stretches, values, first, last, weights, place)
+        information = np.zeros((count + POSE, count + POSE))
+        for j in range(count):
+            information[j, j] = 1.0
+        for j in range(POSE):
+            for k in range(POSE):
+                information[count + j, count + k] = before[j, k]
+        _inform(information, stretches, imaging, (rows, weights, shown, place, scale, count))
+        _factor(information)
+        _pose_of(information, scale, covariance[i], root[i])
+        for t in range(first, last):
+            state = poses[i], root[i], place, scale, count
+            _variance(information, values, t, sigmas, state, variance[t])
+        first = last
+
+
+@njit(error_model="numpy")
+def _look(pose, stretches, imaging, rows, weights, shown):
+    """Write how stretches move across their edges in an image, their weights, 0 if not shown, and lengths in px."""
+    turn = pose[:3, :3]
+    at = np.empty(3)
+    way = np.empty(3)
+    row = np.empty(3)
+    centre = np.empty(3)
+    for i in range(3):
+        centre[i] = -(turn[0, i] * pose[0, 3] + turn[1, i] * pose[1, 3] + turn[2, i] * pose[2, 3])
+    fx, fy = imaging.focal_px
+    for m in range(len(stretches.points)):
+        weights[m] = 0.0
+        shown[m] = 0.0
+        point = stretches.points[m]
+        for i in range(3):
+            at[i] = turn[i, 0] * point[0] + turn[i, 1] * point[1] + turn[i, 2] * point[2]
+            at[i] += pose[i, 3]
+        z = at[2]
+        if not z > 0.0:
+            continue
+        blur = max(abs(1.0 / z - imaging.focus[0]) / imaging.focus[1], 1.0)
+        if blur > imaging.focus[2]:
+            continue
+        u = imaging.centre_px[0] + fx * at[0] / z
+        v = imaging.centre_px[1] + fy * at[1] / z
+        edge = imaging.margin_px
+        if not (edge <= u <= imaging.limits_px[0] - 1 - edge):
+            continue
+        if not (edge <= v <= imaging.limits_px[1] - 1 - edge):
+            continue
+        if stretches.apart[m] * min(fx, fy) / z < imaging.apart_px:
+            continue
+        if not _is_free(stretches, m, centre):
+            continue
+        tangent = stretches.tangents[m]
+        for i in range(3):
+            way[i] = turn[i, 0] * tangent[0] + turn[i, 1] * tangent[1] + turn[i, 2] * tangent[2]
+        tu = fx * (way[0] - way[2] * at[0] / z) / z
+        tv = fy * (way[1] - way[2] * at[1] / z) / z
+        size = np.sqrt(tu * tu + tv * tv)
+        if not size > 0.0:
+            continue
+        row[0] = -tv / size * fx / z
+        row[1] = tu / size * fy / z
+        row[2] = -(row[0] * at[0] + row[1] * at[1]) / z
+        for i in range(3):
+            rows[m, i] = -row[i]
+        rows[m, 3] = row[1] * at[2] - row[2] * at[1]
+        rows[m, 4] = row[2] * at[0] - row[0] * at[2]
+        rows[m, 5] = row[0] * at[1] - row[1] * at[0]
+        for j in range(2 * _OWN):
+            total = 0.0
+            for k in range(3):
+                along = row[0] * turn[0, k] + row[1] * turn[1, k] + row[2] * turn[2, k]
+                total += along * stretches.moves[m, k, j]
+            rows[m, POSE + j] = total
+        length = size * stretches.lengths[m]
+        variance = imaging.noise_px * imaging.noise_px * blur * blur * blur
+        weights[m] = length / (imaging.correlation_px * variance)
+        shown[m] = length
+
+
+@njit(error_model="numpy")
+def _is_free(stretches, m, centre):
+    """Tell whether a stretch is seen from a centre: all directions of the grid around that one are free."""
+    n = stretches.free.shape[1]
+    turn = stretches.turn
+    x = centre[0] - stretches.points[m, 0]
+    y = centre[1] - stretches.points[m, 1]
+    z = centre[2] - stretches.points[m, 2]
+    a = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z
+    b = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z
+    c = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z
+    size = abs(a) + abs(b) + abs(c)
+    if not size > 0.0:
+        return False
+    a /= size
+    b /= size
+    if c < 0.0:
+        a, b = (
+            (1.0 - abs(b)) * (1.0 if a >= 0.0 else -1.0),
+            (1.0 - abs(a)) * (1.0 if b >= 0.0 else -1.0),
+        )
+    p = (a + 1.0) / 2.0 * (n - 1)
+    q = (b + 1.0) / 2.0 * (n - 1)
+    i = min(int(p), n - 2)
+    j = min(int(q), n - 2)
+    free = stretches.free[m]
+    return free[i, j] and free[i + 1, j] and free[i, j + 1] and free[i + 1, j + 1]
+
+
+@njit(error_model="numpy")
+def _placed(stretches, values, first, last, weights, place):
+    """Write where the numbers of each surface begin among the unknowns, -1 where nothing asks; return how many."""
+    place[:] = -1
+    for m in range(len(weights)):
+        if weights[m] > 0.0:
+            for side in range(2):
+                place[stretches.surfaces[stretches.edge[m], side]] = 0
+    for t in range(first, last):
+        for e in range(values.surfaces.shape[1]):
+            for side in range(2):
+                if values.surfaces[t, e, side] >= 0:
+                    place[values.surfaces[t, e, side]] = 0
+    count = 0
+    for k in range(len(place)):
+        if place[k] == 0:
+            place[k] = count
+            count += _OWN
+    return count
+
+
+@njit(error_model="numpy")
+def _inform(information, stretches, imaging, state):
+    """Add what the shown stretches say of the unknowns, in units of their standard deviations before."""
+    rows, weights, shown, place, scale, count = state
+    size = POSE + 2 * _OWN
+    own = np.empty((size, size))
+    common = np.empty(size)
+    at = np.empty(size, np.int64)
+    unit = np.empty(size)
+    start = 0
+    while start < len(weights):
+        edge = stretches.edge[start]
+        end = start
+        total = 0.0
+        length = 0.0
+        while end < len(weights) and stretches.edge[end] == edge:
+            total += weights[end]
+            length += shown[end]
+            end += 1
+        if total > 0.0:
+            left = max(length - 2.0 * imaging.end_px, 0.0) / length
+            _sum_edge(rows, weights, start, end, left, own, common)
+            for j in range(POSE):
+                at[j] = count + j
+                unit[j] = scale[j]
+            for side in range(2):
+                surface = stretches.surfaces[edge, side]
+                for j in range(_OWN):
+                    at[POSE + _OWN * side + j] = place[surface] + j
+                    unit[POSE + _OWN * side + j] = stretches.sigmas[surface, j]
+            whole = 1.0 / imaging.bias_px**2 + left * total
+            for j in range(size):
+                for k in range(size):
+                    more = own[j, k] - common[j] * common[k] / whole
+                    information[at[j], at[k]] += imaging.share * more * unit[j] * unit[k]
+        start = end
+
+
+@njit(error_model="numpy")
+def _sum_edge(rows, weights, start, end, left, own, common):
+    own[:] = 0.0
+    common[:] = 0.0
+    for m in range(start, end):
+        w = weights[m] * left
+        if w > 0.0:
+            for j in range(rows.shape[1]):
+                common[j] += w * rows[m, j]
+                for k in range(j + 1):
+                    own[j, k] += w * rows[m, j] * rows[m, k]
+    for j in range(rows.shape[1]):
+        for k in range(j):
+            own[k, j] = own[j, k]
+
+
+@njit(error_model="numpy")
+def _factor(matrix):
+    """Write the Cholesky factor into the lower half of a positive definite matrix; zeros left of it are skipped."""
+    n = len(matrix)
+    begin = np.empty(n, np.int64)
+    for i in range(n):
+        begin[i] = i
+        for j in range(i):
+            if matrix[i, j] != 0.0:
+                begin[i] = j
+                break
+        for j in range(begin[i], i + 1):
+            total = matrix[i, j]
+            for k in range(max(begin[i], begin[j]), j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
+
+
+@njit(error_model="numpy")
+def _inverse_scaled(covariance, scale):
+    """Return the inverse of a covariance (6, 6) in units of standard deviations."""
+    n = len(covariance)
+    factor = np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            factor[i, j] = covariance[i, j] / (scale[i] * scale[j])
+    _factor(factor)
+    lower = np.zeros((n, n))
+    _invert_lower(factor, 0, lower)
+    inverse = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            for k in range(max(i, j), n):
+                inverse[i, j] += lower[k, i] * lower[k, j]
+    return inverse
+
+
+@njit(error_model="numpy")
+def _invert_lower(factor, start, lower):
+    """Write the inverse of the last block of a lower triangular matrix, from a row on."""
+    n = len(lower)
+    for j in range(n):
+        lower[j, j] = 1.0 / factor[start + j, start + j]
+        for i in range(j + 1, n):
+            total = 0.0
+            for k in range(j, i):
+                total -= factor[start + i, start + k] * lower[k, j]
+            lower[i, j] = total / factor[start + i, start + i]
+
+
+@njit(error_model="numpy")
+def _pose_of(factor, scale, covariance, root):
+    """Write covariance and root of the pose, from the factor of the information with the pose last."""
+    lower = np.zeros((POSE, POSE))
+    _invert_lower(factor, len(factor) - POSE, lower)
+    for i in range(POSE):
+        for k in range(POSE):
+            root[i, k] = scale[i] * lower[k, i]
+    for i in range(POSE):
+        for j in range(POSE):
+            total = 0.0
+            for k in range(max(i, j), POSE):
+                total += root[i, k] * root[j, k]
+            covariance[i, j] = total
+
+
+@njit(error_model="numpy")
+def _variance(factor, values, t, sigmas, state, out):
+    """Write the variance of a value, and that by the pose alone."""
+    pose, root, place, scale, count = state
+    n = len(factor)
+    y = np.zeros(n)
+    for e in range(values.gradient.shape[1]):
+        own = values.gradient[t, e]
+        for j in range(POSE):
+            y[count + j] += own[j] * scale[j]
+        for side in range(2):
+            surface = values.surfaces[t, e, side]
+            if surface >= 0:
+                for j in range(_OWN):
+                    moved = _by_motion(pose, own, values.motions[t, e, side, j])
+                    y[place[surface] + j] += moved * sigmas[surface, j]
+    out[1] = 0.0
+    for j in range(POSE):
+        total = 0.0
+        for i in range(POSE):
+            total += root[i, j] * y[count + i] / scale[i]
+        out[1] += total * total
+    out[0] = 0.0
+    for i in range(n):
+        total = y[i]
+        for k in range(i):
+            total -= factor[i, k] * y[k]
+        y[i] = total / factor[i, i]
+        out[0] += y[i] * y[i]
+
+
+@njit(error_model="numpy")
+def _by_motion(pose, gradient, motion):
+    """Return how a value changes as an entity moves: as if the camera moved the other way."""
+    centre = np.empty(3)
+    shift = np.empty(3)
+    for i in range(3):
+        centre[i] = -(pose[0, i] * pose[0, 3] + pose[1, i] * pose[1, 3] + pose[2, i] * pose[2, 3])
+    shift[0] = motion[0] + motion[4] * centre[2] - motion[5] * centre[1]
+    shift[1] = motion[1] + motion[5] * centre[0] - motion[3] * centre[2]
+    shift[2] = motion[2] + motion[3] * centre[1] - motion[4] * centre[0]
+    total = 0.0
+    for i in range(3):
+        along = 0.0
+        about = 0.0
+        for j in range(3):
+            along += pose[i, j] * shift[j]
+            about += pose[i, j] * motion[3 + j]
+        total -= gradient[i] * along + gradient[3 + i] * about
+    return total
