@@ -59,7 +59,6 @@ from planner.steps.stages import run_stages
 if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions
     from aspectgraph.visibility.kept_regions import RegionStore
-    from planner.measuring.poses.registration import Registration
     from planner.progress import Progress
     from planner.robot import Cell
 
@@ -87,7 +86,7 @@ def plan_inspection(
     effort: Effort | None = None,
     localisation: Localisation | None = None,
     surfaces_mm: float | None = None,
-    registration: Registration | PoseUncertainty | None = None,
+    registration: Any = None,
     time_limit_s: float | None = None,
     gap: float = 0.0,
     on_incumbent: Callable[[InspectionPlan], object] | None = None,
@@ -228,12 +227,7 @@ def plan_inspection(
     >>> plan.complete, len(plan.settings), plan.lower_bound
     (True, 1, 1)
     """
-    check_kinds(
-        solid=(solid, "Solid"),
-        entities=(entities, ITEMS),
-        camera=(camera, "Camera"),
-        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
-    )
+    _check_kinds(solid, entities, camera, pose_uncertainty)
     options = InspectionOptions(
         workspace=workspace,
         stand_off_mm=stand_off_mm,
@@ -259,6 +253,16 @@ def plan_inspection(
     )
     promise = Promise(accuracy, probability, rng)
     return plan_by_options(solid, entities, camera, pose_uncertainty, promise, options)
+
+
+def _check_kinds(solid: Any, entities: Any, camera: Any, pose_uncertainty: Any) -> None:
+    """Refuse arguments of the wrong kind."""
+    check_kinds(
+        solid=(solid, "Solid"),
+        entities=(entities, ITEMS),
+        camera=(camera, "Camera"),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
 
 
 def plan_by_options(

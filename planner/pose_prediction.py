@@ -173,17 +173,13 @@ def predict(
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
     check_fraction("accuracy", accuracy)
-    registration = (options or InspectionOptions()).registration_record
-    if registration is not None and registration.method == OWN_EDGES:
-        raise RequestError.of_rule(
-            "registration", "must be a PoseUncertainty for one pose", "Registration.own_edges()"
-        )
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
     pose = np.asarray(cam2world, dtype=np.float64)
     if pose.shape != (4, 4):
         raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     how = options or InspectionOptions()
+    known = _registered(how)
     found_by = localisation_or_default(localisation, wanted.values())
     wanted = with_surfaces_of_call(wanted, how.surfaces_mm, found_by)
     choice = choice_for(camera, NORMAL.witnesses)
@@ -208,13 +204,22 @@ def predict(
         targets,
         found_by,
         surfaces_or_default(how.surfaces_mm, found_by),
-        None if registration is None else registration.pose_uncertainty,
+        known,
     )
     seen = _observable(space, pose[:3, 3])
     return {
         target.name: _prediction(request, target, pose, bool(observable))
         for target, observable in zip(targets, seen, strict=True)
     }
+
+
+def _registered(options: InspectionOptions) -> PoseUncertainty | None:
+    """Return how well the pose is known when values are read, if registration says so."""
+    how = options.registration_record
+    if how is not None and how.method == OWN_EDGES:
+        rule = "must be a PoseUncertainty for one pose"
+        raise RequestError.of_rule("registration", rule, "Registration.own_edges()")
+    return None if how is None else how.pose_uncertainty
 
 
 def _prediction(

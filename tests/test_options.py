@@ -14,7 +14,7 @@ CALLS = [
     (errors.simulate_success, 9),
     (errors.simulate_measurement, 10),
     (planner.plan_setting, 19),
-    (planner.plan_inspection, 27),
+    (planner.plan_inspection, 28),
     (planner.simulate_setting, 9),
 ]
 

@@ -243,7 +243,8 @@ class MeasurandModel:
         gradient = expansion.gradient[seen]
         hessian = expansion.hessian[seen]
         if known is not None:
-            covariance, root = covariance[seen], root[seen]
+            covariance = covariance[seen]
+            root = root[seen]
         if expansion.logarithmic:
             bend = np.full(len(gradient), 1 / self.measurand.nominal)
         else:

@@ -19,7 +19,7 @@ def find_known_poses(poses, prior, stretches, imaging, values, covariance, root,
     sigmas = stretches.sigmas
     rows = np.zeros((len(stretches.points), POSE + 2 * _OWN))
     weights = np.zeros(len(stretches.points))
-    shown = np.zeros(len(stretches.points))
+    shown = np.zeros((len(stretches.points), 6))
     scale = np.empty(POSE)
     for i in range(POSE):
         scale[i] = np.sqrt(prior[i, i])
@@ -49,7 +49,10 @@ def find_known_poses(poses, prior, stretches, imaging, values, covariance, root,
 
 @njit(error_model="numpy")
 def _look(pose, stretches, imaging, rows, weights, shown):
-    """Write how stretches move across their edges in an image, their weights, 0 if not shown, and lengths in px."""
+    """Write how stretches move across their edges in an image, and their weights, 0 if not shown.
+
+    ``shown`` (m, 6) gets their lengths, middles and half their vectors, px, and whether they may be another line.
+    """
     turn = pose[:3, :3]
     at = np.empty(3)
     way = np.empty(3)
@@ -68,19 +71,12 @@ def _look(pose, stretches, imaging, rows, weights, shown):
         z = at[2]
         if not z > 0.0:
             continue
-        blur = max(abs(1.0 / z - imaging.focus[0]) / imaging.focus[1], 1.0)
-        if blur > imaging.focus[2]:
-            continue
         u = imaging.centre_px[0] + fx * at[0] / z
         v = imaging.centre_px[1] + fy * at[1] / z
         edge = imaging.margin_px
         if not (edge <= u <= imaging.limits_px[0] - 1 - edge):
             continue
         if not (edge <= v <= imaging.limits_px[1] - 1 - edge):
-            continue
-        if stretches.apart[m] * min(fx, fy) / z < imaging.apart_px:
-            continue
-        if not _is_free(stretches, m, centre):
             continue
         tangent = stretches.tangents[m]
         for i in range(3):
@@ -89,6 +85,17 @@ def _look(pose, stretches, imaging, rows, weights, shown):
         tv = fy * (way[1] - way[2] * at[1] / z) / z
         size = np.sqrt(tu * tu + tv * tv)
         if not size > 0.0:
+            continue
+        free = _free_ways(stretches, m, centre)
+        length = size * stretches.lengths[m]
+        shown[m, 1] = u
+        shown[m, 2] = v
+        shown[m, 3] = tu * stretches.lengths[m] / 2.0
+        shown[m, 4] = tv * stretches.lengths[m] / 2.0
+        # what may be seen may be taken for another line
+        shown[m, 5] = 1.0 if free > 0 else 0.0
+        blur = max(abs(1.0 / z - imaging.focus[0]) / imaging.focus[1], 1.0)
+        if free < 4 or blur > imaging.focus[2]:
             continue
         row[0] = -tv / size * fx / z
         row[1] = tu / size * fy / z
@@ -104,15 +111,15 @@ def _look(pose, stretches, imaging, rows, weights, shown):
                 along = row[0] * turn[0, k] + row[1] * turn[1, k] + row[2] * turn[2, k]
                 total += along * stretches.moves[m, k, j]
             rows[m, POSE + j] = total
-        length = size * stretches.lengths[m]
         variance = imaging.noise_px * imaging.noise_px * blur * blur * blur
         weights[m] = length / (imaging.correlation_px * variance)
-        shown[m] = length
+        shown[m, 0] = length
+    _keep_apart(stretches.edge, imaging.apart_px, weights, shown)
 
 
 @njit(error_model="numpy")
-def _is_free(stretches, m, centre):
-    """Tell whether a stretch is seen from a centre: all directions of the grid around that one are free."""
+def _free_ways(stretches, m, centre):
+    """Return how many of the four directions of the grid around that to a centre are free; a stretch is seen by all."""
     n = stretches.free.shape[1]
     turn = stretches.turn
     x = centre[0] - stretches.points[m, 0]
@@ -123,7 +130,7 @@ def _is_free(stretches, m, centre):
     c = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z
     size = abs(a) + abs(b) + abs(c)
     if not size > 0.0:
-        return False
+        return 0
     a /= size
     b /= size
     if c < 0.0:
@@ -136,7 +143,53 @@ def _is_free(stretches, m, centre):
     i = min(int(p), n - 2)
     j = min(int(q), n - 2)
     free = stretches.free[m]
-    return free[i, j] and free[i + 1, j] and free[i, j + 1] and free[i + 1, j + 1]
+    return int(free[i, j]) + int(free[i + 1, j]) + int(free[i, j + 1]) + int(free[i + 1, j + 1])
+
+
+@njit(error_model="numpy")
+def _keep_apart(edge, apart, weights, shown):
+    """Take from weights and lengths the share of stretches near another edge in the image: of five points on each."""
+    for m in range(len(weights)):
+        if weights[m] == 0.0:
+            continue
+        near = 0
+        reach = abs(shown[m, 3]) + apart
+        rise = abs(shown[m, 4]) + apart
+        for n in range(len(weights)):
+            if shown[n, 5] == 0.0 or edge[n] == edge[m]:
+                continue
+            du = shown[n, 1] - shown[m, 1]
+            dv = shown[n, 2] - shown[m, 2]
+            if abs(du) > reach + abs(shown[n, 3]) or abs(dv) > rise + abs(shown[n, 4]):
+                continue
+            near |= _near_points(du, dv, shown[m], shown[n], apart)
+        left = 5
+        for k in range(5):
+            if near & (1 << k):
+                left -= 1
+        weights[m] *= left / 5.0
+        shown[m, 0] *= left / 5.0
+
+
+@njit(error_model="numpy")
+def _near_points(du, dv, one, other, apart):
+    """Return as bits which of five points of a stretch have another one near, whose middle is (du, dv) away."""
+    hu = other[3]
+    hv = other[4]
+    size = hu * hu + hv * hv
+    bits = 0
+    for k in range(5):
+        share = 0.4 * (k - 2)
+        pu = share * one[3] - du
+        pv = share * one[4] - dv
+        along = 0.0
+        if size > 0.0:
+            along = min(max((pu * hu + pv * hv) / size, -1.0), 1.0)
+        pu -= along * hu
+        pv -= along * hv
+        if pu * pu + pv * pv < apart * apart:
+            bits |= 1 << k
+    return bits
 
 
 @njit(error_model="numpy")
@@ -177,7 +230,7 @@ def _inform(information, stretches, imaging, state):
         length = 0.0
         while end < len(weights) and stretches.edge[end] == edge:
             total += weights[end]
-            length += shown[end]
+            length += shown[end, 0]
             end += 1
         if total > 0.0:
             left = max(length - 2.0 * imaging.end_px, 0.0) / length

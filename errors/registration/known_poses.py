@@ -36,8 +36,6 @@ class Stretches(NamedTuple):
         Their middles, mm, and unit vectors along them.
     lengths : array (m,)
         Along the edge, mm.
-    apart : array (m,)
-        How far away the next other edge is, mm.
     moves : array (m, 3, 6)
         How they move with the numbers of both surfaces of their edge.
     edge : array of int (m,)
@@ -55,7 +53,6 @@ class Stretches(NamedTuple):
     points: Array
     tangents: Array
     lengths: Array
-    apart: Array
     moves: Array
     edge: NDArray[np.int64]
     surfaces: NDArray[np.int64]
@@ -83,7 +80,8 @@ class Imaging(NamedTuple):
     bias_px : float
         Standard deviation of an edge's bias.
     margin_px, apart_px, end_px : float
-        Strip along the border without samples; how far other edges must be; what is not sampled at each end of an edge.
+        Strip along the border without samples; how far other edges must be in the image; what is not sampled at each
+        end of an edge.
     share : float
         Share of what is shown that is found.
     """

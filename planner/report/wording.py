@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
 from planner.request.defaults import corner_margin_px
@@ -26,6 +27,7 @@ from planner.verify.simulate_setting import (
 )
 from planner.wanted.assumed import SURFACES_MM
 from planner.wanted.planned import words_of
+from planner.wanted.registered.record import OWN_EDGES
 
 if TYPE_CHECKING:
     from aspectgraph import JointEstimate
@@ -131,6 +133,17 @@ def unfinished_sentence(plan: InspectionPlan) -> str:
     return f"Planning stopped early. A longer run may {more}."
 
 
+def registration_text(plan: InspectionPlan) -> str:
+    """Say how poses are known when values are read; empty where they are as planned."""
+    how = plan.request.get("registration")
+    if not how:
+        return ""
+    if how["method"] == OWN_EDGES:
+        return "values are read from images registered to the part's own edges"
+    sigmas = PoseUncertainty.from_dict(how["pose_uncertainty"]).sigmas
+    return f"poses are known to {sigmas[:3].max():g} mm and {sigmas[3:].max():g} rad when values are read"
+
+
 def promise_sentence(plan: InspectionPlan) -> str:
     """Say what P is, and what it takes as given."""
     words = words_of(plan.targets)
@@ -139,6 +152,8 @@ def promise_sentence(plan: InspectionPlan) -> str:
         f"P is the probability that the error is at most {error}, given a registered image in which "
         f"{words.found}."
     )
+    if registered := registration_text(plan):
+        alone += f" Here, {registered}, so the camera's own uncertainty limits where it looks, not what it reads."
     poses = min((one.p_all_poses for one in plan.settings if one.p_all), default=0)
     if not poses:
         return alone

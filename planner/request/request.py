@@ -112,13 +112,11 @@ class Request:
     def means(self) -> Means:
         """What the targets are measured with, and how accurately."""
         how = self.registered
-        if isinstance(how, PoseUncertainty):
-            known, own_edges = how, None
-        else:
-            known, own_edges = self.pose_uncertainty, how
+        given = how if isinstance(how, PoseUncertainty) else None
+        own_edges = how if isinstance(how, OwnEdges) else None
         return Means(
             self.camera,
-            known,
+            given or self.pose_uncertainty,
             self.accuracy,
             self.localisation,
             surfaces_mm=self.surfaces_mm,

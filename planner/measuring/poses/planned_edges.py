@@ -14,14 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from errors.measurands import Geometry, Line
 from errors.measurands.localisation import FLOOR_PX
 from errors.registration import Imaging, Stretches
 from planner.camera.camera import Camera
-from planner.measuring.image.samples import APART_PX, END_PX, PartEdge, PartEdges
+from planner.measuring.image.samples import APART_PX, END_PX, PartEdges
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.register import CORRELATION_PX, LEAST_SHARE, bias_of
 from planner.measuring.poses.registered import prior_covariance
@@ -50,10 +49,6 @@ _LEAST = 3
 _LEAST_CIRCLE = 8
 _MOST = 24
 _LIFT_MM = 0.03
-# what is farther away is another line wherever it is
-_FAR_MM = 1e3
-# points of a line along a stretch, to find what is near
-_FINE = 20
 # digits that all machines compute alike
 _DIGITS = 9
 # angles that are no multiples of anything
@@ -154,7 +149,6 @@ def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
         _rounded(points),
         _rounded(tangents),
         _rounded(lengths),
-        _rounded(_apart(edges, edge_of, points, step)),
         _rounded(moves),
         edge_of,
         np.array([model.carried_by[edge.name] for edge in edges], dtype=np.int64),
@@ -172,26 +166,6 @@ def _length(geometry: Geometry) -> float:
     if isinstance(geometry, Line):
         return float(geometry.length)
     return float(geometry.radius_mm * geometry.span_rad)
-
-
-def _apart(edges: list[PartEdge], edge_of: NDArray[np.int64], points: Array, step: float) -> Array:
-    """Return how far each point (m, 3) of an edge is from other edges, mm; `_FAR_MM` beyond half a step."""
-    places = []
-    owner = []
-    for k, edge in enumerate(edges):
-        n = int(np.clip(np.ceil(_FINE * _length(edge.geometry) / step), 8, 2000))
-        places.append(edge.at((np.arange(n) + 0.5) / n)[0])
-        owner.append(np.full(n, k))
-    own = np.concatenate(owner)
-    every = np.concatenate(places)
-    ids = [set(edge.edge_ids) for edge in edges]
-    near = cKDTree(every).query_ball_point(points, step / 2)
-    apart = np.full(len(points), _FAR_MM)
-    for i, found in enumerate(near):
-        other = [j for j in found if not ids[own[j]] & ids[edge_of[i]]]
-        if other:
-            apart[i] = np.sqrt(((every[other] - points[i]) ** 2).sum(axis=1)).min()
-    return apart
 
 
 def _free(

@@ -22,6 +22,7 @@ from planner import (
     Lighting,
     MeshRegion,
     PoseUncertainty,
+    Registration,
     RequestError,
     SphereRegion,
 )
@@ -84,6 +85,7 @@ CHANGES = {
     "localisation": ({"localisation": Localisation.rounding(9)}, "localisation changed: points"),
     "gap": ({"gap": 0.1}, "gap was 0 and is now 0.1"),
     "surfaces_mm": ({"surfaces_mm": 0.05}, "surfaces_mm was 0 and is now 0.05"),
+    "registration": ({"registration": Registration.own_edges()}, "registration changed"),
 }
 
 

@@ -1,0 +1,244 @@
+"""Plans whose values are read from registered images: what registration is said to tell is what `measure` finds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from aspectgraph import Solid
+from errors.registration import posterior
+from errors.registration.known_pose_loops import _free_ways
+from planner import (
+    Camera,
+    Dimension,
+    Effort,
+    InspectionOptions,
+    Measurer,
+    PoseUncertainty,
+    Registration,
+    RequestError,
+    look_at,
+    plan_inspection,
+    read_plan,
+)
+from planner.callbacks import Deadline
+from planner.camera.pose import world_to_cam
+from planner.identity.resolve_request import Promise, resolve_request
+from planner.identity.restore import restored_options, restored_request
+from planner.inspection import _request
+from planner.measuring.part_model import POSE, PartModel
+from planner.measuring.poses import register as registering
+from planner.measuring.poses.planned_edges import planned_edges
+from planner.measuring.poses.registered import displaced, prior_covariance
+from planner.verify.setting_record import search_windows_px
+from planner.verify.simulate_plan import simulate_plan
+
+CAMERA = Camera.named("basler-acA2440-20gm-8mm")
+ROBOT = PoseUncertainty.isotropic(translation_mm=0.3, rotation_rad=0.003)
+QUICK = Effort(viewpoints=5, pricing_rounds=1, refutations=1, bound_nodes=100)
+OWN_EDGES = Registration.own_edges(surfaces_mm=0.03)
+
+
+@pytest.fixture(scope="module")
+def block():
+    return Solid.read("examples/two_pocket_block.off")
+
+
+def planned(block, registration=None, **more):
+    wanted = {
+        "width": Dimension.distance(25, 27, tolerance_mm=(-0.13, 0.13)),
+        "height": Dimension.distance(24, 26, tolerance_mm=(-0.13, 0.13)),
+    }
+    return plan_inspection(
+        block, wanted, CAMERA, ROBOT, effort=QUICK, registration=registration, **more
+    )
+
+
+@pytest.fixture(scope="module")
+def registered(block):
+    return planned(block, OWN_EDGES)
+
+
+def requested(block, plan):
+    """The request of a plan, without registration."""
+    asked = restored_request(plan.request)
+    items = {record.name: record.item_of(block) for record in asked.targets}
+    options = replace(restored_options(asked), registration=None)
+    promise = Promise(asked.accuracy, asked.probability, asked.seed)
+    resolved = resolve_request(block, items, asked.camera, asked.pose_uncertainty, promise, options)
+    return _request(block, resolved, options, Deadline(None, 0.0))
+
+
+def at(plan, setting, name, known=None):
+    """What a target is described as, with the knowledge of the setting or another one."""
+    means = plan.means if known is None else known.of_target(plan.means, name)
+    return plan.targets[name].describe(setting.cam2world, means)
+
+
+def test_a_robot_that_is_not_accurate_enough_is_with_registration(block, registered):
+    before = planned(block)
+    assert set(before.uninspectable) == {"width", "height"}
+    assert registered.complete
+    assert registered.pose_uncertainty == ROBOT
+    # windows keep the robot's uncertainty
+    assert registered.requirements == before.requirements
+
+
+def test_what_is_stated_follows_from_what_the_setting_knows(registered):
+    (setting,) = registered.settings
+    for name in setting.entities:
+        found = at(registered, setting, name, setting.registered)
+        assert setting.probability[name] == pytest.approx(found.probability, abs=2e-4)
+        assert setting.p_all[name] <= setting.probability[name]
+        # the robot alone is not good enough there
+        assert at(registered, setting, name).probability < 0.9
+
+
+def test_exact_poses_drawn_from_it_confirm_what_is_stated(registered):
+    assert simulate_plan(registered, 4000, rng=3).confirmed
+
+
+def test_a_plan_in_a_file_is_the_same_and_plans_again(registered, tmp_path):
+    path = registered.write(tmp_path / "plan.json")
+    again = read_plan(path)
+    assert again == registered
+    assert again.settings[0].registered.by_surfaces == registered.settings[0].registered.by_surfaces
+    asked = restored_request(again.request)
+    assert restored_options(asked).registration == asked.registration
+    assert (asked.registration.method, asked.registration.surfaces_mm) == ("own edges", 0.03)
+
+
+def test_measuring_takes_the_surfaces_of_the_plan(block, registered):
+    measurer = Measurer(registered, block)
+    assert measurer._surfaces_mm(Registration.own_edges()) == 0.03
+    assert measurer._surfaces_mm(Registration.own_edges(0.07)) == 0.07
+
+
+def registration_of(model, cam2world):
+    """Joint covariance that `measure` has after it finds every sample of the part, 0.15 px off."""
+    prior = prior_covariance(model, ROBOT.covariance, 0.03)
+    task = registering._task(model, CAMERA, cam2world, prior, 0.15)
+    nothing = np.zeros(len(prior))
+    design = task.design(nothing, task.predicted(nothing)[1])
+    variance = 0.15**2 * registering.CORRELATION_PX / registering.STEP_PX
+    rows = registering._rows(
+        task, design, np.zeros(len(design)), np.full(len(design), 1 / variance)
+    )
+    return posterior(prior, rows, 0.15**2).covariance
+
+
+def test_no_pose_is_said_to_be_known_better_than_registration_finds_it(block, registered):
+    """Along every direction, from poses all around that see something of the part."""
+    model = PartModel(block, registered.targets)
+    request = requested(block, registered)
+    edges = planned_edges(request, 0.03)
+    places = np.random.default_rng(5).normal(size=(40, 3))
+    places = [30.0, 30.0, 20.0] + 300.0 * places / np.linalg.norm(places, axis=1, keepdims=True)
+    ratios = []
+    for pose in look_at(places, [30.0, 30.0, 20.0]):
+        known = edges.poses(np.linalg.inv(pose)[None]).covariance[0]
+        exact = registration_of(model, pose)[:POSE, :POSE]
+        # standard deviations along the directions that matter most to their difference
+        ratios.append(np.sqrt(scipy.linalg.eigh(known, exact, eigvals_only=True)))
+    ratios = np.array(ratios)
+    assert ratios.min() > 0.99
+    assert np.median(ratios) < 1.5
+
+
+def test_values_are_said_to_be_no_better_than_registration_finds_them(block, registered):
+    """The variance by pose and surfaces together, with derivatives that the prediction does not share."""
+    (setting,) = registered.settings
+    model = PartModel(block, registered.targets)
+    pose = np.asarray(setting.cam2world)
+    covariance = registration_of(model, pose)
+    for name in setting.entities:
+        found = at(registered, setting, name, setting.registered).budget
+        stated = found["translation"] + found["rotation"] + found["surfaces"]
+        gradient = value_gradient(model, registered.targets[name], name, pose)
+        exact = gradient @ covariance @ gradient
+        assert exact < stated * 1.05
+        assert stated < 16 * exact
+
+
+def value_gradient(model, target, name, pose):
+    """Derivatives of a value by pose and surfaces: points carried back to planes that are moved."""
+    measurand = target.measurand
+    gradient = np.zeros(model.n_unknowns)
+    for i in range(len(gradient)):
+        step = 1e-5 if 3 <= i < POSE else 1e-3
+        values = []
+        for sign in (1, -1):
+            x = np.zeros(model.n_unknowns)
+            x[i] = sign * step
+            seen_from = displaced(pose, x[:POSE])[0]
+            fitted = []
+            for edge, frame in zip(model.measured[name], measurand.frames, strict=True):
+                ends = np.array([edge.geometry.p, edge.geometry.q])
+                normal = np.cross(frame.x, frame.y)
+                # the real edge is off with its surfaces, across its plane
+                off = model.displacement(edge, ends) @ x[model.unknowns_of(edge)] @ normal
+                real = ends + off[:, None] * normal
+                local = world_to_cam(real, seen_from)
+                ways = local / local[:, 2:] @ pose[:3, :3].T
+                reach = (frame.origin - pose[:3, 3]) @ normal / (ways @ normal)
+                flat = pose[:3, 3] + reach[:, None] * ways - frame.origin
+                x_, y_ = flat @ frame.x, flat @ frame.y
+                slope = (y_[1] - y_[0]) / (x_[1] - x_[0])
+                fitted.append(np.array([[y_.mean() - slope * x_.mean(), slope]]))
+            values.append(measurand.value(fitted)[0])
+        gradient[i] = (values[0] - values[1]) / (2 * step)
+    return gradient
+
+
+def test_hidden_edges_do_not_count(block, registered):
+    known = planned_edges(requested(block, registered), 0.03).stretches
+    model = PartModel(block, registered.targets)
+    counts = np.bincount(known.edge)
+    normals = np.concatenate(
+        [
+            edge.at((np.arange(n) + 0.5) / n)[2]
+            for edge, n in zip(model.edges.edges, counts, strict=True)
+        ]
+    )
+    seen = 0
+    for place in np.random.default_rng(2).normal(size=(30, 3)):
+        pose = np.eye(4)
+        pose[:3, 3] = [30.0, 30.0, 20.0] + 300.0 * place / np.linalg.norm(place)
+        visible = model.edges._visible(known.points, normals, np.zeros(len(normals)), pose)
+        counted = [_free_ways(known, m, pose[:3, 3]) == 4 for m in range(len(visible))]
+        assert not (counted & ~visible).any()
+        seen += np.sum(counted) / visible.sum()
+    assert seen / 30 > 0.8
+
+
+def test_a_given_covariance_counts_for_values_alone(block):
+    exact = PoseUncertainty.isotropic(translation_mm=0.01, rotation_rad=0.0001)
+    plan = planned(block, exact)
+    assert plan.complete
+    for setting in plan.settings:
+        assert setting.registered.pose_uncertainty == exact
+        for name in setting.entities:
+            means = replace(plan.means, pose_uncertainty=exact)
+            stated = plan.targets[name].describe(setting.cam2world, means).probability
+            assert setting.probability[name] == pytest.approx(stated, abs=1e-9)
+    windows = search_windows_px(plan, plan.settings[0])
+    shown = replace(plan, pose_uncertainty=exact)
+    assert min(windows.values()) > 10 * max(search_windows_px(shown, plan.settings[0]).values())
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("edges", "registration must be Registration.own_edges"),
+        (Registration.given({1: np.eye(4)}), "given poses without one"),
+    ],
+)
+def test_what_a_plan_cannot_know_is_refused_before_any_work(block, how, words):
+    with pytest.raises(RequestError, match=words):
+        planned(block, how)
+
+
+def test_planned_poses_are_no_registration(block):
+    options = InspectionOptions(registration=Registration.none())
+    assert options.registration_record is None
