@@ -22,6 +22,7 @@ from planner import (
     plan_inspection,
     read_plan,
 )
+from planner.bound.least_image import least_images_mm
 from planner.callbacks import Deadline
 from planner.camera.pose import world_to_cam
 from planner.identity.resolve_request import Promise, resolve_request
@@ -210,6 +211,49 @@ def test_hidden_edges_do_not_count(block, registered):
         assert not (counted & ~visible).any()
         seen += np.sum(counted) / visible.sum()
     assert seen / 30 > 0.8
+
+
+@pytest.fixture(scope="module")
+def edges_of_block(block):
+    """A request for edges, whose lengths are measured on whole pixels."""
+    ids = [edge.id for edge in block.straight_edges()][::4]
+    camera, promise = CAMERA, Promise(0.98, 0.9, 0)
+    options = InspectionOptions(effort=QUICK)
+    resolved = resolve_request(block, ids, camera, ROBOT, promise, options)
+    return _request(block, resolved, options, Deadline(None, 0.0))
+
+
+def test_lengths_of_edges_are_as_probable_as_with_the_covariance_that_is_left(edges_of_block):
+    before = replace(edges_of_block, accuracy=0.998)
+    request = replace(before, registered=planned_edges(before, 0.03))
+    (pose,) = look_at([[150.0, -120.0, 260.0]], [30.0, 30.0, 20.0])
+    stated = request.objective.probability(pose[None])[0]
+    known = request.known_at(pose, request.names)
+    assert known.by_surfaces == {}
+    given = replace(before, registered=known.pose_uncertainty)
+    np.testing.assert_allclose(given.objective.probability(pose[None])[0], stated, atol=1e-6)
+    assert stated.sum() > before.objective.probability(pose[None])[0].sum() + 0.05
+
+
+def test_the_bound_uses_no_registration(edges_of_block):
+    """What it asks of images is necessary however well poses are known."""
+    exact = PoseUncertainty.isotropic(translation_mm=1e-4, rotation_rad=1e-6)
+    request = replace(edges_of_block, registered=exact)
+    least = least_images_mm(request)
+    np.testing.assert_array_equal(least, least_images_mm(edges_of_block))
+    assert request.requirements == edges_of_block.requirements
+    places = np.random.default_rng(7).normal(size=(400, 3))
+    places *= np.random.default_rng(8).uniform(400, 3000, (400, 1)) / np.linalg.norm(
+        places, axis=1, keepdims=True
+    )
+    poses = look_at(places, [30.0, 30.0, 20.0])
+    local = world_to_cam(request.ends, poses)
+    images = local[..., :2] / local[..., 2:] * CAMERA.image_distance_mm
+    length = np.linalg.norm(images[..., 1, :] - images[..., 0, :], axis=-1)
+    short = length < least
+    assert short.sum() > 100
+    assert request.objective.probability(poses)[short].max() < request.probability
+    assert (request.objective.probability(poses) >= request.probability).sum() > 100
 
 
 def test_a_given_covariance_counts_for_values_alone(block):
