@@ -175,11 +175,10 @@ def plan_inspection(
         `Dimension` states of its own, otherwise 0.02 mm; 0 if points are rounded to whole pixels.
     registration : Registration or PoseUncertainty, optional
         How the poses of images are known when values are read. With ``Registration.own_edges()``,
-        `measure` will register each image to the part's own edges, and P is that of values read
-        from registered images; the program predicts how sure they are from what each pose shows of
-        the part. A `PoseUncertainty` is that of poses that something else measures. Where the
-        camera may be while it takes the images, remains ``pose_uncertainty``. Default: values are
-        read with the planned poses.
+        `measure` will register each image to the part's own edges, and P is that of these values.
+        The program predicts it from what each pose shows of the part. A `PoseUncertainty` is that
+        of poses that something else measures. Where the camera may be while it takes the images,
+        remains ``pose_uncertainty``. Default: values are read with the planned poses.
     time_limit_s : float, optional
         End the planning after this many seconds with the best plan so far, which is then
         ``unfinished``. Visibility may take half of them. The plan omits a target whose visibility

@@ -100,21 +100,27 @@ def _look(pose, stretches, imaging, rows, weights, shown):
         row[0] = -tv / size * fx / z
         row[1] = tu / size * fy / z
         row[2] = -(row[0] * at[0] + row[1] * at[1]) / z
-        for i in range(3):
-            rows[m, i] = -row[i]
-        rows[m, 3] = row[1] * at[2] - row[2] * at[1]
-        rows[m, 4] = row[2] * at[0] - row[0] * at[2]
-        rows[m, 5] = row[0] * at[1] - row[1] * at[0]
-        for j in range(2 * _OWN):
-            total = 0.0
-            for k in range(3):
-                along = row[0] * turn[0, k] + row[1] * turn[1, k] + row[2] * turn[2, k]
-                total += along * stretches.moves[m, k, j]
-            rows[m, POSE + j] = total
+        _unknowns_of(row, at, turn, stretches.moves[m], rows[m])
         variance = imaging.noise_px * imaging.noise_px * blur * blur * blur
         weights[m] = length / (imaging.correlation_px * variance)
         shown[m, 0] = length
     _keep_apart(stretches.edge, imaging.apart_px, weights, shown)
+
+
+@njit(error_model="numpy")
+def _unknowns_of(across, at, turn, moves, row):
+    """Write how an image moves with the unknowns, given how it moves with its point (3,) in the camera's frame."""
+    for i in range(3):
+        row[i] = -across[i]
+    row[3] = across[1] * at[2] - across[2] * at[1]
+    row[4] = across[2] * at[0] - across[0] * at[2]
+    row[5] = across[0] * at[1] - across[1] * at[0]
+    for j in range(2 * _OWN):
+        total = 0.0
+        for k in range(3):
+            along = across[0] * turn[0, k] + across[1] * turn[1, k] + across[2] * turn[2, k]
+            total += along * moves[k, j]
+        row[POSE + j] = total
 
 
 @njit(error_model="numpy")

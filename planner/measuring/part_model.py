@@ -28,6 +28,8 @@ _SAME = 1e-3
 _ANGLE = 1e-3
 # edges meet where their ends are this near
 _MEETS_MM = 1e-3
+# a stretch of an edge lies on it as near as this
+_ON_MM = 1e-2
 # cosine from which on a surface faces across an entity, and so moves its value
 _ACROSS = 0.1
 
@@ -117,12 +119,31 @@ class PartModel:
         try:
             found = resolve_entities(self.solid, {target: (geometry.p, geometry.q)})[target]
         except EntityError as error:
+            if (stretch := self._stretch(geometry)) is not None:
+                return stretch
             rule = "must be the one that was planned"
             raise RequestError.of_rule("part", rule, f"another: {error}".rstrip(".")) from error
         name = "+".join(f"e{i}" for i in found.edge_ids)
         edge = self.edges.edge_of(name, geometry, found.edge_ids)
         self._carry(edge)
         return edge
+
+    def _stretch(self, line: Line) -> PartEdge | None:
+        """Return the part's edge that a line is a stretch of, as long as the line; None if there is none."""
+        for edge in self.edges.edges:
+            one = edge.geometry
+            if not isinstance(one, Line):
+                continue
+            ends = np.array([line.p, line.q]) - one.p
+            along = ends @ one.direction
+            off = np.linalg.norm(ends - along[:, None] * one.direction, axis=1)
+            if (
+                off.max() <= _ON_MM
+                and along.min() >= -_ON_MM
+                and along.max() <= one.length + _ON_MM
+            ):
+                return self.edges.edge_of(edge.name, line, edge.edge_ids)
+        return None
 
     def _curve(self, geometry: Circle, target: str) -> PartEdge:
         allowed = _SAME * geometry.radius_mm

@@ -184,7 +184,8 @@ def value_gradient(model, target, name, pose):
                 ways = local / local[:, 2:] @ pose[:3, :3].T
                 reach = (frame.origin - pose[:3, 3]) @ normal / (ways @ normal)
                 flat = pose[:3, 3] + reach[:, None] * ways - frame.origin
-                x_, y_ = flat @ frame.x, flat @ frame.y
+                x_ = flat @ frame.x
+                y_ = flat @ frame.y
                 slope = (y_[1] - y_[0]) / (x_[1] - x_[0])
                 fitted.append(np.array([[y_.mean() - slope * x_.mean(), slope]]))
             values.append(measurand.value(fitted)[0])
@@ -217,9 +218,9 @@ def test_hidden_edges_do_not_count(block, registered):
 def edges_of_block(block):
     """A request for edges, whose lengths are measured on whole pixels."""
     ids = [edge.id for edge in block.straight_edges()][::4]
-    camera, promise = CAMERA, Promise(0.98, 0.9, 0)
+    promise = Promise(0.98, 0.9, 0)
     options = InspectionOptions(effort=QUICK)
-    resolved = resolve_request(block, ids, camera, ROBOT, promise, options)
+    resolved = resolve_request(block, ids, CAMERA, ROBOT, promise, options)
     return _request(block, resolved, options, Deadline(None, 0.0))
 
 
