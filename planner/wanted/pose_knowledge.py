@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.camera.pose_uncertainty import PoseUncertainty
-from planner.wanted.models import Means
-from planner.wanted.targets import DimensionTarget, Target
+
+if TYPE_CHECKING:
+    from planner.wanted.models import Means
+    from planner.wanted.targets import Target
 
 LEAST_POSE = np.array([1e-4] * 3 + [1e-6] * 3)
 """Standard deviations of poses that are said to be exact, mm and rad."""
@@ -108,6 +110,9 @@ def knowledge_of(
     cam2world : array (4, 4)
         The pose.
     """
+    # a plan in a file needs no models
+    from planner.wanted.targets import DimensionTarget
+
     own_edges = means.own_edges
     if own_edges is None:
         raise ValueError("own_edges must be given. Got none.")

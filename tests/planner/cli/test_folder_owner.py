@@ -11,7 +11,13 @@ from plan_examples import CAMERA, ENTITIES, UNCERTAINTY, plan
 
 from errors.measurands import Localisation
 from planner.camera.camera import Camera
-from planner.cli.arguments import add_asked, add_light, add_wanted, add_workspace
+from planner.cli.arguments import (
+    add_asked,
+    add_light,
+    add_registration,
+    add_wanted,
+    add_workspace,
+)
 from planner.cli.folder_owner import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner, option
 from planner.cli.robot.definitions import add_plan_cell
 from planner.columns.outcome import Outcome
@@ -138,7 +144,7 @@ def test_every_field_of_a_request_is_named_as_an_option_that_there_is():
     import argparse
 
     parser = argparse.ArgumentParser()
-    for add in (add_wanted, add_asked, add_light, add_workspace, add_plan_cell):
+    for add in (add_wanted, add_asked, add_light, add_workspace, add_plan_cell, add_registration):
         add(parser)
     names = [one.name for kind in (InspectionRequest, Lighting) for one in fields(kind)]
     names += [one.name for one in fields(Requirements)]
