@@ -12,7 +12,7 @@ import pytest
 from planner.cli.definitions import build_parser
 from planner.cli.main import main
 from planner.cli.parsing.parser import UsageError, check_names, command_parsers
-from planner.cli.parsing.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths
+from planner.cli.parsing.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, registration
 from planner.cli.process.exit_codes import BAD_INPUT, DONE
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
@@ -193,3 +193,18 @@ def test_fish_gets_every_option_with_its_help(capsys):
     assert "basler-acA2440-20gm-8mm" in cameras
     # in quotes, a quote of fish is escaped
     assert all(line.replace("\\'", "").count("'") % 2 == 0 for line in lines)
+
+
+def test_how_poses_are_known_may_be_edges_none_or_a_pair():
+    assert registration("none") is None
+    assert (registration("edges").method, registration("edges").pose_uncertainty) == (
+        "own edges",
+        None,
+    )
+    sigmas = registration("20um,0.1mrad").pose_uncertainty.sigmas
+    assert sigmas == pytest.approx([0.02] * 3 + [1e-4] * 3)
+    for wrong in ("edge", "0.1", "1,2,3", "-1,0.1", "0.1mm,100"):
+        with pytest.raises(
+            argparse.ArgumentTypeError, match="edges, none, or a length and an angle"
+        ):
+            registration(wrong)
