@@ -137,7 +137,13 @@ class InspectionOptions:
 
     @property
     def registration_record(self) -> RegistrationRecord | None:
-        """How poses are known when values are read, as a request states it; None for no better than planned."""
+        """How poses are known when values are read, as a request states it; None for no better than planned.
+
+        Raises
+        ------
+        RequestError
+            If it is nothing that a plan can know.
+        """
         how = self.registration
         if how is None or isinstance(how, RegistrationRecord):
             return how
