@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 from rendered_images import Lamp, Measured
-from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter
+from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter, zoom
 from scipy.spatial import cKDTree
 
 _ON_MM = 2e-3
@@ -249,6 +249,13 @@ class Optics:
     exposure: float = 1.0
     samples: int = 4
     gloss: float = 0.0
+    # rays for every so many pixels where the picture is smooth; 1: for each
+    every: int = 1
+
+
+def _changes(grey) -> np.ndarray:
+    """Where grey values differ from those beside them."""
+    return maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
 
 
 class PartImages:
@@ -268,8 +275,8 @@ class PartImages:
         width, height = one.size
         v, u = np.mgrid[:height, :width]
         pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
-        grey = self._grey(cam2world, pixels, lamps).reshape(height, width)
-        change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
+        grey = self._once(cam2world, pixels, lamps)
+        change = _changes(grey)
         again = np.flatnonzero(binary_dilation(change, iterations=2).ravel())
         cells = (np.arange(one.samples) + 0.5) / one.samples - 0.5
         total = np.zeros(len(again))
@@ -281,6 +288,24 @@ class PartImages:
         grey = gaussian_filter(one.exposure * grey, one.blur_px, mode="nearest")
         grey += rng.normal(0.0, one.noise, grey.shape)
         return np.clip(np.rint(grey * 255), 0, 255).astype(np.uint8)
+
+    def _once(self, cam2world, pixels, lamps) -> np.ndarray:
+        """Grey values (h, w) of one ray for each pixel (h * w, 2), or of fewer where the picture is smooth."""
+        width, height = self.optics.size
+        every = self.optics.every
+        if every == 1:
+            return self._grey(cam2world, pixels, lamps).reshape(height, width)
+        rows, columns = (-(-(n - 1) // every) + 1 for n in (height, width))
+        v, u = np.mgrid[:rows, :columns] * every
+        coarse = np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
+        few = self._grey(cam2world, coarse, lamps).reshape(rows, columns)
+        size = (rows - 1) * every + 1, (columns - 1) * every + 1
+        grey = zoom(few, np.divide(size, few.shape), order=1)[:height, :width].copy()
+        near = binary_dilation(_changes(few), iterations=1)
+        at_row, at_column = (np.rint(np.arange(n) / every).astype(int) for n in (height, width))
+        full = np.flatnonzero(near[np.ix_(at_row, at_column)].ravel())
+        grey.ravel()[full] = self._grey(cam2world, pixels[full], lamps)
+        return grey
 
     def _grey(self, cam2world, pixels, lamps) -> np.ndarray:
         parts = [

@@ -4,6 +4,7 @@ Algebra without images. Rows say how far points were found off their prediction 
 prior says what is known of the unknowns beforehand.
 """
 
+from errors.registration.agreement import surprise
 from errors.registration.gauge import rests_on_prior, undetermined
 from errors.registration.known_poses import (
     Imaging,
@@ -12,7 +13,7 @@ from errors.registration.known_poses import (
     Values,
     known_poses,
 )
-from errors.registration.posterior import Posterior, Rows, posterior
+from errors.registration.posterior import Posterior, Rows, bias_variance_of, posterior
 
 __all__ = [
     "Imaging",
@@ -21,8 +22,10 @@ __all__ = [
     "Rows",
     "Stretches",
     "Values",
+    "bias_variance_of",
     "known_poses",
     "posterior",
     "rests_on_prior",
+    "surprise",
     "undetermined",
 ]

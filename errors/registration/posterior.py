@@ -1,14 +1,14 @@
-"""The joint posterior of unknowns from linear rows with a bias that all rows of a group have in common.
+"""The joint posterior of unknowns from linear rows with biases that all rows of a group have in common.
 
 Notation
 --------
 x   unknowns, normal with mean 0 and covariance P before     r   residuals of rows
 A   how unknowns move rows                                   w   weights: 1 / variance of single rows
-b   bias of a group of rows, normal with variance t          G   groups
+b   biases of a group, independent, with variance t each     M   how far they move the group's rows
 
-With r = A x + b + noise, the bias of a group is eliminated: its rows have the covariance diag(1/w) + t 1 1ᵀ, whose
-inverse is diag(w) − w wᵀ / (1/t + Σ w) (Sherman and Morrison, 1950). The posterior is normal with covariance
-C = (P⁻¹ + Σ Aᵀ W A)⁻¹ and mean C Σ Aᵀ W r over groups.
+With r = A x + M b + noise, the biases of a group are eliminated: its rows have the covariance diag(1/w) + t M Mᵀ, whose
+inverse is W = diag(w) − diag(w) M (1/t + Mᵀ diag(w) M)⁻¹ Mᵀ diag(w) (Woodbury, 1950). The posterior is normal with
+covariance C = (P⁻¹ + Σ Aᵀ W A)⁻¹ and mean C Σ Aᵀ W r over groups.
 """
 
 from __future__ import annotations
@@ -39,12 +39,20 @@ class Rows(NamedTuple):
         How far off the rows were found.
     weight : array (m,)
         1 over the variance of each.
+    modes : array (m, q) or None
+        How far each bias of the group moves its rows. None is one bias, which moves all of them alike.
     """
 
     unknowns: NDArray[np.int64]
     design: Array
     residual: Array
     weight: Array
+    modes: Array | None = None
+
+    @property
+    def biases(self) -> Array:
+        """How far each bias moves the rows (m, q)."""
+        return np.ones((len(self.weight), 1)) if self.modes is None else self.modes
 
 
 @dataclass(frozen=True)
@@ -73,7 +81,7 @@ def posterior(prior_covariance: Array, rows: Iterable[Rows], bias_variance: floa
     rows : iterable of Rows
         The rows of each group.
     bias_variance : float
-        Variance of the bias of each group, in the square of the unit of the residuals.
+        Variance of each bias of a group, in the square of the unit of the residuals.
 
     Returns
     -------
@@ -87,23 +95,87 @@ def posterior(prior_covariance: Array, rows: Iterable[Rows], bias_variance: floa
     """
     prior = _check_prior(prior_covariance)
     bias = check_not_negative(bias_variance, "bias_variance")
-    scale = np.sqrt(np.diag(prior))
+    groups = list(rows)
+    moving = _moving(prior, groups)
+    scale = np.sqrt(np.diag(prior))[moving]
     # millimetres and radians are far apart: solved in units of the prior
-    information = np.linalg.inv(prior / np.outer(scale, scale))
-    right = np.zeros(len(prior))
-    for group in rows:
-        design = group.design * scale[group.unknowns]
+    information = np.linalg.inv(prior[np.ix_(moving, moving)] / np.outer(scale, scale))
+    right = np.zeros(len(moving))
+    for group in groups:
+        own = np.searchsorted(moving, group.unknowns)
+        design = group.design * scale[own]
         weighted = design.T * group.weight
-        total = 1 / bias + group.weight.sum() if bias > 0 else np.inf
-        common = weighted.sum(axis=1)
-        at = np.ix_(group.unknowns, group.unknowns)
-        information[at] += weighted @ design - np.outer(common, common) / total
-        right[group.unknowns] += weighted @ group.residual - common * (
-            (group.weight @ group.residual) / total
+        modes, free = _freed(group, bias)
+        common = weighted @ modes
+        information[np.ix_(own, own)] += weighted @ design - common @ free @ common.T
+        right[own] += weighted @ group.residual - common @ free @ (
+            modes.T @ (group.weight * group.residual)
         )
     covariance = np.linalg.inv(information)
     covariance = (covariance + covariance.T) / 2
-    return Posterior(scale * (covariance @ right), covariance * np.outer(scale, scale))
+    mean = np.zeros(len(prior))
+    mean[moving] = scale * (covariance @ right)
+    every = prior.copy()
+    every[np.ix_(moving, moving)] = covariance * np.outer(scale, scale)
+    return Posterior(mean, every)
+
+
+def bias_variance_of(rows: Iterable[Rows], found: Posterior, bias_variance: float) -> float:
+    """Return the variance of the biases of groups that their rows show, given an estimate with another one.
+
+    A step of expectation and maximization (Dempster, Laird and Rubin, 1977): the mean square of the biases, of what is
+    estimated of them and of what remains unknown. Repeated, it ends at the variance that makes the rows most likely.
+
+    Parameters
+    ----------
+    rows : iterable of Rows
+        The rows of each group.
+    found : Posterior
+        Estimate of the unknowns from them.
+    bias_variance : float
+        The variance of each bias that it was estimated with, positive.
+
+    Returns
+    -------
+    float
+        The variance; the given one if there are no rows.
+    """
+    total = 0.0
+    count = 0
+    for group in rows:
+        modes, free = _freed(group, bias_variance)
+        gain = free @ (modes.T * group.weight)
+        rest = group.residual - group.design @ found.mean[group.unknowns]
+        moved = gain @ group.design
+        own = found.covariance[np.ix_(group.unknowns, group.unknowns)]
+        total += float(
+            ((gain @ rest) ** 2).sum() + np.trace(free) + np.trace(moved @ own @ moved.T)
+        )
+        count += modes.shape[1]
+    return total / count if count else bias_variance
+
+
+def _freed(group: Rows, bias: float) -> tuple[Array, Array]:
+    """Return how far biases move a group's rows (m, q), and the covariance (q, q) of the biases if only they did."""
+    modes = group.biases
+    if not bias > 0:
+        return modes, np.zeros((modes.shape[1], modes.shape[1]))
+    return modes, np.asarray(
+        np.linalg.inv(np.eye(modes.shape[1]) / bias + (modes.T * group.weight) @ modes)
+    )
+
+
+def _moving(prior: Array, groups: list[Rows]) -> NDArray[np.int64]:
+    """Return the unknowns that rows say something of: of the others only the prior tells.
+
+    An image shows few of a large part's surfaces. All are returned if the prior ties the others to these.
+    """
+    told = np.zeros(len(prior), dtype=bool)
+    for group in groups:
+        told[group.unknowns] = True
+    if prior[np.ix_(told, ~told)].any():
+        return np.arange(len(prior))
+    return np.flatnonzero(told)
 
 
 def _check_prior(value: Array) -> Array:
@@ -118,8 +190,10 @@ def _check_prior(value: Array) -> Array:
         raise CovarianceError.of_rule(
             "prior_covariance", "must have positive variances", f"{variances.min():g}"
         )
-    scale = np.sqrt(variances)
-    correlation = prior / np.outer(scale, scale)
+    # what is tied to nothing else is positive definite by its variance
+    tied = np.flatnonzero(np.count_nonzero(prior, axis=1) > 1)
+    scale = np.sqrt(variances[tied])
+    correlation = prior[np.ix_(tied, tied)] / np.outer(scale, scale)
     try:
         # a third of the work of eigenvalues
         np.linalg.cholesky(correlation)

@@ -54,7 +54,8 @@ def image_notes(
         What was read in them, by target.
     """
     lit = _lit_images(plan)
-    notes = []
+    # what was stated of the part, and is not so
+    notes = [f"{name}: {one}" for name, own in registered.items() for one in own.warnings]
     for name, picture in pictures.items():
         lost = [
             one.name

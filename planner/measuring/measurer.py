@@ -24,9 +24,10 @@ from planner.measuring.merge import Result, merged
 from planner.measuring.part_model import PartModel
 from planner.measuring.poses.fiducials import NoFiducialsError, locate
 from planner.measuring.poses.likeness import check_lens, looks_like
-from planner.measuring.poses.register import NotRegisteredError, bias_of, register
+from planner.measuring.poses.register import NotRegisteredError, bias_of
 from planner.measuring.poses.registered import Registered, as_given, prior_covariance
 from planner.measuring.poses.registration import BOTH, PLANNED, Registration
+from planner.measuring.poses.restated import register_as_shown
 from planner.measuring.reading import Reading, covariance_of, read_value
 from planner.measuring.results import MeasurementResults
 from planner.setting.image_names import setting_name
@@ -246,9 +247,10 @@ class Measurer:
             except NoFiducialsError as error:
                 raise NotRegisteredError(str(error)) from None
         if how.method in (OWN_EDGES, BOTH):
-            prior = prior_covariance(self.model, known, self._surfaces_mm(how))
+            stated = known, self._surfaces_mm(how)
+            prior = prior_covariance(self.model, *stated)
             try:
-                found = register(self.model, own, pose, prior, self._bias_px(options))
+                found = register_as_shown(self.model, own, pose, *stated, self._bias_px(options))
             except NotRegisteredError as error:
                 poses = [np.asarray(one.cam2world) for one in self.plan.settings]
                 like = looks_like(self.model, own, poses, shot.setting, prior)

@@ -12,12 +12,13 @@ with Tukey's weights. Every edge has a bias of its own in every image: light and
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.registration import Posterior, Rows, posterior, undetermined
+from errors.measurands import Circle
+from errors.registration import Posterior, Rows, bias_variance_of, posterior, undetermined
 from planner.camera.camera import Camera
 from planner.measuring.fit import TUKEY, scale_of, tukey_weights
 from planner.measuring.image.picture import Picture
@@ -69,6 +70,9 @@ _POSE_WORDS = (
     "turn about its y axis",
     "turn about its optical axis",
 )
+# the variance of biases is enlarged so many times at most, and while it grows by such a factor
+_BIAS_ROUNDS = 12
+_BIAS_STILL = 1.02
 _COARSE_PX = 1.5
 _SIGMAS = 3.0
 _ROOM_PX = 2.0
@@ -93,6 +97,8 @@ class _Task:
     unknowns: list[NDArray[np.int64]]
     moves: Array
     bias_px: float
+    # angle of each edge that is round, rad; 0 of lines
+    spans: list[float]
 
     def places(self, x: Array) -> tuple[Array, Array]:
         """Return pose (4, 4) and points (m, 3) at unknowns."""
@@ -174,6 +180,7 @@ def register(
     first = task.predicted(np.zeros(len(prior)))[0]
     signs: list[NDArray[np.int64]] = []
     estimate = Posterior(x, prior)
+    rows: list[Rows] = []
     for number, half in enumerate(WINDOWS_PX):
         centres, across = task.predicted(x)
         if number < 2:
@@ -182,9 +189,11 @@ def register(
             _scanned(task, picture, (centres, across), half, sign)
             for picture, sign in zip(pictures, signs, strict=True)
         ]
-        estimate = _solved(task, x, across, found, final=number == len(WINDOWS_PX) - 1)
+        final = number == len(WINDOWS_PX) - 1
+        estimate, rows = _solved(task, x, across, found, final=final)
         x = estimate.mean
-    return _checked(task, estimate, found, (first, centres, across), lead)
+    checked = _checked(task, estimate, found, (first, centres, across), lead)
+    return _with_biases_shown(task, rows, checked)
 
 
 def _task(model: PartModel, camera: Camera, planned: Array, prior: Array, bias_px: float) -> _Task:
@@ -208,7 +217,8 @@ def _task(model: PartModel, camera: Camera, planned: Array, prior: Array, bias_p
         number, chosen.share, chosen.points, chosen.tangents, chosen.visible, chosen.apart
     )
     unknowns = [model.unknowns_of(edge) for edge in kept]
-    return _Task(model, camera, planned, prior, samples, unknowns, moves, bias_px)
+    spans = [e.geometry.span_rad if isinstance(e.geometry, Circle) else 0.0 for e in kept]
+    return _Task(model, camera, planned, prior, samples, unknowns, moves, bias_px, spans)
 
 
 def _window_px(task: _Task, design: Array) -> float:
@@ -262,8 +272,14 @@ def _scanned(
     return _Found(found.offset, found.state == State.FOUND, found.state, found.blur_px)
 
 
-def _solved(task: _Task, x: Array, across: Array, found: list[_Found], *, final: bool) -> Posterior:
-    """Return the posterior from what was found in all images: weights of a first solution make the second one."""
+def _solved(
+    task: _Task, x: Array, across: Array, found: list[_Found], *, final: bool
+) -> tuple[Posterior, list[Rows]]:
+    """Return the posterior from what was found in all images, and its rows.
+
+    Weights of a first solution make the second one. Each edge has one bias: as long as outliers are not left out, this
+    finds the pose more surely than biases of more modes.
+    """
     design = task.design(x, across)
     surfaces = np.array([x[own] for own in task.unknowns])[task.samples.edge]
     now = design[:, :POSE] @ x[:POSE] + (design[:, POSE:] * surfaces).sum(axis=1)
@@ -285,8 +301,32 @@ def _solved(task: _Task, x: Array, across: Array, found: list[_Found], *, final:
         variance = noise**2 * max(1.0, CORRELATION_PX / STEP_PX)
         for one, weight in zip(found, weights, strict=True):
             rows += _rows(task, design, one.offset + now, one.good * weight / variance)
-        estimate = posterior(task.prior, rows, task.bias_px**2)
-    return estimate
+        alike = [one._replace(modes=None) for one in rows]
+        estimate = posterior(task.prior, alike, task.bias_px**2)
+    return estimate, rows
+
+
+def _with_biases_shown(task: _Task, rows: list[Rows], checked: Registered) -> Registered:
+    """Return a registration with biases of all modes, and as large as the edges show; the stated ones at least.
+
+    Edges deviate more than light moves them if the part has an error of form, or surfaces deviate more than stated.
+    """
+    variance = task.bias_px**2
+    estimate = posterior(task.prior, rows, variance)
+    for _ in range(_BIAS_ROUNDS):
+        shown = bias_variance_of(rows, estimate, variance)
+        if shown <= _BIAS_STILL * variance:
+            break
+        variance = shown
+        estimate = posterior(task.prior, rows, variance)
+    pose = slice(0, POSE)
+    return replace(
+        checked,
+        cam2world=task.places(estimate.mean)[0],
+        deviations=estimate.mean[POSE:],
+        covariance=estimate.covariance,
+        notes=_little_known(estimate.covariance[pose, pose], task.prior[pose, pose]),
+    )
 
 
 def _scale(residual: Array) -> float:
@@ -324,8 +364,23 @@ def _rows(task: _Task, design: Array, residual: Array, weight: Array) -> list[Ro
             # both faces on one surface
             unknowns = unknowns[: POSE + 3]
             part = np.concatenate([part[:, : POSE + 3]], axis=1)
-        rows.append(Rows(unknowns, part, residual[at], weight[at]))
+        rows.append(Rows(unknowns, part, residual[at], weight[at], _bias_modes(task, k, at)))
     return rows
+
+
+def _bias_modes(task: _Task, edge: int, chosen: NDArray[np.bool_]) -> Array:
+    """Return how far the biases of an edge move its samples (m, q): as `floor_modes` of an entity do.
+
+    All alike; and by half, the ends of a line against each other, or opposite sides of a circle together.
+    """
+    share = task.samples.share[chosen]
+    if task.spans[edge]:
+        angle = task.spans[edge] * share
+        return np.stack([np.ones(len(share)), 0.5 * np.cos(angle), 0.5 * np.sin(angle)], axis=1)
+    low = share.min()
+    high = share.max()
+    along = (2 * share - low - high) / max(high - low, 1e-12)
+    return np.stack([np.ones(len(share)), 0.5 * along], axis=1)
 
 
 def _checked(
@@ -368,7 +423,6 @@ def _checked(
         misfit_px=misfit,
         blur_px=float(np.median(np.concatenate([one.blur_px[one.good] for one in found]))),
         chi2=chi2,
-        notes=_little_known(estimate.covariance[:POSE, :POSE], task.prior[:POSE, :POSE]),
         prior=task.prior,
         samples=_states(task, first, centres, agree, found),
     )

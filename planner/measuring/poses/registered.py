@@ -60,6 +60,8 @@ class Registered:
         Square of the pose's displacement in standard deviations of the plan's uncertainty; 6 on average.
     notes : tuple of str
         What the user should know.
+    warnings : tuple of str
+        What of the request is not as stated.
     prior : array (6 + 3k, 6 + 3k) or None
         What was known before the image; None if nothing is estimated.
     samples : structured array (m,)
@@ -78,6 +80,7 @@ class Registered:
     blur_px: float = float("nan")
     chi2: float = float("nan")
     notes: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = field(default=())
     prior: Array | None = field(default=None, repr=False)
     samples: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, SAMPLE), repr=False)
 

@@ -1,10 +1,12 @@
 """Which edges and surfaces of a part a target is about."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from measured_plate import measured_plan, thick_plate
 
-from errors.measurands import Circle
+from errors.measurands import Circle, Line
 from planner import RequestError
 from planner.measuring.part_model import PartModel, _holds
 
@@ -57,3 +59,20 @@ def test_a_part_without_the_rim_is_refused():
     other = thick_plate({"left": ((20.0, 25.0), 7.0), "right": ((60.0, 25.0), 6.0)})
     with pytest.raises(RequestError, match="Got one without the rim or arc of 'left'"):
         PartModel(other, plan.targets)
+
+
+def test_a_target_may_be_on_a_part_of_an_edge():
+    """Plans measure on the part of an edge that is seen: it lies on the edge, and is not its whole."""
+    solid = thick_plate()
+    target = measured_plan(solid, ["width"]).targets["width"]
+    first, second = target.geometry
+    part = Line(first.p + 0.25 * (first.q - first.p), first.middle)
+    model = PartModel(solid, {"width": dataclasses.replace(target, geometry=(part, second))})
+    found, _ = model.measured["width"]
+    whole, _ = PartModel(solid, {"width": target}).measured["width"]
+    assert found.edge_ids == whole.edge_ids
+    assert found.geometry is part
+    down = np.array([0.0, 0.0, -1.0])
+    beside = Line(part.p + down, part.q + down)
+    with pytest.raises(RequestError, match="must be the one that was planned"):
+        PartModel(solid, {"width": dataclasses.replace(target, geometry=(beside, second))})

@@ -115,10 +115,10 @@ def test_drawn_and_derived_uncertainties_agree(solid, images):
                 assert reading.notes == ()
 
 
-def test_edges_with_less_bias_say_more_of_the_pose(model, images):
+def test_edges_with_less_bias_say_more_of_the_pose(model, real):
     """Biases of edges are what limits the pose: with a fifth of them, it is known better in every direction."""
     prior = prior_covariance(model, UNCERTAINTY.covariance, 0.0)
-    picture = Picture.of("one", images[1], CAMERA)
+    picture = Picture.of("one", photograph(fine_plate(), real[:1])[1], CAMERA)
     known = [register(model, [picture], POSES[0], prior, bias) for bias in (0.15, 0.03)]
     sigmas = [np.sqrt(np.diag(one.covariance)[:POSE]) for one in known]
     assert np.all(sigmas[1] < sigmas[0])
