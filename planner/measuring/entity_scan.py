@@ -116,7 +116,7 @@ def entity_samples(
     """Return the samples of entities, and which are apart from all lines of the part that a scan could reach."""
     pose = registered.cam2world
     own = model.edges.samples(pose, camera, edges, _MARGIN_PX)
-    others = model.edges.samples(pose, camera, model.edges.edges, 0.0)
+    others = model.seen(pose, camera)
     pixels = pixels_of(own.points, pose, camera), pixels_of(others.points, pose, camera)
     own.apart[:] = apart_from(own, edges, others, model.edges.edges, pixels, half_px)
     return own

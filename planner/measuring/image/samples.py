@@ -286,8 +286,14 @@ def apart_from(
     shown = np.flatnonzero(others.visible)
     if not len(shown):
         return np.ones(len(samples.edge), dtype=bool)
-    ids = [set(edge.edge_ids) for edge in other_edges]
-    same = np.array([[bool(own & set(edge.edge_ids)) for own in ids] for edge in edges])
+    holders: dict[int, list[int]] = {}
+    for number, edge in enumerate(other_edges):
+        for edge_id in edge.edge_ids:
+            holders.setdefault(edge_id, []).append(number)
+    same = np.zeros((len(edges), len(other_edges)), dtype=bool)
+    for number, edge in enumerate(edges):
+        for edge_id in edge.edge_ids:
+            same[number, holders.get(edge_id, [])] = True
     tree = cKDTree(pixels[1][shown])
     finite = np.where(np.isfinite(pixels[0]), pixels[0], -1e6)
     # an edge's own samples are near, too: the first ones of other edges are looked for among so many
