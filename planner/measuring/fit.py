@@ -75,6 +75,19 @@ def scale_of(residual: Array) -> float:
     return max(spread, LEAST_SCALE_PX)
 
 
+def uneven_px(residual: Array) -> float:
+    """Return how far points of an entity, in order, are off more than their neighbours differ, px.
+
+    Single points err independently, so neighbours differ as much as points that are far apart. Where a shadow ends near
+    an edge, a whole stretch is off, and in one direction. The difference of the mean square and half the mean square
+    successive difference is the variance of such errors (von Neumann, Ann. Math. Stat. 12, 1941).
+    """
+    if len(residual) < 2:
+        return 0.0
+    alone = float((np.diff(residual) ** 2).mean()) / 2
+    return float(np.sqrt(max(float((residual**2).mean()) - alone, 0.0)))
+
+
 def carried_back(
     directions: Array, cam2world: Array, origins: Array, normal: Array, frame: Frame
 ) -> Array:

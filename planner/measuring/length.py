@@ -18,6 +18,7 @@ from errors.measurands.fitted import Frame
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.measuring.entity_scan import EntityScan, entity_samples, scan_entity
+from planner.measuring.fit import uneven_px
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.samples import PartEdge
 from planner.measuring.part_model import POSE, PartModel
@@ -259,7 +260,9 @@ def _localisation(
         assert scan.fit is not None
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
         random += _rms(scan) ** 2 * alike * float(own @ scan.fit.covariance @ own)
-        floor += floor_px**2 * float(((own @ scan.fit.common) ** 2).sum())
+        residual = scan.points["residual_px"][scan.points["state"] == 0]
+        common_px = math.hypot(floor_px, uneven_px(residual))
+        floor += common_px**2 * float(((own @ scan.fit.common) ** 2).sum())
     return random, floor
 
 

@@ -16,7 +16,7 @@ from errors.measurands.conformity import COVERAGE
 from errors.measurands.fitted import Frame
 from errors.registration import rests_on_prior
 from planner.measuring.entity_scan import EntityScan
-from planner.measuring.fit import carried_back, fit_entities
+from planner.measuring.fit import carried_back, fit_entities, uneven_px
 from planner.measuring.image.scans import STATE_TEXTS, State
 from planner.measuring.monte_carlo import TOLERATED, drawn_uncertainty
 from planner.measuring.part_model import POSE, PartModel
@@ -142,9 +142,11 @@ def read_value(
         variance = float((residual**2).sum() / max(len(residual) - len(own), 1))
         rms.append(float((residual**2).mean()))
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
-        noise.append((math.sqrt(variance * alike), floor_px))
+        # such errors have one direction, so their mean over the entity is about as large as they are
+        common_px = math.hypot(floor_px, uneven_px(residual))
+        noise.append((math.sqrt(variance * alike), common_px))
         random += variance * alike * float(own @ fit.covariance @ own)
-        floor += floor_px**2 * float(((own @ fit.common) ** 2).sum())
+        floor += common_px**2 * float(((own @ fit.common) ** 2).sum())
         unknowns, rows = _fitted_by_unknowns(scan, frame, registered, model)
         np.add.at(gradient, unknowns, own @ rows)
     budget = budget_of(gradient, registered.covariance, random, floor)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from errors.measurands import Circle, Line
-from planner.measuring.fit import robust_fit
+from planner.measuring.fit import robust_fit, uneven_px
 
 CIRCLE = Circle([0, 0, 0], [0, 0, 1], 10.0)
 LINE = Line([-20, 0, 0], [20, 0, 0])
@@ -82,3 +82,14 @@ def test_points_on_a_line_are_no_circle_and_no_crash():
     fit, kept = robust_fit(Circle([0, 0, 0], [0, 0, 1], 1.0), flat, np.full(len(flat), 20.0))
     assert np.isfinite(fit.fitted).all()
     assert len(kept) == len(flat)
+
+
+def test_a_stretch_that_is_off_is_told_from_noise_of_single_points():
+    """Noise alone: less than a third of it. A fifth of the points off by 0.4 px: the root of a fifth of that square."""
+    rng = np.random.default_rng(3)
+    noise = rng.normal(0.0, 0.05, 400)
+    assert uneven_px(noise) < 0.05 / 3
+    off = noise.copy()
+    off[100:180] += 0.4
+    assert uneven_px(off) == pytest.approx(0.4 * np.sqrt(0.2), rel=0.05)
+    assert uneven_px(np.array([0.3])) == 0.0
