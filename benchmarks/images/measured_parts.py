@@ -61,8 +61,11 @@ class Model:
             for one in self.plan.settings
             for name in one.entities
         }
+        # of a part of an edge the mesh has no vertices, so its true value is not known
         self.measured = {
-            name: as_measured(used[name]) for name in self.plan.dimensions if name in used
+            name: as_measured(used[name])
+            for name in self.plan.dimensions
+            if name in used and not any("[" in entity for entity in used[name].entities)
         }
         self.shots = shots_of(self.plan)
         if self.plan.light is None:
@@ -90,7 +93,10 @@ class Model:
         rng = np.random.default_rng(99)
         renderer = Renderer(self.part.vertices, self.part.triangles, self.plan.camera.matrix, 2)
         for shot in self.shots:
-            measured = [self.measured[name] for name in shot.targets]
+            measured = [self.measured[name] for name in shot.targets if name in self.measured]
+            if not measured:
+                self.lamps[shot.name] = [[Lamp(self.pose(shot)[:3, 3])]]
+                continue
             tried = tried_lamps(renderer, self.pose(shot), measured, rng)
             self.lamps[shot.name] = [
                 [lamp] for step, lamp in tried if step >= GOOD_LAMP * tried[0][0]

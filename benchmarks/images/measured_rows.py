@@ -85,8 +85,8 @@ def rows_of(results, plan, truth, part: str, draw: int, condition: str) -> list[
         reading = min(
             one.readings, key=lambda r: (not r.measured, r.standard_uncertainty), default=None
         )
-        if reading is None:
-            # not planned
+        if reading is None or one.name not in truth:
+            # not planned, or its true value is not known
             continue
         target = plan.dimensions[one.name]
         pixel = np.inf
