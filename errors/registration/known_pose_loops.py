@@ -11,6 +11,9 @@ POSE = 6
 
 # numbers of a surface
 _OWN = 3
+# biases of an edge: one of all of it; of a line, half as large, of its ends against each other; of a circle, of
+# opposite sides together
+_BIASES = 3
 
 
 @njit(error_model="numpy")
@@ -224,8 +227,8 @@ def _inform(information, stretches, imaging, state):
     """Add what the shown stretches say of the unknowns, in units of their standard deviations before."""
     rows, weights, shown, place, scale, count = state
     size = POSE + 2 * _OWN
-    own = np.empty((size, size))
-    common = np.empty(size)
+    own = np.empty((size + _BIASES, size + _BIASES))
+    modes = np.empty((len(weights), _BIASES))
     at = np.empty(size, np.int64)
     unit = np.empty(size)
     start = 0
@@ -240,7 +243,9 @@ def _inform(information, stretches, imaging, state):
             end += 1
         if total > 0.0:
             left = max(length - 2.0 * imaging.end_px, 0.0) / length
-            _sum_edge(rows, weights, start, end, left, own, common)
+            _write_modes(stretches, weights, start, end, modes)
+            _sum_edge((rows, modes), weights, start, end, left, own)
+            _leave_out_biases(own, 1.0 / imaging.bias_px**2)
             for j in range(POSE):
                 at[j] = count + j
                 unit[j] = scale[j]
@@ -249,28 +254,62 @@ def _inform(information, stretches, imaging, state):
                 for j in range(_OWN):
                     at[POSE + _OWN * side + j] = place[surface] + j
                     unit[POSE + _OWN * side + j] = stretches.sigmas[surface, j]
-            whole = 1.0 / imaging.bias_px**2 + left * total
             for j in range(size):
                 for k in range(size):
-                    more = own[j, k] - common[j] * common[k] / whole
-                    information[at[j], at[k]] += imaging.share * more * unit[j] * unit[k]
+                    information[at[j], at[k]] += imaging.share * own[j, k] * unit[j] * unit[k]
         start = end
 
 
 @njit(error_model="numpy")
-def _sum_edge(rows, weights, start, end, left, own, common):
+def _write_modes(stretches, weights, start, end, modes):
+    """Write how far the biases of an edge move its shown stretches (m, 3); see `errors.registration.posterior`."""
+    span = stretches.spans[stretches.edge[start]]
+    low = 1.0
+    high = 0.0
+    for m in range(start, end):
+        if weights[m] > 0.0:
+            low = min(low, stretches.along[m])
+            high = max(high, stretches.along[m])
+    middle = (low + high) / 2.0
+    half = max((high - low) / 2.0, 1e-12)
+    for m in range(start, end):
+        modes[m, 0] = 1.0
+        if span > 0.0:
+            modes[m, 1] = 0.5 * np.cos(span * stretches.along[m])
+            modes[m, 2] = 0.5 * np.sin(span * stretches.along[m])
+        else:
+            modes[m, 1] = 0.5 * (stretches.along[m] - middle) / half
+            modes[m, 2] = 0.0
+
+
+@njit(error_model="numpy")
+def _sum_edge(parts, weights, start, end, left, own):
+    """Write the sums of products of what moves the stretches of an edge: unknowns, then biases."""
+    rows, modes = parts
+    size = rows.shape[1]
+    row = np.empty(len(own))
     own[:] = 0.0
-    common[:] = 0.0
     for m in range(start, end):
         w = weights[m] * left
         if w > 0.0:
-            for j in range(rows.shape[1]):
-                common[j] += w * rows[m, j]
+            row[:size] = rows[m]
+            row[size:] = modes[m]
+            for j in range(len(row)):
                 for k in range(j + 1):
-                    own[j, k] += w * rows[m, j] * rows[m, k]
-    for j in range(rows.shape[1]):
+                    own[j, k] += w * row[j] * row[k]
+    for j in range(len(own)):
         for k in range(j):
             own[k, j] = own[j, k]
+
+
+@njit(error_model="numpy")
+def _leave_out_biases(own, before):
+    """Take from the information of unknowns what biases, the last of them, might explain as well."""
+    for b in range(len(own) - 1, len(own) - 1 - _BIASES, -1):
+        own[b, b] += before
+        for j in range(b):
+            for k in range(b):
+                own[j, k] -= own[j, b] * own[b, k] / own[b, b]
 
 
 @njit(error_model="numpy")

@@ -4,11 +4,12 @@ Notation
 --------
 x   unknowns: displacement of the camera (6), then three numbers of each surface, normal with mean 0 and known variances
 A   how the image of a sample moves across its edge with x, px
-w   1 / variance of what is found of a sample's stretch of its edge; b a bias that an edge has as a whole
+w   1 / variance of what is found of a sample's stretch of its edge
+b   biases of an edge; M how far they move its samples
 
 Stretches of edges that a pose shows give the information of `errors.registration.posterior`, edge after edge:
 
-    P⁻¹ + q Σ_edges [Σ w A Aᵀ − (Σ w A)(Σ w A)ᵀ / (1/Var b + Σ w)],   q the share of the edges that are found
+    P⁻¹ + q Σ_edges [Σ w A Aᵀ − (Σ w A Mᵀ) (1/Var b + Σ w M Mᵀ)⁻¹ (Σ w M Aᵀ)],   q the share of the edges that are found
 
 Its Cholesky factor has the pose last. So the pose's own covariance, with the surfaces not known, is the inverse of its
 last block; and the variance of a value with the gradient g is |y|², L y = g. All are plain loops in one order: what a
@@ -40,6 +41,10 @@ class Stretches(NamedTuple):
         How they move with the numbers of both surfaces of their edge.
     edge : array of int (m,)
         Which edge each is of, ascending.
+    along : array (m,)
+        Where on it their middles are, from 0 to 1.
+    spans : array (e,)
+        Angle of each edge that is round, rad; 0 of lines.
     surfaces : array of int (e, 2)
         The surfaces of each edge.
     free : array of bool (m, n, n)
@@ -55,6 +60,8 @@ class Stretches(NamedTuple):
     lengths: Array
     moves: Array
     edge: NDArray[np.int64]
+    along: Array
+    spans: Array
     surfaces: NDArray[np.int64]
     free: NDArray[np.bool_]
     turn: Array

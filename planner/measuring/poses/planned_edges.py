@@ -136,12 +136,13 @@ def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
         length = _length(edge.geometry)
         least = _LEAST if isinstance(edge.geometry, Line) else _LEAST_CIRCLE
         n = int(np.clip(np.ceil(length / step), least, _MOST))
-        points, tangents, normals = edge.at((np.arange(n) + 0.5) / n)
+        along = (np.arange(n) + 0.5) / n
+        points, tangents, normals = edge.at(along)
         moves = model.displacement(edge, points)
         number.append(np.full(n, k, dtype=np.int64))
-        parts.append((points, tangents, np.full(n, length / n), moves, normals))
+        parts.append((points, tangents, np.full(n, length / n), along, moves, normals))
     edge_of = np.concatenate(number)
-    points, tangents, lengths, moves, normals = (
+    points, tangents, lengths, along, moves, normals = (
         np.concatenate(one) for one in zip(*parts, strict=True)
     )
     turn = Rotation.from_euler("xyz", _TURN).as_matrix()
@@ -151,6 +152,8 @@ def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
         _rounded(lengths),
         _rounded(moves),
         edge_of,
+        _rounded(along),
+        np.array([_span(edge.geometry) for edge in edges]),
         np.array([model.carried_by[edge.name] for edge in edges], dtype=np.int64),
         _free(model.edges, edge_of, (points, normals), turn),
         _rounded(turn),
@@ -166,6 +169,11 @@ def _length(geometry: Geometry) -> float:
     if isinstance(geometry, Line):
         return float(geometry.length)
     return float(geometry.radius_mm * geometry.span_rad)
+
+
+def _span(geometry: Geometry) -> float:
+    """Return the angle of a circle, rad, and 0 for a line."""
+    return 0.0 if isinstance(geometry, Line) else float(geometry.span_rad)
 
 
 def _free(

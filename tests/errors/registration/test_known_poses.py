@@ -34,7 +34,7 @@ NOTHING = Values(
 
 
 def stretches(**more):
-    """Five edges of three stretches each, on four surfaces."""
+    """Five edges of three stretches each, on four surfaces; two edges are round."""
     rng = np.random.default_rng(4)
     m = 15
     tangents = rng.normal(size=(m, 3))
@@ -44,6 +44,8 @@ def stretches(**more):
         rng.uniform(5.0, 9.0, m),
         rng.normal(size=(m, 3, 6)),
         np.repeat(np.arange(5), 3),
+        np.tile([1 / 6, 1 / 2, 5 / 6], 5),
+        np.array([0.0, 2.0, 0.0, 2 * np.pi, 0.0]),
         np.array([[0, 1], [1, 2], [2, 0], [0, 2], [1, 0]]),
         np.ones((m, 4, 4), dtype=bool),
         np.eye(3),
@@ -69,6 +71,15 @@ def difference(function, at, step):
     """Columns of derivatives by difference quotients."""
     steps = np.diag(step)
     return np.stack([(function(at + s) - function(at - s)) / (2 * s.sum()) for s in steps], axis=-1)
+
+
+def biased(span):
+    """Covariance of three points of an edge by biases of one: of all, and of its ends or its sides."""
+    if span:
+        angle = span * np.array([1 / 6, 1 / 2, 5 / 6])
+        return 1.0 + 0.25 * np.cos(angle[:, None] - angle)
+    ends = np.array([-1.0, 0.0, 1.0])
+    return 1.0 + 0.25 * np.outer(ends, ends)
 
 
 def information(known):
@@ -101,7 +112,7 @@ def information(known):
         length = px[own] * known.lengths[own]
         left = (length.sum() - 2 * IMAGING.end_px) / length.sum()
         variance = IMAGING.correlation_px * IMAGING.noise_px**2 * blur[own] ** 3 / (left * length)
-        noise = np.diag(variance) + IMAGING.bias_px**2
+        noise = np.diag(variance) + IMAGING.bias_px**2 * biased(known.spans[edge])
         total[np.ix_(slots, slots)] += IMAGING.share * rows.T @ np.linalg.inv(noise) @ rows
     return total, before
 
