@@ -156,10 +156,8 @@ def measured_part(model: Model, seed: int, condition: Condition, options) -> lis
         label = f"{condition}, floor {'of plan' if floor is None else floor}"
         rows += rows_of(results, plan, truth, model.name, seed, label)
         for name, one in results.images.items():
-            if one.notes:
-                print(
-                    f"{model.name} {seed} {label} {name}: {'; '.join(one.notes)}", file=sys.stderr
-                )
+            for note in one.warnings:
+                print(f"{model.name} {seed} {label} {name}: {note}", file=sys.stderr)
     print(
         f"{model.name} {seed} {condition}: {len(images)} images, "
         f"{(rendered - began) / len(images):.1f} s to render, {seconds:.2f} s to measure one",

@@ -14,7 +14,14 @@ from measured_plate import (
     thick_plate,
 )
 
-from planner import MeasureOptions, Measurer, PoseUncertainty, Registration, measure
+from planner import (
+    Localisation,
+    MeasureOptions,
+    Measurer,
+    PoseUncertainty,
+    Registration,
+    measure,
+)
 from planner.measuring.image.picture import Picture
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.coarse import coarse_shift
@@ -126,6 +133,23 @@ def test_edges_with_less_bias_say_more_of_the_pose(model, real):
     assert np.all(sigmas[1] > sigmas[0] / 5)
     assert bias_of(0.05) == pytest.approx(0.15)
     assert bias_of(0.0) == LEAST_BIAS_PX
+
+
+def test_faces_that_deviate_more_than_stated_are_noticed(solid, images):
+    """A face is 0.1 mm off, and no target measures it: with 0.01 mm stated, U would promise too much."""
+    plan = measured_plan(solid, ["left"])
+    fine = Localisation.gaussian(0.1, floor_px=0.01)
+    found = {
+        mm: measure(plan, solid, images, registration=Registration.own_edges(mm), localisation=fine)
+        for mm in (0.1, 0.01)
+    }
+    assert not any("faces deviate" in note for note in found[0.1].notes)
+    notes = [note for note in found[0.01].notes if "faces deviate by about" in note]
+    assert all("not by 0.01 mm as stated" in note for note in notes)
+    assert notes
+    # as it was registered again, the hole's true deviation is still within U
+    left = found[0.01]["left"]
+    assert abs(left.deviation - 0.1) < left.expanded_uncertainty
 
 
 def test_images_that_are_exchanged_are_named(solid, images):
