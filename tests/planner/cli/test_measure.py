@@ -137,15 +137,16 @@ def test_qif_is_written_if_asked_for_and_does_not_stay(folder, capsys):
 
 
 def test_the_floor_of_the_localisation_is_that_of_the_option(folder, capsys):
-    """The plan states 0.05 px; its part of the variance falls with the square, and the others stay with given poses."""
+    """The plan states 0.05 px; it adds its square to what is uneven in the image, and the rest stays with given poses."""
     budgets = []
-    for floor in ("0.05", "0.01px"):
+    for floor in ("0.05", "0.03", "0.01px"):
         assert run(folder, "good", *given(folder), "--floor-px", floor, out="floor") == 0
         data = json.loads((folder / "floor" / "results.json").read_text())
         budgets.append(data["results"][0]["readings"][0]["variance"])
-    assert budgets[1]["localisation floor"] == pytest.approx(
-        budgets[0]["localisation floor"] / 25, rel=1e-9
-    )
-    assert budgets[1]["localisation"] == budgets[0]["localisation"]
+    wide, usual, narrow = (budget["localisation floor"] for budget in budgets)
+    # 25, 9 and 1 times the same, and something in addition
+    assert wide - usual == pytest.approx(2 * (usual - narrow), rel=1e-9)
+    assert 0 < narrow < usual < wide
+    assert len({budget["localisation"] for budget in budgets}) == 1
     assert run(folder, "good", "--floor-px", "-1", out="floor") == 2
     assert "--floor-px" in capsys.readouterr().err
