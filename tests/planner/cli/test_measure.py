@@ -137,7 +137,7 @@ def test_qif_is_written_if_asked_for_and_does_not_stay(folder, capsys):
 
 
 def test_the_floor_of_the_localisation_is_that_of_the_option(folder, capsys):
-    """The plan states 0.05 px; it adds its square to what is uneven in the image, and the rest stays with given poses."""
+    """It adds its square to what is uneven in the image, and the rest stays with given poses."""
     budgets = []
     for floor in ("0.05", "0.03", "0.01px"):
         assert run(folder, "good", *given(folder), "--floor-px", floor, out="floor") == 0
