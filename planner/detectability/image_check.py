@@ -241,8 +241,9 @@ class ImageCheck:
         while True:
             rows = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
             limits = reach, self._near_own_px
+            part = self._part
             n = near_contours(
-                poses, pairs, self._scale, self._part.compiled, entities, limits, rows
+                poses, pairs, self._scale, part.compiled, part.bulges, entities, limits, rows
             )
             if n <= room:
                 return rows[0][:n], rows[1][:n], rows[2][:n]

@@ -20,13 +20,22 @@ _FEW = 4
 _STEPS = 17
 # upright strips of the image, in which edges are looked up
 _BINS = 64
+# of the image of a length away from the axis to that on the axis, for fields up to 60° off it
+_LONGER = 2.0
 # what is nearer than this to the plane of the nodal point is cut off, mm
 _NEAREST_MM = 1e-3
 
 
 @entry_kernel(error_model="numpy")
 def near_contours(
-    poses: Any, pairs: Any, scale: Any, contours: Any, entities: Any, limits: Any, found: Any
+    poses: Any,
+    pairs: Any,
+    scale: Any,
+    contours: Any,
+    bulges: Any,
+    entities: Any,
+    limits: Any,
+    found: Any,
 ) -> int:
     """Write points of contours that are near to edges in the image; return how many there are.
 
@@ -40,6 +49,8 @@ def near_contours(
         Pixels per unit of slope in x and y, and the principal point, px.
     contours : tuple
         `PartLines.compiled`.
+    bulges : array (m, 3)
+        `PartLines.bulges`. Points that are scanned lie on curves, not on chords, so their distances are from curves.
     entities : tuple
         Ends (k, 2, 3), number (k,) of what they belong to; of that, relations (r, m), vertices (w,) and where those of
         each begin (r + 1,).
@@ -61,6 +72,7 @@ def near_contours(
     of_bins = np.empty(_BINS + 1, np.int64)
     # an edge is in all bins at most
     in_bins = np.empty(_BINS * len(edge_ends), np.int64)
+    extra = np.empty(len(edge_ends))
     n_active = 0
     last = -1
     count = 0
@@ -69,7 +81,7 @@ def near_contours(
         k = pairs[p, 1]
         if pairs[p, 0] != last:
             last = pairs[p, 0]
-            n_active = _project(pose, scale, contours, (active, image, boxes, front))
+            n_active = _project(pose, scale, contours, bulges, (active, image, boxes, front, extra))
             _sort_into_bins(boxes, n_active, scale, of_bins, in_bins)
         r = belongs[k]
         a = _seen(pose, scale, ends[k, 0])
@@ -77,7 +89,7 @@ def near_contours(
         if a[2] <= _NEAREST_MM or b[2] <= _NEAREST_MM:
             continue
         n_corners = _corner_images(own_vertices, first[r], first[r + 1], image, corners)
-        near = (corners[:n_corners], near_own, reach)
+        scanned = a[0] == b[0] and a[1] == b[1]
         n_within = _overlap(boxes, _around(a, b, reach), (of_bins, in_bins, scale), within)
         for i in within[:n_within]:
             e = active[i]
@@ -94,11 +106,13 @@ def near_contours(
             if start >= stop:
                 continue
             best = _nearest(line, start, stop, a, b)
-            if _apart(line, best, a, b) >= reach:
+            within_px = reach + extra[i] if scanned else reach
+            if _apart(line, best, a, b) >= within_px:
                 continue
-            low = _edge_of(line, best, start, a, b, reach)
-            high = _edge_of(line, best, stop, a, b, reach)
-            place = (vertices, image[2], one, other)
+            low = _edge_of(line, best, start, a, b, within_px)
+            high = _edge_of(line, best, stop, a, b, within_px)
+            near = (corners[:n_corners], near_own, reach, scanned, pose, scale)
+            place = (vertices, image[2], one, other, bulges[e])
             piece = (line, (best, low, high), (a, b), relation)
             count = _write_samples(p, piece, near, place, found, count)
     return count
@@ -118,10 +132,11 @@ def _corner_images(own_vertices: Any, begin: int, end: int, image: Any, corners:
 def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count: int) -> int:
     """Write points of a piece of a contour that comes near to an edge; return how many there are in all."""
     line, (best, low, high), (a, b), relation = piece
-    corners, near_own, reach = near
-    vertices, depths, one, other = place
+    corners, near_own, reach, scanned, pose, scale = near
+    vertices, depths, one, other, bulge = place
+    bulges = scanned and (bulge[0] != 0.0 or bulge[1] != 0.0 or bulge[2] != 0.0)
     samples = _MORE if relation == CONNECTED else _SAMPLES
-    if a[0] == b[0] and a[1] == b[1]:
+    if scanned:
         samples = max(_FEW, int(reach))
     for s in range(samples + 1):
         t = best if s == samples else low + (high - low) * s / (samples - 1)
@@ -135,6 +150,16 @@ def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count:
                 u = vertices[c, one]
                 v = vertices[c, other]
                 found[2][count, c] = u + share * (v - u)
+            if bulges:
+                lift = 4.0 * share * (1.0 - share)
+                chord = found[2][count]
+                point = (
+                    chord[0] + lift * bulge[0],
+                    chord[1] + lift * bulge[1],
+                    chord[2] + lift * bulge[2],
+                )
+                curve = _seen(pose, scale, point)
+                found[1][count] = math.hypot(curve[0] - a[0], curve[1] - a[1])
         count += 1
     return count
 
@@ -159,13 +184,14 @@ def _seen(pose: Any, scale: Any, point: Any) -> tuple[float, float, float]:
 
 
 @kernel_without_refcounts(error_model="numpy")
-def _project(pose: Any, scale: Any, contours: Any, found: Any) -> int:
+def _project(pose: Any, scale: Any, contours: Any, bulges: Any, found: Any) -> int:
     """Write which edges may be contours, images and depths of the vertices, boxes around the edges, and front faces.
 
-    Returns how many edges there are. Those behind are left out.
+    And how far curves leave their chords, px: boxes are for curves. Returns how many edges there are. Those behind are
+    left out.
     """
     vertices, edge_ends, planes, faces, kinds = contours
-    active, image, boxes, front = found
+    active, image, boxes, front, extra = found
     _images(pose, scale, vertices, image)
     _front_faces((pose[0, 3], pose[1, 3], pose[2, 3]), planes, front)
     m = n = 0
@@ -180,9 +206,14 @@ def _project(pose: Any, scale: Any, contours: Any, found: Any) -> int:
         if image[2, one] <= _NEAREST_MM or image[2, other] <= _NEAREST_MM:
             continue
         active[n] = active[i]
+        bulge = bulges[active[n]]
+        size = math.sqrt(bulge[0] * bulge[0] + bulge[1] * bulge[1] + bulge[2] * bulge[2])
+        px = max(abs(scale[0]), abs(scale[1])) / min(image[2, one], image[2, other])
+        # oblique images of a bulge are a little longer off the axis
+        extra[n] = _LONGER * size * px
         for c in range(2):
-            boxes[c, n] = min(image[c, one], image[c, other])
-            boxes[2 + c, n] = max(image[c, one], image[c, other])
+            boxes[c, n] = min(image[c, one], image[c, other]) - extra[n]
+            boxes[2 + c, n] = max(image[c, one], image[c, other]) + extra[n]
         n += 1
     return n
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.ray_scene import RayScene
-from planner.detectability.contours import contours_of, meeting, relation_to
+from planner.detectability.contours import Contours, contours_of, meeting, relation_to
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -37,6 +37,8 @@ class PartLines:
     compiled : tuple of array
         Of `contours` vertices (3, v), ends, planes (4, f), faces and kinds, as compiled loops take them: coordinates
         one after the other, so that several points are computed at once, and numbers that cannot be negative.
+    bulges : array (m, 3)
+        From the middle of each edge of `contours` to that of the arc it is a chord of, mm; 0 for straight ones.
     """
 
     def __init__(self, solid: Solid) -> None:
@@ -47,6 +49,7 @@ class PartLines:
         vertices, planes = (np.array(rows.T, order="C") for rows in (one.vertices, one.planes))
         ends, faces = (rows.astype(np.uint32) for rows in (one.ends, one.faces))
         self.compiled: Any = (vertices, ends, planes, faces, one.kinds)
+        self.bulges = _bulges(solid, one)
         self._relations: dict[tuple[tuple[int, ...], float], NDArray[np.uint8]] = {}
 
     @classmethod
@@ -62,3 +65,19 @@ class PartLines:
         if key not in self._relations:
             self._relations[key] = relation_to(self.contours, self.at, edge_ids, radius_mm)
         return self._relations[key]
+
+
+def _bulges(solid: Solid, contours: Contours) -> NDArray[np.float64]:
+    """Return how far circles leave their chords, vectors (m, 3); chords of other curves count as straight."""
+    bulges = np.zeros((len(contours.ids), 3))
+    place = {int(edge): k for k, edge in enumerate(contours.ids)}
+    for arc in (*solid.rims(), *solid.arcs()):
+        for edge in arc.edge_ids:
+            if edge in place:
+                off = solid.edge_points(edge).mean(axis=0) - arc.centre
+                # a fitted circle may be off the plane of its chords
+                off = off - (off @ arc.axis) * arc.axis
+                size = float(np.linalg.norm(off))
+                if 0.0 < size < arc.radius_mm:
+                    bulges[place[edge]] = (arc.radius_mm / size - 1.0) * off
+    return bulges

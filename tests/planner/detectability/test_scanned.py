@@ -71,13 +71,16 @@ def test_a_fifth_of_the_points_may_lie_beside_other_lines_but_no_twelfth(beside,
     assert distance_by(near) == found
 
 
-def test_the_lower_rim_of_a_hole_from_above(fine_plate):
-    """Both rims are circles about the image's centre: 8 mm at depths of 400 and 410 mm."""
-    rim, circle = upper_rim(fine_plate)
+@pytest.mark.parametrize("chords", [240, 24, 12])
+def test_the_lower_rim_of_a_hole_from_above(chords, monkeypatch):
+    """Both rims are circles about the image's centre, 8 mm at depths of 400 and 410 mm, however coarse the mesh."""
+    monkeypatch.setattr(plates, "N", chords)
+    plate = plates.holed_plate()
+    rim, circle = upper_rim(plate)
     above = look_at([[20.0, 25.0, 410.0]], [20.0, 25.0, 10.0])
-    found = check_of(fine_plate, rim.edge_ids, circle).separations(above, ONE)[0, 0]
+    found = check_of(plate, rim.edge_ids, circle).separations(above, ONE)[0, 0]
     px = CAMERA.matrix[0, 0]
-    assert found + 5.0 == pytest.approx(px * 8.0 / 400.0 - px * 8.0 / 410.0, abs=0.05)
+    assert found + 5.0 == pytest.approx(px * 8.0 / 400.0 - px * 8.0 / 410.0, abs=0.1)
 
 
 def test_the_lower_rim_may_cross_the_image_of_the_upper_one(fine_plate):
@@ -110,15 +113,15 @@ def test_two_sides_of_a_thin_plate():
     assert not check_of(thin, (edge.id,), Line(*ends)).shown(side, ONE).any()
 
 
-def test_random_poses_by_a_program_of_its_own():
-    """Lines from faces and triangles, hidden by rays to dense points."""
-    solid = plates.holed_plate()
+def test_random_poses_by_a_program_of_its_own(fine_plate):
+    """Lines from faces and triangles, hidden by rays to dense points; it knows chords only."""
+    solid = fine_plate
     rim, circle = upper_rim(solid)
     check = check_of(solid, rim.edge_ids, circle)
     lines = Lines(solid)
     renderer = Renderer(solid.vertices, solid.triangles, CAMERA.matrix)
     rng = np.random.default_rng(3)
-    eyes = np.array([20.0, 25.0, 260.0]) + rng.uniform(-150, 150, (40, 3))
+    eyes = np.array([20.0, 25.0, 360.0]) + rng.uniform(-100, 100, (40, 3))
     poses = look_at(eyes, [20.0, 25.0, 10.0])
     said = check.shown(poses, np.ones((40, 1), bool))[:, 0]
     told = check.separations(poses, np.ones((40, 1), bool))[:, 0]
