@@ -40,6 +40,16 @@ REQUESTS = [
         *PROMISE,
     ],
     ["plan", "examples/two_pocket_block.off", "--entities", "17", *NAMED, *PROMISE],
+    [
+        "plan",
+        "examples/two_pocket_block.off",
+        "--dimensions",
+        "examples/two_pocket_block_dimensions.toml",
+        "--register",
+        "edges",
+        *NAMED,
+        *PROMISE,
+    ],
 ]
 
 

@@ -20,6 +20,8 @@ _FEW = 4
 _STEPS = 17
 # upright strips of the image, in which edges are looked up
 _BINS = 64
+# of the curve of a chord: each as straight as its chord is in a hundredth of the bulge
+_PIECES = 10
 # of the image of a length away from the axis to that on the axis, for fields up to 60° off it
 _LONGER = 2.0
 # what is nearer than this to the plane of the nodal point is cut off, mm
@@ -89,6 +91,7 @@ def near_contours(
         if a[2] <= _NEAREST_MM or b[2] <= _NEAREST_MM:
             continue
         n_corners = _corner_images(own_vertices, first[r], first[r + 1], image, corners)
+        near = (corners[:n_corners], near_own, reach)
         scanned = a[0] == b[0] and a[1] == b[1]
         n_within = _overlap(boxes, _around(a, b, reach), (of_bins, in_bins, scale), within)
         for i in within[:n_within]:
@@ -106,13 +109,16 @@ def near_contours(
             if start >= stop:
                 continue
             best = _nearest(line, start, stop, a, b)
-            within_px = reach + extra[i] if scanned else reach
-            if _apart(line, best, a, b) >= within_px:
+            place = (vertices, image[2], one, other)
+            if scanned and relation != CONNECTED and extra[i] > 0.0:
+                if _apart(line, best, a, b) < reach + extra[i]:
+                    curve = (pose, scale, bulges[e])
+                    count = _write_curve(p, a, reach, curve, place, found, count)
                 continue
-            low = _edge_of(line, best, start, a, b, within_px)
-            high = _edge_of(line, best, stop, a, b, within_px)
-            near = (corners[:n_corners], near_own, reach, scanned, pose, scale)
-            place = (vertices, image[2], one, other, bulges[e])
+            if _apart(line, best, a, b) >= reach:
+                continue
+            low = _edge_of(line, best, start, a, b, reach)
+            high = _edge_of(line, best, stop, a, b, reach)
             piece = (line, (best, low, high), (a, b), relation)
             count = _write_samples(p, piece, near, place, found, count)
     return count
@@ -132,11 +138,10 @@ def _corner_images(own_vertices: Any, begin: int, end: int, image: Any, corners:
 def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count: int) -> int:
     """Write points of a piece of a contour that comes near to an edge; return how many there are in all."""
     line, (best, low, high), (a, b), relation = piece
-    corners, near_own, reach, scanned, pose, scale = near
-    vertices, depths, one, other, bulge = place
-    bulges = scanned and (bulge[0] != 0.0 or bulge[1] != 0.0 or bulge[2] != 0.0)
+    corners, near_own, reach = near
+    vertices, depths, one, other = place
     samples = _MORE if relation == CONNECTED else _SAMPLES
-    if scanned:
+    if a[0] == b[0] and a[1] == b[1]:
         samples = max(_FEW, int(reach))
     for s in range(samples + 1):
         t = best if s == samples else low + (high - low) * s / (samples - 1)
@@ -150,18 +155,55 @@ def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count:
                 u = vertices[c, one]
                 v = vertices[c, other]
                 found[2][count, c] = u + share * (v - u)
-            if bulges:
-                lift = 4.0 * share * (1.0 - share)
-                chord = found[2][count]
-                point = (
-                    chord[0] + lift * bulge[0],
-                    chord[1] + lift * bulge[1],
-                    chord[2] + lift * bulge[2],
-                )
-                curve = _seen(pose, scale, point)
-                found[1][count] = math.hypot(curve[0] - a[0], curve[1] - a[1])
         count += 1
     return count
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _write_curve(
+    p: int, a: Any, reach: float, curve: Any, place: Any, found: Any, count: int
+) -> int:
+    """Write where the pieces of a curve that come near to a point are nearest to it; return how many there are in all.
+
+    What is written is on the chord, since the part consists of chords where rays look for what hides it.
+    """
+    pose, scale, bulge = curve
+    vertices, _, one, other = place
+    before = _on_curve(pose, scale, bulge, vertices, one, other, 0.0)
+    for s in range(1, _PIECES + 1):
+        share = s / _PIECES
+        after = _on_curve(pose, scale, bulge, vertices, one, other, share)
+        dx = after[0] - before[0]
+        dy = after[1] - before[1]
+        square = dx * dx + dy * dy
+        along = (a[0] - before[0]) * dx + (a[1] - before[1]) * dy
+        along = min(1.0, max(0.0, along / square)) if square > 0.0 else 0.0
+        distance = math.hypot(before[0] + along * dx - a[0], before[1] + along * dy - a[1])
+        if distance < reach:
+            if count < len(found[0]):
+                share = (s - 1 + along) / _PIECES
+                found[0][count] = p
+                found[1][count] = distance
+                for c in range(3):
+                    u = vertices[c, one]
+                    found[2][count, c] = u + share * (vertices[c, other] - u)
+            count += 1
+        before = after
+    return count
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _on_curve(
+    pose: Any, scale: Any, bulge: Any, vertices: Any, one: int, other: int, share: float
+) -> tuple[float, float, float]:
+    """Return the image of a point of a curve in px, and its depth."""
+    lift = 4.0 * share * (1.0 - share)
+    point = (
+        vertices[0, one] + share * (vertices[0, other] - vertices[0, one]) + lift * bulge[0],
+        vertices[1, one] + share * (vertices[1, other] - vertices[1, one]) + lift * bulge[1],
+        vertices[2, one] + share * (vertices[2, other] - vertices[2, one]) + lift * bulge[2],
+    )
+    return _seen(pose, scale, point)
 
 
 @kernel_without_refcounts(error_model="numpy")

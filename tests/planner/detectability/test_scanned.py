@@ -80,7 +80,7 @@ def test_the_lower_rim_of_a_hole_from_above(chords, monkeypatch):
     above = look_at([[20.0, 25.0, 410.0]], [20.0, 25.0, 10.0])
     found = check_of(plate, rim.edge_ids, circle).separations(above, ONE)[0, 0]
     px = CAMERA.matrix[0, 0]
-    assert found + 5.0 == pytest.approx(px * 8.0 / 400.0 - px * 8.0 / 410.0, abs=0.1)
+    assert found + 5.0 == pytest.approx(px * 8.0 / 400.0 - px * 8.0 / 410.0, abs=0.08)
 
 
 def test_the_lower_rim_may_cross_the_image_of_the_upper_one(fine_plate):
@@ -137,3 +137,17 @@ def test_random_poses_by_a_program_of_its_own(fine_plate):
     assert (off < 0.5).sum() >= 36
     assert off.max() < 2.0
     assert 1 < (~said).sum() < 10
+
+
+def test_yes_and_no_agree_with_how_much_beside_curves_of_few_chords(monkeypatch):
+    """From 150 poses, many of them at the limit; the distance of a curve depends on nothing else that is near."""
+    monkeypatch.setattr(plates, "N", 12)
+    solid = plates.holed_plate()
+    rim, circle = upper_rim(solid)
+    check = check_of(solid, rim.edge_ids, circle)
+    eyes = np.array([20.0, 25.0, 320.0]) + np.random.default_rng(7).uniform(-60, 60, (150, 3))
+    poses = look_at(eyes, [20.0, 25.0, 10.0])
+    wanted = np.ones((150, 1), bool)
+    told = check.separations(poses, wanted)[:, 0]
+    np.testing.assert_array_equal(check.shown(poses, wanted)[:, 0], told >= 0)
+    assert 10 < (told < 0).sum() < 130
