@@ -102,25 +102,12 @@ def near_contours(
             if relation == OWN:
                 continue
             line = (image[0, one], image[1, one], image[0, other], image[1, other])
-            start = 0.0
-            stop = 1.0
-            if relation == CONNECTED:
-                start, stop = _beyond(line, corners[:n_corners], near_own)
-            if start >= stop:
-                continue
-            best = _nearest(line, start, stop, a, b)
             place = (vertices, image[2], one, other)
             if scanned and relation != CONNECTED and extra[i] > 0.0:
-                if _apart(line, best, a, b) < reach + extra[i]:
-                    curve = (pose, scale, bulges[e])
-                    count = _write_curve(p, a, reach, curve, place, found, count)
-                continue
-            if _apart(line, best, a, b) >= reach:
-                continue
-            low = _edge_of(line, best, start, a, b, reach)
-            high = _edge_of(line, best, stop, a, b, reach)
-            piece = (line, (best, low, high), (a, b), relation)
-            count = _write_samples(p, piece, near, place, found, count)
+                curve = (pose, scale, bulges[e])
+                count = _write_curve(p, a, reach, curve, place, found, count)
+            else:
+                count = _write_line(p, (line, (a, b), relation), near, place, found, count)
     return count
 
 
@@ -132,6 +119,26 @@ def _corner_images(own_vertices: Any, begin: int, end: int, image: Any, corners:
         corners[w, 0] = image[0, own]
         corners[w, 1] = image[1, own]
     return end - begin
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _write_line(p: int, piece: Any, near: Any, place: Any, found: Any, count: int) -> int:
+    """Write points of the part of a contour that comes near to an edge; return how many there are in all."""
+    line, (a, b), relation = piece
+    corners, near_own, reach = near
+    start = 0.0
+    stop = 1.0
+    if relation == CONNECTED:
+        start, stop = _beyond(line, corners, near_own)
+    if start >= stop:
+        return count
+    best = _nearest(line, start, stop, a, b)
+    if _apart(line, best, a, b) >= reach:
+        return count
+    low = _edge_of(line, best, start, a, b, reach)
+    high = _edge_of(line, best, stop, a, b, reach)
+    samples = (line, (best, low, high), (a, b), relation)
+    return int(_write_samples(p, samples, near, place, found, count))
 
 
 @kernel_without_refcounts(error_model="numpy")
