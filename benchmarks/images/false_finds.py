@@ -23,14 +23,17 @@ from part_images import DeviatingPart, Optics, PartImages
 from rendered_images import Renderer
 
 from aspectgraph import read_solid
+from errors.measurands.localisation import FLOOR_PX
 from planner import read_plan
 from planner.measuring.image.picture import Picture
 from planner.measuring.part_model import PartModel
-from planner.measuring.poses.register import NotRegisteredError, register
-from planner.measuring.poses.registered import prior_covariance
+from planner.measuring.poses.register import NotRegisteredError, bias_of
+from planner.measuring.poses.restated import register_as_shown
 
 SCALES = (1, 1, 1, 2, 4, 8, 16, 32, 64)
 OFF_PX = 1.0
+# stated deviation of faces
+SURFACES_MM = 0.02
 # cosine of the angle from which on a mesh edge is sharp
 SHARP = 0.9
 
@@ -94,10 +97,11 @@ class Outline:
         return float(np.quantile(off, 0.98))
 
 
-def tried(model, image, pose, prior, camera):
+def tried(model, image, pose, stated, camera):
     """Return the registration, or None if it is refused."""
     try:
-        return register(model, [Picture.of("image", image, camera)], pose, prior)
+        pictures = [Picture.of("image", image, camera)]
+        return register_as_shown(model, pictures, pose, *stated, bias_of(FLOOR_PX))
     except NotRegisteredError:
         return None
 
@@ -110,7 +114,7 @@ def count_finds(options) -> dict[str, Counter]:
     part = DeviatingPart(options.part)
     solid = read_solid(options.part)
     model = PartModel(solid, {name: plan.targets[name] for name in plan.inspected})
-    prior = prior_covariance(model, plan.pose_uncertainty.covariance, 0.02)
+    stated = plan.pose_uncertainty.covariance, SURFACES_MM
     sigmas = plan.pose_uncertainty.sigmas
     measured = {name: as_measured(one) for name, one in plan.dimensions.items()}
     renderer = Renderer(part.vertices, part.triangles, camera.matrix, samples=2)
@@ -128,7 +132,7 @@ def count_finds(options) -> dict[str, Counter]:
         for scene in scenes:
             for scale in SCALES:
                 pose = displaced(scene.pose, scale * sigmas, rng)
-                found = tried(model, scene.image, pose, prior, camera)
+                found = tried(model, scene.image, pose, stated, camera)
                 name = f"{scale:2d} standard deviations off"
                 if found is None:
                     verdict = "refused"
@@ -146,21 +150,21 @@ def count_finds(options) -> dict[str, Counter]:
             for k in range(len(poses)):
                 if k != scene.setting:
                     wrong[f"exchanged {k}"] = (scene.image, k)
-            n += _wrong(counts, model, wrong, poses, prior, camera)
+            n += _wrong(counts, model, wrong, poses, stated, camera)
         total = sum(counts.values(), Counter())
         print(f"{n}: {dict(total)}", file=sys.stderr, flush=True)
         # a part of the same family, smaller by 3 to 15 % in each direction
         others = taken(part, plan, lamps, rng, 0.5 * sigmas, 1 - rng.uniform(0.03, 0.15, 3))
         wrong = {f"another part {one.setting}": (one.image, one.setting) for one in others}
-        n += _wrong(counts, model, wrong, poses, prior, camera)
+        n += _wrong(counts, model, wrong, poses, stated, camera)
     print(f"{(time.process_time() - begun) / n:.2f} s of processor time each, with rendering")
     return counts
 
 
-def _wrong(counts, model, images, poses, prior, camera) -> int:
+def _wrong(counts, model, images, poses, stated, camera) -> int:
     """Register images of something else; return their number."""
     for name, (image, k) in images.items():
-        found = tried(model, np.ascontiguousarray(image), poses[k], prior, camera)
+        found = tried(model, np.ascontiguousarray(image), poses[k], stated, camera)
         key = name.rstrip("0123456789 ") if not name.startswith("turned") else name
         counts.setdefault(key, Counter())["refused" if found is None else "false"] += 1
         if found is not None:
