@@ -43,6 +43,7 @@ from planner.cli.job import (
     workspace_of,
 )
 from planner.cli.light import with_light
+from planner.cli.naming import limit_as_typed
 from planner.cli.optics_ranking import rank_optics
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
@@ -59,7 +60,7 @@ from planner.output.json_records import graph_record, part_record, plan_record
 from planner.output.part_source import with_source
 from planner.output.plan_folder import PLAN_FILES, Written, rescue, write_graph, write_outputs
 from planner.plan import InspectionPlan, read_plan
-from planner.progress import labelled, note, reading_shown, terminal_progress
+from planner.progress import Progress, labelled, note, reading_shown, terminal_progress
 from planner.progress.terminal_text import visible
 from planner.progress.text_table import print_text, words
 from planner.records.json_file import print_json
@@ -69,7 +70,7 @@ from planner.verify.in_time import simulate_in_time
 from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
-    from aspectgraph import EntityAspectGraph, Solid
+    from aspectgraph import EntityAspectGraph, Solid, VisibilityRegions
 
 
 def info(options: argparse.Namespace) -> int:
@@ -224,45 +225,25 @@ def _planned(
     options: argparse.Namespace, job: Job, leftovers: Leftovers
 ) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
-    request = job.request
     solid = job.solid
-    state = leftovers.state
     with (
         terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
         _executor(options.jobs) as executor,
     ):
         best = BestSoFar(progress)
         deadline = Deadline(options.time_limit, begun=options.begun)
-        regions = visible_regions(
-            solid,
-            job.wanted.entities,
-            request,
-            executor=executor,
-            progress=progress,
-            kept=leftovers.regions,
-            deadline=deadline.of_regions(),
-        )
-        try:
-            result = job.plan(
-                time_limit_s=deadline.seconds_left(SEARCH_SHARE),
-                on_incumbent=best,
-                space=space_of(request, regions),
-                state=state,
-                executor=executor,
-                progress=progress,
-            )
-        except KeyboardInterrupt:
-            result = best.instead()
+        with limit_as_typed(options.time_limit):
+            result, regions = _searched(job, leftovers, best, deadline, executor, progress)
         simulation, notes = simulate_in_time(
             result,
             options.simulate,
-            request.seed,
+            job.request.seed,
             progress,
             solid,
             deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
         )
         result = replace(result, simulation=simulation)
-        result = with_light(result, solid, request.lighting, progress)
+        result = with_light(result, solid, job.request.lighting, progress)
         result = with_source(result, leftovers.folder, job.part, job.reading)
         try:
             folder = Path(path_text(leftovers.folder))
@@ -277,10 +258,43 @@ def _planned(
                 cell=job.cell,
             )
         except OutputError as error:
-            raise OutputError(f"{error} {rescue(result, state)}") from None
+            raise OutputError(f"{error} {rescue(result, leftovers.state)}") from None
     if not result.unfinished:
         leftovers.remove()
     return result, written, best.interrupted
+
+
+def _searched(
+    job: Job,
+    leftovers: Leftovers,
+    best: BestSoFar,
+    deadline: Deadline,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> tuple[InspectionPlan, VisibilityRegions]:
+    """Return the plan, or the best so far if the search is interrupted, and the regions it rests on."""
+    request = job.request
+    regions = visible_regions(
+        job.solid,
+        job.wanted.entities,
+        request,
+        executor=executor,
+        progress=progress,
+        kept=leftovers.regions,
+        deadline=deadline.of_regions(),
+    )
+    try:
+        found = job.plan(
+            time_limit_s=deadline.seconds_left(SEARCH_SHARE),
+            on_incumbent=best,
+            space=space_of(request, regions),
+            state=leftovers.state,
+            executor=executor,
+            progress=progress,
+        )
+    except KeyboardInterrupt:
+        found = best.instead()
+    return found, regions
 
 
 def batch(options: argparse.Namespace) -> int:
