@@ -132,9 +132,9 @@ def lower_bound(
     conflict = witnesses.one_each(first["conflict"])
     space = PoseSpace(single, entity_idx, regions, conflict, effort, witnesses)
     linear = LinearBound(space, columns, improve, checkpoint, callbacks, effort)
-    nodes = max(0, effort.bound_nodes - first["made"])
-    bound = linear.raise_from(first["bound"], n_settings, max_nodes=nodes)
-    callbacks.report(effort.bound_nodes, effort.bound_nodes, "lower bound")
+    boxes = effort.boxes_for(len(request.names))
+    bound = linear.raise_from(first["bound"], n_settings, max_nodes=max(0, boxes - first["made"]))
+    callbacks.report(boxes, boxes, "lower bound")
     if bound <= first["alone"]:
         return bound, exclusion_proof(request, bound), None
     apart = int(witnesses.targets_apart(first["conflict"]).sum()) // 2
@@ -211,7 +211,7 @@ def _by_covers(
     that prove it, if there are some: what a search of covers proves, weights may not.
     """
     covering = effort.bound.covering
-    max_nodes = effort.bound_nodes
+    max_nodes = effort.boxes_for(columns.shape[1])
     weights = _Weights(np.asarray(columns, dtype=bool), effort.bound.generation)
     known, n_settings = between
     guide = fractional_cover(columns, relaxation=effort.cover.relaxation)[1]

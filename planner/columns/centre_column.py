@@ -72,7 +72,7 @@ def centre_setting(
             continue
         own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
         if not loses(own):
-            setting = best_supported(judge, [own, setting], seed, settings)
+            setting = best_supported(judge, [own, setting], seed, settings).setting
             break
     return with_p_all(judge, setting, seed, poses)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -128,9 +128,40 @@ def meaning(error: InfeasibleError) -> ReasonKind:
     return _MEANING[error.constraint]
 
 
+class Supported(NamedTuple):
+    """A setting, and what simulation supports of it.
+
+    Attributes
+    ----------
+    setting : SensorSetting
+    entities : frozenset of str
+        Those of its entities that simulation does not contradict, and that have the required P_all.
+    """
+
+    setting: SensorSetting
+    entities: frozenset[str]
+
+
+class _Tried(NamedTuple):
+    """A pose that was simulated: by how much it promises too much, and what falls short, if that was asked."""
+
+    pose: SensorSetting | PosedOnly
+    excess: dict[str, float]
+    short: dict[str, float] | None
+
+    def supported(self, judge: Judge, seed: int) -> frozenset[str]:
+        """Return the entities that simulation supports."""
+        most = judge.effort.support.too_high
+        kept = tuple(name for name, too_much in self.excess.items() if too_much <= most)
+        short = self.short
+        if short is None and kept:
+            short = shortfalls(judge, self.pose.cam2world, kept, seed)
+        return frozenset(kept) - frozenset(short or ())
+
+
 def best_supported(
     judge: Judge, options: Sequence[SensorSetting], seed: int, settings: int = 1
-) -> SensorSetting:
+) -> Supported:
     """Return the first setting that simulation does not contradict, or a pose near the first that it supports.
 
     The probability is of second order in the displacement and does not count ends that leave the image, so a pose may
@@ -148,71 +179,56 @@ def best_supported(
     """
     support = judge.effort.support
     rng = np.random.default_rng([seed, support.trial_poses])
-    best: SensorSetting | PosedOnly = options[0]
+    best: _Tried | None = None
     least = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
         options, _near(judge, options[0], rng, support.trials_of(settings))
     )
     for pose in poses:
-        too_much = max(_excess(judge, pose, rng).values())
+        tried = _Tried(pose, _excess(judge, pose, rng), None)
+        too_much = max(tried.excess.values())
         if too_much <= support.too_high:
             short = _shortfalls_below(judge, pose, seed, least - support.too_high)
+            tried = tried._replace(short=short)
             too_much = max([too_much, *(support.too_high + miss for miss in short.values())])
-        if too_much < least:
-            best = pose
+        if best is None or too_much < least:
+            best = tried
             least = too_much
         if least <= support.too_high:
             break
-    if isinstance(best, SensorSetting):
-        return best
+    assert best is not None
+    kept = best.supported(judge, seed)
+    if isinstance(best.pose, SensorSetting):
+        return Supported(best.pose, kept)
     message = "pose near the best, supported by simulation"
-    return setting_at(judge.request, best.cam2world, best.entities, message, seed=options[0].seed)
+    found = best.pose
+    return Supported(
+        setting_at(judge.request, found.cam2world, found.entities, message, seed=options[0].seed),
+        kept,
+    )
 
 
 def supported_pose(
     shared: Shared, options: Sequence[SensorSetting], seed: int, settings: int
-) -> SensorSetting:
+) -> Supported:
     """Return what `best_supported` returns, as a task for any executor; ``shared`` holds the judge."""
     return best_supported(shared.value, options, seed, settings)
 
 
-def without_contradicted(
-    judge: Judge,
-    settings: Iterable[SensorSetting],
-    seed: int,
-    check: Callable[[], object] = lambda: None,
-) -> list[SensorSetting]:
+def without_contradicted(request: Request, settings: Sequence[Supported]) -> list[SensorSetting]:
     """Take from settings the entities that simulation contradicts there and supports in another one.
 
     Parameters
     ----------
-    judge : Judge
-    settings : sequence of SensorSetting
-    seed : int
-        Of the poses displaced.
-    check : callable
-        Is called before each setting is simulated; it may raise.
+    request : Request
+    settings : sequence of Supported
     """
-    settings = list(settings)
-    support = judge.effort.support
-    rng = np.random.default_rng([seed, support.trial_poses])
-    excess = []
-    short = []
-    for setting in settings:
-        check()
-        excess.append(_excess(judge, setting, rng))
-        short.append(shortfalls(judge, setting.cam2world, setting.entities, seed))
-    supported = [
-        {name for name, too_much in rates.items() if too_much <= support.too_high} - set(missing)
-        for rates, missing in zip(excess, short, strict=True)
-    ]
     result = []
-    for k, setting in enumerate(settings):
-        elsewhere = set().union(*supported[:k], *supported[k + 1 :])
-        needless = [
-            name for name in setting.entities if name in elsewhere and name not in supported[k]
-        ]
-        result.append(without(judge.request, setting, needless) if needless else setting)
+    for k, (setting, supported) in enumerate(settings):
+        others = (*settings[:k], *settings[k + 1 :])
+        elsewhere = frozenset().union(*(other.entities for other in others))
+        needless = [n for n in setting.entities if n in elsewhere and n not in supported]
+        result.append(without(request, setting, needless) if needless else setting)
     return result
 
 

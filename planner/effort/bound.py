@@ -26,6 +26,9 @@ class Sweeping:
         Smallest number of sweeps of all parts that must be possible.
     found : int
         Largest number of poses beyond the limit taken from one part at a time.
+    targets : int
+        All boxes are for at most this many targets. With more targets, a box takes longer, and the
+        number of boxes falls in proportion.
     """
 
     first: int = 8000
@@ -34,6 +37,7 @@ class Sweeping:
     again: float = 1.5
     least_sweeps: int = 8
     found: int = 8
+    targets: int = 500
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 from numbers import Real
 
 from planner.argument_kinds import check_count
-from planner.effort.bound import BoundEffort
+from planner.effort.bound import BoundEffort, Sweeping
 from planner.effort.checks import check_record
 from planner.effort.columns import Nearness, Pricing, Support
 from planner.effort.cover import Covering
 from planner.effort.poses import Centring, Search
-from planner.effort.stages import StageEffort
+from planner.effort.stages import Preference, StageEffort
 from planner.exceptions import RequestError
 
 
@@ -30,7 +30,7 @@ class Effort:
     refutations : int
         Largest number of optimistic columns that the genetic algorithm tries to realise.
     bound_nodes : int
-        Largest number of boxes of poses for the proof of the lower bound.
+        Largest number of boxes of poses for the proof of the lower bound. See `boxes_for`.
     cover_nodes : int
         Largest number of nodes of the integer programming solver for one cover. It is a tenth while
         the program tries optimistic columns.
@@ -145,6 +145,29 @@ class Effort:
             raise RequestError.of_rule("give_up", "must be in [0, 1)", repr(give_up))
         return replace(self, centring=replace(self.centring, give_up=float(give_up)))
 
+    def boxes_for(self, n_targets: int) -> int:
+        """Return the largest number of boxes of poses for the proof of so many targets.
+
+        Parameters
+        ----------
+        n_targets : int
+            Number of targets.
+
+        Returns
+        -------
+        int
+            `bound_nodes`, or fewer for more targets than `Sweeping.targets`.
+
+        Examples
+        --------
+        >>> from planner import Effort
+        >>> quick = Effort.named("quick")
+        >>> quick.boxes_for(16), quick.boxes_for(64)
+        (400000, 100000)
+        """
+        most = self.bound.sweeping.targets
+        return self.bound_nodes * most // max(n_targets, most)
+
     def __post_init__(self) -> None:
         for name in ("pricing_rounds", "refutations", "bound_nodes"):
             check_count(name, getattr(self, name), 0)
@@ -160,6 +183,8 @@ QUICK = Effort(
     pricing_rounds=20,
     refutations=4,
     bound_nodes=400_000,
+    bound=BoundEffort(sweeping=Sweeping(targets=16)),
+    stages=StageEffort(preference=Preference(enough=0.0)),
     cover_nodes=200,
     witnesses=3,
     search=Search(max_draws=2048),

@@ -7,15 +7,20 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Preference:
-    """When the program tries the candidate pose before that of the genetic algorithm.
+    """When the program uses a candidate pose, and when that of the genetic algorithm.
 
     Attributes
     ----------
     fitness_gain : float
         Least gain in the sum of the probabilities. A smaller gain is rounding.
+    enough : float
+        The genetic algorithm does not search for a better pose where the candidate pose has more
+        than this probability for each of its targets, and simulation confirms it. At 1, it always
+        searches.
     """
 
     fitness_gain: float = 1e-6
+    enough: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,9 @@ from planner.steps.supported_columns import SupportedColumns
 
 # between two offers on the way, in times of how long one takes
 _OFFERS_APART = 4.0
+# seconds, and then a share of the time, for plans on the way of a run that has all the time it needs
+_FREE_S = 1.0
+_SHARE = 0.15
 _TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
 SO_FAR = (
     "Covering by optimistic columns, boxes of camera poses checked against necessary conditions (visibility, focus, "
@@ -56,7 +59,9 @@ class Incumbents:
         # the best one of each kind
         self._proofs: dict[str, ProvenBound] = {}
         self._columns = SupportedColumns()
-        self._offer_again = time.monotonic() + LEAST_SEARCH_S
+        self._begun = time.monotonic()
+        self._spent_s = 0.0
+        self._offer_again = self._begun + LEAST_SEARCH_S
 
     def glance(self, run: Run) -> None:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
@@ -69,6 +74,8 @@ class Incumbents:
             begun = time.monotonic()
             # candidate poses make more of the time than a second glance that would take most of it
             left = deadline.seconds_left()
+            if left is None and self.best is not None:
+                break
             if left is not None and each * directions > max(LEAST_SEARCH_S, left / 2):
                 break
             pool = ColumnPool(len(run.names))
@@ -102,13 +109,20 @@ class Incumbents:
 
     def offer(self, run: Run) -> None:
         """See whether the columns of a run make a better plan."""
-        if self._callbacks.wants_plans and run.pool.membership.any():
+        if self._callbacks.wants_plans and run.pool.membership.any() and self._is_affordable():
             self._offer(run, run.pool)
             if self.best is not None:
                 self._callbacks.deadline.arm()
 
+    def _is_affordable(self) -> bool:
+        """Return whether another plan on the way keeps to its share of the time, where the time is not limited."""
+        if self._callbacks.deadline.limited or self.best is None:
+            return True
+        return self._spent_s <= max(_FREE_S, _SHARE * (time.monotonic() - self._begun))
+
     def _offer(self, run: Run, pool: ColumnPool, covers: int | None = None) -> None:
         """See whether the columns of a pool make a better plan."""
+        begun = time.monotonic()
         cover = self._columns.cover(
             run, pool, (0, 0) if self.best is None else _worth(self.best), covers
         )
@@ -117,6 +131,7 @@ class Incumbents:
             plan = assembled(run, cover, bound, proof, unfinished=True)
             if self.best is None or _worth(plan) > _worth(self.best):
                 self.publish(plan)
+        self._spent_s += time.monotonic() - begun
 
     def on_bound(self, run: Run, proven: ProvenBound) -> None:
         """Take in a bound that was proven for some entities."""

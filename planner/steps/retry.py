@@ -129,7 +129,8 @@ class ShortTargets:
         run = self._run
         sets = [(name,) for name in self.reached]
         found = [one.setting for one in run.realise(sets)]
-        return run.supported([[one] for one in found if one is not None])
+        supported = run.supported([[one] for one in found if one is not None])
+        return [one.setting for one in supported]
 
     def _add(self, settings: Sequence[SensorSetting]) -> None:
         """Take the settings in, for the targets that have the required P_all there and were short."""

@@ -16,7 +16,7 @@ from planner.columns.judge import Judge
 from planner.columns.outcome import Outcome
 from planner.columns.pool import ColumnPool
 from planner.columns.promises import Promises, simulate_promises
-from planner.columns.realise_column import realise, supported_pose
+from planner.columns.realise_column import Supported, realise, supported_pose
 from planner.effort.effort import Effort
 from planner.executors import Shared, in_order
 from planner.request.request import Request
@@ -152,7 +152,7 @@ class Run:
         outcomes = (self.memo.get(names) for names in sets)
         return [outcome for outcome in outcomes if outcome is not None]
 
-    def supported(self, options: Sequence[Sequence[SensorSetting]]) -> list[SensorSetting]:
+    def supported(self, options: Sequence[Sequence[SensorSetting]]) -> list[Supported]:
         """Return for each of some settings the best of its options that simulation supports; see `best_supported`."""
         tasks = [
             (self.shared, some, derive_seed(self.seed, some[0].entities), len(options))

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.columns.candidates import derive_seed
 from planner.columns.centre_column import centre_setting
-from planner.columns.realise_column import without_contradicted
+from planner.columns.realise_column import Supported, without_contradicted
 from planner.cover.few_columns import few_columns
 from planner.effort.poses import Centring
 from planner.executors import in_order
@@ -67,19 +67,13 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
         pool.quality,
         run.effort.cover,
     )
-    sets = [run.names_of(pool.membership[c]) for c in chosen]
-    all_options = []
-    for c, names, outcome in zip(chosen, sets, run.realise(sets), strict=True):
-        seed = derive_seed(run.seed, names)
-        found = outcome.setting
-        options = [setting_at(request, pool.poses[c], names, "candidate pose", seed=seed)]
-        if found is not None and _holds(run, found, names):
-            options.insert(
-                found.fitness < options[0].fitness - run.effort.stages.preference.fitness_gain,
-                found,
-            )
-        all_options.append(options)
-    settings = run.supported(all_options)
+    candidates = [
+        setting_at(
+            request, pool.poses[c], names, "candidate pose", seed=derive_seed(run.seed, names)
+        )
+        for c, names in ((c, run.names_of(pool.membership[c])) for c in chosen)
+    ]
+    settings = without_contradicted(request, _supported(run, candidates))
     centring = run.effort.centring
     if not moves:
         centring = replace(centring, give_up=0.0)
@@ -87,8 +81,36 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
     def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
         return centre_all(run, some, centring)
 
-    settings = without_contradicted(run.judge, settings, run.seed, run.callbacks.deadline.check)
     return _without_short(run, centre(settings), centre)
+
+
+def _supported(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
+    """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough."""
+    enough = run.effort.stages.preference.enough
+    good = [k for k, one in enumerate(candidates) if min(one.probability.values()) > enough]
+    # what was simulated on the way is not simulated again
+    for _ in run.simulate([candidates[k] for k in good]):
+        pass
+    plain = [k for k in good if not run.promises.contradicted_in(candidates[k])]
+    kept = {k: Supported(candidates[k], frozenset(candidates[k].entities)) for k in plain}
+    rest = [k for k in range(len(candidates)) if k not in kept]
+    searched = _searched(run, [candidates[k] for k in rest])
+    kept.update(zip(rest, searched, strict=True))
+    return [kept[k] for k in range(len(candidates))]
+
+
+def _searched(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
+    """Search a better pose for each candidate pose, and return the better one that simulation supports."""
+    gain = run.effort.stages.preference.fitness_gain
+    options = []
+    outcomes = run.realise([one.entities for one in candidates])
+    for candidate, outcome in zip(candidates, outcomes, strict=True):
+        found = outcome.setting
+        both = [candidate]
+        if found is not None and _holds(run, found, candidate.entities):
+            both.insert(found.fitness < candidate.fitness - gain, found)
+        options.append(both)
+    return run.supported(options)
 
 
 def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPlan:

@@ -417,8 +417,11 @@ def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supporte
     monkeypatch.setattr(
         "planner.columns.realise_column._excess", lambda _, setting, __: excess[setting.message]
     )
+    monkeypatch.setattr("planner.columns.realise_column._near", lambda *given: iter(()))
     monkeypatch.setattr("planner.columns.realise_column.shortfalls", lambda *given: {})
-    first, second = without_contradicted(judge, settings, 0)
+    supported = [best_supported(judge, [setting], 0) for setting in settings]
+    assert [one.entities for one in supported] == [{EDGES[2]}, {EDGES[0], EDGES[2]}]
+    first, second = without_contradicted(judge.request, supported)
     assert first.entities == tuple(first.probability) == tuple(EDGES[1:3])
     assert first.fitness == pytest.approx(sum(first.probability.values()))
     assert (first.seed, first.message) == (0, "0")
@@ -440,8 +443,8 @@ def test_a_pose_that_simulation_contradicts_is_replaced_by_one_near_it(judge):
         setting = setting_at(judge.request, pose, tuple(np.array(EDGES)[row]), "given", seed=0)
         if promised_too_much(setting, judge):
             contradicted += 1
-            better = best_supported(judge, [setting], seed=1)
-            assert better.entities == setting.entities
+            better, supported = best_supported(judge, [setting], seed=1)
+            assert set(better.entities) == supported == set(setting.entities)
             assert judge(better.cam2world[None]).inspects[0, row].all()
             assert not promised_too_much(better, judge)
     assert contradicted > 0
