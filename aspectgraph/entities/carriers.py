@@ -138,7 +138,9 @@ class Carriers:
             Displacement in mm by the numbers of both surfaces.
         """
         both = [self.surfaces[k] for k in pair]
-        normals = np.stack([one.normals(points) for one in both], axis=1)
+        # those of planes are the same everywhere
+        where = points[:1] if all(one.is_plane for one in both) else points
+        normals = np.stack([one.normals(where) for one in both], axis=1)
         inverse = np.linalg.pinv(normals, rcond=_ALIKE)
         moved = [
             inverse[:, :, k, None] * one.offsets(points)[:, None, :] for k, one in enumerate(both)

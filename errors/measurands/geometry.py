@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -113,7 +114,7 @@ class Circle:
         """Whether it is a whole circle."""
         return self.start is None
 
-    @property
+    @cached_property
     def basis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Two unit vectors that span its plane, the first one towards the start; (3,) each."""
         x = self.start

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -155,6 +156,10 @@ class PartEdges:
             ),
         ]
 
+    @cached_property
+    def _outlines(self) -> Array:
+        return outlines_of(self.edges)
+
     def _round_faces(self, curve: Arc) -> set[int]:
         """Return the facets of the round surface beside a rim or arc: in a mesh, edges between them look sharp."""
         faces = np.array([self.solid.edges[i].faces for i in curve.edge_ids])
@@ -184,9 +189,11 @@ class PartEdges:
         margin_px : float
             Samples keep this distance from the image's border.
         """
+        outlines = self._outlines if edges is self.edges else outlines_of(edges)
+        images = pixels_of(outlines, cam2world, camera)
         parts = []
-        for k, edge in enumerate(edges):
-            shares = sample_shares(edge, cam2world, camera)
+        for k, (edge, image) in enumerate(zip(edges, images, strict=True)):
+            shares = sample_shares(edge, image)
             parts.append((np.full(len(shares), k), shares, *edge.at(shares)))
         number, share, points, tangents, normals = (
             np.concatenate(rows) for rows in zip(*parts, strict=True)
@@ -217,11 +224,23 @@ def circle_of(curve: Arc) -> Circle:
     return Circle(curve.centre, curve.axis, curve.radius_mm, start, span)
 
 
-def sample_shares(edge: PartEdge, cam2world: Array, camera: Camera) -> Array:
-    """Return where samples lie on an edge, equally far apart in the image: shares (n,); none behind the camera."""
-    closed = isinstance(edge.geometry, Circle) and edge.geometry.span_rad > 2 * np.pi - 1e-6
+def outlines_of(edges: Sequence[PartEdge]) -> Array:
+    """Return points equally far apart on each edge (e, k, 3), mm."""
     grid = np.linspace(0.0, 1.0, _OUTLINE)
-    outline = pixels_of(edge.at(grid)[0], cam2world, camera)
+    return np.array([edge.at(grid)[0] for edge in edges]).reshape(-1, _OUTLINE, 3)
+
+
+def sample_shares(edge: PartEdge, outline: Array) -> Array:
+    """Return where samples lie on an edge, equally far apart in the image: shares (n,); none behind the camera.
+
+    Parameters
+    ----------
+    edge : PartEdge
+        The edge.
+    outline : array (k, 2)
+        Images of its points of `outlines_of`, px.
+    """
+    closed = isinstance(edge.geometry, Circle) and edge.geometry.span_rad > 2 * np.pi - 1e-6
     if not np.isfinite(outline).all():
         return np.empty(0)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=1))])
@@ -234,7 +253,7 @@ def sample_shares(edge: PartEdge, cam2world: Array, camera: Camera) -> Array:
         places = (np.arange(n) + 0.5) * room / n
     else:
         places = ends + (np.arange(n) + 0.5) * room / n
-    return np.interp(places, along, grid)
+    return np.interp(places, along, np.linspace(0.0, 1.0, _OUTLINE))
 
 
 def pixels_of(points: Array, cam2world: Array, camera: Camera) -> Array:

@@ -12,7 +12,9 @@ with Tukey's weights. Every edge has a bias of its own in every image: light and
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,16 +96,26 @@ class _Task:
     planned: Array
     prior: Array
     samples: Samples
-    unknowns: list[NDArray[np.int64]]
+    # of the surfaces of each edge (e, 6)
+    unknowns: NDArray[np.int64]
     moves: Array
     bias_px: float
     # angle of each edge that is round, rad; 0 of lines
     spans: list[float]
 
+    @cached_property
+    def own(self) -> list[slice]:
+        """Where the samples of each edge are: they are in the order of the edges."""
+        ends = np.searchsorted(self.samples.edge, np.arange(len(self.unknowns) + 1)).tolist()
+        return [slice(first, last) for first, last in itertools.pairwise(ends)]
+
+    def of_surfaces(self, x: Array) -> Array:
+        """Return the unknowns of the surfaces that carry each sample (m, 6)."""
+        return np.asarray(x[self.unknowns][self.samples.edge])
+
     def places(self, x: Array) -> tuple[Array, Array]:
         """Return pose (4, 4) and points (m, 3) at unknowns."""
-        surfaces = np.array([x[own] for own in self.unknowns])[self.samples.edge]
-        points = self.samples.points + np.einsum("mij,mj->mi", self.moves, surfaces)
+        points = self.samples.points + np.einsum("mij,mj->mi", self.moves, self.of_surfaces(x))
         return displaced(self.planned, x[:POSE])[0], points
 
     def predicted(self, x: Array) -> tuple[Array, Array]:
@@ -199,9 +211,9 @@ def register(
 def _task(model: PartModel, camera: Camera, planned: Array, prior: Array, bias_px: float) -> _Task:
     edges = model.edges.edges
     every = model.edges.samples(planned, camera, edges, 0.0)
-    pixels = pixels_of(every.points, planned, camera)
-    apart = apart_from(every, edges, every, edges, (pixels, pixels))
-    chosen = every.chosen(every.visible & apart)
+    shown = every.chosen(every.visible)
+    pixels = pixels_of(shown.points, planned, camera)
+    chosen = shown.chosen(apart_from(shown, edges, shown, edges, (pixels, pixels)))
     if len(chosen.edge) < LEAST_SAMPLES:
         raise NotRegisteredError(
             f"only {len(chosen.edge)} samples of edges are visible and apart from each other"
@@ -210,13 +222,13 @@ def _task(model: PartModel, camera: Camera, planned: Array, prior: Array, bias_p
     number = np.searchsorted(used, chosen.edge)
     kept = [edges[k] for k in used]
     moves = np.zeros((len(number), 3, 6))
-    for k, edge in enumerate(kept):
-        own = number == k
-        moves[own] = model.displacement(edge, chosen.points[own])
+    firsts = np.searchsorted(number, np.arange(len(kept) + 1))
+    for edge, (first, last) in zip(kept, itertools.pairwise(firsts), strict=True):
+        moves[first:last] = model.displacement(edge, chosen.points[first:last])
     samples = Samples(
         number, chosen.share, chosen.points, chosen.tangents, chosen.visible, chosen.apart
     )
-    unknowns = [model.unknowns_of(edge) for edge in kept]
+    unknowns = np.array([model.unknowns_of(edge) for edge in kept])
     spans = [e.geometry.span_rad if isinstance(e.geometry, Circle) else 0.0 for e in kept]
     return _Task(model, camera, planned, prior, samples, unknowns, moves, bias_px, spans)
 
@@ -240,9 +252,9 @@ def _coarse(task: _Task, pictures: list[Picture]) -> tuple[Array, float]:
             np.arange(POSE),
             design[own][:, :POSE],
             across[own] @ shift,
-            np.full(int(own.sum()), 1 / (_COARSE_PX**2 * own.sum())),
+            np.full(own.stop - own.start, 1 / (_COARSE_PX**2 * (own.stop - own.start))),
         )
-        for own in (task.samples.edge == k for k in range(len(task.unknowns)))
+        for own in task.own
     ]
     x = nothing.copy()
     # surfaces are not moved by it
@@ -281,8 +293,7 @@ def _solved(
     finds the pose more surely than biases of more modes.
     """
     design = task.design(x, across)
-    surfaces = np.array([x[own] for own in task.unknowns])[task.samples.edge]
-    now = design[:, :POSE] @ x[:POSE] + (design[:, POSE:] * surfaces).sum(axis=1)
+    now = _moved(task, design, x)
     weights = [tukey_weights(one.offset, _scale(one.offset[one.good])) for one in found]
     estimate = Posterior(x, task.prior)
     for _ in range(3 if final else 2):
@@ -336,18 +347,18 @@ def _scale(residual: Array) -> float:
 
 def _moved(task: _Task, design: Array, step: Array) -> Array:
     """Return how far samples (m,) move across with a step of the unknowns."""
-    surfaces = np.array([step[own] for own in task.unknowns])[task.samples.edge]
-    return np.asarray(design[:, :POSE] @ step[:POSE] + (design[:, POSE:] * surfaces).sum(axis=1))
+    by_surfaces = (design[:, POSE:] * task.of_surfaces(step)).sum(axis=1)
+    return np.asarray(design[:, :POSE] @ step[:POSE] + by_surfaces)
 
 
 def _edge_means(task: _Task, residual: Array, good: NDArray[np.bool_]) -> Array:
     """Return for each sample the median of its edge's residuals, px, as far as an edge's bias explains it."""
     means = np.zeros(len(task.unknowns))
     most = _SIGMAS * task.bias_px
-    for k in range(len(means)):
-        own = good & (task.samples.edge == k)
-        if own.sum() >= 4:
-            means[k] = np.clip(np.median(residual[own]), -most, most)
+    for k, own in enumerate(task.own):
+        known = residual[own][good[own]]
+        if len(known) >= 4:
+            means[k] = min(max(float(np.median(known)), -most), most)
     return np.asarray(means[task.samples.edge])
 
 
@@ -355,20 +366,20 @@ def _rows(task: _Task, design: Array, residual: Array, weight: Array) -> list[Ro
     """Return the rows of each edge that was found."""
     rows = []
     for k, own in enumerate(task.unknowns):
-        at = (task.samples.edge == k) & (weight > 0)
-        if not at.any():
+        at = task.own[k].start + np.flatnonzero(weight[task.own[k]] > 0)
+        if not len(at):
             continue
         unknowns = np.concatenate([np.arange(POSE), own])
         part = design[at]
         if own[0] == own[3]:
             # both faces on one surface
             unknowns = unknowns[: POSE + 3]
-            part = np.concatenate([part[:, : POSE + 3]], axis=1)
+            part = part[:, : POSE + 3]
         rows.append(Rows(unknowns, part, residual[at], weight[at], _bias_modes(task, k, at)))
     return rows
 
 
-def _bias_modes(task: _Task, edge: int, chosen: NDArray[np.bool_]) -> Array:
+def _bias_modes(task: _Task, edge: int, chosen: NDArray[np.int64]) -> Array:
     """Return how far the biases of an edge move its samples (m, q): as `floor_modes` of an entity do.
 
     All alike; and by half, the ends of a line against each other, or opposite sides of a circle together.
