@@ -95,8 +95,9 @@ class Effort:
         Parameters
         ----------
         name : {"quick", "standard", "thorough"}
-            "standard" is the default. "quick" ends after a short search and a short proof.
-            "thorough" searches four times as long and gives the proof five times as many boxes.
+            "standard" is the default. "quick" ends after a short search and a short proof, and
+            improves a pose only where simulation contradicts it. "thorough" searches four times as
+            long and gives the proof five times as many boxes.
 
         Raises
         ------
