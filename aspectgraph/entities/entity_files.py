@@ -73,7 +73,7 @@ def read_entities(
     check_solid(solid)
     text = str(text_or_path).strip()
     if text.lower() == "all":
-        return resolve_entities(solid, [edge.id for edge in solid.straight_edges()], tolerance_mm)
+        return resolve_entities(solid, _every_edge(solid), tolerance_mm)
     if Path(text).suffix.lower() in (".toml", ".json"):
         return resolve_entities(solid, _read_file(Path(text)), tolerance_mm)
     if Path(text).suffix.lower() == ".csv":
@@ -93,6 +93,18 @@ def read_entities(
     return resolve_entities(
         solid, {**named, **{f"p{k}": ends for k, ends in enumerate(points, start=1)}}, tolerance_mm
     )
+
+
+def _every_edge(solid: Solid) -> list[int]:
+    """Return the ids of all sharp straight edges; a part of revolution has none."""
+    ids = [edge.id for edge in solid.straight_edges()]
+    if not ids:
+        raise EntityError.of_rule(
+            "entities",
+            "must name rims or arcs of a part without a sharp straight edge",
+            f"'all' for one with {len(solid.rims())} rims and {len(solid.arcs())} arcs",
+        )
+    return ids
 
 
 def _name(entity_id: int | str) -> str:

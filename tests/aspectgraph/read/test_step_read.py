@@ -12,9 +12,11 @@ import pytest
 from one_kernel import one_kernel
 
 from aspectgraph import (
+    EntityError,
     ReadError,
     SelfIntersectionError,
     Solid,
+    read_entities,
     read_solid,
     resolve_entities,
 )
@@ -130,6 +132,14 @@ def test_a_hole_becomes_a_ring_of_flat_strips(tmp_path):
     assert sorted(len(face.holes) for face in solid.faces)[-2:] == [1, 1]
     assert len(solid.straight_edges()) == 12
     assert solid.volume == pytest.approx(5 * (400 - 0.5 * 12 * 16 * np.sin(2 * np.pi / 12)))
+
+
+def test_all_edges_of_a_cylinder_are_none(tmp_path):
+    solid = read_solid(write(tmp_path / "part.step", cylinder(10.0, 8.0)))
+    rule = r"entities must name rims or arcs .* Got 'all' for one with 2 rims and 0 arcs\."
+    with pytest.raises(EntityError, match=rule):
+        read_entities("all", solid)
+    assert list(read_entities("r0, r1", solid)) == ["r0", "r1"]
 
 
 @pytest.mark.parametrize("chord_mm", [0.5, 0.05, 0.005])
