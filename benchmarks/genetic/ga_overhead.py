@@ -1,6 +1,6 @@
 """Time of the genetic algorithm itself: a run whose fitness costs next to nothing.
 
-Run ``python benchmarks/planning/ga_overhead.py``. Shown is the median time of one generation over repeated runs.
+Run ``python benchmarks/genetic/ga_overhead.py``. Shown is the median time of one generation over repeated runs.
 """
 
 import time

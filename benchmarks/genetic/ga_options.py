@@ -1,6 +1,6 @@
 """What each option of the genetic algorithm brings, on problems whose optimum is known.
 
-Run ``python benchmarks/planning/ga_options.py [--seeds 20] [--budget 10000]``. Every variant has the same number of
+Run ``python benchmarks/genetic/ga_options.py [--seeds 20] [--budget 10000]``. Every variant has the same number of
 evaluations; shown are the shortfall from the optimum over the seeds (median, worst), how many seeds came within 0.5 %
 of the optimum, the median number of evaluations until then, and the time per run.
 """
