@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,8 @@ from planner.progress import terminal_progress
 
 SCRIPT = "import sys; from planner.cli import start; sys.exit(start())"
 EXAMPLE = Path(__file__).parents[4] / "examples" / "two_pocket_block.off"
+# the project may lie in a folder with a space
+TYPED = shlex.quote(str(EXAMPLE))
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="redirections of a POSIX shell")
 
@@ -41,7 +44,7 @@ def test_closed_errors_do_not_go_to_the_output():
 
 def test_progress_without_standard_error_harms_nothing(tmp_path):
     graph = tmp_path / "g.graphml"
-    done = run(f"graph {EXAMPLE} --entities 17 --graphml {graph} --json", "{} 2>&- <&-")
+    done = run(f"graph {TYPED} --entities 17 --graphml {graph} --json", "{} 2>&- <&-")
     assert done.returncode == 0
     assert done.stdout.startswith("{")
     assert graph.is_file()
@@ -83,7 +86,7 @@ def test_too_little_memory_is_one_line(tmp_path, kilobytes):
     """The first ends numpy's loading, the second that of the ray caster."""
     graph = tmp_path / "g.graphml"
     done = run(
-        f"graph {EXAMPLE} --entities 17 --graphml {graph} --quiet", f"ulimit -v {kilobytes}; {{}}"
+        f"graph {TYPED} --entities 17 --graphml {graph} --quiet", f"ulimit -v {kilobytes}; {{}}"
     )
     if done.returncode == 0:
         pytest.skip("the limit is not kept here")
@@ -93,7 +96,7 @@ def test_too_little_memory_is_one_line(tmp_path, kilobytes):
 
 
 def test_a_path_that_is_too_long_names_its_option():
-    done = run(f"info {EXAMPLE} --picture {'x' * 5000}.png")
+    done = run(f"info {TYPED} --picture {'x' * 5000}.png")
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith("aspectgraph: --picture must be a path that can be used. Got 'xxx")
