@@ -57,6 +57,8 @@ Images from poses that were 16 to 64 standard deviations off agreed with 0.33 to
 """
 LEAST_DOUBTFUL_SHARE = 0.7
 """The same where another shift of the image fits nearly as well: symmetric parts agree with much of a wrong image."""
+MUCH_DARK = 0.2
+"""Share of the samples without contrast from which on a refusal says so."""
 CLEAR_LEAD = 1.05
 """Votes for the best shift over those for another one, from which on it is clear."""
 MOST_CHI2 = 22.5
@@ -417,6 +419,7 @@ def _checked(
     if share < (LEAST_SHARE if lead >= CLEAR_LEAD else LEAST_DOUBTFUL_SHARE):
         raise NotRegisteredError(
             f"only {100 * share:.0f} % of the part's visible edges were found where it has them"
+            f"{_dark_text(found)}"
         )
     if chi2 > MOST_CHI2:
         raise NotRegisteredError(
@@ -437,6 +440,12 @@ def _checked(
         prior=task.prior,
         samples=_states(task, first, centres, agree, found),
     )
+
+
+def _dark_text(found: list[_Found]) -> str:
+    """Say how much of the edges the light does not show, if that is much; empty otherwise."""
+    dark = np.all([one.state == State.WEAK for one in found], axis=0).mean()
+    return f"; {100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""
 
 
 def _little_known(covariance: Array, prior: Array) -> tuple[str, ...]:

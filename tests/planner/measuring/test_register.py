@@ -244,3 +244,13 @@ def test_a_surface_that_is_measured_is_not_pulled_to_its_nominal_place(solid, mo
     one = results["width"]
     assert abs(one.deviation - 0.1) < one.expanded_uncertainty
     assert one.deviation > 0.05
+
+
+def test_a_refusal_says_what_the_light_does_not_show(model, images):
+    """Half of the image is dark, so nothing is found there; an image of something else lacks no contrast."""
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    dark = images[1].copy()
+    dark[:, dark.shape[1] // 2 :] = 3
+    rule = r"only \d\d % of the part's visible edges were found where it has them; [3-7]\d % lack contrast$"
+    with pytest.raises(NotRegisteredError, match=rule):
+        register(model, [Picture.of("one", dark, CAMERA)], POSES[0], prior)
