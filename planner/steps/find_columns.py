@@ -13,7 +13,7 @@ from planner.steps.incumbents import Incumbents
 from planner.steps.run import Run
 
 # entities without a view are tried so many at a time: whole numbers of what several processes take at once
-_AT_A_TIME = 8
+_AT_A_TIME = 16
 # rounds of column generation before that: they come across views of many, and a round costs less than trying one
 _FIRST_ROUNDS = 10
 

@@ -30,7 +30,7 @@ from planner.steps.supported_columns import SupportedColumns
 _OFFERS_APART = 4.0
 # seconds, and then a share of the time, for plans on the way of a run that has all the time it needs
 _FREE_S = 1.0
-_SHARE = 0.15
+_SHARE = 0.1
 _TRIVIAL = "Fewer settings than one inspect nothing; the proof of a larger bound had not begun."
 SO_FAR = (
     "Covering by optimistic columns, boxes of camera poses checked against necessary conditions (visibility, focus, "
