@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from planner.argument_kinds import FROM_0_BELOW_1, POSITIVE_SECONDS, check_number
+from planner.exceptions import RequestError
 from planner.progress import Progress, report
 from planner.progress.time_left import TimeIsUpError as TimeIsUpError
 from planner.progress.time_left import TimeLeft
@@ -103,6 +105,20 @@ class Deadline:
         """
         now = time.time()
         return TimeLeft(max(self.at(share), (now + self.at()) / 2.0, now + least_s))
+
+    @contextmanager
+    def stated_whole(self) -> Iterator[None]:
+        """Let an error about the time limit in the block state the whole limit.
+
+        The work in the block may know only what is left of it.
+        """
+        try:
+            yield
+        except RequestError as error:
+            if error.parameter != "time_limit_s" or not self.limited:
+                raise
+            got = f"{self._limit:g}"
+            raise RequestError.of_rule(error.parameter, error.rule, got, hint=error.hint) from error
 
     def arm(self) -> None:
         """From now on there is something to end with."""

@@ -15,20 +15,15 @@ import time
 # before numpy: threads of small matrices only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import resource
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from anytime import CASES, PROBABILITY, UNCERTAINTY, judge_of
+from witness_table import processor_seconds
 
 from planner import Effort
-from planner.inspection import Promise, plan_by_options
-
-
-def processor_s() -> float:
-    """Return the processor time of this process and of its children that ended, s."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
+from planner.identity.resolve_request import Promise
+from planner.inspection import plan_by_options
 
 
 def planned(name: str, folder: Path, effort: str, jobs: int) -> str:
@@ -36,7 +31,7 @@ def planned(name: str, folder: Path, effort: str, jobs: int) -> str:
     case = CASES[name]
     judge, _ = judge_of(case, folder)
     space = judge.space
-    processor = processor_s()
+    processor = processor_seconds()
     wall = time.monotonic()
     with ProcessPoolExecutor(jobs) as executor:
         plan = plan_by_options(
@@ -55,7 +50,7 @@ def planned(name: str, folder: Path, effort: str, jobs: int) -> str:
     wall = time.monotonic() - wall
     return (
         f"{name:16}{effort:10}{len(plan.inspected):>5} of {len(space.entity_names):<6}"
-        f"{len(plan.settings):>9}{plan.lower_bound:>7}{wall:>9.1f}{processor_s() - processor:>12.1f}"
+        f"{len(plan.settings):>9}{plan.lower_bound:>7}{wall:>9.1f}{processor_seconds() - processor:>12.1f}"
     )
 
 

@@ -115,12 +115,13 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         options, space=regions, state=state, time_limit_s=deadline.seconds_left(SEARCH_SHARE)
     )
     plan = partial(plan_by_options, solid, entities, *asked, options)
-    try:
-        found = plan()
-    except PlanFileError:
-        # of another request, or damaged
-        state.unlink(missing_ok=True)
-        found = plan()
+    with deadline.stated_whole():
+        try:
+            found = plan()
+        except PlanFileError:
+            # of another request, or damaged
+            state.unlink(missing_ok=True)
+            found = plan()
     simulation, notes = simulate_in_time(
         found,
         request.simulate,

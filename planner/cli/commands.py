@@ -43,7 +43,6 @@ from planner.cli.job import (
     workspace_of,
 )
 from planner.cli.light import with_light
-from planner.cli.naming import limit_as_typed
 from planner.cli.optics_ranking import rank_optics
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
@@ -232,7 +231,7 @@ def _planned(
     ):
         best = BestSoFar(progress)
         deadline = Deadline(options.time_limit, begun=options.begun)
-        with limit_as_typed(options.time_limit):
+        with deadline.stated_whole():
             result, regions = _searched(job, leftovers, best, deadline, executor, progress)
         simulation, notes = simulate_in_time(
             result,

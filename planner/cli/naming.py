@@ -122,26 +122,6 @@ def named_by(name: str, options: Mapping[str, Any]) -> Iterator[None]:
         raise type(error)(f"{named}: {text}") from error
 
 
-@contextmanager
-def limit_as_typed(time_limit_s: float | None) -> Iterator[None]:
-    """Let an error about the time limit in the block state the limit of the whole command.
-
-    Parameters
-    ----------
-    time_limit_s : float or None
-        The limit that was typed, s. The search in the block gets what is left of it.
-    """
-    from planner.exceptions import RequestError
-
-    try:
-        yield
-    except RequestError as error:
-        if error.parameter != "time_limit_s" or time_limit_s is None:
-            raise
-        got = f"{time_limit_s:g}"
-        raise RequestError.of_rule(error.parameter, error.rule, got, hint=error.hint) from error
-
-
 def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> str:
     """Return a text with the arguments that it mentions as options, where the command has them."""
     for mention in mentions:

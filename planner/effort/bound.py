@@ -27,8 +27,8 @@ class Sweeping:
     found : int
         Largest number of poses beyond the limit taken from one part at a time.
     targets : int
-        All boxes are for at most this many targets. With more targets, a box takes longer, and the
-        number of boxes falls in proportion.
+        Largest number of targets for which the proof may use all boxes. With more targets, each box
+        takes longer, and the number of boxes falls in proportion.
     """
 
     first: int = 8000

@@ -19,7 +19,7 @@ from aspectgraph import (
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
 from planner.cli.main import main
-from planner.cli.naming import in_words_of_shell, limit_as_typed
+from planner.cli.naming import in_words_of_shell
 from planner.exceptions import PlannerError, RequestError
 
 # parameter, rule, got, hint, arguments that rule and hint mention; text of a call, text at a shell
@@ -162,18 +162,3 @@ def test_standard_output_that_takes_no_more_is_one_line(options):
         run.stderr
         == "aspectgraph: standard output must be writable. Got: No space left on device.\n"
     )
-
-
-def test_a_limit_that_is_too_short_is_stated_as_it_was_typed():
-    """The search gets what is left of it, which says nothing to who typed the whole."""
-    rule = "must be long enough"
-    with pytest.raises(RequestError) as found, limit_as_typed(8.0):
-        raise RequestError.of_rule("time_limit_s", rule, "0.001")
-    text = in_words_of_shell(found.value, {"time_limit": 8.0})
-    assert text == "--time-limit must be long enough. Got 8."
-
-
-@pytest.mark.parametrize("limit", [None, 8.0])
-def test_other_errors_pass_a_limit_as_they_are(limit):
-    with pytest.raises(RequestError, match=r"Got 2\.0\."), limit_as_typed(limit):
-        raise RequestError.of_rule("accuracy", "must be in (0, 1)", "2.0")

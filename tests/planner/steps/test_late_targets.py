@@ -5,6 +5,7 @@ import pytest
 
 from aspectgraph import compute_regions, read_solid
 from planner import Camera, Effort, PoseUncertainty, RequestError, plan_inspection
+from planner.callbacks import Deadline
 from planner.setting.reason import ReasonKind
 
 RIMS = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
@@ -50,3 +51,17 @@ def test_without_a_limit_a_space_must_hold_all_targets(call):
 def test_a_limit_that_leaves_no_target_is_named(call):
     with pytest.raises(RequestError, match=r"time_limit_s must be long enough .* Got 1000\."):
         call([], time_limit_s=1000.0)
+
+
+def test_what_knows_only_the_rest_of_a_limit_states_the_whole(call):
+    """The command line and a batch compute regions first, and pass on what is left."""
+    rest = 0.001
+    rule = r"time_limit_s must be long enough .* Got 8\."
+    with pytest.raises(RequestError, match=rule), Deadline(8.0).stated_whole():
+        call([], time_limit_s=rest)
+
+
+@pytest.mark.parametrize("limit", [None, 8.0])
+def test_other_errors_are_as_they_are(limit):
+    with pytest.raises(RequestError, match=r"Got 2\.0\."), Deadline(limit).stated_whole():
+        raise RequestError.of_rule("accuracy", "must be in (0, 1)", "2.0")
