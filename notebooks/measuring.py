@@ -79,7 +79,7 @@ left.plot(points["u"][found], points["v"][found], ".", color="#1fae54", markersi
 left.plot(points["u"][~found], points["v"][~found], "x", color="#e5332a", markersize=5)
 left.set_xlim(points["u"].min() - 12, points["u"].max() + 12)
 left.set_ylim(points["v"].max() + 12, points["v"].min() - 12)
-left.set_title(f"{reading.counts}", fontsize=8)
+left.set_title(", ".join(f"{n} {what}" for what, n in reading.counts.items()))
 right.plot(points["share"][found], points["residual_px"][found], ".", color="#1fae54")
 right.axhline(0, color="0.6")
 right.set_xlabel("along the rim")
