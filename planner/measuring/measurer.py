@@ -24,10 +24,11 @@ from planner.measuring.merge import Result, merged
 from planner.measuring.part_model import PartModel
 from planner.measuring.poses.fiducials import NoFiducialsError, locate
 from planner.measuring.poses.likeness import check_lens, looks_like
-from planner.measuring.poses.register import NotRegisteredError, bias_of
+from planner.measuring.poses.register import bias_of
 from planner.measuring.poses.registered import Registered, as_given, prior_covariance
 from planner.measuring.poses.registration import BOTH, PLANNED, Registration
 from planner.measuring.poses.restated import register_as_shown
+from planner.measuring.poses.task import NotRegisteredError
 from planner.measuring.reading import Reading, covariance_of, read_value
 from planner.measuring.results import MeasurementResults
 from planner.setting.image_names import setting_name

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from planner.measuring.image.picture import Picture
 from planner.measuring.part_model import PartModel
-from planner.measuring.poses.register import NotRegisteredError, register
+from planner.measuring.poses.register import register
 from planner.measuring.poses.registered import Registered
+from planner.measuring.poses.task import NotRegisteredError
 from planner.setting.image_names import setting_name
 
 Array = NDArray[np.float64]

@@ -22,8 +22,9 @@ from errors.registration import Imaging, Stretches
 from planner.camera.camera import Camera
 from planner.measuring.image.samples import APART_PX, END_PX, PartEdges
 from planner.measuring.part_model import POSE, PartModel
-from planner.measuring.poses.register import CORRELATION_PX, LEAST_SHARE, bias_of
+from planner.measuring.poses.register import CORRELATION_PX, bias_of
 from planner.measuring.poses.registered import prior_covariance
+from planner.measuring.poses.verdict import LEAST_SHARE
 from planner.request.request import Request
 from planner.wanted.planned import PlannedTarget, sample_points
 from planner.wanted.registered.own_edges import Lifts, OwnEdges, key_of

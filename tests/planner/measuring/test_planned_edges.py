@@ -33,6 +33,7 @@ from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses import register as registering
 from planner.measuring.poses.planned_edges import planned_edges
 from planner.measuring.poses.registered import displaced, prior_covariance
+from planner.measuring.poses.task import registration_task
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_plan import simulate_plan
 
@@ -123,7 +124,7 @@ def test_measuring_takes_the_surfaces_of_the_plan(block, registered):
 def registration_of(model, cam2world):
     """Joint covariance that `measure` has after it finds every sample of the part, 0.15 px off."""
     prior = prior_covariance(model, ROBOT.covariance, 0.03)
-    task = registering._task(model, CAMERA, cam2world, prior, 0.15)
+    task = registration_task(model, CAMERA, cam2world, prior, 0.15)
     nothing = np.zeros(len(prior))
     design = task.design(nothing, task.predicted(nothing)[1])
     variance = 0.15**2 * registering.CORRELATION_PX / registering.STEP_PX

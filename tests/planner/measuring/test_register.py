@@ -27,11 +27,11 @@ from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.coarse import coarse_shift
 from planner.measuring.poses.register import (
     LEAST_BIAS_PX,
-    NotRegisteredError,
     bias_of,
     register,
 )
 from planner.measuring.poses.registered import displaced, prior_covariance
+from planner.measuring.poses.task import NotRegisteredError
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,221 @@
+"""Whether an image that was registered shows the part: how much of it agrees, and what became of every sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.registration import Posterior, Rows, undetermined
+from planner.measuring.fit import TUKEY
+from planner.measuring.image.picture import Picture
+from planner.measuring.image.scans import State
+from planner.measuring.part_model import POSE
+from planner.measuring.poses.lamp import Shown, shown
+from planner.measuring.poses.registered import SAMPLE, Registered
+from planner.measuring.poses.task import (
+    LEAST_NOISE_PX,
+    Found,
+    NotRegisteredError,
+    Task,
+    residual_scale,
+)
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+LEAST_SHARE = 0.6
+"""Share of the samples that must be found where the registered part has them.
+
+Images from poses that were 16 to 64 standard deviations off agreed with 0.33 to 0.56 of a plate at a wrong pose.
+"""
+LEAST_DOUBTFUL_SHARE = 0.7
+"""The same where another shift of the image fits nearly as well, and no lamp explains what is not found.
+
+Symmetric parts agree with much of a wrong image.
+"""
+MUCH_DARK = 0.2
+"""Share of the samples without contrast from which on a refusal says so."""
+CLEAR_LEAD = 1.1
+"""Votes for the best shift over those for another one, from which on it is clear."""
+MOST_CHI2 = 22.5
+"""Largest square of the pose's displacement in standard deviations of its prior: 1 in 1,000 poses is beyond."""
+
+_POSE_WORDS = (
+    "position across, along its x axis",
+    "position across, along its y axis",
+    "distance from the part",
+    "turn about its x axis",
+    "turn about its y axis",
+    "turn about its optical axis",
+)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where samples (m) are planned, where the last round searched for them, and unit vectors across; (m, 2), px."""
+
+    first: Array
+    centres: Array
+    across: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A registration that is to be judged.
+
+    Attributes
+    ----------
+    task : Task
+        What it is of.
+    pictures : list of Picture
+        The images.
+    estimate : Posterior
+        Pose and deviations.
+    rows : list of Rows
+        What the estimate is from.
+    found : list of Found
+        What was found in each image in the last round.
+    places : Places
+        Of the samples.
+    """
+
+    task: Task
+    pictures: list[Picture]
+    estimate: Posterior
+    rows: list[Rows]
+    found: list[Found]
+    places: Places
+
+    @cached_property
+    def agreeing(self) -> list[Bools]:
+        """Which samples (m,) each image shows where the part has them, but for their edge's bias."""
+        return [self._agreeing(one) for one in self.found]
+
+    @cached_property
+    def share(self) -> float:
+        """Share of the samples that some image shows there."""
+        return float(np.any(self.agreeing, axis=0).mean())
+
+    @cached_property
+    def light(self) -> list[Shown | None]:
+        """How each image compares with the light of the lamp that fits it best."""
+        return [
+            self._light(picture, one, own)
+            for picture, one, own in zip(self.pictures, self.found, self.agreeing, strict=True)
+        ]
+
+    @property
+    def explained(self) -> bool:
+        """Whether enough is found, and a lamp explains what is and what is not, in the image in which most is found."""
+        if self.share < LEAST_SHARE:
+            return False
+        best = self.light[int(np.argmax([int(own.sum()) for own in self.agreeing]))]
+        return best is not None and best.explains
+
+    @cached_property
+    def contradicted(self) -> list[Bools]:
+        """Which samples (m,) of each image are of stretches with another step than the lamp makes."""
+        nothing = np.zeros(len(self.task.stretch), dtype=np.bool_)
+        return [
+            nothing if one is None else one.contradicted(self.task.stretch) for one in self.light
+        ]
+
+    @property
+    def convincing(self) -> bool:
+        """Whether so much is found that the pose is not another one."""
+        if self.share < LEAST_SHARE:
+            return False
+        return self.task.lead >= CLEAR_LEAD or self.share >= LEAST_DOUBTFUL_SHARE or self.explained
+
+    def _light(self, picture: Picture, one: Found, agree: Bools) -> Shown | None:
+        pose, _ = self.task.places(self.estimate.mean)
+        across = self.places.across
+        edges = self.places.centres + np.where(agree, one.offset, 0.0)[:, None] * across
+        return shown(self.task, pose, picture, (edges, across), agree)
+
+    def _agreeing(self, one: Found) -> Bools:
+        rest = one.offset - self.task.edge_means(one.offset, one.good)
+        scale = max(residual_scale(rest[one.good]), LEAST_NOISE_PX)
+        return np.asarray(one.good & (np.abs(rest) <= TUKEY * scale))
+
+
+def judged(attempt: Attempt) -> Registered:
+    """Return the registration if the image agrees with the part.
+
+    Parameters
+    ----------
+    attempt : Attempt
+        The registration.
+
+    Returns
+    -------
+    Registered
+        It, with how well it agrees.
+
+    Raises
+    ------
+    NotRegisteredError
+        If too little agrees, or the pose is too far from the planned one.
+    """
+    task = attempt.task
+    found = attempt.found
+    displacement = attempt.estimate.mean[:POSE]
+    chi2 = float(displacement @ np.linalg.solve(task.prior[:POSE, :POSE], displacement))
+    if not attempt.convincing:
+        raise NotRegisteredError(
+            f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them"
+            f"{_dark_text(found)}"
+        )
+    if chi2 > MOST_CHI2:
+        raise NotRegisteredError(
+            f"its pose is {np.sqrt(chi2):.1f} standard deviations away from the planned one"
+        )
+    agree = np.any(attempt.agreeing, axis=0)
+    rests = [np.abs(one.offset[own]) for one, own in zip(found, attempt.agreeing, strict=True)]
+    shift = np.linalg.norm(attempt.places.centres - attempt.places.first, axis=1)
+    pose, _ = task.places(attempt.estimate.mean)
+    return Registered(
+        pose,
+        attempt.estimate.mean[POSE:],
+        attempt.estimate.covariance,
+        "own edges",
+        shift_px=float(np.median(shift)),
+        used=int(agree.sum()),
+        offered=len(agree),
+        misfit_px=float(np.median(np.concatenate(rests))),
+        blur_px=float(np.median(np.concatenate([one.blur_px[one.good] for one in found]))),
+        chi2=chi2,
+        prior=task.prior,
+        samples=_states(attempt, agree),
+    )
+
+
+def _dark_text(found: list[Found]) -> str:
+    """Say how much of the edges the light does not show, if that is much; empty otherwise."""
+    dark = np.all([one.state == State.WEAK for one in found], axis=0).mean()
+    return f"; {100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""
+
+
+def little_known(covariance: Array, prior: Array) -> tuple[str, ...]:
+    """Say what of the pose the image says little about, given its covariance (6, 6) after and before."""
+    sigmas = np.sqrt(np.diag(prior))
+    names = {
+        _POSE_WORDS[int(np.argmax(np.abs(direction) / sigmas))]
+        for direction in undetermined(covariance, prior)
+    }
+    return tuple(f"the image says little about the camera's {name}" for name in sorted(names))
+
+
+def _states(attempt: Attempt, agree: Bools) -> NDArray[np.void]:
+    """Return samples with what became of them in the image in which most were found."""
+    samples = np.zeros(len(agree), dtype=SAMPLE)
+    samples["edge"] = attempt.task.samples.edge
+    samples["planned_u"], samples["planned_v"] = attempt.places.first.T
+    samples["u"], samples["v"] = attempt.places.centres.T
+    best = max(attempt.found, key=lambda one: int(one.good.sum()))
+    lost = np.where(best.good, int(State.OUTLIER), best.state)
+    samples["state"] = np.where(agree, int(State.FOUND), lost)
+    return samples

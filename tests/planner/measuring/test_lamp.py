@@ -1,0 +1,140 @@
+"""The lamp that explains an image: found where it was, and refuted by edges that it shows and that are not there."""
+
+import numpy as np
+import pytest
+import shapely
+from measured_plate import CAMERA, LAMP, POSES, UNCERTAINTY, fine_plate, photograph, thick_plate
+
+from errors.measurands import Circle
+from planner.measuring.image.picture import Picture
+from planner.measuring.image.scans import State
+from planner.measuring.part_model import PartModel
+from planner.measuring.poses import lamp as lamps
+from planner.measuring.poses import register as registering
+from planner.measuring.poses.registered import prior_covariance
+from planner.measuring.poses.task import registration_task
+
+# the renderer's, see `part_images`: of a lamp at right angles, and everywhere
+GAIN = 0.78
+AMBIENT = 0.12
+
+
+@pytest.fixture(scope="module")
+def task():
+    model = PartModel(thick_plate(), {})
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    return registration_task(model, CAMERA, POSES[0], prior, 0.15)
+
+
+@pytest.fixture(scope="module")
+def where(task):
+    return task.predicted(np.zeros(len(task.prior)))
+
+
+@pytest.fixture(scope="module")
+def picture():
+    return Picture.of("one", photograph(fine_plate(), POSES[:1])[1], CAMERA)
+
+
+@pytest.fixture(scope="module")
+def agree(picture, where):
+    return picture.find(*where, 3.0).state == State.FOUND
+
+
+def test_a_lamp_is_found_where_it_was(task, where, picture, agree):
+    faces, on_part = lamps._beside(task, POSES[0], where[1], lamps.BESIDE_PX)
+    known = on_part & agree
+    grey = lamps._grey(picture, *where, lamps.BESIDE_PX)
+    found = lamps._fitted(faces.chosen(known), grey[known])
+    ways = [place - faces.middle for place in (LAMP.place, found.place)]
+    cosine = ways[0] @ ways[1] / np.prod([np.linalg.norm(way) for way in ways])
+    assert np.degrees(np.arccos(cosine)) < 10
+    # from the middle, at the found lamp's height
+    light = faces.chosen(known).light(found.place, found.falloff)
+    true = faces.chosen(known).light(LAMP.place, 0.0)
+    shaded = found.gain * light + found.ambient
+    assert np.quantile(np.abs(shaded - GAIN * true - AMBIENT), 0.9) < 0.02
+
+
+def test_faces_beside_round_edges_are_those_of_the_real_part(task, where):
+    """The mesh has chords: above the upper rims, the face beside them is the top; no ray may meet a wall instead."""
+    faces, on_part = lamps._beside(task, POSES[0], where[1], lamps.BESIDE_PX)
+    for k, edge in enumerate(task.edges):
+        if isinstance(edge.geometry, Circle) and edge.geometry.centre[2] > 39:
+            own = task.own[k]
+            level = np.abs(faces.normals[:, own, 2]) > 0.99
+            high = level & (np.abs(faces.points[:, own, 2] - 40) < 0.1) & on_part[:, own]
+            assert np.all(high.sum(axis=0) == 1)
+
+
+def test_a_lamp_explains_what_is_found(task, where, picture, agree):
+    assert lamps.shown(task, POSES[0], picture, where, agree).explains
+
+
+@pytest.mark.parametrize("lost", [0.4, 0.6])
+def test_what_a_lamp_shows_must_be_found(task, where, picture, agree, lost):
+    """Some edges are not found although the light shows them: so it is at a pose that is off by a pitch."""
+    rng = np.random.default_rng(3)
+    order = rng.permutation(len(task.edges))
+    missing = agree.copy()
+    for k in order:
+        if missing.sum() > (1 - lost) * agree.sum():
+            missing[task.own[k]] = False
+    assert not lamps.shown(task, POSES[0], picture, where, missing).explains
+
+
+def test_no_lamp_explains_half_a_negative(task, where, picture, agree):
+    """All edges are where they should be, and the same face is bright on the one half and dark on the other."""
+    grey = picture.grey.astype(np.uint8)
+    middle = grey.shape[1] // 2
+    grey[:, middle:] = 255 - grey[:, middle:]
+    half = Picture.of("one", grey, CAMERA)
+    assert not lamps.shown(task, POSES[0], half, where, agree).explains
+
+
+def test_a_shadow_beside_an_edge_is_no_edge(task, where, picture, agree):
+    """The step of one edge is turned round, as that of a shadow that ends beside it: only this edge is contradicted."""
+    lines = [k for k, edge in enumerate(task.edges) if edge.chord_mm == 0]
+    k = max(lines, key=lambda k: agree[task.own[k]].sum())
+    light = lamps.shown(task, POSES[0], picture, where, agree)
+    assert not light.contradicted(task.stretch).any()
+    real = lamps._grey
+
+    def swapped(*given):
+        grey = real(*given)
+        grey[:, task.own[k]] = grey[::-1, task.own[k]]
+        return grey
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lamps, "_grey", swapped)
+        light = lamps.shown(task, POSES[0], picture, where, agree)
+    np.testing.assert_array_equal(light.contradicted(task.stretch), task.samples.edge == k)
+
+
+def test_few_found_samples_say_nothing_of_the_light(task, where, picture, agree):
+    few = agree & (np.cumsum(agree) <= 100)
+    assert lamps.shown(task, POSES[0], picture, where, few) is None
+
+
+def test_a_wall_may_be_brighter_and_darker_than_the_face_around_it(task, where):
+    """Light from one side: the left half of a bore is darker than the face, the right half brighter."""
+    centres, across = where
+    rims = [k for k, edge in enumerate(task.edges) if isinstance(edge.geometry, Circle)]
+    k = max(rims, key=lambda k: task.edges[k].geometry.centre[2])
+    own = task.own[k]
+    width, height = CAMERA.resolution
+    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    inside = shapely.contains_xy(shapely.Polygon(centres[own]), u, v)
+    middle = centres[own].mean(axis=0)
+    right = u > middle[0]
+    grey = np.full((height, width), 120, np.uint8)
+    grey[inside & right] = 200
+    grey[inside & ~right] = 60
+    picture = Picture.of("bore", grey, CAMERA)
+    signs = registering._signs(picture, centres, across, 3.0, task.stretch)[own]
+    inward = np.sign(((middle - centres[own]) * across[own]).sum(axis=1))
+    off = centres[own, 0] - middle[0]
+    # a stretch of 30 degrees has one sign, so those next to the change have either
+    clear = np.abs(off) > 0.6 * np.abs(off).max()
+    assert clear.sum() > 20
+    np.testing.assert_array_equal((signs * inward)[clear], np.sign(off)[clear])
