@@ -62,11 +62,11 @@ _FIT_ROUNDS = 5
 # directions and distances, in that of the camera, from which the search starts; it goes on from the best of them
 _WAYS = 80
 _FAR = (0.6, 1.2, 3.0)
-_STARTS = 3
+_STARTS = 2
 _LOWEST = -0.1
 _FEW = 300
 _MANY = 800
-_EVALUATIONS = 80
+_EVALUATIONS = 60
 # of the first simplex: logarithm of the distance, and turns
 _SIMPLEX = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
 _FALLOFFS = (0.0, 2.0)
@@ -122,24 +122,29 @@ class Faces:
         """Return some of the places."""
         return replace(self, points=self.points[which], normals=self.normals[which])
 
-    def light(self, place: Array, falloff: float) -> Array:
-        """Return the light of a lamp, 1 at right angles at the camera's distance, 0 in shadows (...,)."""
+    def light(self, place: Array) -> tuple[Array, Array]:
+        """Return the light of a lamp as if it were far away, 1 at right angles and 0 in shadows; and distances (...,).
+
+        Distances are in that of the camera.
+        """
         way = place - self.points
         length = np.linalg.norm(way, axis=-1)
         cosine = np.maximum((way * self.normals).sum(axis=-1), 0.0) / length
         lifted = self.points + _LIFT_MM * self.normals
         lit = ~self.scene.blocked(lifted, place - lifted)
-        distance = np.linalg.norm(self.eye - self.middle)
-        return np.asarray(cosine * lit * (distance / length) ** falloff)
+        return cosine * lit, length / np.linalg.norm(self.eye - self.middle)
 
-    def lamp(self, place: Array, falloff: float, grey: Array) -> Lamp:
-        """Return the lamp at a place that fits grey values (...,) best."""
-        return Lamp(place, falloff, *_gains(self.light(place, falloff), grey))
+    def lamps(
+        self, place: Array, grey: Array, falloffs: tuple[float, ...] = _FALLOFFS
+    ) -> list[Lamp]:
+        """Return the lamps at a place that fit grey values (...,) best."""
+        light, far = self.light(place)
+        return [Lamp(place, n, *_gains(light / far**n, grey)) for n in falloffs]
 
     def shaded(self, lamp: Lamp) -> Array:
         """Return the grey values (...,) that a lamp makes."""
-        light = self.light(lamp.place, lamp.falloff)
-        return np.minimum(lamp.gain * light + lamp.ambient, 1.0)
+        light, far = self.light(lamp.place)
+        return np.minimum(lamp.gain * light / far**lamp.falloff + lamp.ambient, 1.0)
 
 
 @dataclass(frozen=True)
@@ -323,23 +328,24 @@ def _fitted(faces: Faces, grey: Array) -> Lamp:
     many = order[:_MANY]
     coarse = faces.chosen(few)
     places = _places(faces)
-    starts = [(coarse.lamp(place, n, grey[few]), n) for place in places for n in _FALLOFFS]
-    starts.sort(key=lambda one: one[0].cost)
+    starts = [one for place in places for one in coarse.lamps(place, grey[few])]
+    starts.sort(key=lambda one: one.cost)
     fine = faces.chosen(many)
 
-    def cost(move: Array, start: Array, falloff: float) -> float:
-        return fine.lamp(_moved(faces, start, move), falloff, grey[many]).cost
+    def moved(move: Array, start: Lamp) -> Lamp:
+        place = _moved(faces, start.place, move)
+        return fine.lamps(place, grey[many], (start.falloff,))[0]
 
     found = []
-    for lamp, falloff in starts[:_STARTS]:
+    for start in starts[:_STARTS]:
         best = minimize(
-            cost,
+            lambda move, start: moved(move, start).cost,
             np.zeros(3),
-            (lamp.place, falloff),
+            (start,),
             "Nelder-Mead",
             options={"maxfev": _EVALUATIONS, "initial_simplex": _SIMPLEX},
         )
-        found.append(fine.lamp(_moved(faces, lamp.place, best.x), falloff, grey[many]))
+        found.append(moved(best.x, start))
     return min(found, key=lambda one: one.cost)
 
 

@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 
 WINDOWS_PX = (5.0, 4.0, 3.0, 3.0, 2.5, 2.5)
 """How far edges are searched in each round."""
+LEAST_CONTRADICTED = 0.005
+"""Share of the samples from which on the rounds are done again without those that were found on shadows."""
 BIAS_PX = 0.15
 """Standard deviation of where an edge is found as a whole: light and blur move it."""
 BIAS_SHARE = 3.0
@@ -108,7 +110,7 @@ def register(
         if other.explained:
             attempt = other
             alike = task.stretch
-    if attempt.convincing and any(one.any() for one in attempt.contradicted):
+    if attempt.convincing and np.mean(attempt.contradicted) >= LEAST_CONTRADICTED:
         # shadows that were taken for edges pulled at the estimate
         attempt = _attempted(task, pictures, attempt.estimate.mean, alike, attempt.contradicted)
     return _with_biases_shown(attempt, judged(attempt))
@@ -142,7 +144,7 @@ def _attempted(
         final = number == len(WINDOWS_PX) - 1
         estimate, rows = _solved(task, x, across, found, final=final)
         x = estimate.mean
-    return Attempt(task, pictures, estimate, rows, found, Places(first, centres, across))
+    return Attempt(task, pictures, estimate, rows, found, Places(first, centres, across), out)
 
 
 def _window_px(task: Task, design: Array) -> float:

@@ -80,6 +80,8 @@ class Attempt:
         What was found in each image in the last round.
     places : Places
         Of the samples.
+    left_out : list of array of bool (m,)
+        Which samples did not count in each image, as a shadow was taken for their edge before.
     """
 
     task: Task
@@ -88,6 +90,7 @@ class Attempt:
     rows: list[Rows]
     found: list[Found]
     places: Places
+    left_out: list[Bools]
 
     @cached_property
     def agreeing(self) -> list[Bools]:
@@ -96,8 +99,9 @@ class Attempt:
 
     @cached_property
     def share(self) -> float:
-        """Share of the samples that some image shows there."""
-        return float(np.any(self.agreeing, axis=0).mean())
+        """Share of the samples that some image shows there, of those that count."""
+        counted = ~np.all(self.left_out, axis=0)
+        return float(np.any(self.agreeing, axis=0)[counted].mean()) if counted.any() else 0.0
 
     @cached_property
     def light(self) -> list[Shown | None]:
