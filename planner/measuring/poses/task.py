@@ -164,7 +164,7 @@ def registration_task(
         If too few samples are visible.
     """
     edges = model.edges.edges
-    every = model.edges.samples(planned, camera, edges, 0.0)
+    every = model.seen(planned, camera)
     shown = every.chosen(every.visible)
     pixels = pixels_of(shown.points, planned, camera)
     chosen = shown.chosen(apart_from(shown, edges, shown, edges, (pixels, pixels)))
