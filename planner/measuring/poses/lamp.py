@@ -45,6 +45,10 @@ It was 0.75 and more at right poses, and at most 0.62 at wrong ones of which the
 """
 LEAST_LIT = 0.3
 """Share of all samples that the lamp must show."""
+LEAST_FITTING = 0.9
+"""Share of the found samples without quite another step whose step must be as a lamp makes it, if it fits."""
+MOST_OTHERS = 0.4
+"""Share of the found samples that may have quite another step where a lamp fits: one long shadow has many."""
 CONTRARY_STEP = 0.15
 """A step is quite another one if it is off by this share of white, and by `CONTRARY_SHARE` of itself."""
 CONTRARY_SHARE = 0.6
@@ -168,14 +172,16 @@ class Shown:
 
     @property
     def fits(self) -> bool:
-        """Whether the lamp makes the steps of nearly all edges that were found."""
-        return bool(self.alike[self.agree].mean() >= LEAST_ALIKE)
+        """Whether the lamp makes the steps of nearly all found edges but those that are quite other ones."""
+        others = self.agree & ~self.contrary
+        few = self.contrary[self.agree].mean() <= MOST_OTHERS
+        return bool(few and self.alike[others].mean() >= LEAST_FITTING)
 
     @property
     def explains(self) -> bool:
-        """Whether it does, and nearly all edges that the lamp shows were found."""
-        enough = bool(self.lit.mean() >= LEAST_LIT)
-        return self.fits and enough and bool(self.alike[self.lit].mean() >= LEAST_SHOWN)
+        """Whether it makes those of nearly all that were found, and nearly all that it shows were found."""
+        enough = self.lit.mean() >= LEAST_LIT and self.alike[self.agree].mean() >= LEAST_ALIKE
+        return bool(enough and self.alike[self.lit].mean() >= LEAST_SHOWN)
 
     def contradicted(self, stretch: NDArray[np.int64]) -> Bools:
         """Return which samples are of stretches (m,) that were mostly found with quite another step; none without fit.
