@@ -3,7 +3,7 @@
 Where two faces are equally bright, or both are in a shadow, their edge does not show, and that speaks for a pose. A
 matt face is as bright as the cosine of the angle at which light comes (Lambert), less with the distance of a lamp near
 it. A face in a shadow is as bright as the surroundings. The lamp is what fits the grey values beside the edges that
-were found, and it tells the step of every edge.
+were found, and it predicts the step of every edge.
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ LEAST_FITTING = 0.9
 MOST_OTHERS = 0.4
 """Share of the found samples that may have quite another step where a lamp fits: one long shadow has many."""
 CONTRARY_STEP = 0.15
-"""A step is quite another one if it is off by this share of white, and by `CONTRARY_SHARE` of itself."""
+"""A step is quite another one if it is off by this share of white, and by `CONTRARY_SHARE` of what the lamp makes."""
 CONTRARY_SHARE = 0.6
+"""See `CONTRARY_STEP`."""
 MOST_CONTRARY = 0.5
 """Share of the found samples of a stretch that may have quite another step."""
 

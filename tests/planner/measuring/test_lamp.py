@@ -116,6 +116,15 @@ def test_a_shadow_beside_an_edge_is_no_edge(task, where, picture, agree, shadow)
     np.testing.assert_array_equal(light.contradicted(task.stretch), task.samples.edge == shadow)
 
 
+@pytest.mark.parametrize(("others", "fits"), [(0.25, True), (0.39, True), (0.41, False)])
+def test_one_long_shadow_does_not_hide_that_the_lamp_fits(others, fits):
+    """A shadow along a long edge of D2MI had a quarter of all samples; where two fifths differ, no lamp fits."""
+    stretch = (np.arange(1000) < 1000 * others).astype(np.int64)
+    every = np.ones(1000, dtype=bool)
+    light = lamps.Shown(every, every, stretch == 0, stretch == 1)
+    np.testing.assert_array_equal(light.contradicted(stretch), (stretch == 1) & fits)
+
+
 def test_a_shadow_says_nothing_of_the_pose(task, picture, shadow):
     """Its edge is left out, and the others give the pose that the image was taken from."""
     found = registering.register(task.model, [picture], POSES[0], task.prior)
