@@ -15,12 +15,11 @@ from planner.camera.imaging import tangents_of
 from planner.camera.pose import world_to_cam
 from planner.detectability.scanned import SECTORS
 from planner.measuring.fit import Fit, carried_back, robust_fit
+from planner.measuring.image.part_edge import PartEdge
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.samples import (
-    PartEdge,
     Samples,
     across_of,
-    apart_from,
     pixels_of,
 )
 from planner.measuring.image.scans import ALONG_VARIANCE, STATE_TEXTS, Scans, State
@@ -116,9 +115,8 @@ def entity_samples(
     """Return the samples of entities, and which are apart from all lines of the part that a scan could reach."""
     pose = registered.cam2world
     own = model.edges.samples(pose, camera, edges, _MARGIN_PX)
-    others = model.seen(pose, camera)
-    pixels = pixels_of(own.points, pose, camera), pixels_of(others.points, pose, camera)
-    own.apart[:] = apart_from(own, edges, others, model.edges.edges, pixels, half_px)
+    shown = model.shown(pose, camera)
+    own.apart[:] = shown.apart(edges, own.edge, pixels_of(own.points, pose, camera), half_px)
     return own
 
 

@@ -7,6 +7,7 @@ the entity has in the image.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -142,32 +143,45 @@ def fit_entities(geometry: Geometry, flat: Array, weight: Array) -> tuple[Array,
     """
     if isinstance(geometry, Circle):
         return _circles(flat, weight, geometry.radius_mm)
-    design = np.stack([np.ones(flat.shape[:2]), flat[..., 0]], axis=-1)
-    fitted = _solved(design, flat[..., 1], weight)
-    residual = flat[..., 1] - np.einsum("nmp,np->nm", design, fitted)
+    along = flat[..., 0]
+    columns = [np.ones_like(along), along]
+    fitted = _solved(columns, flat[..., 1], weight)
+    residual = flat[..., 1] - fitted[:, :1] - fitted[:, 1:] * along
     # of a slope, what a point is off across the line; slopes are small
-    return fitted, design[0], residual
+    return fitted, _first(columns), residual
 
 
 def _circles(flat: Array, weight: Array, radius: float) -> tuple[Array, Array, Array]:
     fitted = np.tile([0.0, 0.0, radius], (len(flat), 1))
+    x, y = (np.ascontiguousarray(flat[..., k]) for k in (0, 1))
+    ones = np.ones_like(x)
     for _ in range(_ROUNDS):
-        away = flat - fitted[:, None, :2]
-        distance = np.maximum(np.linalg.norm(away, axis=2), 1e-9 * radius)
-        design = np.concatenate([away / distance[..., None], np.ones((*distance.shape, 1))], axis=2)
+        dx = x - fitted[:, :1]
+        dy = y - fitted[:, 1:2]
+        distance = np.maximum(np.sqrt(dx**2 + dy**2), 1e-9 * radius)
+        columns = [dx / distance, dy / distance, ones]
         residual = distance - fitted[:, 2:]
-        step = _solved(design, residual, weight)
+        step = _solved(columns, residual, weight)
         fitted = fitted + step
         if np.abs(step).max() <= _STILL * radius:
             break
-    return fitted, design[0], residual
+    return fitted, _first(columns), residual
 
 
-def _solved(design: Array, right: Array, weight: Array) -> Array:
-    """Return weighted least squares solutions (n, p) of designs (n, m, p); the shortest where some do not decide."""
-    weighted = design * weight[:, None]
-    normal = np.einsum("nmp,nmq->npq", weighted, design)
-    sides = np.einsum("nmp,nm->np", weighted, right)[..., None]
+def _first(columns: Sequence[Array]) -> Array:
+    """Return the design (m, p) of the first fit, given its columns (n, m)."""
+    return np.stack([column[0] for column in columns], axis=-1)
+
+
+def _solved(columns: Sequence[Array], right: Array, weight: Array) -> Array:
+    """Return weighted least squares solutions (n, p) by columns (n, m); the shortest where some do not decide."""
+    p = len(columns)
+    normal = np.empty((len(right), p, p))
+    sides = np.empty((len(right), p, 1))
+    for i, column in enumerate(columns):
+        for j in range(i + 1):
+            normal[:, i, j] = normal[:, j, i] = (column * columns[j]) @ weight
+        sides[:, i, 0] = (column * right) @ weight
     try:
         return np.asarray(np.linalg.solve(normal, sides)[..., 0])
     except np.linalg.LinAlgError:

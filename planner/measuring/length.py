@@ -19,8 +19,8 @@ from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.measuring.entity_scan import EntityScan, entity_samples, scan_entity
 from planner.measuring.fit import uneven_px
+from planner.measuring.image.part_edge import PartEdge
 from planner.measuring.image.picture import Picture
-from planner.measuring.image.samples import PartEdge
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.registered import Registered, displaced
 from planner.measuring.reading import CORRELATION_PX, Reading, budget_of, counts_of

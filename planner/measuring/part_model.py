@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from aspectgraph.entities.carriers import PARAMETERS, Carriers
 from errors.measurands import Circle, Geometry, Line
 from planner.exceptions import RequestError
-from planner.measuring.image.samples import PartEdge, PartEdges, Samples
+from planner.measuring.image.part_edge import PartEdge
+from planner.measuring.image.samples import PartEdges, ShownEdges
 from planner.wanted.planned import PlannedTarget
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class PartModel:
         self.carried_by: dict[str, tuple[int, int]] = {}
         for edge in self.edges.edges:
             self._carry(edge)
-        self._seen: tuple[bytes, Camera, Samples] | None = None
+        self._shown: tuple[bytes, Camera, ShownEdges] | None = None
         self.measured = {
             name: tuple(self._entity(one, name) for one in target.geometry)
             for name, target in targets.items()
@@ -93,13 +94,12 @@ class PartModel:
         """Return how points (n, 3) of an edge move with `unknowns_of` it; (n, 3, 6)."""
         return self.carriers.displacement(self.carried_by[edge.name], points)
 
-    def seen(self, cam2world: Array, camera: Camera) -> Samples:
-        """Return the samples of all edges at a pose; those of the pose asked for last are kept."""
+    def shown(self, cam2world: Array, camera: Camera) -> ShownEdges:
+        """Return all edges as they are seen from a pose; what the pose asked for last shows is kept."""
         key = np.ascontiguousarray(cam2world).tobytes()
-        if self._seen is None or self._seen[0] != key or self._seen[1] is not camera:
-            found = self.edges.samples(cam2world, camera, self.edges.edges, 0.0)
-            self._seen = key, camera, found
-        return self._seen[2]
+        if self._shown is None or self._shown[0] != key or self._shown[1] is not camera:
+            self._shown = key, camera, self.edges.shown(cam2world, camera)
+        return self._shown[2]
 
     def leaving(self, edge: PartEdge, end: Array) -> list[PartEdge]:
         """Return the straight edges that leave an end (3,) of an edge."""

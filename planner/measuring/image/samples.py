@@ -20,6 +20,7 @@ from errors.measurands import Circle, Geometry, Line
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
+from planner.measuring.image.part_edge import EdgeTable, PartEdge
 
 if TYPE_CHECKING:
     from aspectgraph import Arc, Solid
@@ -34,51 +35,20 @@ END_PX = 6.0
 """Samples of a straight edge begin this far from its ends in the image: other lines meet there."""
 
 _OUTLINE = 65
+# of an outline: how far an edge may go beyond it
+_BEYOND = 0.01
+# samples that an edge has at least
+_LEAST = 4
 # how far above the surface a sample is looked at
 _LIFT_MM = 0.03
 # of a length: steps along an edge that give its direction in the image
 _AHEAD = 1e-4
 # cosine from which on a face is level with a rim
 _LEVEL = 0.999
+# where nothing is
+_FAR_PX = -1e6
 # samples that are looked at around each one
 _NEIGHBOURS = 8
-
-
-@dataclass(frozen=True)
-class PartEdge:
-    """A sharp edge of the part.
-
-    Attributes
-    ----------
-    name : str
-        Its id, such as "e17", "r3" or "a5".
-    geometry : Line or Circle
-        Where it is, mm.
-    edge_ids : tuple of int
-        Edges of the solid: one, or the chords of a circle in their order.
-    normals : array (n, 2, 3)
-        Outward unit normals of both faces, for each of these.
-    chord_mm : float
-        Largest distance of a chord from the circle.
-    """
-
-    name: str
-    geometry: Geometry
-    edge_ids: tuple[int, ...]
-    normals: Array
-    chord_mm: float = 0.0
-
-    def at(self, shares: Array) -> tuple[Array, Array, Array]:
-        """Return points (n, 3), unit tangents (n, 3) and normals of both faces (n, 2, 3) at shares (n,) of it."""
-        one = self.geometry
-        if isinstance(one, Line):
-            points = one.p + shares[:, None] * (one.q - one.p)
-            tangents = np.broadcast_to(one.direction, points.shape)
-        else:
-            points = one.points(shares * one.span_rad)
-            tangents = np.cross(one.axis, points - one.centre) / one.radius_mm
-        k = np.clip((shares * len(self.normals)).astype(int), 0, len(self.normals) - 1)
-        return points, tangents, self.normals[k]
 
 
 @dataclass(frozen=True)
@@ -157,8 +127,12 @@ class PartEdges:
         ]
 
     @cached_property
+    def _table(self) -> EdgeTable:
+        return EdgeTable(self.edges)
+
+    @cached_property
     def _outlines(self) -> Array:
-        return outlines_of(self.edges)
+        return outlines_of(self._table)
 
     def _round_faces(self, curve: Arc) -> set[int]:
         """Return the facets of the round surface beside a rim or arc: in a mesh, edges between them look sharp."""
@@ -189,20 +163,43 @@ class PartEdges:
         margin_px : float
             Samples keep this distance from the image's border.
         """
-        outlines = self._outlines if edges is self.edges else outlines_of(edges)
-        images = pixels_of(outlines, cam2world, camera)
-        parts = []
-        for k, (edge, image) in enumerate(zip(edges, images, strict=True)):
-            shares = sample_shares(edge, image)
-            parts.append((np.full(len(shares), k), shares, *edge.at(shares)))
-        number, share, points, tangents, normals = (
-            np.concatenate(rows) for rows in zip(*parts, strict=True)
-        )
-        chord = np.array([edge.chord_mm for edge in edges])[number]
-        visible = self._visible(points, normals, chord, cam2world)
-        visible &= in_image(pixels_of(points, cam2world, camera), camera, margin_px)
-        apart = np.ones(len(points), dtype=bool)
-        return Samples(number, share, points, np.ascontiguousarray(tangents), visible, apart)
+        table = EdgeTable(edges)
+        images = pixels_of(outlines_of(table), cam2world, camera)
+        return self._samples(table, images, cam2world, camera, margin_px)
+
+    def shown(self, cam2world: Array, camera: Camera) -> ShownEdges:
+        """Return all edges as they are seen from a pose.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+        camera : Camera
+            The camera.
+        """
+        images = pixels_of(self._outlines, cam2world, camera)
+        # between the points of an outline, an edge goes a little beyond them
+        room = _BEYOND * np.ptp(images, axis=1) + 1.0
+        low = images.min(axis=1) - room
+        high = images.max(axis=1) + room
+        outside = np.any((high < 0) | (low > np.array(camera.resolution)), axis=1)
+        images[outside] = np.nan
+        found = self._samples(self._table, images, cam2world, camera, 0.0)
+        found = found.chosen(found.visible)
+        return ShownEdges(self.edges, found, pixels_of(found.points, cam2world, camera))
+
+    def _samples(
+        self, table: EdgeTable, images: Array, cam2world: Array, camera: Camera, margin_px: float
+    ) -> Samples:
+        """Return the samples of edges, given the images (e, k, 2) of their outlines; none where these are nan."""
+        shares = sample_shares(table.edges, images)
+        number = np.repeat(np.arange(len(shares)), [len(own) for own in shares])
+        share = np.concatenate(shares)
+        points, tangents, normals = table.at(number, share)
+        visible = in_image(pixels_of(points, cam2world, camera), camera, margin_px)
+        chord = table.chord_mm[number[visible]]
+        visible[visible] = self._visible(points[visible], normals[visible], chord, cam2world)
+        return Samples(number, share, points, tangents, visible, np.ones_like(visible))
 
     def _visible(
         self, points: Array, normals: Array, chord_mm: Array, cam2world: Array
@@ -215,6 +212,66 @@ class PartEdges:
         return np.asarray(~self.scene.blocked(origin, lifted - origin))
 
 
+class ShownEdges:
+    """All edges of a part as one pose shows them, and which places of the image are apart from them.
+
+    Parameters
+    ----------
+    edges : sequence of PartEdge
+        All edges.
+    samples : Samples
+        Their visible samples (m).
+    pixels : array (m, 2)
+        Images of these, px.
+    """
+
+    def __init__(self, edges: Sequence[PartEdge], samples: Samples, pixels: Array) -> None:
+        self.samples = samples
+        self.pixels = pixels
+        self._tree = cKDTree(pixels) if len(pixels) else None
+        self._holders: dict[int, list[int]] = {}
+        for number, edge in enumerate(edges):
+            for edge_id in edge.edge_ids:
+                self._holders.setdefault(edge_id, []).append(number)
+        self._edges = edges
+
+    def apart(
+        self,
+        edges: Sequence[PartEdge],
+        number: NDArray[np.int64],
+        pixels: Array,
+        half_px: float = 0.0,
+    ) -> NDArray[np.bool_]:
+        """Return which places (n,) have no visible sample of another edge near.
+
+        Parameters
+        ----------
+        edges : sequence of PartEdge
+            Edges that are asked about.
+        number : array of int (n,)
+            Which of them each place is on.
+        pixels : array (n, 2)
+            Where it is, px.
+        half_px : float
+            How far scans are searched: another line is apart if it lies farther away, and by `APART_PX` at least.
+        """
+        if self._tree is None:
+            return np.ones(len(number), dtype=np.bool_)
+        same = np.zeros((len(edges), len(self._edges)), dtype=np.bool_)
+        for k, edge in enumerate(edges):
+            for edge_id in edge.edge_ids:
+                same[k, self._holders.get(edge_id, [])] = True
+        count = self._tree.n
+        finite = np.where(np.isfinite(pixels), pixels, _FAR_PX)
+        # an edge's own samples are near, too: the first ones of other edges are looked for among so many
+        k = min(_NEIGHBOURS + 2 * int(max(half_px - APART_PX, 0.0)), count)
+        distance, index = self._tree.query(finite, k=k, distance_upper_bound=max(APART_PX, half_px))
+        distance = distance.reshape(len(finite), k)
+        index = np.minimum(index.reshape(len(finite), k), count - 1)
+        foreign = ~same[number[:, None], self.samples.edge[index]]
+        return ~np.any(np.isfinite(distance) & foreign, axis=1)
+
+
 def circle_of(curve: Arc) -> Circle:
     """Return a rim or arc as a circle that starts where its first chord does."""
     x = curve.reference
@@ -224,36 +281,36 @@ def circle_of(curve: Arc) -> Circle:
     return Circle(curve.centre, curve.axis, curve.radius_mm, start, span)
 
 
-def outlines_of(edges: Sequence[PartEdge]) -> Array:
+def outlines_of(table: EdgeTable) -> Array:
     """Return points equally far apart on each edge (e, k, 3), mm."""
-    grid = np.linspace(0.0, 1.0, _OUTLINE)
-    return np.array([edge.at(grid)[0] for edge in edges]).reshape(-1, _OUTLINE, 3)
+    count = len(table.edges)
+    number = np.repeat(np.arange(count), _OUTLINE)
+    shares = np.tile(np.linspace(0.0, 1.0, _OUTLINE), count)
+    return table.at(number, shares)[0].reshape(count, _OUTLINE, 3)
 
 
-def sample_shares(edge: PartEdge, outline: Array) -> Array:
-    """Return where samples lie on an edge, equally far apart in the image: shares (n,); none behind the camera.
+def sample_shares(edges: Sequence[PartEdge], outlines: Array) -> list[Array]:
+    """Return where samples lie on each edge, equally far apart in the image: shares (n,); none behind the camera.
 
     Parameters
     ----------
-    edge : PartEdge
-        The edge.
-    outline : array (k, 2)
-        Images of its points of `outlines_of`, px.
+    edges : sequence of PartEdge
+        The edges.
+    outlines : array (e, k, 2)
+        Images of their points of `outlines_of`, px.
     """
-    closed = isinstance(edge.geometry, Circle) and edge.geometry.span_rad > 2 * np.pi - 1e-6
-    if not np.isfinite(outline).all():
-        return np.empty(0)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=1))])
-    ends = END_PX if isinstance(edge.geometry, Line) else 0.0
-    room = along[-1] - 2 * ends
-    n = int(room / STEP_PX)
-    if n < 4:
-        return np.empty(0)
-    if closed:
-        places = (np.arange(n) + 0.5) * room / n
-    else:
-        places = ends + (np.arange(n) + 0.5) * room / n
-    return np.interp(places, along, np.linspace(0.0, 1.0, _OUTLINE))
+    steps = np.linalg.norm(np.diff(outlines, axis=1), axis=2)
+    along = np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
+    ends = np.array([END_PX if isinstance(edge.geometry, Line) else 0.0 for edge in edges])
+    room = along[:, -1] - 2 * ends
+    # not a number behind the camera
+    count = np.where(room > 0, room / STEP_PX, 0.0).astype(int)
+    grid = np.linspace(0.0, 1.0, _OUTLINE)
+    shares = [np.empty(0) for _ in edges]
+    for k in np.flatnonzero(count >= _LEAST):
+        places = ends[k] + (np.arange(count[k]) + 0.5) * room[k] / count[k]
+        shares[k] = np.interp(places, along[k], grid)
+    return shares
 
 
 def pixels_of(points: Array, cam2world: Array, camera: Camera) -> Array:
@@ -279,46 +336,3 @@ def in_image(pixels: Array, camera: Camera, margin_px: float) -> NDArray[np.bool
     limit = np.array(camera.resolution) - 1 - margin_px
     with np.errstate(invalid="ignore"):
         return np.asarray(np.all((pixels >= margin_px) & (pixels <= limit), axis=1))
-
-
-def apart_from(
-    samples: Samples,
-    edges: Sequence[PartEdge],
-    others: Samples,
-    other_edges: Sequence[PartEdge],
-    pixels: tuple[Array, Array],
-    half_px: float = 0.0,
-) -> NDArray[np.bool_]:
-    """Return which samples (m,) have no visible sample of another edge near.
-
-    Parameters
-    ----------
-    samples, edges
-        What is asked about.
-    others, other_edges
-        All edges of the part, at the same pose.
-    pixels : pair of array (m, 2), (k, 2)
-        Images of both, px.
-    half_px : float
-        How far scans are searched: another line is apart if it lies farther away, and by `APART_PX` at least.
-    """
-    shown = np.flatnonzero(others.visible)
-    if not len(shown):
-        return np.ones(len(samples.edge), dtype=bool)
-    holders: dict[int, list[int]] = {}
-    for number, edge in enumerate(other_edges):
-        for edge_id in edge.edge_ids:
-            holders.setdefault(edge_id, []).append(number)
-    same = np.zeros((len(edges), len(other_edges)), dtype=bool)
-    for number, edge in enumerate(edges):
-        for edge_id in edge.edge_ids:
-            same[number, holders.get(edge_id, [])] = True
-    tree = cKDTree(pixels[1][shown])
-    finite = np.where(np.isfinite(pixels[0]), pixels[0], -1e6)
-    # an edge's own samples are near, too: the first ones of other edges are looked for among so many
-    k = min(_NEIGHBOURS + 2 * int(max(half_px - APART_PX, 0.0)), len(shown))
-    distance, index = tree.query(finite, k=k, distance_upper_bound=max(APART_PX, half_px))
-    distance = distance.reshape(len(finite), k)
-    index = np.minimum(index.reshape(len(finite), k), len(shown) - 1)
-    foreign = ~same[samples.edge[:, None], others.edge[shown[index]]]
-    return ~np.any(np.isfinite(distance) & foreign, axis=1)

@@ -59,6 +59,7 @@ MOST_CONTRARY = 0.5
 _SIDES = (-1.0, 1.0)
 _CLIPPED = 0.97
 _LEAST_WEIGHT = 1e-6
+_LEAST_SPREAD = 1e-12
 # a direction that is no axis of anything
 _ANY_WAY = np.array([0.3, 0.5, 0.8])
 # scale of the robust fit, in shares of white
@@ -127,24 +128,28 @@ class Faces:
         """Return some of the places."""
         return replace(self, points=self.points[which], normals=self.normals[which])
 
-    def light(self, place: Array) -> tuple[Array, Array]:
-        """Return the light of a lamp as if it were far away, 1 at right angles and 0 in shadows; and distances (...,).
+    def light(self, places: Array) -> tuple[Array, Array]:
+        """Return the light of lamps as if they were far away, 1 at right angles and 0 in shadows; and distances (...,).
 
-        Distances are in that of the camera.
+        Distances are in that of the camera. Lamps broadcast against the places on faces.
         """
-        way = place - self.points
+        way = places - self.points
         length = np.linalg.norm(way, axis=-1)
         cosine = np.maximum((way * self.normals).sum(axis=-1), 0.0) / length
         lifted = self.points + _LIFT_MM * self.normals
-        lit = ~self.scene.blocked(lifted, place - lifted)
+        lit = ~self.scene.blocked(lifted, places - lifted)
         return cosine * lit, length / np.linalg.norm(self.eye - self.middle)
 
     def lamps(
-        self, place: Array, grey: Array, falloffs: tuple[float, ...] = _FALLOFFS
+        self, places: Array, grey: Array, falloffs: tuple[float, ...] = _FALLOFFS
     ) -> list[Lamp]:
-        """Return the lamps at a place that fit grey values (...,) best."""
-        light, far = self.light(place)
-        return [Lamp(place, n, *_gains(light / far**n, grey)) for n in falloffs]
+        """Return the lamps at some places (k, 3) that fit grey values (m,) best, for each falloff."""
+        light, far = self.light(places[:, None])
+        return [
+            Lamp(place, falloff, *map(float, fit))
+            for falloff in falloffs
+            for place, *fit in zip(places, *_gains(light / far**falloff, grey), strict=True)
+        ]
 
     def shaded(self, lamp: Lamp) -> Array:
         """Return the grey values (...,) that a lamp makes."""
@@ -305,27 +310,30 @@ def _sagitta_px(task: Task, pose: Array) -> Array:
     return np.nan_to_num(sagitta)
 
 
-def _gains(light: Array, grey: Array) -> tuple[float, float, float]:
-    """Return gain and ambient light, neither negative, that fit grey values (m,) robustly, and the cost (Cauchy)."""
-    weight = np.ones(len(light))
-    gain = ambient = 0.0
-    rest = grey
+def _gains(light: Array, grey: Array) -> tuple[Array, Array, Array]:
+    """Return gains and ambient light, not negative, for which light (k, m) fits grey values (m,) robustly; (k,).
+
+    And the costs (Cauchy).
+    """
+    weight = np.ones_like(light)
     for _ in range(_FIT_ROUNDS):
-        total = weight.sum()
-        x = (weight * light).sum() / total
-        y = (weight * grey).sum() / total
-        spread = (weight * (light - x) ** 2).sum()
-        gain = max(float((weight * (light - x) * (grey - y)).sum() / max(spread, 1e-12)), 0.0)
-        ambient = float(y - gain * x)
-        if ambient < 0:
-            ambient = 0.0
-            gain = float((weight * light * grey).sum() / max((weight * light**2).sum(), 1e-12))
-        shaded = gain * light + ambient
-        rest = grey - np.minimum(shaded, 1.0)
-        weight = 1.0 / (1.0 + (rest / _SCALE) ** 2)
+        total = weight.sum(axis=-1)
+        x = (weight * light).sum(axis=-1) / total
+        y = (weight * grey).sum(axis=-1) / total
+        spread = (weight * (light - x[:, None]) ** 2).sum(axis=-1)
+        common = (weight * (light - x[:, None]) * (grey - y[:, None])).sum(axis=-1)
+        gain = np.maximum(common / np.maximum(spread, _LEAST_SPREAD), 0.0)
+        ambient = y - gain * x
+        # without ambient light where it would be negative
+        square = np.maximum((weight * light**2).sum(axis=-1), _LEAST_SPREAD)
+        gain = np.where(ambient < 0, (weight * light * grey).sum(axis=-1) / square, gain)
+        ambient = np.maximum(ambient, 0.0)
+        shaded = gain[:, None] * light + ambient[:, None]
+        square = ((grey - np.minimum(shaded, 1.0)) / _SCALE) ** 2
         # what is overexposed says only that it is bright
-        weight[(shaded >= 1.0) & (grey >= _CLIPPED)] = _LEAST_WEIGHT
-    return gain, ambient, float(np.log1p((rest / _SCALE) ** 2).sum())
+        clipped = (shaded >= 1.0) & (grey >= _CLIPPED)
+        weight = np.where(clipped, _LEAST_WEIGHT, 1.0 / (1.0 + square))
+    return gain, ambient, np.log1p(square).sum(axis=-1)
 
 
 def _fitted(faces: Faces, grey: Array) -> Lamp:
@@ -335,13 +343,12 @@ def _fitted(faces: Faces, grey: Array) -> Lamp:
     many = order[:_MANY]
     coarse = faces.chosen(few)
     places = _places(faces)
-    starts = [one for place in places for one in coarse.lamps(place, grey[few])]
-    starts.sort(key=lambda one: one.cost)
+    starts = sorted(coarse.lamps(places, grey[few]), key=lambda one: one.cost)
     fine = faces.chosen(many)
 
     def moved(move: Array, start: Lamp) -> Lamp:
         place = _moved(faces, start.place, move)
-        return fine.lamps(place, grey[many], (start.falloff,))[0]
+        return fine.lamps(place[None], grey[many], (start.falloff,))[0]
 
     found = []
     for start in starts[:_STARTS]:

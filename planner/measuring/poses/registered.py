@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.carriers import PARAMETERS
-from planner.measuring.image.samples import PartEdge
+from planner.measuring.image.part_edge import PartEdge
 from planner.measuring.part_model import POSE, PartModel
 from planner.wanted.pose_knowledge import LEAST_POSE
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from errors.measurands import Circle
 from planner.camera.camera import Camera
 from planner.measuring.fit import scale_of
-from planner.measuring.image.samples import PartEdge, Samples, across_of, apart_from, pixels_of
+from planner.measuring.image.part_edge import PartEdge
+from planner.measuring.image.samples import Samples, across_of, pixels_of
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.registered import displaced
 
@@ -164,10 +165,8 @@ def registration_task(
         If too few samples are visible.
     """
     edges = model.edges.edges
-    every = model.seen(planned, camera)
-    shown = every.chosen(every.visible)
-    pixels = pixels_of(shown.points, planned, camera)
-    chosen = shown.chosen(apart_from(shown, edges, shown, edges, (pixels, pixels)))
+    shown = model.shown(planned, camera)
+    chosen = shown.samples.chosen(shown.apart(edges, shown.samples.edge, shown.pixels))
     if len(chosen.edge) < LEAST_SAMPLES:
         raise NotRegisteredError(
             f"only {len(chosen.edge)} samples of edges are visible and apart from each other"
