@@ -1,8 +1,9 @@
-"""Carriers: the planes and cylinders that carry the faces of a part, and how an edge moves with them.
+"""Carriers: the planes, cylinders and cones that carry the faces of a part, and how an edge moves with them.
 
 A surface deviates by three numbers, mm. Those of a plane are its offset along its normal, and how far two tilts lift
-it at its extent. Those of a cylinder are its radius and the place of its axis. An edge lies on two surfaces and moves
-by the least vector that meets both: pinv([n1; n2]) [r1; r2], with their unit normals n and offsets r.
+it at its extent. Those of a cylinder are its radius and the place of its axis; those of a cone its offset along its
+normal, and the place of its axis. An edge lies on two surfaces and moves by the least vector that meets both:
+pinv([n1; n2]) [r1; r2], with their unit normals n and offsets r.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _ALIKE = 0.05
 
 @dataclass(frozen=True)
 class Carrier:
-    """A plane or cylinder.
+    """A plane, cylinder or cone.
 
     Attributes
     ----------
@@ -45,15 +46,18 @@ class Carrier:
     axis : ndarray, shape (3,)
         Unit normal of the plane, or direction of the axis.
     radius_mm : float
-        0 for a plane.
+        0 for a plane; of a cone, at the edge that it carries.
     extent_mm : float
         Largest distance of the plane's faces from the point; tilts count there.
+    lean : float
+        How far the unit normals of a cone go along its axis; 0 for planes and cylinders.
     """
 
     point: FloatArray
     axis: FloatArray
     radius_mm: float
     extent_mm: float
+    lean: float = 0.0
 
     @property
     def is_plane(self) -> bool:
@@ -61,12 +65,13 @@ class Carrier:
         return self.radius_mm == 0.0
 
     def normals(self, points: FloatArray) -> FloatArray:
-        """Return unit normals (n, 3) at points (n, 3); of a cylinder away from its axis."""
+        """Return unit normals (n, 3) at points (n, 3); of cylinders and cones away from the axis."""
         if self.is_plane:
             return np.tile(self.axis, (len(points), 1))
         off = points - self.point
         off = off - (off @ self.axis)[:, None] * self.axis
-        return np.asarray(off / np.linalg.norm(off, axis=1, keepdims=True))
+        out = off / np.linalg.norm(off, axis=1, keepdims=True)
+        return np.asarray(np.sqrt(1.0 - self.lean**2) * out + self.lean * self.axis)
 
     def offsets(self, points: FloatArray) -> FloatArray:
         """Return how far (n, 3) the surface is off along its normal at points (n, 3) for each of its numbers."""
@@ -80,7 +85,7 @@ class Carrier:
 
 
 class Carriers:
-    """The planes and cylinders of a part that carry its sharp edges, rims and arcs.
+    """The planes, cylinders and cones of a part that carry its sharp edges, rims and arcs.
 
     Parameters
     ----------
@@ -108,19 +113,27 @@ class Carriers:
         return self._plane(first), self._plane(second)
 
     def of_curve(self, curve: Arc) -> tuple[int, int]:
-        """Return the two surfaces that carry a rim or arc: what is level with it, and what is round about its axis.
+        """Return the two surfaces that carry a rim or arc: what fixes where it is along its axis, and what is round.
 
-        Where no plane is level with the circle, it has one of its own, and where no cylinder is, a cylinder of its own.
+        The first is what is level with it, or else a cone; the second a cylinder, or else a cone. A cone may stand for
+        any surface that is neither level nor parallel to the axis. What is missing is a plane or a cylinder of the
+        curve's own.
         """
         faces = np.array([self._solid.edges[i].faces for i in curve.edge_ids])
         cosines = np.abs(self._solid.normals[faces] @ curve.axis)
-        level = np.flatnonzero(np.all(cosines >= _PERPENDICULAR, axis=0))
-        if len(level):
-            plane = self._plane(int(faces[0, level[0]]))
+        level = np.all(cosines >= _PERPENDICULAR, axis=0)
+        parallel = bool(np.any(np.all(cosines <= _PARALLEL, axis=0)))
+        leaning = np.flatnonzero(np.all(cosines > _PARALLEL, axis=0) & ~level)
+        cone = self._add(self._cone(curve, faces[:, leaning[0]])) if len(leaning) else None
+        if level.any():
+            first = self._plane(int(faces[0, np.flatnonzero(level)[0]]))
+            if cone is not None:
+                return first, cone
+        elif cone is not None:
+            first = cone
         else:
-            plane = self._add(Carrier(curve.centre, curve.axis, 0.0, max(curve.radius_mm, 1.0)))
-        is_cylinder = bool(np.any(np.all(cosines <= _PARALLEL, axis=0)))
-        return plane, self._cylinder(curve, shared=is_cylinder)
+            first = self._add(Carrier(curve.centre, curve.axis, 0.0, max(curve.radius_mm, 1.0)))
+        return first, self._cylinder(curve, shared=parallel)
 
     def displacement(self, pair: Sequence[int], points: FloatArray) -> FloatArray:
         """Return how points of an edge move with its surfaces.
@@ -175,6 +188,16 @@ class Carriers:
             one = Carrier(curve.centre, axis, curve.radius_mm, curve.radius_mm)
             self._cylinders[key] = self._add(one)
         return self._cylinders[key]
+
+    def _cone(self, curve: Arc, faces: npt.NDArray[np.int64]) -> Carrier:
+        """Return the cone that touches the faces (n,) on one side of a curve, one for each of its chords."""
+        normals = self._solid.normals[faces]
+        ends = [self._solid.edge_points(i) for i in curve.edge_ids]
+        middles = np.array([(start + end) / 2 for start, end in ends]) - curve.centre
+        # away from the axis, as the normals of carriers are
+        side = np.sign((normals * middles).sum(axis=1).mean())
+        lean = float(side * (normals @ curve.axis).mean())
+        return Carrier(curve.centre, curve.axis, curve.radius_mm, curve.radius_mm, lean)
 
     def _add(self, one: Carrier) -> int:
         self.surfaces.append(one)

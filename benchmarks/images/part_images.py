@@ -1,10 +1,10 @@
 """Images of a whole part that is not as its model says, from camera poses that are not as planned.
 
-The referee of `planner.measuring`: it shares no code with it. Surfaces are those of the STEP file (planes and
-cylinders of the kernel), each with a deviation of its own: offset and tilts of a plane, radius and centre of a
-cylinder. Vertices of a fine mesh are moved to where their surfaces meet. Rays with lamps and cast shadows give the grey
-values: one for each pixel, and several where the picture changes. The true value of a dimension is that of its moved
-entities.
+The referee of `planner.measuring`: it shares no code with it. Surfaces are those of the STEP file (planes, cylinders
+and cones of the kernel), each with a deviation of its own: offset and tilts of a plane, radius and centre of a
+cylinder or cone. Vertices of a fine mesh are moved to where their surfaces meet. Rays with lamps and cast shadows give
+the grey values: one for each pixel, and several where the picture changes. The true value of a dimension is that of its
+moved entities.
 """
 
 from __future__ import annotations
@@ -29,17 +29,23 @@ _CHUNK = 500_000
 
 @dataclass
 class Surface:
-    """A plane (normal) or cylinder (axis, radius) through a point, mm, and its deviation (3,).
+    """A plane (normal), cylinder (axis, radius) or cone (axis, half its angle) through a point, mm.
 
-    A plane is off by d[0] along its normal and tilted by d[1] and d[2], mm at its extent; a cylinder's radius by d[0]
-    and its centre by d[1] and d[2], mm.
+    And its deviation (3,): a plane is off by d[0] along its normal and tilted by d[1] and d[2], mm at its extent; a
+    round surface by d[0] along its normal, and its axis by d[1] and d[2], mm. The point of a cone is its tip.
     """
 
     point: np.ndarray
     axis: np.ndarray
     radius: float
+    angle: float
     extent: float
     deviation: np.ndarray
+
+    @property
+    def is_round(self):
+        """Whether it is no plane."""
+        return bool(self.radius or self.angle)
 
     def basis(self):
         """Two unit vectors across the axis."""
@@ -49,17 +55,19 @@ class Surface:
 
     def normals(self, points):
         """Unit normals (n, 3) at points (n, 3)."""
-        if not self.radius:
+        if not self.is_round:
             return np.broadcast_to(self.axis, points.shape)
         off = points - self.point
         off = off - (off @ self.axis)[:, None] * self.axis
-        return off / np.linalg.norm(off, axis=1, keepdims=True)
+        # the tip of a cone has no such direction
+        out = off / np.maximum(np.linalg.norm(off, axis=1, keepdims=True), 1e-9)
+        return np.cos(self.angle) * out - np.sin(self.angle) * self.axis
 
     def moved_by(self, points):
         """How far the surface is off along its normal at points (n, 3)."""
         x, y = self.basis()
         d = self.deviation
-        if self.radius:
+        if self.is_round:
             out = self.normals(points)
             return d[0] + d[1] * (out @ x) + d[2] * (out @ y)
         off = (points - self.point) / self.extent
@@ -96,19 +104,28 @@ class DeviatingPart:
         self.vertices = self.nominal[self.unique]
 
     def _surface(self, shape, nodes) -> int:
-        point, axis, radius = shape
+        point, axis, radius, angle = shape
+        is_round = bool(radius or angle)
         for k, one in enumerate(self.surfaces):
-            if abs(abs(one.axis @ axis) - 1) > 1e-9 or abs(one.radius - radius) > 1e-6:
+            if abs(abs(one.axis @ axis) - 1) > 1e-9:
                 continue
-            off = point - one.point
-            across = off - (off @ axis) * axis if radius else (off @ axis) * axis
+            if abs(one.radius - radius) > 1e-6 or abs(one.angle - angle) > 1e-9:
+                continue
+            across = point - one.point
+            along = (across @ axis) * axis
+            if radius:
+                across = across - along
+            elif not angle:
+                across = along
+            elif one.axis @ axis < 0:
+                continue
             if np.linalg.norm(across) < 1e-5:
-                if not radius:
+                if not is_round:
                     one.extent = max(one.extent, np.linalg.norm(nodes - one.point, axis=1).max())
                 return k
-        middle = nodes.mean(axis=0) if not radius else point
+        middle = point if is_round else nodes.mean(axis=0)
         extent = max(1.0, float(np.linalg.norm(nodes - middle, axis=1).max()))
-        self.surfaces.append(Surface(middle, axis, radius, extent, np.zeros(3)))
+        self.surfaces.append(Surface(middle, axis, radius, angle, extent, np.zeros(3)))
         return len(self.surfaces) - 1
 
     @property
@@ -116,10 +133,10 @@ class DeviatingPart:
         """Its distinct vertices as they are, in the order of `nominal`."""
         return self._moved
 
-    def deviate(self, rng, planes_mm: float, cylinders_mm: float, tilts_mm: float = 0.0) -> None:
+    def deviate(self, rng, planes_mm: float, round_mm: float, tilts_mm: float = 0.0) -> None:
         """Draw deviations of all surfaces, and move the mesh."""
         for one in self.surfaces:
-            scale = [cylinders_mm] * 3 if one.radius else [planes_mm, tilts_mm, tilts_mm]
+            scale = [round_mm] * 3 if one.is_round else [planes_mm, tilts_mm, tilts_mm]
             one.deviation = rng.normal(0.0, 1.0, 3) * scale
         self._move()
 
@@ -181,11 +198,10 @@ def _off_path(points, place, k) -> float:
 
 
 def _faces(path: Path, chord_mm: float, turn_rad: float):
-    """Return nodes, triangles and (point, axis, radius) or None of each face of a STEP file."""
+    """Return nodes, triangles and (point, axis, radius, half angle) or None of each face of a STEP file."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.GeomAbs import GeomAbs_SurfaceType
     from OCP.STEPControl import STEPControl_Reader
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
@@ -213,25 +229,36 @@ def _faces(path: Path, chord_mm: float, turn_rad: float):
             nodes = [mesh.Node(i + 1).Transformed(move) for i in range(mesh.NbNodes())]
             corners = [mesh.Triangle(i + 1) for i in range(mesh.NbTriangles())]
             surface = BRepAdaptor_Surface(face)
-            kind = surface.GetType()
-            shape = None
-            if kind == GeomAbs_SurfaceType.GeomAbs_Plane:
-                frame = surface.Plane().Position()
-                shape = (_xyz(frame.Location()), _xyz(frame.Direction()), 0.0)
-            elif kind == GeomAbs_SurfaceType.GeomAbs_Cylinder:
-                frame = surface.Cylinder().Position()
-                radius = surface.Cylinder().Radius()
-                shape = (_xyz(frame.Location()), _xyz(frame.Direction()), radius)
             result.append(
                 (
                     np.array([(node.X(), node.Y(), node.Z()) for node in nodes]),
                     np.array([[t.Value(k) for k in (1, 2, 3)] for t in corners]) - 1,
-                    shape,
+                    _shape(surface),
                 )
             )
             faces.Next()
         solids.Next()
     return result
+
+
+def _shape(surface):
+    """Return (point, axis, radius, half angle) of a surface of the kernel; None if it is none of the simple ones."""
+    from OCP.GeomAbs import GeomAbs_SurfaceType
+
+    kind = surface.GetType()
+    if kind == GeomAbs_SurfaceType.GeomAbs_Plane:
+        frame = surface.Plane().Position()
+        return _xyz(frame.Location()), _xyz(frame.Direction()), 0.0, 0.0
+    if kind == GeomAbs_SurfaceType.GeomAbs_Cylinder:
+        frame = surface.Cylinder().Position()
+        return _xyz(frame.Location()), _xyz(frame.Direction()), surface.Cylinder().Radius(), 0.0
+    if kind == GeomAbs_SurfaceType.GeomAbs_Cone:
+        cone = surface.Cone()
+        angle = cone.SemiAngle()
+        # it becomes wider along its axis
+        axis = np.sign(angle) * _xyz(cone.Position().Direction())
+        return _xyz(cone.Apex()), axis, 0.0, abs(angle)
+    return None
 
 
 def _xyz(of) -> np.ndarray:

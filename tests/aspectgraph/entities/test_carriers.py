@@ -69,3 +69,39 @@ def test_a_hole_off_its_place_moves_as_a_whole(block):
     shift = moved[:2].mean(axis=0) + moved[2:].mean(axis=0)
     assert np.linalg.norm(shift) == pytest.approx(0.3, abs=1e-9)
     assert shift @ x.axis == pytest.approx(0.0, abs=1e-12)
+
+
+def test_where_a_bore_meets_a_cone_moves_with_both():
+    solid = holed_block.countersunk_block()
+    carriers = Carriers(solid)
+    (rim,) = [one for one in solid.rims() if abs(one.centre[2] - 14.0) < 1e-9]
+    cone, bore = carriers.of_curve(rim)
+    assert not carriers.surfaces[cone].is_plane
+    assert carriers.surfaces[bore].radius_mm == pytest.approx(5.0)
+    angle = np.linspace(0, 6, 9)
+    out = np.c_[np.cos(angle), np.sin(angle), np.zeros(9)]
+    moved = carriers.displacement((cone, bore), rim.centre + 5.0 * out)
+    # the cone is where z - 14 = r - 5: off by c along its normal, that of its outside, it is at r - 5 + c sqrt(2)
+    up = np.array([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(moved @ [0, 0, 0, 0.4, 0, 0], 0.4 * out + 0.4 * up, atol=0.005)
+    lowered = moved @ [0.1, 0, 0, 0, 0, 0]
+    np.testing.assert_allclose(lowered, np.tile(-0.1 * np.sqrt(2) * up, (9, 1)), atol=0.003)
+    # a cone beside its place along x is as deep as before on the whole, and tilts the rim
+    x = moved @ [0, 0.1, 0, 0, 0, 0]
+    assert np.abs(x @ up).max() == pytest.approx(0.1, abs=0.01)
+    assert (x @ up)[0] * (x @ up)[4] < 0
+
+
+def test_a_rim_of_a_cone_in_a_plane_moves_with_both():
+    solid = holed_block.countersunk_block()
+    carriers = Carriers(solid)
+    (rim,) = [one for one in solid.rims() if abs(one.centre[2] - 20.0) < 1e-9]
+    plane, cone = carriers.of_curve(rim)
+    assert carriers.surfaces[plane].is_plane
+    assert not carriers.surfaces[cone].is_plane
+    out = np.eye(3)[:2]
+    moved = carriers.displacement((plane, cone), rim.centre + 11.0 * out)
+    # the cone is 45°, so where it is cut higher it is as much wider
+    np.testing.assert_allclose(moved @ [0.1, 0, 0, 0, 0, 0], 0.1 * out + [0, 0, 0.1], atol=0.002)
+    wider = moved @ [0, 0, 0, 0.1, 0, 0]
+    np.testing.assert_allclose(wider, 0.1 * np.sqrt(2) * out, atol=0.002)
