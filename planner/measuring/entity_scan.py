@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from planner.measuring.image.samples import (
 from planner.measuring.image.scans import ALONG_VARIANCE, STATE_TEXTS, Scans, State
 from planner.measuring.part_model import PartModel
 from planner.measuring.poses.registered import Registered
+from planner.measuring.poses.shadows import Sampled, beside_shadows, stretches_of
 
 Array = NDArray[np.float64]
 
@@ -160,6 +161,9 @@ def scan_entity(
     found = _searched(picture, centres, across, samples, half_px)
     if isinstance(edge.geometry, Circle):
         found.offset[:] -= _curvature(centres, across) / 2 * _along_variance(found)
+    found.state[:] = _without_shadows(
+        model, edge, samples, picture, registered, (centres, across), found
+    )
     pixels = centres + np.where(found.state == State.FOUND, found.offset, 0.0)[:, None] * across
     normal = np.cross(frame.x, frame.y)
     # the plane is where the entity is, along the plane's normal
@@ -207,6 +211,29 @@ def _searched(
         step[usable] = found.step
         blur[usable] = found.blur_px
     return Scans(offset, state, step, blur)
+
+
+def _without_shadows(
+    model: PartModel,
+    edge: PartEdge,
+    samples: Samples,
+    picture: Picture,
+    registered: Registered,
+    where: tuple[Array, Array],
+    found: Scans,
+) -> NDArray[np.int64]:
+    """Return what became of samples (m,) if a shadow that ends beside the edge does not count as the edge."""
+    lamp = registered.lamps.get(picture.name)
+    good = found.state == State.FOUND
+    if lamp is None:
+        return found.state
+    own = replace(samples, edge=np.zeros_like(samples.edge))
+    pose = registered.cam2world
+    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], own)
+    edges = where[0] + np.where(good, found.offset, 0.0)[:, None] * where[1]
+    stretch = stretches_of(edge, samples.share)
+    shadows = beside_shadows(lamp, sampled, picture, (edges, where[1]), good, stretch)
+    return np.where(good & shadows, int(State.SHADOW), found.state)
 
 
 def _along_variance(found: Scans) -> float:

@@ -7,6 +7,7 @@ the entity has in the image.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 
 TUKEY = 4.685
 """Residuals beyond this many standard deviations have no weight in robust fits."""
+CORRELATION_PX = 4.0
+"""Found points nearer than this in the image are not independent."""
 LEAST_SCALE_PX = 0.03
 """Smallest standard deviation that residuals of robust fits are taken to have."""
 
@@ -76,17 +79,25 @@ def scale_of(residual: Array) -> float:
     return max(spread, LEAST_SCALE_PX)
 
 
-def uneven_px(residual: Array) -> float:
-    """Return how far points of an entity, in order, are off more than their neighbours differ, px.
+def uneven_px(residual: Array, spacing_px: float) -> float:
+    """Return how far points of an entity, in order, are off more than those near them differ, px.
 
-    Single points err independently, so neighbours differ as much as points that are far apart. Where a shadow ends near
-    an edge, a whole stretch is off, and in one direction. The difference of the mean square and half the mean square
-    successive difference is the variance of such errors (von Neumann, Ann. Math. Stat. 12, 1941).
+    Points that are `CORRELATION_PX` apart err independently, so they differ as much as points that are far apart. Where
+    a shadow ends near an edge, a whole stretch is off, and in one direction. The difference of the mean square and half
+    the mean square of these differences is the variance of such errors (von Neumann, Ann. Math. Stat. 12, 1941).
+
+    Parameters
+    ----------
+    residual : array (m,)
+        Distances from the fit, px.
+    spacing_px : float
+        Distance of neighbours.
     """
-    if len(residual) < 2:
+    apart = math.ceil(CORRELATION_PX / spacing_px)
+    if len(residual) <= apart:
         return 0.0
-    alone = float((np.diff(residual) ** 2).mean()) / 2
-    return float(np.sqrt(max(float((residual**2).mean()) - alone, 0.0)))
+    alone = float(((residual[apart:] - residual[:-apart]) ** 2).mean()) / 2
+    return math.sqrt(max(float((residual**2).mean()) - alone, 0.0))
 
 
 def carried_back(

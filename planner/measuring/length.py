@@ -18,12 +18,12 @@ from errors.measurands.fitted import Frame
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.measuring.entity_scan import EntityScan, entity_samples, scan_entity
-from planner.measuring.fit import uneven_px
+from planner.measuring.fit import CORRELATION_PX, uneven_px
 from planner.measuring.image.part_edge import PartEdge
 from planner.measuring.image.picture import Picture
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.registered import Registered, displaced
-from planner.measuring.reading import CORRELATION_PX, Reading, budget_of, counts_of
+from planner.measuring.reading import Reading, budget_of, counts_of
 
 Array = NDArray[np.float64]
 
@@ -261,7 +261,7 @@ def _localisation(
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
         random += _rms(scan) ** 2 * alike * float(own @ scan.fit.covariance @ own)
         residual = scan.points["residual_px"][scan.points["state"] == 0]
-        common_px = math.hypot(floor_px, uneven_px(residual))
+        common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
         floor += common_px**2 * float(((own @ scan.fit.common) ** 2).sum())
     return random, floor
 

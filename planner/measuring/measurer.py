@@ -255,7 +255,9 @@ class Measurer:
             except NotRegisteredError as error:
                 poses = [np.asarray(one.cam2world) for one in self.plan.settings]
                 like = looks_like(self.model, own, poses, shot.setting, prior)
-                raise NotRegisteredError(f"{error}{like and f'; it {like}'}") from None
+                # what it looks like is the better reason
+                why = f"{error.what}; it {like}" if like else str(error)
+                raise NotRegisteredError(why) from None
             check_lens(self.model, own, pose, prior, found)
             return found
         if how.method == GIVEN:

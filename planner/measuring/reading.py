@@ -16,7 +16,7 @@ from errors.measurands.conformity import COVERAGE
 from errors.measurands.fitted import Frame
 from errors.registration import rests_on_prior
 from planner.measuring.entity_scan import EntityScan
-from planner.measuring.fit import carried_back, fit_entities, uneven_px
+from planner.measuring.fit import CORRELATION_PX, carried_back, fit_entities, uneven_px
 from planner.measuring.image.scans import STATE_TEXTS, State
 from planner.measuring.monte_carlo import TOLERATED, drawn_uncertainty
 from planner.measuring.part_model import POSE, PartModel
@@ -24,8 +24,6 @@ from planner.measuring.poses.registered import Registered, displaced
 
 Array = NDArray[np.float64]
 
-CORRELATION_PX = 4.0
-"""Found points nearer than this in the image are not independent."""
 SOURCES = ("pose", "surfaces", "pose with surfaces", "localisation", "localisation floor")
 """What the variance of a reading comes from. What pose and surfaces have in common may be negative."""
 
@@ -143,7 +141,7 @@ def read_value(
         rms.append(float((residual**2).mean()))
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
         # such errors have one direction, so their mean over the entity is about as large as they are
-        common_px = math.hypot(floor_px, uneven_px(residual))
+        common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
         noise.append((math.sqrt(variance * alike), common_px))
         random += variance * alike * float(own @ fit.covariance @ own)
         floor += common_px**2 * float(((own @ fit.common) ** 2).sum())

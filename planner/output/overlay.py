@@ -31,6 +31,7 @@ COLOURS = {
     State.OUTSIDE: "#8a94a0",
     State.HIDDEN: "#5b6b7b",
     State.NEAR_LINE: "#3f8fd6",
+    State.SHADOW: "#e05fa0",
 }
 """Colours of samples by state."""
 

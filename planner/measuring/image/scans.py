@@ -53,6 +53,7 @@ class State(IntEnum):
     OUTSIDE = 6
     HIDDEN = 7
     NEAR_LINE = 8
+    SHADOW = 9
 
 
 STATE_TEXTS = {
@@ -65,6 +66,7 @@ STATE_TEXTS = {
     State.OUTSIDE: "outside the image",
     State.HIDDEN: "hidden",
     State.NEAR_LINE: "beside another line",
+    State.SHADOW: "beside a shadow",
 }
 """States in the words of reports."""
 

@@ -20,9 +20,10 @@ from errors.measurands import Geometry, Line
 from errors.measurands.localisation import FLOOR_PX
 from errors.registration import Imaging, Stretches
 from planner.camera.camera import Camera
+from planner.measuring.fit import CORRELATION_PX
 from planner.measuring.image.samples import APART_PX, END_PX, PartEdges
 from planner.measuring.part_model import POSE, PartModel
-from planner.measuring.poses.register import CORRELATION_PX, bias_of
+from planner.measuring.poses.register import bias_of
 from planner.measuring.poses.registered import prior_covariance
 from planner.measuring.poses.verdict import LEAST_SHARE
 from planner.request.request import Request

@@ -13,12 +13,13 @@ with Tukey's weights. Every edge has a bias of its own in every image: light and
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errors.registration import Posterior, Rows, bias_variance_of, posterior
-from planner.measuring.fit import tukey_weights
+from planner.measuring.fit import CORRELATION_PX, tukey_weights
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.samples import STEP_PX
 from planner.measuring.image.scans import State
@@ -52,8 +53,6 @@ LEAST_HOPEFUL = 0.4
 Light from one side makes the wall of a bore brighter than the face around it here, and darker there. A sign of each
 stretch finds both, and more shadows too, so the lamp must explain it.
 """
-CORRELATION_PX = 4.0
-"""Found points nearer than this in the image are not independent."""
 # the variance of biases is enlarged so many times at most, and while it grows by such a factor
 _BIAS_ROUNDS = 12
 _BIAS_STILL = 1.02
@@ -61,6 +60,13 @@ _COARSE_PX = 1.5
 _SIGMAS = 3.0
 _ROOM_PX = 2.0
 _MOST_WINDOW_PX = 60.0
+
+
+class Start(NamedTuple):
+    """Where a search begins: unknowns (n,), and the lead of the coarse shift that they are from."""
+
+    x: Array
+    lead: float
 
 
 def bias_of(floor_px: float) -> float:
@@ -101,29 +107,30 @@ def register(
         If the images do not show the part from near the planned pose.
     """
     task = registration_task(model, pictures[0].camera, planned, prior, bias_px)
-    x, lead = _coarse(task, pictures)
-    task.lead = lead
+    start = _coarse(task, pictures)
     alike = task.samples.edge
-    attempt = _attempted(task, pictures, x, alike)
+    attempt = _attempted(task, pictures, start, alike)
     if not attempt.convincing and attempt.share >= LEAST_HOPEFUL:
-        other = _attempted(task, pictures, x, task.stretch)
+        other = _attempted(task, pictures, start, task.stretch)
         if other.explained:
             attempt = other
             alike = task.stretch
+    lamps = attempt.lamps if attempt.convincing else {}
     if attempt.convincing and np.mean(attempt.contradicted) >= LEAST_CONTRADICTED:
         # shadows that were taken for edges pulled at the estimate
-        attempt = _attempted(task, pictures, attempt.estimate.mean, alike, attempt.contradicted)
-    return _with_biases_shown(attempt, judged(attempt))
+        start = Start(attempt.estimate.mean, start.lead)
+        attempt = _attempted(task, pictures, start, alike, attempt.contradicted)
+    return replace(_with_biases_shown(attempt, judged(attempt)), lamps=lamps)
 
 
 def _attempted(
     task: Task,
     pictures: list[Picture],
-    x: Array,
+    start: Start,
     alike: NDArray[np.int64],
     left_out: list[NDArray[np.bool_]] | None = None,
 ) -> Attempt:
-    """Return what is found from unknowns on; steps have one sign where samples have the same number (m,).
+    """Return what is found from a start on; steps have one sign where samples have the same number (m,).
 
     Some samples (m,) of each image may be left out.
     """
@@ -131,6 +138,7 @@ def _attempted(
     out = left_out or [nothing for _ in pictures]
     first = task.predicted(np.zeros(len(task.prior)))[0]
     signs: list[NDArray[np.int64]] = []
+    x = start.x
     estimate = Posterior(x, task.prior)
     rows: list[Rows] = []
     for number, half in enumerate(WINDOWS_PX):
@@ -144,7 +152,8 @@ def _attempted(
         final = number == len(WINDOWS_PX) - 1
         estimate, rows = _solved(task, x, across, found, final=final)
         x = estimate.mean
-    return Attempt(task, pictures, estimate, rows, found, Places(first, centres, across), out)
+    places = Places(first, centres, across)
+    return Attempt(task, pictures, estimate, rows, found, places, out, start.lead)
 
 
 def _window_px(task: Task, design: Array) -> float:
@@ -154,8 +163,8 @@ def _window_px(task: Task, design: Array) -> float:
     return min(_SIGMAS * float(np.sqrt(variance.max())) + _ROOM_PX, _MOST_WINDOW_PX)
 
 
-def _coarse(task: Task, pictures: list[Picture]) -> tuple[Array, float]:
-    """Return the unknowns that explain the coarse shift, and its lead over another one."""
+def _coarse(task: Task, pictures: list[Picture]) -> Start:
+    """Return the unknowns that explain the coarse shift."""
     nothing = np.zeros(len(task.prior))
     centres, across = task.predicted(nothing)
     design = task.design(nothing, across)
@@ -173,7 +182,7 @@ def _coarse(task: Task, pictures: list[Picture]) -> tuple[Array, float]:
     x = nothing.copy()
     # surfaces are not moved by it
     x[:POSE] = posterior(task.prior[:POSE, :POSE], rows, 0.0).mean
-    return x, lead
+    return Start(x, lead)
 
 
 def _signs(
@@ -194,7 +203,7 @@ def _scanned(
     out: NDArray[np.bool_],
 ) -> Found:
     found = picture.find(*places, half, sign)
-    state = np.where(out & (found.state == State.FOUND), int(State.OUTLIER), found.state)
+    state = np.where(out & (found.state == State.FOUND), int(State.SHADOW), found.state)
     return Found(found.offset, state == State.FOUND, state, found.blur_px)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph.entities.carriers import PARAMETERS
 from planner.measuring.image.part_edge import PartEdge
 from planner.measuring.part_model import POSE, PartModel
+from planner.measuring.poses.lamp import Lamp
 from planner.wanted.pose_knowledge import LEAST_POSE
 
 Array = NDArray[np.float64]
@@ -67,6 +69,8 @@ class Registered:
     samples : structured array (m,)
         u, v: the samples at the registered pose, px; state: see `planner.measuring.image.scans.State`; edge: number of
         the sample's edge; planned_u, planned_v: the sample at the planned pose.
+    lamps : dict of str to Lamp
+        The lamps of images that one fits.
     """
 
     cam2world: Array
@@ -83,6 +87,7 @@ class Registered:
     warnings: tuple[str, ...] = field(default=())
     prior: Array | None = field(default=None, repr=False)
     samples: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, SAMPLE), repr=False)
+    lamps: Mapping[str, Lamp] = field(default_factory=dict, repr=False)
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""

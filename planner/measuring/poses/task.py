@@ -35,7 +35,24 @@ _STEPS = np.array([1e-3] * 3 + [1e-5] * 3)
 
 
 class NotRegisteredError(Exception):
-    """An image does not show the part as the plan has it; says why."""
+    """An image does not show the part as the plan has it; says why.
+
+    Parameters
+    ----------
+    what : str
+        What is wrong.
+    perhaps : str
+        What may be the reason, if no better one is found.
+
+    Attributes
+    ----------
+    what : str
+        What is wrong, without the reason.
+    """
+
+    def __init__(self, what: str, perhaps: str = "") -> None:
+        super().__init__(f"{what}; {perhaps}" if perhaps else what)
+        self.what = what
 
 
 @dataclass
@@ -60,8 +77,6 @@ class Task:
         How samples move with these.
     bias_px : float
         Standard deviation of where an edge is found as a whole.
-    lead : float
-        Of the coarse shift, see `coarse_shift`.
     """
 
     model: PartModel
@@ -73,7 +88,6 @@ class Task:
     unknowns: NDArray[np.int64]
     moves: Array
     bias_px: float
-    lead: float = 1.0
 
     @cached_property
     def own(self) -> list[slice]:

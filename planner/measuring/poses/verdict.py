@@ -13,8 +13,9 @@ from planner.measuring.fit import TUKEY
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.scans import State
 from planner.measuring.part_model import POSE
-from planner.measuring.poses.lamp import Shown, shown
+from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import SAMPLE, Registered
+from planner.measuring.poses.shadows import Shown, shown
 from planner.measuring.poses.task import (
     LEAST_NOISE_PX,
     Found,
@@ -82,6 +83,8 @@ class Attempt:
         Of the samples.
     left_out : list of array of bool (m,)
         Which samples did not count in each image, as a shadow was taken for their edge before.
+    lead : float
+        Of the coarse shift that it starts from, see `coarse_shift`.
     """
 
     task: Task
@@ -91,6 +94,7 @@ class Attempt:
     found: list[Found]
     places: Places
     left_out: list[Bools]
+    lead: float
 
     @cached_property
     def agreeing(self) -> list[Bools]:
@@ -128,11 +132,20 @@ class Attempt:
         ]
 
     @property
+    def lamps(self) -> dict[str, Lamp]:
+        """The lamps of images that one fits."""
+        return {
+            picture.name: one.lamp
+            for picture, one in zip(self.pictures, self.light, strict=True)
+            if one is not None and one.fits
+        }
+
+    @property
     def convincing(self) -> bool:
         """Whether so much is found that the pose is not another one."""
         if self.share < LEAST_SHARE:
             return False
-        return self.task.lead >= CLEAR_LEAD or self.share >= LEAST_DOUBTFUL_SHARE or self.explained
+        return self.lead >= CLEAR_LEAD or self.share >= LEAST_DOUBTFUL_SHARE or self.explained
 
     def _light(self, picture: Picture, one: Found, agree: Bools) -> Shown | None:
         pose, _ = self.task.places(self.estimate.mean)
@@ -170,8 +183,8 @@ def judged(attempt: Attempt) -> Registered:
     chi2 = float(displacement @ np.linalg.solve(task.prior[:POSE, :POSE], displacement))
     if not attempt.convincing:
         raise NotRegisteredError(
-            f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them"
-            f"{_dark_text(found)}"
+            f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them",
+            _dark_text(found),
         )
     if chi2 > MOST_CHI2:
         raise NotRegisteredError(
@@ -200,7 +213,7 @@ def judged(attempt: Attempt) -> Registered:
 def _dark_text(found: list[Found]) -> str:
     """Say how much of the edges the light does not show, if that is much; empty otherwise."""
     dark = np.all([one.state == State.WEAK for one in found], axis=0).mean()
-    return f"; {100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""
+    return f"{100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""
 
 
 def little_known(covariance: Array, prior: Array) -> tuple[str, ...]:

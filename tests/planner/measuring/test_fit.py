@@ -88,8 +88,17 @@ def test_a_stretch_that_is_off_is_told_from_noise_of_single_points():
     """Noise alone: less than a third of it. A fifth of the points off by 0.4 px: the root of a fifth of that square."""
     rng = np.random.default_rng(3)
     noise = rng.normal(0.0, 0.05, 400)
-    assert uneven_px(noise) < 0.05 / 3
+    assert uneven_px(noise, 2.5) < 0.05 / 3
     off = noise.copy()
     off[100:180] += 0.4
-    assert uneven_px(off) == pytest.approx(0.4 * np.sqrt(0.2), rel=0.05)
-    assert uneven_px(np.array([0.3])) == 0.0
+    assert uneven_px(off, 2.5) == pytest.approx(0.4 * np.sqrt(0.2), rel=0.05)
+    assert uneven_px(np.array([0.3]), 2.5) == 0.0
+
+
+def test_points_that_overlap_in_the_image_are_not_a_stretch_that_is_off():
+    """Neighbours 2.5 px apart that have half of their error in common are counted as fewer points, not as a stretch."""
+    rng = np.random.default_rng(4)
+    single = rng.normal(0.0, 0.05, 4001)
+    noise = (single[1:] + single[:-1]) / np.sqrt(2)
+    assert uneven_px(noise, 2.5) < 0.05 / 4
+    assert uneven_px(noise, 5.0) == pytest.approx(0.05 / np.sqrt(2), rel=0.1)

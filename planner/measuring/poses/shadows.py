@@ -1,0 +1,291 @@
+"""Whether a lamp explains an image: that edges are found where it makes a step, and only there.
+
+Where two faces are equally bright, or both are in a shadow, their edge does not show, and that speaks for a pose. The
+lamp that fits the image predicts the step of every edge. What was found with quite another step is a shadow that ends
+beside the edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aspectgraph.solid.ray_scene import RayScene
+from errors.measurands import Circle
+from planner.camera.camera import Camera
+from planner.camera.imaging import tangents_of
+from planner.measuring.image.part_edge import PartEdge
+from planner.measuring.image.picture import Picture
+from planner.measuring.image.samples import Samples, across_of, pixels_of
+from planner.measuring.image.scans import profiles_of
+from planner.measuring.poses.lamp import LEAST_KNOWN, Faces, Lamp, fitted
+from planner.measuring.poses.task import STRETCH_RAD, Task
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+BESIDE_PX = 3.0
+"""Faces and grey values are looked at this far from an edge."""
+NEAR_PX = 1.5
+"""Faces are looked at this far from an edge to tell whether a shadow ends beside it."""
+NEAR_GREY_PX = 2.0
+"""Grey values are then taken this far from it: nearer, the edge is blurred."""
+LEAST_STEP = 0.03
+"""A lamp shows an edge if it makes a step of this share of white at least: half more than scans need."""
+STEP_ERROR = 0.35
+"""A step is as predicted if it is off by this share of it, or by `LEAST_STEP`."""
+LEAST_ALIKE = 0.8
+"""Share of the found samples whose step must be as the lamp makes it: it was 0.9 and more at right poses."""
+LEAST_SHOWN = 0.7
+"""Share of the samples that the lamp shows which must be found, with the step that it makes.
+
+It was 0.75 and more at right poses, and at most 0.62 at wrong ones of which the found steps were alike.
+"""
+LEAST_LIT = 0.3
+"""Share of all samples that the lamp must show."""
+LEAST_FITTING = 0.9
+"""Share of the found samples without quite another step whose step must be as a lamp makes it, if it fits."""
+MOST_OTHERS = 0.4
+"""Share of the found samples that may have quite another step where a lamp fits: one long shadow has many."""
+CONTRARY_STEP = 0.15
+"""A step is quite another one if it is off by this share of white, and by `CONTRARY_SHARE` of what the lamp makes."""
+CONTRARY_SHARE = 0.6
+"""See `CONTRARY_STEP`."""
+MOST_CONTRARY = 0.5
+"""Share of the found samples of a stretch that may have quite another step."""
+
+_SIDES = (-1.0, 1.0)
+# a line is compared with the light in so many stretches
+_LINE_PARTS = 8
+# sagittae of chords that a ray keeps from a rounded edge of the mesh
+_CHORDS = 1.1
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Samples (m) of edges, and the pose that an image shows them from.
+
+    Attributes
+    ----------
+    scene : RayScene
+        The part.
+    camera : Camera
+        The camera.
+    pose : array (4, 4)
+        Its pose.
+    edges : sequence of PartEdge
+        The edges.
+    samples : Samples
+        Their samples, with numbers of these edges.
+    """
+
+    scene: RayScene
+    camera: Camera
+    pose: Array
+    edges: Sequence[PartEdge]
+    samples: Samples
+
+    def beside(self, across: Array, beside_px: float) -> tuple[Faces, Bools]:
+        """Return the faces on both sides of edges (2, m), the first against the vectors across, and which are any."""
+        # rays meet the nominal part, so they start from nominal edges, not from where deviations put them
+        centres = pixels_of(self.samples.points, self.pose, self.camera)
+        inward = self._sagitta_px()
+        eye = self.pose[:3, 3].copy()
+        points = np.zeros((2, len(centres), 3))
+        normals = np.zeros((2, len(centres), 3))
+        on_part = np.zeros((2, len(centres)), dtype=np.bool_)
+        for k, side in enumerate(_SIDES):
+            away = beside_px + np.where(np.sign(inward) == side, np.abs(inward), 0.0)
+            seen = tangents_of(self.camera, centres + side * away[:, None] * across)
+            known = np.asarray(np.isfinite(seen).all(axis=1))
+            seen = np.where(known[:, None], seen, 0.0)
+            ways = np.column_stack([seen, np.ones(len(seen))]) @ self.pose[:3, :3].T
+            hit = self.scene.cast(eye, ways)
+            on_part[k] = known & np.isfinite(hit["t_hit"])
+            points[k] = eye + np.where(on_part[k], hit["t_hit"], 1.0)[:, None] * ways
+            normal = hit["primitive_normals"].astype(np.float64)
+            normals[k] = np.where(((normal * ways).sum(axis=1) > 0)[:, None], -normal, normal)
+        middle = np.median(points[on_part], axis=0) if on_part.any() else eye + self.pose[:3, 2]
+        return Faces(points, normals, eye, middle, self.scene), on_part
+
+    def _sagitta_px(self) -> Array:
+        """Return how far chords of the mesh lie inside of round edges (m,), px: positive if inside is along across."""
+        points = self.samples.points
+        across = across_of(points, self.samples.tangents, self.pose, self.camera)
+        chords = np.array([edge.chord_mm for edge in self.edges])
+        middles = np.array(
+            [
+                edge.geometry.centre if isinstance(edge.geometry, Circle) else edge.geometry.middle
+                for edge in self.edges
+            ]
+        )
+        number = self.samples.edge
+        inward = pixels_of(middles[number], self.pose, self.camera)
+        side = np.sign(((inward - pixels_of(points, self.pose, self.camera)) * across).sum(axis=1))
+        depth = (points - self.pose[:3, 3]) @ self.pose[:3, 2]
+        scale = float(self.camera.matrix[0, 0])
+        return np.nan_to_num(_CHORDS * chords[number] * scale / np.maximum(depth, 1.0) * side)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How the steps of found edges compare with those that the best lamp makes, for samples (m).
+
+    Attributes
+    ----------
+    lamp : Lamp
+        It.
+    agree : array of bool (m,)
+        Which samples were found.
+    lit : array of bool (m,)
+        Whether the lamp shows them.
+    alike, contrary : array of bool (m,)
+        Whether they were found with the step that the lamp makes, or with quite another one.
+    """
+
+    lamp: Lamp
+    agree: Bools
+    lit: Bools
+    alike: Bools
+    contrary: Bools
+
+    @property
+    def fits(self) -> bool:
+        """Whether the lamp makes the steps of nearly all found edges but those that are quite other ones."""
+        others = self.agree & ~self.contrary
+        few = self.contrary[self.agree].mean() <= MOST_OTHERS
+        return bool(few and self.alike[others].mean() >= LEAST_FITTING)
+
+    @property
+    def explains(self) -> bool:
+        """Whether it makes those of nearly all that were found, and nearly all that it shows were found."""
+        enough = self.lit.mean() >= LEAST_LIT and self.alike[self.agree].mean() >= LEAST_ALIKE
+        return bool(enough and self.alike[self.lit].mean() >= LEAST_SHOWN)
+
+    def contradicted(self, stretch: NDArray[np.int64]) -> Bools:
+        """Return which samples are of stretches (m,) that were mostly found with quite another step; none without fit.
+
+        What was found there is a shadow, or another edge.
+        """
+        if not self.fits:
+            return np.zeros(len(stretch), dtype=np.bool_)
+        return _mostly(self.contrary, self.agree, stretch)
+
+
+def shown(
+    task: Task, pose: Array, picture: Picture, where: tuple[Array, Array], agree: Bools
+) -> Shown | None:
+    """Return how an image compares with the light of the lamp that fits it best.
+
+    Parameters
+    ----------
+    task : Task
+        What is registered.
+    pose : array (4, 4)
+        The registered pose.
+    picture : Picture
+        The image.
+    where : pair of array (m, 2)
+        Where the edges are in the image, px, and unit vectors across.
+    agree : array of bool (m,)
+        Which samples were found.
+
+    Returns
+    -------
+    Shown or None
+        None if too little is known to tell.
+    """
+    sampled = Sampled(task.model.edges.scene, task.camera, pose, task.edges, task.samples)
+    faces, on_part = sampled.beside(where[1], BESIDE_PX)
+    grey = _grey(picture, *where, BESIDE_PX)
+    finite = np.isfinite(grey)
+    known = np.asarray(on_part & finite & agree)
+    if known.sum() < LEAST_KNOWN:
+        return None
+    lamp = fitted(faces.chosen(known), grey[known])
+    around = grey[finite & ~on_part & agree]
+    lamp = replace(lamp, background=float(np.median(around)) if len(around) else 0.0)
+    shaded = np.where(on_part, faces.shaded(lamp), lamp.background)
+    off, size = _compared(shaded, grey, on_part)
+    # a shadow that ends beside an edge is taken for it
+    near_off, near_size = _compared_near(lamp, sampled, picture, where)
+    alike = off <= np.maximum(LEAST_STEP, STEP_ERROR * size)
+    alike |= near_off <= np.maximum(LEAST_STEP, STEP_ERROR * near_size)
+    other = near_off > np.maximum(CONTRARY_STEP, CONTRARY_SHARE * near_size)
+    lit = np.abs(shaded[1] - shaded[0]) >= LEAST_STEP
+    return Shown(lamp, agree, lit, agree & alike, agree & other)
+
+
+def beside_shadows(
+    lamp: Lamp,
+    sampled: Sampled,
+    picture: Picture,
+    where: tuple[Array, Array],
+    found: Bools,
+    stretch: NDArray[np.int64],
+) -> Bools:
+    """Return which samples (m,) are of stretches that were mostly found with quite another step than a lamp makes.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        The lamp that fits the image.
+    sampled : Sampled
+        The samples.
+    picture : Picture
+        The image.
+    where : pair of array (m, 2)
+        Where the edges are in the image, px, and unit vectors across.
+    found : array of bool (m,)
+        Which samples were found.
+    stretch : array of int (m,)
+        Number of the stretch of each sample.
+    """
+    off, size = _compared_near(lamp, sampled, picture, where)
+    other = off > np.maximum(CONTRARY_STEP, CONTRARY_SHARE * size)
+    return _mostly(found & other, found, stretch)
+
+
+def stretches_of(edge: PartEdge, share: Array) -> NDArray[np.int64]:
+    """Return the number of the stretch (m,) that samples at shares (m,) of an edge are in."""
+    one = edge.geometry
+    parts = round(one.span_rad / STRETCH_RAD) if isinstance(one, Circle) else _LINE_PARTS
+    return np.minimum((share * max(parts, 1)).astype(np.int64), max(parts, 1) - 1)
+
+
+def _mostly(other: Bools, found: Bools, stretch: NDArray[np.int64]) -> Bools:
+    """Return which samples (m,) are of stretches in which more of what was found is another step than may be."""
+    some = np.bincount(stretch, other) > MOST_CONTRARY * np.bincount(stretch, found)
+    return np.asarray(some[stretch])
+
+
+def _compared_near(
+    lamp: Lamp, sampled: Sampled, picture: Picture, where: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Compare steps with those of a lamp as `_compared` does, as near to the edges as the blur allows."""
+    near, on_part = sampled.beside(where[1], NEAR_PX)
+    shaded = np.where(on_part, near.shaded(lamp), lamp.background)
+    return _compared(shaded, _grey(picture, *where, NEAR_GREY_PX), on_part)
+
+
+def _compared(shaded: Array, grey: Array, on_part: Bools) -> tuple[Array, Array]:
+    """Return by how much steps of grey values (2, m) are not those of a lamp, and the size of these; (m,).
+
+    Behind a silhouette may be anything, so only the face counts.
+    """
+    wanted = shaded[1] - shaded[0]
+    both = on_part.all(axis=0)
+    alone = np.where(on_part, np.abs(grey - shaded), 0.0).sum(axis=0)
+    off = np.where(both, np.abs(grey[1] - grey[0] - wanted), alone)
+    size = np.where(both, np.abs(wanted), np.where(on_part, shaded, 0.0).sum(axis=0))
+    return off, size
+
+
+def _grey(picture: Picture, edges: Array, across: Array, beside_px: float) -> Array:
+    """Return the grey values on both sides of edges (2, m), as a share of white; nan off the image."""
+    places, grey = profiles_of(picture.grey, edges, across, beside_px)
+    at = [int(np.argmin(np.abs(places - side * beside_px))) for side in _SIDES]
+    return np.asarray(grey[:, at].T / picture.white)
