@@ -89,18 +89,18 @@ def rows_of(options) -> list[Row]:
     plan = replace(plan, pose_uncertainty=PoseUncertainty(np.diag(sigmas**2)))
     part = DeviatingPart(options.part)
     measurer = Measurer(plan, read_solid(options.part))
-    # by the witness that a setting uses
-    used = {
-        name: targets_of(plan.targets, one)[name] for one in plan.settings for name in one.entities
+    measured = {
+        (k, name): as_measured(targets_of(plan.targets, one)[name])
+        for k, one in enumerate(plan.settings)
+        for name in one.entities
     }
-    measured = {name: as_measured(used.get(name, one)) for name, one in plan.dimensions.items()}
     matrix = plan.camera.matrix
     draw = np.random.default_rng(99)
     renderer = Renderer(part.vertices, part.triangles, matrix, samples=2)
     poses = [np.asarray(setting.cam2world) for setting in plan.settings]
     lamps = [
-        best_lamp(renderer, pose, [measured[name] for name in setting.entities], draw)
-        for pose, setting in zip(poses, plan.settings, strict=True)
+        best_lamp(renderer, pose, [measured[k, name] for name in setting.entities], draw)
+        for k, (pose, setting) in enumerate(zip(poses, plan.settings, strict=True))
     ]
     optics = Optics(matrix, plan.camera.resolution, exposure=options.exposure, gloss=options.gloss)
     floor = None
@@ -117,7 +117,7 @@ def rows_of(options) -> list[Row]:
             k + 1: images.image(pose, [lamp], rng)
             for k, (pose, lamp) in enumerate(zip(real, lamps, strict=True))
         }
-        truth = {name: part.true_value(one) for name, one in measured.items()}
+        truth = {where: part.true_value(one) for where, one in measured.items()}
         exact = Registration.given(
             {k + 1: pose for k, pose in enumerate(real)}, np.diag([1e-8] * 3 + [1e-12] * 3)
         )
@@ -127,7 +127,7 @@ def rows_of(options) -> list[Row]:
             began = time.process_time()
             results = measurer.measure(taken, MeasureOptions(how, floor))
             spent[method] += time.process_time() - began
-            rows += [_row(plan, seed, method, one, truth[one.name]) for one in results]
+            rows += [_row(plan, seed, method, one, truth) for one in results]
         print(f"part {seed}", end=" ", file=sys.stderr, flush=True)
     for method, seconds in spent.items():
         print(f"{method}: {seconds / options.parts / len(poses):.2f} s of processor time an image")
@@ -137,6 +137,8 @@ def rows_of(options) -> list[Row]:
 def _row(plan, seed, method, result, truth) -> Row:
     target = plan.dimensions[result.name]
     pixel = np.nan
+    # settings may measure a dimension at other places of the part
+    places = {truth[r.setting, result.name] for r in result.readings}
     if result.readings and target.unit == "mm":
         pose = plan.settings[result.readings[0].setting].cam2world
         pixel = target.permitted_error / target.permitted_error_px(pose, plan.camera)
@@ -145,7 +147,7 @@ def _row(plan, seed, method, result, truth) -> Row:
         method,
         result.name,
         result.kind,
-        truth,
+        places.pop() if len(places) == 1 else np.nan,
         result.deviation,
         result.standard_uncertainty,
         pixel,

@@ -25,7 +25,7 @@ from dimension_images import as_measured
 from measured_images import displaced, tried_lamps
 from measured_rows import Row, rows_of, show, write
 from part_images import DeviatingPart, Optics, PartImages
-from rendered_images import Lamp, Renderer
+from rendered_images import Lamp, Measured, Renderer
 
 from aspectgraph import read_solid
 from planner import Localisation, MeasureOptions, Measurer, Registration, read_plan
@@ -43,6 +43,21 @@ CHORD_MM = 0.001
 TURN_RAD = 0.2
 
 
+def witnesses_of(plan) -> dict[tuple[int, str], Measured]:
+    """Return what each setting measures for each dimension, by their numbers and names.
+
+    Of a part of an edge the mesh has no vertices, so its true value is not known.
+    """
+    found = {}
+    for number, setting in enumerate(plan.settings):
+        targets = targets_of(plan.targets, setting)
+        for name in setting.entities:
+            one = targets[name]
+            if name in plan.dimensions and not any("[" in entity for entity in one.entities):
+                found[number, name] = as_measured(one)
+    return found
+
+
 @dataclass
 class Model:
     """A plan, its part, and lamps for each image by name."""
@@ -56,17 +71,7 @@ class Model:
         self.plan = read_plan(self.plan_path)
         self.part = DeviatingPart(self.part_path, CHORD_MM, TURN_RAD)
         self.measurer = Measurer(self.plan, read_solid(self.part_path))
-        used = {
-            name: targets_of(self.plan.targets, one)[name]
-            for one in self.plan.settings
-            for name in one.entities
-        }
-        # of a part of an edge the mesh has no vertices, so its true value is not known
-        self.measured = {
-            name: as_measured(used[name])
-            for name in self.plan.dimensions
-            if name in used and not any("[" in entity for entity in used[name].entities)
-        }
+        self.measured = witnesses_of(self.plan)
         self.shots = shots_of(self.plan)
         if self.plan.light is None:
             self._try_lamps()
@@ -93,7 +98,8 @@ class Model:
         rng = np.random.default_rng(99)
         renderer = Renderer(self.part.vertices, self.part.triangles, self.plan.camera.matrix, 2)
         for shot in self.shots:
-            measured = [self.measured[name] for name in shot.targets if name in self.measured]
+            asked = ((shot.setting, name) for name in shot.targets)
+            measured = [self.measured[one] for one in asked if one in self.measured]
             if not measured:
                 self.lamps[shot.name] = [[Lamp(self.pose(shot)[:3, 3])]]
                 continue
@@ -145,7 +151,7 @@ def measured_part(model: Model, seed: int, condition: Condition, options) -> lis
             options.keep.mkdir(parents=True, exist_ok=True)
             np.savez(kept, **images)
     rendered = time.process_time()
-    truth = {name: model.part.true_value(one) for name, one in model.measured.items()}
+    truth = {where: model.part.true_value(one) for where, one in model.measured.items()}
     how = Registration.own_edges(options.surfaces_mm)
     rows = []
     for floor in options.floors:

@@ -79,13 +79,18 @@ class Row:
 
 
 def rows_of(results, plan, truth, part: str, draw: int, condition: str) -> list[Row]:
-    """Return the rows of one measured part; ``truth`` has true deviations by name."""
+    """Return the rows of one measured part; ``truth`` has true deviations by number of the setting and name.
+
+    Settings may measure a dimension at other places of the part. A value from several such readings has no true value.
+    """
     rows = []
     for one in results:
         reading = min(
             one.readings, key=lambda r: (not r.measured, r.standard_uncertainty), default=None
         )
-        if reading is None or one.name not in truth:
+        used = [r for r in one.readings if r.measured] or one.readings
+        places = {truth.get((r.setting, one.name)) for r in used}
+        if len(places) != 1 or None in places:
             # not planned, or its true value is not known
             continue
         target = plan.dimensions[one.name]
@@ -97,7 +102,7 @@ def rows_of(results, plan, truth, part: str, draw: int, condition: str) -> list[
         rows.append(
             Row(
                 *(part, draw, condition, reading.image, one.name, KINDS.get(one.kind, one.kind)),
-                *(truth[one.name], one.deviation, one.standard_uncertainty, pixel),
+                *(places.pop(), one.deviation, one.standard_uncertainty, pixel),
                 one.reason,
                 "; ".join(one.notes),
                 *(budget.get(s, np.nan) for s in ("pose", "surfaces", "localisation")),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import gzip
 import tempfile
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -164,16 +165,26 @@ class DeviatingPart:
         """How points (n, 3) of an entity in order are moved: as the mesh's vertices on it are, and between them evenly.
 
         A line that ends in a tangent arc moves with both surfaces at its end, so what carries it does not say it all.
+        Where an arc ends in one, the joint is no part of its radius: only vertices that move as most of it do count.
         """
         spread = np.linalg.norm(points[1] - points[0])
         distance, nearest = cKDTree(points).query(self.nominal, distance_upper_bound=spread)
         close = np.flatnonzero(np.isfinite(distance))
         on = [i for i in close if _off_path(points, self.nominal[i], int(nearest[i])) < _ON_MM]
+        if _is_round(points):
+            most = Counter(frozenset(self.carried[i]) for i in on).most_common(1)[0][0]
+            on = [i for i in on if self.carried[i] == most]
         share = np.array([_share(points, self.nominal[i], int(nearest[i])) for i in on])
         move = (self._moved - self.nominal)[on]
         order = np.argsort(share)
         at = np.arange(len(points))
         return np.stack([np.interp(at, share[order], move[order, k]) for k in range(3)], axis=1)
+
+
+def _is_round(points) -> bool:
+    """Whether points (n, 3) in order are of a circle or an arc."""
+    first, second = np.diff(points[:3], axis=0)
+    return bool(np.linalg.norm(np.cross(first, second)) > 1e-6 * (first @ second))
 
 
 def _step(points, k):

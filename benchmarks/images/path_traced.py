@@ -133,7 +133,7 @@ def measured_part(model: Model, seed: int, condition: Condition, options, mi) ->
     flat = PartImages(part.vertices, part.triangles, optics)
     sigmas = condition.poses * plan.pose_uncertainty.sigmas
     real = [displaced(np.asarray(one.cam2world), sigmas, rng) for one in plan.settings]
-    truth = {name: part.true_value(one) for name, one in model.measured.items()}
+    truth = {where: part.true_value(one) for where, one in model.measured.items()}
     rows = []
     for material in options.materials:
         greys = {}

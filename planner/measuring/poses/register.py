@@ -47,6 +47,10 @@ BIAS_SHARE = 3.0
 """The same in the localisation's floor: lamps are chosen for the edges of targets, not for all that register."""
 LEAST_BIAS_PX = 0.03
 """An edge's bias is taken to be this large at least."""
+LATE = 2
+"""In so many of the last rounds edges count as a whole or not at all."""
+LEAST_KEPT = 0.6
+"""An edge counts then if this share of its found samples fits the others at least."""
 LEAST_HOPEFUL = 0.4
 """Share of the samples from which on an image that does not convince is searched again, with a sign of each stretch.
 
@@ -149,8 +153,8 @@ def _attempted(
             _scanned(picture, (centres, across), half, sign, own)
             for picture, sign, own in zip(pictures, signs, out, strict=True)
         ]
-        final = number == len(WINDOWS_PX) - 1
-        estimate, rows = _solved(task, x, across, found, final=final)
+        left = len(WINDOWS_PX) - 1 - number
+        estimate, rows = _solved(task, x, across, found, left)
         x = estimate.mean
     places = Places(first, centres, across)
     return Attempt(task, pictures, estimate, rows, found, places, out, start.lead)
@@ -208,7 +212,7 @@ def _scanned(
 
 
 def _solved(
-    task: Task, x: Array, across: Array, found: list[Found], *, final: bool
+    task: Task, x: Array, across: Array, found: list[Found], rounds_left: int
 ) -> tuple[Posterior, list[Rows]]:
     """Return the posterior from what was found in all images, and its rows.
 
@@ -219,7 +223,7 @@ def _solved(
     now = _moved(task, design, x)
     weights = [tukey_weights(one.offset, residual_scale(one.offset[one.good])) for one in found]
     estimate = Posterior(x, task.prior)
-    for _ in range(3 if final else 2):
+    for _ in range(2 if rounds_left else 3):
         rows = []
         noise = 0.0
         left = []
@@ -234,12 +238,27 @@ def _solved(
         )
         if estimate.mean is not x:
             weights = [tukey_weights(own, noise) for own in left]
+        if rounds_left < LATE and estimate.mean is not x:
+            weights = [
+                _of_whole_edges(task, one, weight)
+                for one, weight in zip(found, weights, strict=True)
+            ]
         variance = noise**2 * max(1.0, CORRELATION_PX / STEP_PX)
         for one, weight in zip(found, weights, strict=True):
             rows += _rows(task, design, one.offset + now, one.good * weight / variance)
         alike = [one._replace(modes=None) for one in rows]
         estimate = posterior(task.prior, alike, task.bias_px**2)
     return estimate, rows
+
+
+def _of_whole_edges(task: Task, one: Found, weight: Array) -> Array:
+    """Return weights of samples (m,), none of edges of which much of what was found is left out.
+
+    What is left of such an edge is where it crosses the prediction, and it seems to lie there.
+    """
+    kept = np.bincount(task.samples.edge, one.good & (weight > 0), len(task.edges))
+    offered = np.bincount(task.samples.edge, one.good, len(task.edges))
+    return np.asarray(weight * (kept >= LEAST_KEPT * offered)[task.samples.edge])
 
 
 def _with_biases_shown(attempt: Attempt, checked: Registered) -> Registered:
