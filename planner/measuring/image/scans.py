@@ -66,7 +66,7 @@ STATE_TEXTS = {
     State.OUTSIDE: "outside the image",
     State.HIDDEN: "hidden",
     State.NEAR_LINE: "beside another line",
-    State.SHADOW: "beside a shadow",
+    State.SHADOW: "next to a shadow",
 }
 """States in the words of reports."""
 

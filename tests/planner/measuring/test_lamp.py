@@ -216,5 +216,5 @@ def test_a_shadow_beside_a_rim_is_not_measured(picture, shaded_rim):
     assert np.mean(states[beside] == State.SHADOW) > 0.9
     assert not np.any(states[~beside] == State.SHADOW)
     assert re.match(
-        r"only 6\d % of rim r\d+ was found; 2[45] % is beside a shadow$", reading.reason
+        r"only 6\d % of rim r\d+ was found; 2[45] % is next to a shadow$", reading.reason
     )
