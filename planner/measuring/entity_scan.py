@@ -225,7 +225,7 @@ def _without_shadows(
     """Return what became of samples (m,) if a shadow that ends beside the edge does not count as the edge."""
     lamp = registered.lamps.get(picture.name)
     good = found.state == State.FOUND
-    if lamp is None:
+    if lamp is None or not good.any():
         return found.state
     own = replace(samples, edge=np.zeros_like(samples.edge))
     pose = registered.cam2world

@@ -214,7 +214,7 @@ def shown(
     near_off, near_size = _compared_near(lamp, sampled, picture, where)
     alike = off <= np.maximum(LEAST_STEP, STEP_ERROR * size)
     alike |= near_off <= np.maximum(LEAST_STEP, STEP_ERROR * near_size)
-    other = near_off > np.maximum(CONTRARY_STEP, CONTRARY_SHARE * near_size)
+    other = _quite_other(near_off, near_size)
     lit = np.abs(shaded[1] - shaded[0]) >= LEAST_STEP
     return Shown(lamp, agree, lit, agree & alike, agree & other)
 
@@ -244,8 +244,7 @@ def beside_shadows(
     stretch : array of int (m,)
         Number of the stretch of each sample.
     """
-    off, size = _compared_near(lamp, sampled, picture, where)
-    other = off > np.maximum(CONTRARY_STEP, CONTRARY_SHARE * size)
+    other = _quite_other(*_compared_near(lamp, sampled, picture, where))
     return _mostly(found & other, found, stretch)
 
 
@@ -254,6 +253,11 @@ def stretches_of(edge: PartEdge, share: Array) -> NDArray[np.int64]:
     one = edge.geometry
     parts = round(one.span_rad / STRETCH_RAD) if isinstance(one, Circle) else _LINE_PARTS
     return np.minimum((share * max(parts, 1)).astype(np.int64), max(parts, 1) - 1)
+
+
+def _quite_other(off: Array, size: Array) -> Bools:
+    """Return which steps (m,) are quite other ones, given by how much they are off and what a lamp makes."""
+    return np.asarray(off > np.maximum(CONTRARY_STEP, CONTRARY_SHARE * size))
 
 
 def _mostly(other: Bools, found: Bools, stretch: NDArray[np.int64]) -> Bools:
