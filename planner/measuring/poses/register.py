@@ -25,6 +25,7 @@ from planner.measuring.image.samples import STEP_PX
 from planner.measuring.image.scans import State
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.coarse import coarse_shift
+from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import Registered
 from planner.measuring.poses.task import (
     LEAST_NOISE_PX,
@@ -48,7 +49,7 @@ BIAS_SHARE = 3.0
 LEAST_BIAS_PX = 0.03
 """An edge's bias is taken to be this large at least."""
 LATE = 2
-"""In so many of the last rounds edges count as a whole or not at all."""
+"""In so many of the last rounds edges count as a whole or not at all; if this is refused, it is tried without."""
 LEAST_KEPT = 0.6
 """An edge counts then if this share of its found samples fits the others at least."""
 LEAST_HOPEFUL = 0.4
@@ -67,10 +68,21 @@ _MOST_WINDOW_PX = 60.0
 
 
 class Start(NamedTuple):
-    """Where a search begins: unknowns (n,), and the lead of the coarse shift that they are from."""
+    """Where a search begins.
+
+    Attributes
+    ----------
+    x : array (n,)
+        Unknowns.
+    lead : float
+        Of the coarse shift that they are from.
+    late : int
+        In so many of the last rounds edges count as a whole or not at all.
+    """
 
     x: Array
     lead: float
+    late: int = LATE
 
 
 def bias_of(floor_px: float) -> float:
@@ -112,6 +124,17 @@ def register(
     """
     task = registration_task(model, pictures[0].camera, planned, prior, bias_px)
     start = _coarse(task, pictures)
+    found = _best(task, pictures, start)
+    if not found[0].accepted and found[0].share >= LEAST_HOPEFUL:
+        # where little is found, half of an edge may be what is left
+        other = _best(task, pictures, start._replace(late=0))
+        found = other if other[0].accepted else found
+    attempt, lamps = found
+    return replace(_with_biases_shown(attempt, judged(attempt)), lamps=lamps)
+
+
+def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, dict[str, Lamp]]:
+    """Return the best attempt from a start, and the lamps that fit its images."""
     alike = task.samples.edge
     attempt = _attempted(task, pictures, start, alike)
     if not attempt.convincing and attempt.share >= LEAST_HOPEFUL:
@@ -122,9 +145,9 @@ def register(
     lamps = attempt.lamps if attempt.convincing else {}
     if attempt.convincing and np.mean(attempt.contradicted) >= LEAST_CONTRADICTED:
         # shadows that were taken for edges pulled at the estimate
-        start = Start(attempt.estimate.mean, start.lead)
+        start = start._replace(x=attempt.estimate.mean)
         attempt = _attempted(task, pictures, start, alike, attempt.contradicted)
-    return replace(_with_biases_shown(attempt, judged(attempt)), lamps=lamps)
+    return attempt, lamps
 
 
 def _attempted(
@@ -154,7 +177,7 @@ def _attempted(
             for picture, sign, own in zip(pictures, signs, out, strict=True)
         ]
         left = len(WINDOWS_PX) - 1 - number
-        estimate, rows = _solved(task, x, across, found, left)
+        estimate, rows = _solved(task, x, across, found, (left > 0, left < start.late))
         x = estimate.mean
     places = Places(first, centres, across)
     return Attempt(task, pictures, estimate, rows, found, places, out, start.lead)
@@ -212,18 +235,20 @@ def _scanned(
 
 
 def _solved(
-    task: Task, x: Array, across: Array, found: list[Found], rounds_left: int
+    task: Task, x: Array, across: Array, found: list[Found], when: tuple[bool, bool]
 ) -> tuple[Posterior, list[Rows]]:
     """Return the posterior from what was found in all images, and its rows.
 
     Weights of a first solution make the second one. Each edge has one bias: as long as outliers are not left out, this
-    finds the pose more surely than biases of more modes.
+    finds the pose more surely than biases of more modes. ``when`` says whether rounds follow, and whether edges count
+    as a whole or not at all.
     """
+    going_on, whole = when
     design = task.design(x, across)
     now = _moved(task, design, x)
     weights = [tukey_weights(one.offset, residual_scale(one.offset[one.good])) for one in found]
     estimate = Posterior(x, task.prior)
-    for _ in range(2 if rounds_left else 3):
+    for _ in range(2 if going_on else 3):
         rows = []
         noise = 0.0
         left = []
@@ -238,7 +263,7 @@ def _solved(
         )
         if estimate.mean is not x:
             weights = [tukey_weights(own, noise) for own in left]
-        if rounds_left < LATE and estimate.mean is not x:
+        if whole and estimate.mean is not x:
             weights = [
                 _of_whole_edges(task, one, weight)
                 for one, weight in zip(found, weights, strict=True)

@@ -147,6 +147,17 @@ class Attempt:
             return False
         return self.lead >= CLEAR_LEAD or self.share >= LEAST_DOUBTFUL_SHARE or self.explained
 
+    @property
+    def chi2(self) -> float:
+        """Square of the pose's displacement in standard deviations of its prior."""
+        displacement = self.estimate.mean[:POSE]
+        return float(displacement @ np.linalg.solve(self.task.prior[:POSE, :POSE], displacement))
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it is convincing, and as near to the planned pose as it should be."""
+        return self.convincing and self.chi2 <= MOST_CHI2
+
     def _light(self, picture: Picture, one: Found, agree: Bools) -> Shown | None:
         pose, _ = self.task.places(self.estimate.mean)
         across = self.places.across
@@ -179,8 +190,7 @@ def judged(attempt: Attempt) -> Registered:
     """
     task = attempt.task
     found = attempt.found
-    displacement = attempt.estimate.mean[:POSE]
-    chi2 = float(displacement @ np.linalg.solve(task.prior[:POSE, :POSE], displacement))
+    chi2 = attempt.chi2
     if not attempt.convincing:
         raise NotRegisteredError(
             f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them",
