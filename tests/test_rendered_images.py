@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "images"))
+from part_images import DeviatingPart, Surface
 from rendered_images import (
     Lamp,
     Measured,
@@ -122,3 +123,38 @@ def test_fits_of_exact_points():
 def test_a_kind_that_is_not_measured_is_refused():
     with pytest.raises(ValueError, match="kind must be one that is measured here"):
         Measured("volume", [LEFT], [], []).value([np.array(LEFT)])
+
+
+def test_a_rim_between_a_bore_and_a_cone_is_where_both_are():
+    """The bore has a radius of 5 mm, the cone widens by 45 degrees; the rim is where z = r - 5 + height."""
+    bore = Surface(np.zeros(3), np.array([0.0, 0.0, 1.0]), 5.0, 0.0, 1.0, np.array([0.04, 0, 0]))
+    cone = Surface(
+        np.array([0.0, 0.0, 9.0]),
+        np.array([0.0, 0.0, 1.0]),
+        0.0,
+        np.pi / 4,
+        1.0,
+        np.array([0.1, 0.0, 0.0]),
+    )
+    part = object.__new__(DeviatingPart)
+    part.surfaces = [bore, cone]
+    angle = np.linspace(0, 6, 7)
+    out = np.stack([np.cos(angle), np.sin(angle), np.zeros(7)], axis=1)
+    moved = part.displaced(5.0 * out + [0, 0, 14.0], (0, 1))
+    # out by what the bore is larger, and as much up, less what the cone is off along its normal
+    expected = 0.04 * out + [0, 0, 0.04 - 0.1 * np.sqrt(2)]
+    np.testing.assert_allclose(moved, expected, atol=1e-12)
+
+
+def test_the_joint_of_an_arc_and_a_line_is_no_part_of_its_radius():
+    angle = np.linspace(0.0, np.pi / 2, 256)
+    points = 10.0 * np.stack([np.cos(angle), np.sin(angle), np.zeros(256)], axis=1)
+    part = object.__new__(DeviatingPart)
+    part.nominal = points[::15]
+    part.carried = [{0, 1} for _ in part.nominal]
+    part.carried[0] = part.carried[-1] = {0, 1, 2}
+    part._moved = 1.01 * part.nominal
+    # the ends move with the lines that they join
+    part._moved[[0, -1]] = part.nominal[[0, -1]]
+    move = part._entity_move(points)
+    np.testing.assert_allclose(np.linalg.norm(move, axis=1), 0.1, rtol=0.01)

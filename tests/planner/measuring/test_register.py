@@ -25,6 +25,7 @@ from planner import (
 )
 from planner.measuring.image.picture import Picture
 from planner.measuring.part_model import POSE, PartModel
+from planner.measuring.poses import register as registering
 from planner.measuring.poses.coarse import coarse_shift
 from planner.measuring.poses.register import (
     LEAST_BIAS_PX,
@@ -32,7 +33,7 @@ from planner.measuring.poses.register import (
     register,
 )
 from planner.measuring.poses.registered import displaced, prior_covariance
-from planner.measuring.poses.task import NotRegisteredError
+from planner.measuring.poses.task import Found, NotRegisteredError, registration_task
 
 
 @pytest.fixture(scope="module")
@@ -256,3 +257,19 @@ def test_a_refusal_says_what_the_light_does_not_show(model, images):
     rule = r"only \d\d % of the part's visible edges were found where it has them; [3-7]\d % lack contrast$"
     with pytest.raises(NotRegisteredError, match=rule):
         register(model, [Picture.of("one", dark, CAMERA)], POSES[0], prior)
+
+
+def test_of_an_edge_that_fits_in_half_nothing_counts(model):
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    task = registration_task(model, CAMERA, POSES[0], prior, 0.15)
+    count = len(task.samples.edge)
+    every = np.ones(count, dtype=bool)
+    found = Found(np.zeros(count), every, np.zeros(count, dtype=int), np.zeros(count))
+    weight = np.linspace(0.5, 1.0, count)
+    half, quarter, *_ = task.own
+    weight[half.start : half.start + (half.stop - half.start) // 2 + 1] = 0.0
+    weight[quarter.start : quarter.start + (quarter.stop - quarter.start) // 4] = 0.0
+    kept = registering._of_whole_edges(task, found, weight)
+    expected = weight.copy()
+    expected[half] = 0.0
+    np.testing.assert_array_equal(kept, expected)
