@@ -36,7 +36,7 @@ from aspectgraph import compute_regions, read_dimensions, read_solid
 from errors.measurands import Circle, Localisation, MeasurandModel
 from planner import Camera, PoseUncertainty, look_at
 from planner.wanted import Dimension
-from planner.wanted.planned import PlannedDimension
+from planner.wanted.planned import PlannedDimension, targets_of
 from planner.wanted.resolve import resolve_wanted
 
 POINTS = 16
@@ -132,6 +132,21 @@ def as_measured(planned: PlannedDimension) -> Measured:
     return Measured(
         planned.kind, lines, [(one.centre, one.axis, one.radius_mm) for one in circles], arcs, way
     )
+
+
+def witnesses_of(plan) -> dict[tuple[int, str], Measured]:
+    """Return what each setting measures for each dimension, by their numbers and names.
+
+    Of a part of an edge the mesh has no vertices, so its true value is not known.
+    """
+    found = {}
+    for number, setting in enumerate(plan.settings):
+        targets = targets_of(plan.targets, setting)
+        for name in setting.entities:
+            one = targets[name]
+            if name in plan.dimensions and not any("[" in entity for entity in one.entities):
+                found[number, name] = as_measured(one)
+    return found
 
 
 def view(

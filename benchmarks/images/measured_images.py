@@ -18,7 +18,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from dimension_images import as_measured
+from dimension_images import witnesses_of
+from measured_rows import truth_of
 from part_images import DeviatingPart, Optics, PartImages
 from rendered_images import Lamp, Renderer, found_points
 from scipy.spatial.transform import Rotation
@@ -32,7 +33,6 @@ from planner import (
     Registration,
     read_plan,
 )
-from planner.wanted.planned import targets_of
 
 METHODS = ("planned", "own edges", "given")
 
@@ -89,18 +89,14 @@ def rows_of(options) -> list[Row]:
     plan = replace(plan, pose_uncertainty=PoseUncertainty(np.diag(sigmas**2)))
     part = DeviatingPart(options.part)
     measurer = Measurer(plan, read_solid(options.part))
-    measured = {
-        (k, name): as_measured(targets_of(plan.targets, one)[name])
-        for k, one in enumerate(plan.settings)
-        for name in one.entities
-    }
+    measured = witnesses_of(plan)
     matrix = plan.camera.matrix
     draw = np.random.default_rng(99)
     renderer = Renderer(part.vertices, part.triangles, matrix, samples=2)
     poses = [np.asarray(setting.cam2world) for setting in plan.settings]
     lamps = [
-        best_lamp(renderer, pose, [measured[k, name] for name in setting.entities], draw)
-        for k, (pose, setting) in enumerate(zip(poses, plan.settings, strict=True))
+        best_lamp(renderer, pose, [one for (own, _), one in measured.items() if own == k], draw)
+        for k, pose in enumerate(poses)
     ]
     optics = Optics(matrix, plan.camera.resolution, exposure=options.exposure, gloss=options.gloss)
     floor = None
@@ -127,7 +123,12 @@ def rows_of(options) -> list[Row]:
             began = time.process_time()
             results = measurer.measure(taken, MeasureOptions(how, floor))
             spent[method] += time.process_time() - began
-            rows += [_row(plan, seed, method, one, truth) for one in results]
+            known = {one.name: truth_of(one, truth) for one in results}
+            rows += [
+                _row(plan, seed, method, one, known[one.name])
+                for one in results
+                if known[one.name] is not None
+            ]
         print(f"part {seed}", end=" ", file=sys.stderr, flush=True)
     for method, seconds in spent.items():
         print(f"{method}: {seconds / options.parts / len(poses):.2f} s of processor time an image")
@@ -137,8 +138,6 @@ def rows_of(options) -> list[Row]:
 def _row(plan, seed, method, result, truth) -> Row:
     target = plan.dimensions[result.name]
     pixel = np.nan
-    # settings may measure a dimension at other places of the part
-    places = {truth[r.setting, result.name] for r in result.readings}
     if result.readings and target.unit == "mm":
         pose = plan.settings[result.readings[0].setting].cam2world
         pixel = target.permitted_error / target.permitted_error_px(pose, plan.camera)
@@ -147,7 +146,7 @@ def _row(plan, seed, method, result, truth) -> Row:
         method,
         result.name,
         result.kind,
-        places.pop() if len(places) == 1 else np.nan,
+        truth,
         result.deviation,
         result.standard_uncertainty,
         pixel,

@@ -21,16 +21,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from dimension_images import as_measured
+from dimension_images import witnesses_of
 from measured_images import displaced, tried_lamps
 from measured_rows import Row, rows_of, show, write
 from part_images import DeviatingPart, Optics, PartImages
-from rendered_images import Lamp, Measured, Renderer
+from rendered_images import Lamp, Renderer
 
 from aspectgraph import read_solid
 from planner import Localisation, MeasureOptions, Measurer, Registration, read_plan
 from planner.measuring.image.image_files import shots_of
-from planner.wanted.planned import targets_of
 
 # lamps of which the weakest tenth of points has at least this share of the best lamp's step are drawn from
 GOOD_LAMP = 0.6
@@ -41,21 +40,6 @@ TILTS = 0.5
 # finer than for looks: chords lie inside of rims, which makes diameters smaller by 1.3 of it
 CHORD_MM = 0.001
 TURN_RAD = 0.2
-
-
-def witnesses_of(plan) -> dict[tuple[int, str], Measured]:
-    """Return what each setting measures for each dimension, by their numbers and names.
-
-    Of a part of an edge the mesh has no vertices, so its true value is not known.
-    """
-    found = {}
-    for number, setting in enumerate(plan.settings):
-        targets = targets_of(plan.targets, setting)
-        for name in setting.entities:
-            one = targets[name]
-            if name in plan.dimensions and not any("[" in entity for entity in one.entities):
-                found[number, name] = as_measured(one)
-    return found
 
 
 @dataclass

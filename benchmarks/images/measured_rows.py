@@ -78,19 +78,25 @@ class Row:
         return (self.part, self.image)
 
 
-def rows_of(results, plan, truth, part: str, draw: int, condition: str) -> list[Row]:
-    """Return the rows of one measured part; ``truth`` has true deviations by number of the setting and name.
+def truth_of(result, truth) -> float | None:
+    """Return the true deviation of a value, from those by number of the setting and name; None if it is not known.
 
     Settings may measure a dimension at other places of the part. A value from several such readings has no true value.
     """
+    used = [one for one in result.readings if one.measured] or result.readings
+    places = {truth.get((one.setting, result.name)) for one in used}
+    return places.pop() if len(places) == 1 else None
+
+
+def rows_of(results, plan, truth, part: str, draw: int, condition: str) -> list[Row]:
+    """Return the rows of one measured part; ``truth`` has true deviations by number of the setting and name."""
     rows = []
     for one in results:
         reading = min(
             one.readings, key=lambda r: (not r.measured, r.standard_uncertainty), default=None
         )
-        used = [r for r in one.readings if r.measured] or one.readings
-        places = {truth.get((r.setting, one.name)) for r in used}
-        if len(places) != 1 or None in places:
+        true = truth_of(one, truth)
+        if true is None:
             # not planned, or its true value is not known
             continue
         target = plan.dimensions[one.name]
@@ -102,7 +108,7 @@ def rows_of(results, plan, truth, part: str, draw: int, condition: str) -> list[
         rows.append(
             Row(
                 *(part, draw, condition, reading.image, one.name, KINDS.get(one.kind, one.kind)),
-                *(places.pop(), one.deviation, one.standard_uncertainty, pixel),
+                *(true, one.deviation, one.standard_uncertainty, pixel),
                 one.reason,
                 "; ".join(one.notes),
                 *(budget.get(s, np.nan) for s in ("pose", "surfaces", "localisation")),
