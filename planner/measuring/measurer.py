@@ -249,7 +249,7 @@ class Measurer:
                 raise NotRegisteredError(str(error)) from None
         if how.method in (OWN_EDGES, BOTH):
             stated = known, self._surfaces_mm(how)
-            prior = prior_covariance(self.model, *stated)
+            prior = prior_covariance(self.model, *stated, own[0].camera)
             try:
                 found = register_as_shown(self.model, own, pose, *stated, self._bias_px(options))
             except NotRegisteredError as error:

@@ -65,7 +65,7 @@ STATE_TEXTS = {
     State.OUTLIER: "outlier",
     State.OUTSIDE: "outside the image",
     State.HIDDEN: "hidden",
-    State.NEAR_LINE: "beside another line",
+    State.NEAR_LINE: "next to another line",
     State.SHADOW: "next to a shadow",
 }
 """States in the words of reports."""

@@ -35,7 +35,7 @@ from planner.wanted.targets import DimensionTarget
 Array = NDArray[np.float64]
 
 FOUND_SHARE = LEAST_SHARE
-"""Share of what an image shows of the part that is found: with less, an image is not registered."""
+"""Share of what an image shows of the part that is found: with less, a lamp must explain what is dark."""
 NOISE_PX = 0.2
 """Standard deviation of a found point: residuals in images were 0.1 to 0.2 px."""
 STRETCH_PX = 60.0
@@ -78,7 +78,9 @@ def planned_edges(request: Request, surfaces_mm: float | None = None) -> OwnEdge
     model = PartModel(single.space.solid, targets)
     if surfaces_mm is None:
         surfaces_mm = max((one.surfaces_mm for one in targets.values()), default=0.0)
-    before = prior_covariance(model, request.pose_uncertainty.covariance, surfaces_mm)
+    before = prior_covariance(
+        model, request.pose_uncertainty.covariance, surfaces_mm, request.camera
+    )
     sigmas = np.sqrt(np.diag(before))[POSE:].reshape(-1, 3)
     floor = max((one.localisation.floor_px for one in targets.values()), default=0.0) or FLOOR_PX
     return OwnEdges(

@@ -19,39 +19,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.registration import Posterior, Rows, bias_variance_of, posterior
-from planner.measuring.fit import CORRELATION_PX, tukey_weights
 from planner.measuring.image.picture import Picture
-from planner.measuring.image.samples import STEP_PX
 from planner.measuring.image.scans import State
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.coarse import coarse_shift
 from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import Registered
-from planner.measuring.poses.task import (
-    LEAST_NOISE_PX,
-    Found,
-    Task,
-    registration_task,
-    residual_scale,
-)
-from planner.measuring.poses.verdict import Attempt, Places, judged, little_known
+from planner.measuring.poses.solving import cost_of, damped, noise_of, solved
+from planner.measuring.poses.task import Found, Task, registration_task
+from planner.measuring.poses.verdict import Attempt, Places, judged
 
 Array = NDArray[np.float64]
 
 WINDOWS_PX = (5.0, 4.0, 3.0, 3.0, 2.5, 2.5)
 """How far edges are searched in each round."""
+NARROW_PX = (3.0, 3.0, 2.5, 2.5)
+"""The same from a pose that is known, if shadows were found instead of edges."""
 LEAST_CONTRADICTED = 0.005
 """Share of the samples from which on the rounds are done again without those that were found on shadows."""
+MOST_REPEATS = 2
+"""The rounds are done again so many times at most."""
 BIAS_PX = 0.15
 """Standard deviation of where an edge is found as a whole: light and blur move it."""
 BIAS_SHARE = 3.0
 """The same in the localisation's floor: lamps are chosen for the edges of targets, not for all that register."""
 LEAST_BIAS_PX = 0.03
 """An edge's bias is taken to be this large at least."""
+MOST_HALVINGS = 4
+"""A step after which the images are explained worse is halved so many times at most."""
 LATE = 2
 """In so many of the last rounds edges count as a whole or not at all; if this is refused, it is tried without."""
-LEAST_KEPT = 0.6
-"""An edge counts then if this share of its found samples fits the others at least."""
 LEAST_HOPEFUL = 0.4
 """Share of the samples from which on an image that does not convince is searched again, with a sign of each stretch.
 
@@ -78,11 +75,103 @@ class Start(NamedTuple):
         Of the coarse shift that they are from.
     late : int
         In so many of the last rounds edges count as a whole or not at all.
+    windows : tuple of float
+        How far edges are searched in each round, px.
     """
 
     x: Array
     lead: float
     late: int = LATE
+    windows: tuple[float, ...] = WINDOWS_PX
+
+
+class Scan(NamedTuple):
+    """What was found at some unknowns.
+
+    Attributes
+    ----------
+    x : array (n,)
+        Unknowns.
+    centres, across : array (m, 2)
+        Where the samples are predicted, px, and unit vectors across.
+    found : list of Found
+        What was found in each image.
+    """
+
+    x: Array
+    centres: Array
+    across: Array
+    found: list[Found]
+
+
+class Scanner:
+    """Scans the images of a setting at unknowns.
+
+    Parameters
+    ----------
+    task : Task
+        What is registered.
+    pictures : list of Picture
+        The images.
+    left_out : list of array of bool (m,)
+        Samples of each image that do not count.
+    """
+
+    def __init__(
+        self, task: Task, pictures: list[Picture], left_out: list[NDArray[np.bool_]]
+    ) -> None:
+        self._task = task
+        self._pictures = pictures
+        self._left_out = left_out
+        self._signs: list[NDArray[np.int64]] = []
+
+    def signed(self, x: Array, half: float, alike: NDArray[np.int64]) -> Scan:
+        """Return what is found, after the sign of the steps of samples with the same number (m,) is determined."""
+        places = self._task.predicted(x)
+        self._signs = [signs_of(picture, *places, half, alike) for picture in self._pictures]
+        return self.at(x, half)
+
+    def at(self, x: Array, half: float) -> Scan:
+        """Return what is found up to so many px from the prediction."""
+        places = self._task.predicted(x)
+        every = zip(self._pictures, self._signs, self._left_out, strict=True)
+        found = [_scanned(picture, places, half, sign, out) for picture, sign, out in every]
+        return Scan(x, *places, found)
+
+    def no_worse(self, scan: Scan, last: Scan, half: float) -> Scan:
+        """Return a scan, or one nearer to the last one if it is explained worse than that.
+
+        What an image hardly tells lies along a curved valley, which steps can leave.
+        """
+        noise = noise_of(self._task, last.found)
+        most = cost_of(self._task, last.x, last.found, noise)
+        for _ in range(MOST_HALVINGS):
+            if cost_of(self._task, scan.x, scan.found, noise) <= most:
+                break
+            scan = self.at((last.x + scan.x) / 2, half)
+        return scan
+
+
+def signs_of(
+    picture: Picture, centres: Array, across: Array, half: float, alike: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the sign of each sample's step: that of the strongest samples with the same number (m,)."""
+    found = picture.find(centres, across, half)
+    good = (found.state == State.FOUND) | (found.state == State.AT_END)
+    total = np.bincount(alike, np.where(good, found.step, 0.0))
+    return np.sign(total).astype(np.int64)[alike]
+
+
+def _scanned(
+    picture: Picture,
+    places: tuple[Array, Array],
+    half: float,
+    sign: NDArray[np.int64],
+    out: NDArray[np.bool_],
+) -> Found:
+    found = picture.find(*places, half, sign)
+    state = np.where(out & (found.state == State.FOUND), int(State.SHADOW), found.state)
+    return Found(found.offset, state == State.FOUND, state, found.blur_px)
 
 
 def bias_of(floor_px: float) -> float:
@@ -130,7 +219,7 @@ def register(
         other = _best(task, pictures, start._replace(late=0))
         found = other if other[0].accepted else found
     attempt, lamps = found
-    return replace(_with_biases_shown(attempt, judged(attempt)), lamps=lamps)
+    return replace(judged(attempt, _stated(attempt)), lamps=lamps)
 
 
 def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, dict[str, Lamp]]:
@@ -142,12 +231,28 @@ def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, d
         if other.explained:
             attempt = other
             alike = task.stretch
-    lamps = attempt.lamps if attempt.convincing else {}
-    if attempt.convincing and np.mean(attempt.contradicted) >= LEAST_CONTRADICTED:
-        # shadows that were taken for edges pulled at the estimate
-        start = start._replace(x=attempt.estimate.mean)
-        attempt = _attempted(task, pictures, start, alike, attempt.contradicted)
-    return attempt, lamps
+    lamps = attempt.lamps
+    for _ in range(MOST_REPEATS):
+        shadows = attempt.contradicted
+        if attempt.share < LEAST_HOPEFUL or np.mean(shadows) < LEAST_CONTRADICTED:
+            break
+        out = [before | own for before, own in zip(attempt.left_out, shadows, strict=True)]
+        start = start._replace(x=_without_pull(attempt, out))
+        attempt = _attempted(task, pictures, start, alike, out)
+    if np.any(attempt.left_out) and not attempt.convincing:
+        # shadows farther from their edges are not found then
+        start = Start(_without_pull(attempt, attempt.left_out), start.lead, start.late, NARROW_PX)
+        other = _attempted(task, pictures, start, alike)
+        attempt = other if other.convincing else attempt
+    return attempt, lamps if attempt.convincing else {}
+
+
+def _without_pull(attempt: Attempt, shadows: list[NDArray[np.bool_]]) -> Array:
+    """Return unknowns of which surfaces are nominal that shadows pulled at: samples (m,) of images taken for edges."""
+    x = attempt.x.copy()
+    edges = attempt.task.samples.edge[np.any(shadows, axis=0)]
+    x[attempt.task.unknowns[np.unique(edges)]] = 0.0
+    return x
 
 
 def _attempted(
@@ -164,23 +269,20 @@ def _attempted(
     nothing = np.zeros(len(alike), dtype=np.bool_)
     out = left_out or [nothing for _ in pictures]
     first = task.predicted(np.zeros(len(task.prior)))[0]
-    signs: list[NDArray[np.int64]] = []
-    x = start.x
-    estimate = Posterior(x, task.prior)
+    scanner = Scanner(task, pictures, out)
+    scan = scanner.signed(start.x, start.windows[0], alike)
     rows: list[Rows] = []
-    for number, half in enumerate(WINDOWS_PX):
-        centres, across = task.predicted(x)
-        if number < 2:
-            signs = [_signs(picture, centres, across, half, alike) for picture in pictures]
-        found = [
-            _scanned(picture, (centres, across), half, sign, own)
-            for picture, sign, own in zip(pictures, signs, out, strict=True)
-        ]
-        left = len(WINDOWS_PX) - 1 - number
-        estimate, rows = _solved(task, x, across, found, (left > 0, left < start.late))
-        x = estimate.mean
-    places = Places(first, centres, across)
-    return Attempt(task, pictures, estimate, rows, found, places, out, start.lead)
+    for left in range(len(start.windows) - 1, -1, -1):
+        x, rows = solved(
+            task, scan.x, scan.across, scan.found, going_on=left > 0, whole=left < start.late
+        )
+        half = start.windows[-max(left, 1)]
+        if left == len(start.windows) - 1:
+            scan = scanner.signed(x, half, alike)
+        else:
+            scan = scanner.no_worse(scanner.at(x, half), scan, half)
+    places = Places(first, scan.centres, scan.across)
+    return Attempt(task, pictures, scan.x, rows, scan.found, places, out, start.lead)
 
 
 def _window_px(task: Task, design: Array) -> float:
@@ -212,138 +314,20 @@ def _coarse(task: Task, pictures: list[Picture]) -> Start:
     return Start(x, lead)
 
 
-def _signs(
-    picture: Picture, centres: Array, across: Array, half: float, alike: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return the sign of each sample's step: that of the strongest samples with the same number (m,)."""
-    found = picture.find(centres, across, half)
-    good = (found.state == State.FOUND) | (found.state == State.AT_END)
-    total = np.bincount(alike, np.where(good, found.step, 0.0))
-    return np.sign(total).astype(np.int64)[alike]
-
-
-def _scanned(
-    picture: Picture,
-    places: tuple[Array, Array],
-    half: float,
-    sign: NDArray[np.int64],
-    out: NDArray[np.bool_],
-) -> Found:
-    found = picture.find(*places, half, sign)
-    state = np.where(out & (found.state == State.FOUND), int(State.SHADOW), found.state)
-    return Found(found.offset, state == State.FOUND, state, found.blur_px)
-
-
-def _solved(
-    task: Task, x: Array, across: Array, found: list[Found], when: tuple[bool, bool]
-) -> tuple[Posterior, list[Rows]]:
-    """Return the posterior from what was found in all images, and its rows.
-
-    Weights of a first solution make the second one. Each edge has one bias: as long as outliers are not left out, this
-    finds the pose more surely than biases of more modes. ``when`` says whether rounds follow, and whether edges count
-    as a whole or not at all.
-    """
-    going_on, whole = when
-    design = task.design(x, across)
-    now = _moved(task, design, x)
-    weights = [tukey_weights(one.offset, residual_scale(one.offset[one.good])) for one in found]
-    estimate = Posterior(x, task.prior)
-    for _ in range(2 if going_on else 3):
-        rows = []
-        noise = 0.0
-        left = []
-        for one, weight in zip(found, weights, strict=True):
-            rest = one.offset - _moved(task, design, estimate.mean - x)
-            left.append(rest - task.edge_means(rest, one.good & (weight > 0)))
-        noise = max(
-            residual_scale(
-                np.concatenate([own[one.good] for own, one in zip(left, found, strict=True)])
-            ),
-            LEAST_NOISE_PX,
-        )
-        if estimate.mean is not x:
-            weights = [tukey_weights(own, noise) for own in left]
-        if whole and estimate.mean is not x:
-            weights = [
-                _of_whole_edges(task, one, weight)
-                for one, weight in zip(found, weights, strict=True)
-            ]
-        variance = noise**2 * max(1.0, CORRELATION_PX / STEP_PX)
-        for one, weight in zip(found, weights, strict=True):
-            rows += _rows(task, design, one.offset + now, one.good * weight / variance)
-        alike = [one._replace(modes=None) for one in rows]
-        estimate = posterior(task.prior, alike, task.bias_px**2)
-    return estimate, rows
-
-
-def _of_whole_edges(task: Task, one: Found, weight: Array) -> Array:
-    """Return weights of samples (m,), none of edges of which much of what was found is left out.
-
-    What is left of such an edge is where it crosses the prediction, and it seems to lie there.
-    """
-    kept = np.bincount(task.samples.edge, one.good & (weight > 0), len(task.edges))
-    offered = np.bincount(task.samples.edge, one.good, len(task.edges))
-    return np.asarray(weight * (kept >= LEAST_KEPT * offered)[task.samples.edge])
-
-
-def _with_biases_shown(attempt: Attempt, checked: Registered) -> Registered:
-    """Return a registration with biases of all modes, and as large as the edges show; the stated ones at least.
+def _stated(attempt: Attempt) -> Posterior:
+    """Return the estimate with biases of all modes, and as large as the edges show; the stated ones at least.
 
     Edges deviate more than light moves them if the part has an error of form, or surfaces deviate more than stated.
+    How much is told from where they were found, not from where larger biases would put the unknowns.
     """
-    task = attempt.task
+    prior = attempt.task.prior
     rows = attempt.rows
-    variance = task.bias_px**2
-    estimate = posterior(task.prior, rows, variance)
+    variance = attempt.task.bias_px**2
+    covariance = posterior(prior, rows, variance).covariance
     for _ in range(_BIAS_ROUNDS):
-        shown = bias_variance_of(rows, estimate, variance)
+        shown = bias_variance_of(rows, Posterior(attempt.x, covariance), variance)
         if shown <= _BIAS_STILL * variance:
             break
         variance = shown
-        estimate = posterior(task.prior, rows, variance)
-    pose = slice(0, POSE)
-    return replace(
-        checked,
-        cam2world=task.places(estimate.mean)[0],
-        deviations=estimate.mean[POSE:],
-        covariance=estimate.covariance,
-        notes=little_known(estimate.covariance[pose, pose], task.prior[pose, pose]),
-    )
-
-
-def _moved(task: Task, design: Array, step: Array) -> Array:
-    """Return how far samples (m,) move across with a step of the unknowns."""
-    by_surfaces = (design[:, POSE:] * task.of_surfaces(step)).sum(axis=1)
-    return np.asarray(design[:, :POSE] @ step[:POSE] + by_surfaces)
-
-
-def _rows(task: Task, design: Array, residual: Array, weight: Array) -> list[Rows]:
-    """Return the rows of each edge that was found."""
-    rows = []
-    for k, own in enumerate(task.unknowns):
-        at = task.own[k].start + np.flatnonzero(weight[task.own[k]] > 0)
-        if not len(at):
-            continue
-        unknowns = np.concatenate([np.arange(POSE), own])
-        part = design[at]
-        if own[0] == own[3]:
-            # both faces on one surface
-            unknowns = unknowns[: POSE + 3]
-            part = part[:, : POSE + 3]
-        rows.append(Rows(unknowns, part, residual[at], weight[at], _bias_modes(task, k, at)))
-    return rows
-
-
-def _bias_modes(task: Task, edge: int, chosen: NDArray[np.int64]) -> Array:
-    """Return how far the biases of an edge move its samples (m, q): as `floor_modes` of an entity do.
-
-    All alike; and by half, the ends of a line against each other, or opposite sides of a circle together.
-    """
-    share = task.samples.share[chosen]
-    if task.spans[edge]:
-        angle = task.spans[edge] * share
-        return np.stack([np.ones(len(share)), 0.5 * np.cos(angle), 0.5 * np.sin(angle)], axis=1)
-    low = share.min()
-    high = share.max()
-    along = (2 * share - low - high) / max(high - low, 1e-12)
-    return np.stack([np.ones(len(share)), 0.5 * along], axis=1)
+        covariance = posterior(prior, rows, variance).covariance
+    return Posterior(damped(prior, attempt.x, rows, variance), covariance)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.carriers import PARAMETERS
+from planner.camera.camera import Camera
 from planner.measuring.image.part_edge import PartEdge
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.lamp import Lamp
@@ -24,8 +25,12 @@ SAMPLE = np.dtype(
     ]
 )
 """A sample of a registration."""
-FREE_MM = 2.0
-"""Standard deviation of a surface that a target measures: nothing is assumed of it."""
+FREE_PX = 10.0
+"""Standard deviation of a surface that a target measures, in pixels at the focus distance.
+
+Nothing is assumed of it: edges are searched half as far. With more, camera and surfaces could move together along a
+curved valley, and at 0.02 mm a pixel the registration did not come to rest.
+"""
 CYLINDER_SHARE = 3.0
 """Standard deviation of radius and place of other cylinders, in that of planes: holes are less accurate than faces."""
 TILT_SHARE = 0.5
@@ -98,22 +103,40 @@ class Registered:
 
 
 def prior_covariance(
-    model: PartModel, pose_covariance: Array, surfaces_mm: float, *, free: bool = True
+    model: PartModel, pose_covariance: Array, surfaces_mm: float, camera: Camera | None = None
 ) -> Array:
     """Return what is known of pose and surfaces before an image is looked at: a covariance (6 + 3k, 6 + 3k).
 
-    Of surfaces that a target measures nothing is assumed, unless ``free`` is False.
+    Parameters
+    ----------
+    model : PartModel
+        The part.
+    pose_covariance : array (6, 6)
+        Of the planned pose, mm and rad.
+    surfaces_mm : float
+        Standard deviation of the position of faces, mm.
+    camera : Camera, optional
+        Of surfaces that a target measures, nothing is assumed that its images show, see `FREE_PX`. Default: they are
+        as the others.
+
+    Returns
+    -------
+    array (6 + 3k, 6 + 3k)
+        The covariance.
     """
     variances = np.zeros(model.n_unknowns)
     sigma = max(surfaces_mm, LEAST_MM)
+    free_mm = 0.0
+    if camera is not None:
+        free_mm = FREE_PX * camera.focus_distance_mm / float(camera.matrix.diagonal()[:2].min())
     for k, one in enumerate(model.carriers.surfaces):
         start = POSE + PARAMETERS * k
-        if free and k in model.free:
-            sigmas = np.full(PARAMETERS, FREE_MM)
-        elif one.is_plane:
+        if one.is_plane:
             sigmas = sigma * np.array([1.0, TILT_SHARE, TILT_SHARE])
         else:
             sigmas = np.full(PARAMETERS, CYLINDER_SHARE * sigma)
+        if k in model.free:
+            sigmas = np.maximum(sigmas, free_mm)
         variances[start : start + PARAMETERS] = sigmas**2
     covariance = np.diag(variances)
     # a robot that is said to be exact, or exact in some direction, is not
@@ -125,7 +148,7 @@ def as_given(
     model: PartModel, cam2world: Array, pose_covariance: Array, surfaces_mm: float, method: str
 ) -> Registered:
     """Return an image whose pose is given, with its covariance; nothing is estimated."""
-    covariance = prior_covariance(model, pose_covariance, surfaces_mm, free=False)
+    covariance = prior_covariance(model, pose_covariance, surfaces_mm)
     nothing = np.zeros(model.n_unknowns - POSE)
     return Registered(np.asarray(cam2world, dtype=np.float64), nothing, covariance, method)
 

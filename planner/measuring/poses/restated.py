@@ -57,7 +57,7 @@ def register_as_shown(
     """
     shown_mm = surfaces_mm
     for _ in range(_ROUNDS):
-        prior = prior_covariance(model, pose_covariance, shown_mm)
+        prior = prior_covariance(model, pose_covariance, shown_mm, pictures[0].camera)
         found = register(model, pictures, planned, prior, bias_px)
         more = times_more(model, found, prior)
         if more <= 1:

@@ -44,6 +44,12 @@ LEAST_SHOWN = 0.7
 
 It was 0.75 and more at right poses, and at most 0.62 at wrong ones of which the found steps were alike.
 """
+SURELY_ALIKE = 0.95
+"""The same as `LEAST_ALIKE` where less is found than of images otherwise: it was at most 0.91 at wrong poses."""
+SURELY_SHOWN = 0.8
+"""The same as `LEAST_SHOWN` then: it was at most 0.67 at wrong poses."""
+MOST_DARK = 0.1
+"""Share of the samples that the lamp does not show which may be found then: it was 0.28 and more at wrong poses."""
 LEAST_LIT = 0.3
 """Share of all samples that the lamp must show."""
 LEAST_FITTING = 0.9
@@ -164,6 +170,16 @@ class Shown:
         """Whether it makes those of nearly all that were found, and nearly all that it shows were found."""
         enough = self.lit.mean() >= LEAST_LIT and self.alike[self.agree].mean() >= LEAST_ALIKE
         return bool(enough and self.alike[self.lit].mean() >= LEAST_SHOWN)
+
+    @property
+    def surely(self) -> bool:
+        """Whether it does so of all but few, and hardly anything was found that it does not show."""
+        if not self.explains:
+            return False
+        dark = ~self.lit
+        found = self.agree[dark].mean() if dark.any() else 0.0
+        alike = self.alike[self.agree].mean() >= SURELY_ALIKE
+        return bool(alike and self.alike[self.lit].mean() >= SURELY_SHOWN and found <= MOST_DARK)
 
     def contradicted(self, stretch: NDArray[np.int64]) -> Bools:
         """Return which samples are of stretches (m,) that were mostly found with quite another step; none without fit.

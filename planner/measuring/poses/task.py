@@ -96,6 +96,11 @@ class Task:
         return [slice(first, last) for first, last in itertools.pairwise(ends)]
 
     @cached_property
+    def information(self) -> Array:
+        """Inverse of the prior (n, n)."""
+        return np.asarray(np.linalg.inv(self.prior))
+
+    @cached_property
     def spans(self) -> list[float]:
         """Angle of each edge that is round, rad; 0 of lines."""
         shapes = (edge.geometry for edge in self.edges)

@@ -37,6 +37,8 @@ LEAST_DOUBTFUL_SHARE = 0.7
 
 Symmetric parts agree with much of a wrong image.
 """
+LEAST_LIT_SHARE = 0.3
+"""The same where a lamp surely explains what is found and what is not: much of the part may lie in the dark."""
 MUCH_DARK = 0.2
 """Share of the samples without contrast from which on a refusal says so."""
 CLEAR_LEAD = 1.1
@@ -73,10 +75,10 @@ class Attempt:
         What it is of.
     pictures : list of Picture
         The images.
-    estimate : Posterior
-        Pose and deviations.
+    x : array (n,)
+        Unknowns.
     rows : list of Rows
-        What the estimate is from.
+        What they are from.
     found : list of Found
         What was found in each image in the last round.
     places : Places
@@ -89,7 +91,7 @@ class Attempt:
 
     task: Task
     pictures: list[Picture]
-    estimate: Posterior
+    x: Array
     rows: list[Rows]
     found: list[Found]
     places: Places
@@ -103,9 +105,15 @@ class Attempt:
 
     @cached_property
     def share(self) -> float:
-        """Share of the samples that some image shows there, of those that count."""
+        """Share of the samples that some image shows there, of those that count; shadows show nothing."""
         counted = ~np.all(self.left_out, axis=0)
-        return float(np.any(self.agreeing, axis=0)[counted].mean()) if counted.any() else 0.0
+        if not counted.any():
+            return 0.0
+        share = float(np.any(self.agreeing, axis=0)[counted].mean())
+        if share < LEAST_LIT_SHARE:
+            return share
+        edges = [own & ~other for own, other in zip(self.agreeing, self.contradicted, strict=True)]
+        return float(np.any(edges, axis=0)[counted].mean())
 
     @cached_property
     def light(self) -> list[Shown | None]:
@@ -118,10 +126,7 @@ class Attempt:
     @property
     def explained(self) -> bool:
         """Whether enough is found, and a lamp explains what is and what is not, in the image in which most is found."""
-        if self.share < LEAST_SHARE:
-            return False
-        best = self.light[int(np.argmax([int(own.sum()) for own in self.agreeing]))]
-        return best is not None and best.explains
+        return self.share >= LEAST_SHARE and self._shown is not None and self._shown.explains
 
     @cached_property
     def contradicted(self) -> list[Bools]:
@@ -144,13 +149,14 @@ class Attempt:
     def convincing(self) -> bool:
         """Whether so much is found that the pose is not another one."""
         if self.share < LEAST_SHARE:
-            return False
+            enough = self.share >= LEAST_LIT_SHARE
+            return enough and self._shown is not None and self._shown.surely
         return self.lead >= CLEAR_LEAD or self.share >= LEAST_DOUBTFUL_SHARE or self.explained
 
     @property
     def chi2(self) -> float:
         """Square of the pose's displacement in standard deviations of its prior."""
-        displacement = self.estimate.mean[:POSE]
+        displacement = self.x[:POSE]
         return float(displacement @ np.linalg.solve(self.task.prior[:POSE, :POSE], displacement))
 
     @property
@@ -158,8 +164,13 @@ class Attempt:
         """Whether it is convincing, and as near to the planned pose as it should be."""
         return self.convincing and self.chi2 <= MOST_CHI2
 
+    @cached_property
+    def _shown(self) -> Shown | None:
+        """How the image in which most is found compares with the light."""
+        return self.light[int(np.argmax([int(own.sum()) for own in self.agreeing]))]
+
     def _light(self, picture: Picture, one: Found, agree: Bools) -> Shown | None:
-        pose, _ = self.task.places(self.estimate.mean)
+        pose, _ = self.task.places(self.x)
         across = self.places.across
         edges = self.places.centres + np.where(agree, one.offset, 0.0)[:, None] * across
         return shown(self.task, pose, picture, (edges, across), agree)
@@ -170,18 +181,20 @@ class Attempt:
         return np.asarray(one.good & (np.abs(rest) <= TUKEY * scale))
 
 
-def judged(attempt: Attempt) -> Registered:
+def judged(attempt: Attempt, estimate: Posterior) -> Registered:
     """Return the registration if the image agrees with the part.
 
     Parameters
     ----------
     attempt : Attempt
         The registration.
+    estimate : Posterior
+        Pose and deviations that it states.
 
     Returns
     -------
     Registered
-        It, with how well it agrees.
+        They, with how well the image agrees.
 
     Raises
     ------
@@ -203,11 +216,12 @@ def judged(attempt: Attempt) -> Registered:
     agree = np.any(attempt.agreeing, axis=0)
     rests = [np.abs(one.offset[own]) for one, own in zip(found, attempt.agreeing, strict=True)]
     shift = np.linalg.norm(attempt.places.centres - attempt.places.first, axis=1)
-    pose, _ = task.places(attempt.estimate.mean)
+    covariance = estimate.covariance
+    pose = slice(0, POSE)
     return Registered(
-        pose,
-        attempt.estimate.mean[POSE:],
-        attempt.estimate.covariance,
+        task.places(estimate.mean)[0],
+        estimate.mean[POSE:],
+        covariance,
         "own edges",
         shift_px=float(np.median(shift)),
         used=int(agree.sum()),
@@ -215,6 +229,7 @@ def judged(attempt: Attempt) -> Registered:
         misfit_px=float(np.median(np.concatenate(rests))),
         blur_px=float(np.median(np.concatenate([one.blur_px[one.good] for one in found]))),
         chi2=chi2,
+        notes=_little_known(covariance[pose, pose], task.prior[pose, pose]),
         prior=task.prior,
         samples=_states(attempt, agree),
     )
@@ -226,7 +241,7 @@ def _dark_text(found: list[Found]) -> str:
     return f"{100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""
 
 
-def little_known(covariance: Array, prior: Array) -> tuple[str, ...]:
+def _little_known(covariance: Array, prior: Array) -> tuple[str, ...]:
     """Say what of the pose the image says little about, given its covariance (6, 6) after and before."""
     sigmas = np.sqrt(np.diag(prior))
     names = {

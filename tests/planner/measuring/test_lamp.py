@@ -40,7 +40,7 @@ def sampled(task):
 @pytest.fixture(scope="module")
 def task():
     model = PartModel(thick_plate(), {})
-    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
     return registration_task(model, CAMERA, POSES[0], prior, 0.15)
 
 
@@ -143,6 +143,25 @@ def test_one_long_shadow_does_not_hide_that_the_lamp_fits(others, fits):
     np.testing.assert_array_equal(light.contradicted(stretch), (stretch == 1) & fits)
 
 
+@pytest.mark.parametrize(
+    ("alike", "shown", "dark", "surely"),
+    [
+        (1.0, 1.0, 0.0, True),
+        (0.93, 1.0, 0.0, False),
+        (1.0, 0.75, 0.0, False),
+        (1.0, 1.0, 0.15, False),
+    ],
+)
+def test_a_part_in_the_dark_is_there_if_all_that_shows_is_found(alike, shown, dark, surely):
+    """Half of the samples lie in the dark. Images from wrong poses have fewer steps alike, and some in the dark."""
+    lit = np.arange(2000) < 1000
+    agree = np.where(lit, np.arange(2000) < 1000 * shown, np.arange(2000) < 1000 + 1000 * dark)
+    same = agree & (np.cumsum(agree) <= alike * agree.sum())
+    light = shadows.Shown(AT_LAMP, agree, lit, same, np.zeros(2000, dtype=bool))
+    assert light.surely == surely
+    assert light.explains
+
+
 def test_a_shadow_says_nothing_of_the_pose(task, picture, shadow):
     """Its edge is left out, and the others give the pose that the image was taken from."""
     found = registering.register(task.model, [picture], POSES[0], task.prior)
@@ -177,7 +196,7 @@ def test_a_wall_may_be_brighter_and_darker_than_the_face_around_it(task, where):
     grey[inside & right] = 200
     grey[inside & ~right] = 60
     picture = Picture.of("bore", grey, CAMERA)
-    signs = registering._signs(picture, centres, across, 3.0, task.stretch)[own]
+    signs = registering.signs_of(picture, centres, across, 3.0, task.stretch)[own]
     inward = np.sign(((middle - centres[own]) * across[own]).sum(axis=1))
     off = centres[own, 0] - middle[0]
     # a stretch of 30 degrees has one sign, so those next to the change have either

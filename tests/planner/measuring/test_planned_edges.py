@@ -30,7 +30,7 @@ from planner.identity.resolve_request import Promise, resolve_request
 from planner.identity.restore import restored_options, restored_request
 from planner.inspection import _request
 from planner.measuring.part_model import POSE, PartModel
-from planner.measuring.poses import register as registering
+from planner.measuring.poses import solving
 from planner.measuring.poses.planned_edges import planned_edges
 from planner.measuring.poses.registered import displaced, prior_covariance
 from planner.measuring.poses.task import registration_task
@@ -123,14 +123,12 @@ def test_measuring_takes_the_surfaces_of_the_plan(block, registered):
 
 def registration_of(model, cam2world):
     """Joint covariance that `measure` has after it finds every sample of the part, 0.15 px off."""
-    prior = prior_covariance(model, ROBOT.covariance, 0.03)
+    prior = prior_covariance(model, ROBOT.covariance, 0.03, CAMERA)
     task = registration_task(model, CAMERA, cam2world, prior, 0.15)
     nothing = np.zeros(len(prior))
     design = task.design(nothing, task.predicted(nothing)[1])
-    variance = 0.15**2 * registering.CORRELATION_PX / registering.STEP_PX
-    rows = registering._rows(
-        task, design, np.zeros(len(design)), np.full(len(design), 1 / variance)
-    )
+    variance = 0.15**2 * solving.CORRELATION_PX / solving.STEP_PX
+    rows = solving.rows_of(task, design, np.zeros(len(design)), np.full(len(design), 1 / variance))
     return posterior(prior, rows, 0.15**2).covariance
 
 

@@ -25,7 +25,7 @@ from planner import (
 )
 from planner.measuring.image.picture import Picture
 from planner.measuring.part_model import POSE, PartModel
-from planner.measuring.poses import register as registering
+from planner.measuring.poses import solving
 from planner.measuring.poses.coarse import coarse_shift
 from planner.measuring.poses.register import (
     LEAST_BIAS_PX,
@@ -77,7 +77,7 @@ def seen_error_px(model, registered, pose):
 
 
 def test_a_displaced_pose_is_found(model, images, real):
-    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
     for k in range(len(POSES)):
         picture = Picture.of("one", images[k + 1], CAMERA)
         found = register(model, [picture], POSES[k], prior)
@@ -126,7 +126,7 @@ def test_drawn_and_derived_uncertainties_agree(solid, images):
 
 def test_edges_with_less_bias_say_more_of_the_pose(model, real):
     """Biases of edges are what limits the pose: with a fifth of them, it is known better in every direction."""
-    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.0)
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.0, CAMERA)
     picture = Picture.of("one", photograph(fine_plate(), real[:1])[1], CAMERA)
     known = [register(model, [picture], POSES[0], prior, bias) for bias in (0.15, 0.03)]
     sigmas = [np.sqrt(np.diag(one.covariance)[:POSE]) for one in known]
@@ -190,7 +190,7 @@ def test_what_shows_something_else_is_not_registered(solid, model, image):
     else:
         far = displaced(POSES[0], np.array([4.0, 0, 0, 0, 0, 0.1]))
         grey = photograph(fine_plate(), far)[1]
-    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
     with pytest.raises(NotRegisteredError):
         register(model, [Picture.of("one", grey, CAMERA)], POSES[0], prior)
 
@@ -201,7 +201,7 @@ def test_a_planned_pose_that_is_far_off_gives_no_false_registration(model, image
 
     The plate is 0.1 mm wider and a hole 0.05 mm larger than the edges compared with: 0.6 px.
     """
-    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
     picture = Picture.of("one", images[1], CAMERA)
     refused = 0
     for move in moves(scale, scale):
@@ -234,7 +234,7 @@ def test_several_lamps_share_a_pose(model, real):
     """Of two images the pose is known better than of one."""
     grey = photograph(fine_plate(), real[:1])[1]
     pictures = [Picture.of("one", grey, CAMERA), Picture.of("two", grey // 2, CAMERA)]
-    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
     alone = register(model, pictures[:1], POSES[0], prior)
     both = register(model, pictures, POSES[0], prior)
     assert np.all(np.diag(both.covariance)[:POSE] < np.diag(alone.covariance)[:POSE])
@@ -251,7 +251,7 @@ def test_a_surface_that_is_measured_is_not_pulled_to_its_nominal_place(solid, mo
 
 def test_a_refusal_says_what_the_light_does_not_show(model, images):
     """Half of the image is dark, so nothing is found there; an image of something else lacks no contrast."""
-    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
     dark = images[1].copy()
     dark[:, dark.shape[1] // 2 :] = 3
     rule = r"only \d\d % of the part's visible edges were found where it has them; [3-7]\d % lack contrast$"
@@ -260,7 +260,7 @@ def test_a_refusal_says_what_the_light_does_not_show(model, images):
 
 
 def test_of_an_edge_that_fits_in_half_nothing_counts(model):
-    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02)
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
     task = registration_task(model, CAMERA, POSES[0], prior, 0.15)
     count = len(task.samples.edge)
     every = np.ones(count, dtype=bool)
@@ -269,7 +269,7 @@ def test_of_an_edge_that_fits_in_half_nothing_counts(model):
     half, quarter, *_ = task.own
     weight[half.start : half.start + (half.stop - half.start) // 2 + 1] = 0.0
     weight[quarter.start : quarter.start + (quarter.stop - quarter.start) // 4] = 0.0
-    kept = registering._of_whole_edges(task, found, weight)
+    kept = solving._of_whole_edges(task, found, weight)
     expected = weight.copy()
     expected[half] = 0.0
     np.testing.assert_array_equal(kept, expected)
