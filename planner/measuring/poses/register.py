@@ -25,7 +25,7 @@ from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.coarse import coarse_shift
 from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import Registered
-from planner.measuring.poses.solving import cost_of, damped, noise_of, solved
+from planner.measuring.poses.solving import cost_of, noise_of, solved
 from planner.measuring.poses.task import Found, Task, registration_task
 from planner.measuring.poses.verdict import Attempt, Places, judged
 
@@ -47,6 +47,8 @@ LEAST_BIAS_PX = 0.03
 """An edge's bias is taken to be this large at least."""
 MOST_HALVINGS = 4
 """A step after which the images are explained worse is halved so many times at most."""
+LITTLE_WORSE = 1.01
+"""The last step, to larger biases, may cost so many times as much: they change what single points cost."""
 LATE = 2
 """In so many of the last rounds edges count as a whole or not at all; if this is refused, it is tried without."""
 LEAST_HOPEFUL = 0.4
@@ -282,7 +284,18 @@ def _attempted(
         else:
             scan = scanner.no_worse(scanner.at(x, half), scan, half)
     places = Places(first, scan.centres, scan.across)
-    return Attempt(task, pictures, scan.x, rows, scan.found, places, out, start.lead)
+    last = start.windows[-1]
+    return Attempt(
+        task,
+        pictures,
+        scan.x,
+        rows,
+        scan.found,
+        places,
+        out,
+        start.lead,
+        lambda x: scanner.at(x, last).found,
+    )
 
 
 def _window_px(task: Task, design: Array) -> float:
@@ -318,16 +331,23 @@ def _stated(attempt: Attempt) -> Posterior:
     """Return the estimate with biases of all modes, and as large as the edges show; the stated ones at least.
 
     Edges deviate more than light moves them if the part has an error of form, or surfaces deviate more than stated.
-    How much is told from where they were found, not from where larger biases would put the unknowns.
     """
-    prior = attempt.task.prior
+    task = attempt.task
     rows = attempt.rows
-    variance = attempt.task.bias_px**2
-    covariance = posterior(prior, rows, variance).covariance
+    variance = task.bias_px**2
+    estimate = posterior(task.prior, rows, variance)
     for _ in range(_BIAS_ROUNDS):
-        shown = bias_variance_of(rows, Posterior(attempt.x, covariance), variance)
+        shown = bias_variance_of(rows, estimate, variance)
         if shown <= _BIAS_STILL * variance:
             break
         variance = shown
-        covariance = posterior(prior, rows, variance).covariance
-    return Posterior(damped(prior, attempt.x, rows, variance), covariance)
+        estimate = posterior(task.prior, rows, variance)
+    # this step, too, may leave the valley
+    x = estimate.mean
+    noise = noise_of(task, attempt.found)
+    most = LITTLE_WORSE * cost_of(task, attempt.x, attempt.found, noise, variance)
+    for _ in range(MOST_HALVINGS):
+        if cost_of(task, x, attempt.found_at(x), noise, variance) <= most:
+            break
+        x = (x + attempt.x) / 2
+    return Posterior(x, estimate.covariance)

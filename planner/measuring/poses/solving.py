@@ -98,7 +98,9 @@ def noise_of(task: Task, found: list[Found]) -> float:
     return _noise([one.offset - task.edge_means(one.offset, one.good) for one in found], found)
 
 
-def cost_of(task: Task, x: Array, found: list[Found], noise: float) -> float:
+def cost_of(
+    task: Task, x: Array, found: list[Found], noise: float, biases: float | None = None
+) -> float:
     """Return how badly unknowns explain what was found: -2 log of the density, but for a constant.
 
     Points that are far off their edge's median cost as much as where Tukey's weights end, and so do those not found. No
@@ -114,21 +116,32 @@ def cost_of(task: Task, x: Array, found: list[Found], noise: float) -> float:
         What was found there in each image.
     noise : float
         Standard deviation of found points, px.
+    biases : float, optional
+        Variance of the biases of each edge, of all modes, px². Default: it has one, with the variance of the task.
     """
     variance = _correlated(noise)
     most = (TUKEY * noise) ** 2 / variance
-    biases = task.bias_px**2
     total = float(x @ task.information @ x)
     for one in found:
-        for own in task.own:
-            known = one.offset[own][one.good[own]]
-            if len(known):
-                known = known[np.abs(known - np.median(known)) <= TUKEY * noise]
-            n = len(known)
-            square = known @ known - known.sum() ** 2 * biases / (variance + n * biases)
-            lost = own.stop - own.start - n
-            total += min(square / variance + lost * most, (n + lost) * most)
+        for k, own in enumerate(task.own):
+            at = own.start + np.flatnonzero(one.good[own])
+            if len(at):
+                off = one.offset[at]
+                at = at[np.abs(off - np.median(off)) <= TUKEY * noise]
+            lost = own.stop - own.start - len(at)
+            square = 0.0
+            if len(at):
+                modes = np.ones((len(at), 1)) if biases is None else _bias_modes(task, k, at)
+                square = _square(one.offset[at], modes, variance, biases or task.bias_px**2)
+            total += min(square + lost * most, (own.stop - own.start) * most)
     return total
+
+
+def _square(offset: Array, modes: Array, variance: float, biases: float) -> float:
+    """Return the square of offsets (m,) in their standard deviations, with biases along modes (m, q)."""
+    common = modes.T @ offset / variance
+    inner = np.eye(modes.shape[1]) / biases + modes.T @ modes / variance
+    return float(offset @ offset / variance - common @ np.linalg.solve(inner, common))
 
 
 def _noise(left: list[Array], found: list[Found]) -> float:

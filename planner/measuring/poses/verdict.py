@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -87,6 +88,8 @@ class Attempt:
         Which samples did not count in each image, as a shadow was taken for their edge before.
     lead : float
         Of the coarse shift that it starts from, see `coarse_shift`.
+    found_at : callable
+        Returns what is found in each image at other unknowns.
     """
 
     task: Task
@@ -97,6 +100,7 @@ class Attempt:
     places: Places
     left_out: list[Bools]
     lead: float
+    found_at: Callable[[Array], list[Found]]
 
     @cached_property
     def agreeing(self) -> list[Bools]:

@@ -29,7 +29,7 @@ def attempt_of(task, found, light=None, left_out=None, lead=1.0):
     centres, across = task.predicted(np.zeros(len(task.prior)))
     places = Places(centres, centres, across)
     out = np.zeros(count, dtype=bool) if left_out is None else left_out
-    attempt = Attempt(task, [], np.zeros(len(task.prior)), [], [one], places, [out], lead)
+    attempt = Attempt(task, [], np.zeros(len(task.prior)), [], [one], places, [out], lead, None)
     if light is not None:
         attempt.__dict__["light"] = [light]
     return attempt
