@@ -26,8 +26,8 @@ from planner.measuring.poses.coarse import coarse_shift
 from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import Registered
 from planner.measuring.poses.solving import cost_of, noise_of, solved
-from planner.measuring.poses.task import Found, Task, registration_task
-from planner.measuring.poses.verdict import Attempt, Places, judged
+from planner.measuring.poses.task import Found, Scan, Task, registration_task
+from planner.measuring.poses.verdict import Attempt, judged
 
 Array = NDArray[np.float64]
 
@@ -85,25 +85,6 @@ class Start(NamedTuple):
     lead: float
     late: int = LATE
     windows: tuple[float, ...] = WINDOWS_PX
-
-
-class Scan(NamedTuple):
-    """What was found at some unknowns.
-
-    Attributes
-    ----------
-    x : array (n,)
-        Unknowns.
-    centres, across : array (m, 2)
-        Where the samples are predicted, px, and unit vectors across.
-    found : list of Found
-        What was found in each image.
-    """
-
-    x: Array
-    centres: Array
-    across: Array
-    found: list[Found]
 
 
 class Scanner:
@@ -251,7 +232,7 @@ def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, d
 
 def _without_pull(attempt: Attempt, shadows: list[NDArray[np.bool_]]) -> Array:
     """Return unknowns of which surfaces are nominal that shadows pulled at: samples (m,) of images taken for edges."""
-    x = attempt.x.copy()
+    x = attempt.scan.x.copy()
     edges = attempt.task.samples.edge[np.any(shadows, axis=0)]
     x[attempt.task.unknowns[np.unique(edges)]] = 0.0
     return x
@@ -283,18 +264,9 @@ def _attempted(
             scan = scanner.signed(x, half, alike)
         else:
             scan = scanner.no_worse(scanner.at(x, half), scan, half)
-    places = Places(first, scan.centres, scan.across)
     last = start.windows[-1]
     return Attempt(
-        task,
-        pictures,
-        scan.x,
-        rows,
-        scan.found,
-        places,
-        out,
-        start.lead,
-        lambda x: scanner.at(x, last).found,
+        task, pictures, scan, first, rows, out, start.lead, lambda x: scanner.at(x, last).found
     )
 
 
@@ -344,10 +316,10 @@ def _stated(attempt: Attempt) -> Posterior:
         estimate = posterior(task.prior, rows, variance)
     # this step, too, may leave the valley
     x = estimate.mean
-    noise = noise_of(task, attempt.found)
-    most = LITTLE_WORSE * cost_of(task, attempt.x, attempt.found, noise, variance)
+    noise = noise_of(task, attempt.scan.found)
+    most = LITTLE_WORSE * cost_of(task, attempt.scan.x, attempt.scan.found, noise, variance)
     for _ in range(MOST_HALVINGS):
         if cost_of(task, x, attempt.found_at(x), noise, variance) <= most:
             break
-        x = (x + attempt.x) / 2
+        x = (x + attempt.scan.x) / 2
     return Posterior(x, estimate.covariance)

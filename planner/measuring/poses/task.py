@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,6 +165,25 @@ class Found:
     good: NDArray[np.bool_]
     state: NDArray[np.int64]
     blur_px: Array
+
+
+class Scan(NamedTuple):
+    """What was found at some unknowns.
+
+    Attributes
+    ----------
+    x : array (n,)
+        Unknowns.
+    centres, across : array (m, 2)
+        Where the samples are predicted, px, and unit vectors across.
+    found : list of Found
+        What was found in each image.
+    """
+
+    x: Array
+    centres: Array
+    across: Array
+    found: list[Found]
 
 
 def registration_task(

@@ -21,6 +21,7 @@ from planner.measuring.poses.task import (
     LEAST_NOISE_PX,
     Found,
     NotRegisteredError,
+    Scan,
     Task,
     residual_scale,
 )
@@ -57,15 +58,6 @@ _POSE_WORDS = (
 )
 
 
-@dataclass(frozen=True)
-class Places:
-    """Where samples (m) are planned, where the last round searched for them, and unit vectors across; (m, 2), px."""
-
-    first: Array
-    centres: Array
-    across: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Attempt:
     """A registration that is to be judged.
@@ -76,14 +68,12 @@ class Attempt:
         What it is of.
     pictures : list of Picture
         The images.
-    x : array (n,)
-        Unknowns.
+    scan : Scan
+        What was found at the registered unknowns.
+    first : array (m, 2)
+        Where the samples are planned, px.
     rows : list of Rows
-        What they are from.
-    found : list of Found
-        What was found in each image in the last round.
-    places : Places
-        Of the samples.
+        What the unknowns are from.
     left_out : list of array of bool (m,)
         Which samples did not count in each image, as a shadow was taken for their edge before.
     lead : float
@@ -94,10 +84,9 @@ class Attempt:
 
     task: Task
     pictures: list[Picture]
-    x: Array
+    scan: Scan
+    first: Array
     rows: list[Rows]
-    found: list[Found]
-    places: Places
     left_out: list[Bools]
     lead: float
     found_at: Callable[[Array], list[Found]]
@@ -105,7 +94,7 @@ class Attempt:
     @cached_property
     def agreeing(self) -> list[Bools]:
         """Which samples (m,) each image shows where the part has them, but for their edge's bias."""
-        return [self._agreeing(one) for one in self.found]
+        return [self._agreeing(one) for one in self.scan.found]
 
     @cached_property
     def share(self) -> float:
@@ -124,7 +113,7 @@ class Attempt:
         """How each image compares with the light of the lamp that fits it best."""
         return [
             self._light(picture, one, own)
-            for picture, one, own in zip(self.pictures, self.found, self.agreeing, strict=True)
+            for picture, one, own in zip(self.pictures, self.scan.found, self.agreeing, strict=True)
         ]
 
     @property
@@ -160,7 +149,7 @@ class Attempt:
     @property
     def chi2(self) -> float:
         """Square of the pose's displacement in standard deviations of its prior."""
-        displacement = self.x[:POSE]
+        displacement = self.scan.x[:POSE]
         return float(displacement @ np.linalg.solve(self.task.prior[:POSE, :POSE], displacement))
 
     @property
@@ -174,9 +163,9 @@ class Attempt:
         return self.light[int(np.argmax([int(own.sum()) for own in self.agreeing]))]
 
     def _light(self, picture: Picture, one: Found, agree: Bools) -> Shown | None:
-        pose, _ = self.task.places(self.x)
-        across = self.places.across
-        edges = self.places.centres + np.where(agree, one.offset, 0.0)[:, None] * across
+        pose, _ = self.task.places(self.scan.x)
+        across = self.scan.across
+        edges = self.scan.centres + np.where(agree, one.offset, 0.0)[:, None] * across
         return shown(self.task, pose, picture, (edges, across), agree)
 
     def _agreeing(self, one: Found) -> Bools:
@@ -206,7 +195,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         If too little agrees, or the pose is too far from the planned one.
     """
     task = attempt.task
-    found = attempt.found
+    found = attempt.scan.found
     chi2 = attempt.chi2
     if not attempt.convincing:
         raise NotRegisteredError(
@@ -219,7 +208,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         )
     agree = np.any(attempt.agreeing, axis=0)
     rests = [np.abs(one.offset[own]) for one, own in zip(found, attempt.agreeing, strict=True)]
-    shift = np.linalg.norm(attempt.places.centres - attempt.places.first, axis=1)
+    shift = np.linalg.norm(attempt.scan.centres - attempt.first, axis=1)
     covariance = estimate.covariance
     pose = slice(0, POSE)
     return Registered(
@@ -259,9 +248,9 @@ def _states(attempt: Attempt, agree: Bools) -> NDArray[np.void]:
     """Return samples with what became of them in the image in which most were found."""
     samples = np.zeros(len(agree), dtype=SAMPLE)
     samples["edge"] = attempt.task.samples.edge
-    samples["planned_u"], samples["planned_v"] = attempt.places.first.T
-    samples["u"], samples["v"] = attempt.places.centres.T
-    best = max(attempt.found, key=lambda one: int(one.good.sum()))
+    samples["planned_u"], samples["planned_v"] = attempt.first.T
+    samples["u"], samples["v"] = attempt.scan.centres.T
+    best = max(attempt.scan.found, key=lambda one: int(one.good.sum()))
     lost = np.where(best.good, int(State.OUTLIER), best.state)
     samples["state"] = np.where(agree, int(State.FOUND), lost)
     return samples

@@ -8,8 +8,8 @@ from planner.measuring.part_model import PartModel
 from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import prior_covariance
 from planner.measuring.poses.shadows import Shown
-from planner.measuring.poses.task import Found, registration_task
-from planner.measuring.poses.verdict import Attempt, Places
+from planner.measuring.poses.task import Found, Scan, registration_task
+from planner.measuring.poses.verdict import Attempt
 
 LAMP = Lamp(np.zeros(3), 0.0, 1.0, 0.8, 0.1, 0.0)
 
@@ -26,10 +26,10 @@ def attempt_of(task, found, light=None, left_out=None, lead=1.0):
     count = len(task.samples.edge)
     nothing = np.zeros(count)
     one = Found(nothing, found, np.where(found, 0, 1), nothing)
-    centres, across = task.predicted(np.zeros(len(task.prior)))
-    places = Places(centres, centres, across)
+    x = np.zeros(len(task.prior))
+    scan = Scan(x, *task.predicted(x), [one])
     out = np.zeros(count, dtype=bool) if left_out is None else left_out
-    attempt = Attempt(task, [], np.zeros(len(task.prior)), [], [one], places, [out], lead, None)
+    attempt = Attempt(task, [], scan, scan.centres, [], [out], lead, None)
     if light is not None:
         attempt.__dict__["light"] = [light]
     return attempt
