@@ -214,7 +214,7 @@ def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, d
         if other.explained:
             attempt = other
             alike = task.stretch
-    lamps = attempt.lamps
+    first = attempt
     for _ in range(MOST_REPEATS):
         shadows = attempt.contradicted
         if attempt.share < LEAST_HOPEFUL or np.mean(shadows) < LEAST_CONTRADICTED:
@@ -227,7 +227,7 @@ def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, d
         start = Start(_without_pull(attempt, attempt.left_out), start.lead, start.late, NARROW_PX)
         other = _attempted(task, pictures, start, alike)
         attempt = other if other.convincing else attempt
-    return attempt, lamps if attempt.convincing else {}
+    return attempt, first.lamps if attempt.convincing else {}
 
 
 def _without_pull(attempt: Attempt, shadows: list[NDArray[np.bool_]]) -> Array:
