@@ -50,7 +50,7 @@ It was 0.77 and more at right poses, and at most 0.71 at wrong ones of which the
 SURELY_ALIKE = 0.95
 """The same as `LEAST_ALIKE` where less is found than of images otherwise: it was at most 0.91 at wrong poses."""
 SURELY_SHOWN = 0.8
-"""The same as `LEAST_SHOWN` then: it was at most 0.67 at wrong poses."""
+"""The same as `LEAST_SHOWN` then: it was at most 0.71 at wrong poses."""
 MOST_DARK = 0.1
 """Share of the samples that the lamp does not show which may be found then: it was 0.28 and more at wrong poses."""
 LEAST_LIT = 0.3

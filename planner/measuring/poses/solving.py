@@ -83,10 +83,10 @@ def damped(prior: Array, x: Array, rows: list[Rows], variance: float) -> Array:
     """
     nearer = 1 + DAMPING
     middle = x * DAMPING / nearer
-    moved = [
+    from_middle = [
         one._replace(residual=one.residual - one.design @ middle[one.unknowns]) for one in rows
     ]
-    then = posterior(prior / nearer, moved, variance).mean + middle
+    then = posterior(prior / nearer, from_middle, variance).mean + middle
     told = np.zeros(len(x), dtype=np.bool_)
     for one in rows:
         told[one.unknowns] = True
@@ -121,6 +121,7 @@ def cost_of(
     """
     variance = _correlated(noise)
     most = (TUKEY * noise) ** 2 / variance
+    each = task.bias_px**2 if biases is None else biases
     total = float(x @ task.information @ x)
     for one in found:
         for k, own in enumerate(task.own):
@@ -132,7 +133,7 @@ def cost_of(
             square = 0.0
             if len(at):
                 modes = np.ones((len(at), 1)) if biases is None else _bias_modes(task, k, at)
-                square = _square(one.offset[at], modes, variance, biases or task.bias_px**2)
+                square = _square(one.offset[at], modes, variance, each)
             total += min(square + lost * most, (own.stop - own.start) * most)
     return total
 
