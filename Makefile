@@ -1,4 +1,4 @@
-.PHONY: demo test lint types style compile pages docs wheel versions loops fuzz coverage sbom setup-demo setup-test setup-docs clean
+.PHONY: demo test golden lint types style compile pages docs wheel versions loops fuzz coverage sbom setup-demo setup-test setup-docs clean
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= demo-output
@@ -60,6 +60,10 @@ versions:
 # compiled/loops.json: which loops are compiled ahead, and in which order
 loops: setup-demo
 	$(BIN)/python .ci/record_loops.py
+
+# what the program decides, compared with .ci/golden.json; RECORD=1 writes that file anew
+golden: setup-demo
+	$(BIN)/python .ci/golden.py $(if $(RECORD),--record)
 
 FUZZ_SECONDS ?= 600
 
