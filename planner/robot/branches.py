@@ -31,11 +31,17 @@ _SAME = 1e-4
 _AT_LIMIT = 1e-9
 """Joints beyond a limit by no more than this noise, rad, stand at it."""
 _M = 1e-3
-_ASIDE = np.array([2.0, 3.0, 6.0]) / 7.0
+_ASIDE = np.array([[2.0, 3.0, 6.0], [-3.0, 6.0, -2.0], [6.0, 2.0, -3.0]]) / 7.0
+_ASIDE = np.concatenate([_ASIDE, -_ASIDE])
+"""Directions (6, 3) to the sides of a pose, not along the axes of any arm."""
+_ALMOST = 2e-3
+"""A pose is tried again from beside it if it is missed by less, in rad and in metres."""
 _SHARP = 1e-9
 _ITERATIONS = 50
 _CONVERGED = 1e-11
-_STUCK = 1e12
+_IDLE = 8
+"""So many iterations in a row may shrink the squared error by less than _SHRINKS."""
+_SHRINKS = 0.9
 _REGULAR = 1e-14
 _LONGEST_STEP = 0.5
 _FORK = 0.05
@@ -243,17 +249,20 @@ class Branches:
         error = _distances(reached, tips[owner])
         met = ~is_flagged & (error <= _POSE) & self._near.is_all_digits
         is_start = ~met & (error <= self._near.start)
+        double = np.flatnonzero(is_start & is_flagged)
+        starts = np.concatenate([q[is_start], *self._forks(q[double], frames[double])])
+        whose = np.concatenate([owner[is_start], owner[double], owner[double]])
+        more, whose, almost = self._refined(starts, whose, tips)
+        q_met = np.concatenate([q[met], more])
+        met_by = np.concatenate([owner[met], whose])
         rest = np.flatnonzero(~met & ~is_start)
         aimless = _is_aimless(frames[rest], reached[rest], tips[owner[rest]], self._near.start)
-        beside, whose = self._beside(tips, np.unique(owner[rest[aimless]]))
-        double = np.flatnonzero(is_start & is_flagged)
-        forks = self._forks(q[double], frames[double])
-        starts = np.concatenate([q[is_start], beside, *forks])
-        if not len(starts):
-            return q[met], owner[met]
-        whose = np.concatenate([owner[is_start], whose, *([owner[double]] * len(forks))])
-        more, whose = self._refined(starts, whose, tips)
-        return np.concatenate([q[met], more]), np.concatenate([owner[met], whose])
+        again = np.union1d(owner[rest[aimless]], np.setdiff1d(almost, met_by))
+        if not len(again):
+            return q_met, met_by
+        starts, whose = self._beside(tips, again)
+        more, whose, _ = self._refined(starts, whose, tips)
+        return np.concatenate([q_met, more]), np.concatenate([met_by, whose])
 
     def _closed_form(self, tips: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return what EAIK finds (m, 6), whose it is (m,), and which are flagged as no solutions (m,)."""
@@ -270,20 +279,17 @@ class Branches:
     def _beside(self, tips: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return joints (m, 6) that lead beside some of the poses, and whose they are (m,).
 
-        The closed form has none for a pose where the axes of the wrist are in line, but for those beside it.
+        The closed form has none for a pose where a joint is arbitrary, but for those beside it: to each side others.
         """
-        found = [np.empty((0, N_JOINTS))]
-        whose = [np.empty(0, dtype=int)]
-        if len(rows):
-            moved = tips[rows]
-            step = self._near.step
-            moved[:, :3, :3] = np.einsum("ij,njk->nik", about(_ASIDE, step), moved[:, :3, :3])
-            moved[:, :3, 3] += step / _M * _ASIDE[::-1]
-            q, owner, _ = self._closed_form(moved)
-            near = self._errors(q, tips[rows[owner]]) <= self._near.start + 2 * step
-            found.append(q[near])
-            whose.append(rows[owner[near]])
-        return np.concatenate(found), np.concatenate(whose)
+        step = self._near.step
+        turns = np.array([about(aside, step) for aside in _ASIDE])
+        moved = np.repeat(tips[None, rows], len(_ASIDE), axis=0)
+        moved[:, :, :3, :3] = np.einsum("aij,anjk->anik", turns, moved[:, :, :3, :3])
+        moved[:, :, :3, 3] += step / _M * _ASIDE[:, None, ::-1]
+        q, owner, _ = self._closed_form(moved.reshape(-1, 4, 4))
+        whose = np.tile(rows, len(_ASIDE))[owner]
+        near = self._errors(q, tips[whose]) <= self._near.start + 2 * step
+        return q[near], whose[near]
 
     def _forks(self, q: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return joints (m, 6) to both sides of ones that stand for two, where the exact arm is at its bound."""
@@ -292,10 +298,13 @@ class Branches:
 
     def _refined(
         self, q: np.ndarray, owner: np.ndarray, tips: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the joints that Newton's method reaches from others, and whose they are."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the joints that Newton's method reaches from others, whose they are, and poses it almost reaches."""
+        if not len(q):
+            return q, owner, owner
         q = self._newton(q, tips[owner])
         error = self._errors(q, tips[owner])
+        almost = np.unique(owner[error <= _ALMOST])
         least = np.full(len(tips), _POSE)
         np.minimum.at(least, owner, error)
         # where all joints nearby almost lead to a pose, the method creeps: the best of them stands for all
@@ -305,7 +314,7 @@ class Branches:
         jacobian = self._jacobian(self._chain.frames(q))
         singular = np.flatnonzero(np.abs(np.linalg.det(jacobian)) <= _SINGULAR)
         q[singular] = self._to_zero(q[singular], tips[owner[singular]])
-        return q, owner
+        return q, owner, almost
 
     def _newton(self, q: np.ndarray, tips: np.ndarray) -> np.ndarray:
         """Return joints (m, 6) moved to where they lead to poses, by the method of Levenberg and Marquardt.
@@ -316,17 +325,17 @@ class Branches:
         rest, frames = self._residuals(q, tips)
         sizes = (rest**2).sum(axis=1)
         damping = np.ones(len(q))
+        idle = np.zeros(len(q), dtype=int)
         for _ in range(_ITERATIONS):
-            rows = np.flatnonzero((sizes > _CONVERGED**2) & (damping < _STUCK))
+            rows = np.flatnonzero((sizes > _CONVERGED**2) & (idle < _IDLE))
             if not len(rows):
                 break
-            step = _damped_step(
-                self._jacobian(frames[rows]), rest[rows], damping[rows] * sizes[rows]
-            )
-            moved = q[rows] + step
+            weight = damping[rows] * sizes[rows]
+            moved = q[rows] + _damped_step(self._jacobian(frames[rows]), rest[rows], weight)
             new_rest, new_frames = self._residuals(moved, tips[rows])
             new_sizes = (new_rest**2).sum(axis=1)
             better = new_sizes < sizes[rows]
+            idle[rows] = np.where(new_sizes < _SHRINKS * sizes[rows], 0, idle[rows] + 1)
             damping[rows] *= np.where(better, 0.25, 8.0)
             taken = rows[better]
             q[taken] = moved[better]
