@@ -46,10 +46,12 @@ _REGULAR = 1e-14
 _LONGEST_STEP = 0.5
 _FORK = 0.05
 _IN_LINE = 1e-3
-_SINGULAR = 1e-8
+_SINGULAR = 1e-6
 """Joints whose Jacobian in metres has a smaller determinant may be on a curve that leads to one pose."""
-_FREE = 1e-6
-_SLIDES = 20
+_FREE = 3e-5
+_SLIDES = 40
+_THIN = 0.1
+"""Of joints on a curve that leads to one pose, those are left out that are nearer to others, rad."""
 _UNLIKE = 1e-3
 _DRAWS = 64
 _TESTED = 24
@@ -193,7 +195,7 @@ class Branches:
         order = np.lexsort((*keys.T[::-1], owner))
         q = q[order]
         owner = owner[order]
-        first = _firsts(q, owner)
+        first = _firsts(q, owner, _SAME)
         return q[first], owner[first]
 
     def exist(self, tips: np.ndarray) -> np.ndarray:
@@ -312,9 +314,15 @@ class Branches:
         q = q[met]
         owner = owner[met]
         jacobian = self._jacobian(self._chain.frames(q))
-        singular = np.flatnonzero(np.abs(np.linalg.det(jacobian)) <= _SINGULAR)
-        q[singular] = self._to_zero(q[singular], tips[owner[singular]])
-        return q, owner, almost
+        is_singular = np.abs(np.linalg.det(jacobian)) <= _SINGULAR
+        curved = np.flatnonzero(is_singular)
+        moved = self._to_zero(q[curved], tips[owner[curved]])
+        order = np.lexsort(((moved**2).sum(axis=1), owner[curved]))
+        moved = moved[order]
+        whose = owner[curved][order]
+        first = _firsts(moved, whose, _THIN)
+        q = np.concatenate([q[~is_singular], moved[first]])
+        return q, np.concatenate([owner[~is_singular], whose[first]]), almost
 
     def _newton(self, q: np.ndarray, tips: np.ndarray) -> np.ndarray:
         """Return joints (m, 6) moved to where they lead to poses, by the method of Levenberg and Marquardt.
@@ -356,7 +364,7 @@ class Branches:
             u, values, vt = np.linalg.svd(self._jacobian(frames))
             free = values <= _FREE
             inverse = np.where(free, 0.0, 1.0 / np.where(free, 1.0, values))
-            back = np.einsum("nji,nj,nkj,nk->ni", vt, inverse, u.swapaxes(1, 2), rest)
+            back = np.einsum("nji,nj,nkj,nk->ni", vt, inverse, u, rest)
             wish = np.einsum("nij,nj->ni", vt, goal - moved)
             slide = np.einsum("nji,nj->ni", vt, np.where(free, wish, 0.0))
             moved = moved + back + _capped(slide)
@@ -529,13 +537,12 @@ def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.abs(turned - _TURN * np.round(turned / _TURN)).max(axis=1, initial=0.0)
 
 
-def _firsts(q: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    """Return which joints (m, 6), sorted by owner, are the first of all that are the same for a pose."""
+def _firsts(q: np.ndarray, owner: np.ndarray, same: float) -> np.ndarray:
+    """Return which joints (m, 6), sorted by owner, are the first of all that differ by no more for a pose."""
     first = np.ones(len(q), dtype=bool)
     for step in range(1, int(np.bincount(owner).max(initial=0))):
         rows = np.flatnonzero(owner[step:] == owner[:-step])
-        same = _apart(q[rows + step], q[rows]) <= _SAME
-        first[rows[same] + step] = False
+        first[rows[_apart(q[rows + step], q[rows]) <= same] + step] = False
     return first
 
 
