@@ -1,7 +1,8 @@
 """Where the links are for joints, and all joints for a pose: branches within limits, each checked.
 
 EAIK (Ostermeier, Külz and Althoff, 2025) solves arms whose axes intersect or are parallel in closed form, by the
-subproblems of Elias and Wen. It knows no limits, and approximates where there is no solution; both are dealt with here.
+subproblems of Elias and Wen. It knows no limits, takes axes at their word, and approximates where there is no solution.
+All three are dealt with here.
 
 Notation: F_k is the frame of joint k with its axis along z. F_0 is the base, F_k = F_{k-1} · A_k · Rz(q_k), and the tip
 is F_6 · T.
@@ -18,10 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import RobotError
-from planner.robot.transforms import about, compose, invert, nearest_rotations, to_axis
+from planner.robot.transforms import about, compose, invert, to_axis
 from planner.robot.urdf import N_JOINTS, UrdfArm
 
 _TURN = 2 * np.pi
+_QUARTERS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
 # angles of a URDF have nine digits; EAIK looks for parallel axes to more
 _NOISE = 1e-8
 _POSE = 1e-6
@@ -31,28 +33,37 @@ _SAME = 1e-4
 _AT_LIMIT = 1e-9
 """Joints beyond a limit by no more than this noise, rad, stand at it."""
 _M = 1e-3
-_ASIDE = np.array([[2.0, 3.0, 6.0], [-3.0, 6.0, -2.0], [6.0, 2.0, -3.0]]) / 7.0
-_ASIDE = np.concatenate([_ASIDE, -_ASIDE])
+_OBLIQUE = np.array([[2.0, 3.0, 6.0], [-3.0, 6.0, -2.0], [6.0, 2.0, -3.0]]) / 7.0
+_ASIDE = np.concatenate([_OBLIQUE, -_OBLIQUE])
 """Directions (6, 3) to the sides of a pose, not along the axes of any arm."""
 _ALMOST = 2e-3
 """A pose is tried again from beside it if it is missed by less, in rad and in metres."""
 _SHARP = 1e-9
-_ITERATIONS = 50
+"""Newton's method usually meets a pose to this, in rad and in metres."""
 _CONVERGED = 1e-11
+"""It ends at this, or after so many iterations, or after so many that shrink the squared error by less than this."""
+_ITERATIONS = 50
 _IDLE = 8
-"""So many iterations in a row may shrink the squared error by less than _SHRINKS."""
 _SHRINKS = 0.9
+_BOLD = 12
+"""So many steps are taken whole where damped ones creep."""
 _REGULAR = 1e-14
 _LONGEST_STEP = 0.5
+"""Longest step of a joint in one iteration, rad."""
+_HALF_TURN = 1e-2
 _FORK = 0.05
+"""Where two branches meet, it starts from this far to both sides, rad."""
 _IN_LINE = 1e-3
+"""Axes are in line up to this angle, rad."""
 _SINGULAR = 1e-6
 """Joints whose Jacobian in metres has a smaller determinant may be on a curve that leads to one pose."""
 _FREE = 3e-5
+"""Singular values up to this, in metres, leave a direction free."""
 _SLIDES = 40
 _THIN = 0.1
 """Of joints on a curve that leads to one pose, those are left out that are nearer to others, rad."""
 _UNLIKE = 1e-3
+"""Axes at a smaller angle, rad, have no point where they meet."""
 _DRAWS = 64
 _TESTED = 24
 _REFOUND = 1e-5
@@ -146,9 +157,8 @@ class Branches:
         self._upper = upper
         # seen from the first joint, whose axis is z, however the base is turned
         self._to_first = invert(chain.steps[0])
-        self._tip_turn = compose(self._to_first, chain.tips(chain.frames(np.zeros((1, 6)))))[
-            0, :3, :3
-        ]
+        zero = chain.tips(chain.frames(np.zeros((1, N_JOINTS))))
+        self._tip_turn = compose(self._to_first, zero)[0, :3, :3]
         q = self._drawn()
         most = 0
         families = []
@@ -165,8 +175,10 @@ class Branches:
             rule = "must be an arm whose joints are found again from the poses they lead to"
             raise RobotError.of_rule("robot", rule, f"{most} of {len(q)} drawn joints")
         rule = "must be an arm with a spherical wrist or three parallel axes"
-        largest = _NEAR[-1]
-        hint = f"up to {1e3 * largest.angle:g} mrad and {1e3 * largest.length:g} mm from one"
+        farthest = _NEAR[-1]
+        hint = (
+            f"axes may miss this by {1e3 * farthest.angle:g} mrad and {1e3 * farthest.length:g} mm"
+        )
         raise RobotError.of_rule("robot", rule, f"the unknown family {families[-1]}", hint=hint)
 
     def of(self, tips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -175,7 +187,7 @@ class Branches:
         Parameters
         ----------
         tips : array (n, 4, 4)
-            Poses in the base, mm. What their digits leave of a rotation is turned into one.
+            Poses in the base, mm.
 
         Returns
         -------
@@ -185,8 +197,8 @@ class Branches:
         owner : array of int (m,)
             Number of each one's pose.
         """
-        found, owner = self._solve(nearest_rotations(tips))
-        q = self.within_limits(found)
+        q, owner = self._solve(tips)
+        q = self.within_limits(q)
         within = np.isfinite(q).all(axis=1)
         q = q[within]
         owner = owner[within]
@@ -200,7 +212,7 @@ class Branches:
 
     def exist(self, tips: np.ndarray) -> np.ndarray:
         """Return for which poses (n, 4, 4) there are joints, whatever their limits; (n,) bool."""
-        _, owner = self._solve(nearest_rotations(tips))
+        _, owner = self._solve(tips)
         return np.bincount(owner, minlength=len(tips)) > 0
 
     def within_limits(self, q: np.ndarray) -> np.ndarray:
@@ -235,13 +247,13 @@ class Branches:
         """Return how many of joints (n, 6) are found from the poses they lead to."""
         tips = self._chain.tips(self._chain.frames(q))
         if self._near.is_all_digits:
-            found, owner, is_flagged = self._closed_form(tips)
-            met = ~is_flagged & (self._errors(found, tips[owner]) <= _POSE)
-            found = found[met]
+            branches, owner, is_flagged = self._closed_form(tips)
+            met = ~is_flagged & (self._errors(branches, tips[owner]) <= _POSE)
+            branches = branches[met]
             owner = owner[met]
         else:
-            found, owner = self._solve(tips)
-        return len(np.unique(owner[_apart(found, q[owner]) <= _REFOUND]))
+            branches, owner = self._solve(tips)
+        return len(np.unique(owner[_apart(branches, q[owner]) <= _REFOUND]))
 
     def _solve(self, tips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return joints (m, 6) that lead to poses, whatever their limits, and whose they are (m,)."""
@@ -258,11 +270,16 @@ class Branches:
         q_met = np.concatenate([q[met], more])
         met_by = np.concatenate([owner[met], whose])
         rest = np.flatnonzero(~met & ~is_start)
-        aimless = _is_aimless(frames[rest], reached[rest], tips[owner[rest]], self._near.start)
-        again = np.union1d(owner[rest[aimless]], np.setdiff1d(almost, met_by))
+        is_aimless = _is_aimless(frames[rest], reached[rest], tips[owner[rest]], self._near.start)
+        aimless = rest[is_aimless]
+        again = np.union1d(owner[aimless], np.setdiff1d(almost, met_by))
         if not len(again):
             return q_met, met_by
         starts, whose = self._beside(tips, again)
+        # the last joint is arbitrary, too
+        turned = (q[aimless] + quarter * np.eye(N_JOINTS)[-1] for quarter in _QUARTERS)
+        starts = np.concatenate([starts, *turned])
+        whose = np.concatenate([whose, np.tile(owner[aimless], len(_QUARTERS))])
         more, whose, _ = self._refined(starts, whose, tips)
         return np.concatenate([q_met, more]), np.concatenate([met_by, whose])
 
@@ -272,10 +289,10 @@ class Branches:
         wanted[:, :3, 3] *= _M
         wanted[:, :3, :3] = np.einsum("nij,kj->nik", wanted[:, :3, :3], self._tip_turn)
         solutions = [self._arm.solver.IK(pose) for pose in wanted]
-        found = [np.asarray(one.Q, dtype=np.float64).reshape(-1, N_JOINTS) for one in solutions]
-        flags = [np.asarray(one.is_LS, dtype=bool).reshape(-1) for one in solutions]
-        owner = np.repeat(np.arange(len(tips)), [len(q) for q in found])
-        q = np.concatenate([np.empty((0, N_JOINTS)), *found])
+        joints = [np.asarray(each.Q, dtype=np.float64).reshape(-1, N_JOINTS) for each in solutions]
+        flags = [np.asarray(each.is_LS, dtype=bool).reshape(-1) for each in solutions]
+        owner = np.repeat(np.arange(len(tips)), [len(q) for q in joints])
+        q = np.concatenate([np.empty((0, N_JOINTS)), *joints])
         return q * self._arm.signs, owner, np.concatenate([np.empty(0, dtype=bool), *flags])
 
     def _beside(self, tips: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -325,7 +342,25 @@ class Branches:
         return q, np.concatenate([owner[~is_singular], whose[first]]), almost
 
     def _newton(self, q: np.ndarray, tips: np.ndarray) -> np.ndarray:
-        """Return joints (m, 6) moved to where they lead to poses, by the method of Levenberg and Marquardt.
+        """Return joints (m, 6) moved to where they lead to poses, by Newton's method.
+
+        Nearly singular joints lie in a narrow curved valley. Damped steps creep along it, whole ones cross it.
+        """
+        q = self._damped(q, tips)
+        error = self._errors(q, tips)
+        rows = np.flatnonzero((error > _SHARP) & (error <= _ALMOST))
+        if len(rows):
+            moved = q[rows]
+            for _ in range(_BOLD):
+                rest, frames = self._residuals(moved, tips[rows])
+                moved = moved + _damped_step(self._jacobian(frames), rest, np.zeros(len(rows)))
+            moved = self._damped(moved, tips[rows])
+            better = self._errors(moved, tips[rows]) < error[rows]
+            q[rows[better]] = moved[better]
+        return q
+
+    def _damped(self, q: np.ndarray, tips: np.ndarray) -> np.ndarray:
+        """Return joints (m, 6) nearer to where they lead to poses, by the method of Levenberg and Marquardt.
 
         The damping is the squared error: the method stays quadratic in singular joints (Yamashita and Fukushima, 2001).
         """
@@ -389,7 +424,9 @@ class Branches:
         rest[:, 3] = turn[:, 2, 1] - turn[:, 1, 2]
         rest[:, 4] = turn[:, 0, 2] - turn[:, 2, 0]
         rest[:, 5] = turn[:, 1, 0] - turn[:, 0, 1]
-        rest[:, 3:] /= 2
+        # twice the sine of half the angle: it grows up to half a turn
+        trace = np.einsum("nii->n", turn)
+        rest[:, 3:] /= np.sqrt(np.maximum(1.0 + trace, _HALF_TURN))[:, None]
         return rest, frames
 
     def _errors(self, q: np.ndarray, tips: np.ndarray) -> np.ndarray:

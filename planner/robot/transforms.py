@@ -80,21 +80,30 @@ def about(axis: np.ndarray, angle: float) -> np.ndarray:
     )
 
 
-def nearest_rotations(poses: np.ndarray) -> np.ndarray:
+def check_rotations(name: str, value: np.ndarray) -> np.ndarray:
     """Return poses (..., 4, 4) with the rotations nearest to theirs; those without noise stay as they are.
 
-    The polar factor by the iteration X (3 - XᵀX) / 2 of Björck and Bowie (1971): an error e becomes 3/8 e².
+    The polar factor by the iteration X (3 - XᵀX) / 2 of Björck and Bowie (1971): an error e becomes 3/4 e².
+
+    Raises
+    ------
+    RobotError
+        A rotation is none to 6 decimals.
     """
-    result = np.array(poses, dtype=np.float64)
-    turns = result[..., :3, :3]
-    noise = np.abs(np.einsum("...ji,...jk->...ik", turns, turns) - np.eye(3)).max(axis=(-2, -1))
+    poses = np.array(value, dtype=np.float64)
+    turns = poses[..., :3, :3]
+    noise = np.abs(np.einsum("...ij,...kj->...ik", turns, turns) - np.eye(3)).max(axis=(-2, -1))
+    if not (noise <= _ROTATION).all():
+        wrong = turns[~(noise <= _ROTATION)][0]
+        hint = "give 6 decimals, or divide the columns by the scale"
+        raise RobotError.of_rule(name, "must hold a rotation", shown(wrong.tolist()), hint=hint)
     is_noisy = noise > _NO_NOISE
     noisy = turns[is_noisy]
     for _ in range(_POLAR):
         square = np.einsum("nji,njk->nik", noisy, noisy)
         noisy = 1.5 * noisy - 0.5 * np.einsum("nij,njk->nik", noisy, square)
     turns[is_noisy] = noisy
-    return result
+    return poses
 
 
 def check_pose(name: str, value: Any) -> np.ndarray:
@@ -118,16 +127,13 @@ def check_pose(name: str, value: Any) -> np.ndarray:
         raise RobotError.of_rule(name, "must hold finite numbers", shown(pose.tolist()))
     if not np.array_equal(pose[3], (0.0, 0.0, 0.0, 1.0)):
         raise RobotError.of_rule(name, "must have the last row 0 0 0 1", shown(pose[3].tolist()))
+    pose = check_rotations(name, pose)
     turn = pose[:3, :3]
-    if np.abs(np.einsum("ij,kj->ik", turn, turn) - np.eye(3)).max() > _ROTATION:
-        hint = "give more digits, or divide the columns by the scale"
-        raise RobotError.of_rule(name, "must hold a rotation", shown(turn.tolist()), hint=hint)
     handed = float(np.einsum("i,i->", np.cross(turn[0], turn[1]), turn[2]))
     if handed < 0:
         hint = "an axis points the wrong way"
         raise RobotError.of_rule(
             name, "must have a determinant of 1, not a mirror image", "-1", hint=hint
         )
-    pose = nearest_rotations(pose)
     pose.flags.writeable = False
     return pose
