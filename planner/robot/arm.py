@@ -262,9 +262,9 @@ class Robot:
         Returns
         -------
         array, shape (k, 6)
-            Joints, rad, in one order; k is 0 out of reach, and seldom more than 8. Where a whole
-            curve of joints leads to the pose, as with the axes of a wrist in line, the joints near
-            zero stand for all.
+            Joints, rad, in one order; k is 0 out of reach, and seldom more than 8. With the axes of
+            a wrist in line, a whole curve of joints leads to the pose. Those nearest to zero stand
+            for all.
 
         Raises
         ------
