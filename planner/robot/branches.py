@@ -482,7 +482,7 @@ class _ExactArm:
 
     def __init__(self, chain: Chain, near: _Nearness) -> None:
         frames = compose(invert(chain.steps[0]), chain.frames(np.zeros((1, 6))))
-        axes = _snapped(_along(frames[0, 1:, :3, 2], near.angle))
+        axes = _along(_snapped(frames[0, 1:, :3, 2]), near.angle)
         points = _M * np.concatenate([frames[0, 1:, :3, 3], chain.tips(frames)[:, :3, 3]])
         points = _meeting(axes, points, near.length)
         self.signs = np.ones(N_JOINTS)
