@@ -16,7 +16,7 @@ from planner.argument_kinds import POSITIVE, shown
 from planner.exceptions import RobotError
 from planner.robot.bodies import Hull, hull_of, read_triangles, round_points
 from planner.robot.branches import Branches, Chain
-from planner.robot.transforms import carry, check_pose, compose
+from planner.robot.transforms import carry, check_pose, check_rotations, compose
 from planner.robot.urdf import N_JOINTS, Shape, UrdfArm, read_urdf
 
 _LARGEST_LINK_MM = 20_000.0
@@ -67,6 +67,8 @@ class Robot:
         Largest accelerations, rad/s².
     hulls : tuple of tuple of Hull
         Convex hulls of the links, in the frames of the joints.
+    file : str
+        The file it was read from, for messages.
 
     Attributes
     ----------
@@ -93,7 +95,13 @@ class Robot:
     """
 
     def __init__(
-        self, text: str, tip: str, base: str | None, accelerations: np.ndarray, hulls: Any
+        self,
+        text: str,
+        tip: str,
+        base: str | None,
+        accelerations: np.ndarray,
+        hulls: Any,
+        file: str = "",
     ) -> None:
         arm = read_urdf(text, tip, base)
         self.name = arm.name
@@ -110,6 +118,7 @@ class Robot:
         self.chain = Chain.of(arm)
         self.hulls: tuple[tuple[Hull, ...], ...] = hulls
         self._made_of = (text, tip, base, accelerations, hulls)
+        self._file = file
         self._branches: Branches | None = None
 
     @classmethod
@@ -158,7 +167,8 @@ class Robot:
             raise RobotError.of_rule("urdf", "must be UTF-8 text", repr(str(file))) from None
         arm = read_urdf(text, tip, base)
         most = _checked_accelerations(accelerations)
-        return cls(text, tip, base, most, _hulls(arm, file.parent, packages or {}))
+        hulls = _hulls(arm, file.parent, packages or {})
+        return cls(text, tip, base, most, hulls, str(file))
 
     def forward(self, q: Any) -> np.ndarray:
         """Return the pose of the tip in the base.
@@ -252,12 +262,14 @@ class Robot:
         Returns
         -------
         array, shape (k, 6)
-            Joints, rad, in one order; k is at most 8, and 0 out of reach.
+            Joints, rad, in one order; k is 0 out of reach, and seldom more than 8. With the axes of
+            a wrist in line, a whole curve of joints leads to the pose. Those nearest to zero stand
+            for all.
 
         Raises
         ------
         RobotError
-            If the pose is no rigid motion, or the arm has no closed form.
+            If the pose is no rigid motion, or the arm is not near one with a closed form.
         """
         return self.branches_of(check_pose("flange", flange)[None])[0]
 
@@ -292,10 +304,10 @@ class Robot:
         owner : array of int, shape (m,)
             Number of each one's pose.
         """
-        return self._solver().of(flanges)
+        return self._solver().of(check_rotations("flanges", flanges))
 
     def check_solvable(self) -> None:
-        """Raise `RobotError` if there is no closed form of the arm, or the extra is missing."""
+        """Raise `RobotError` if the arm is not near one with a closed form, or the extra is missing."""
         self._solver()
 
     def solvable(self, flanges: np.ndarray) -> np.ndarray:
@@ -311,7 +323,7 @@ class Robot:
         array of bool, shape (n,)
             True where there are joints.
         """
-        return self._solver().exist(flanges)
+        return self._solver().exist(check_rotations("flanges", flanges))
 
     def turns(self, q: Any) -> np.ndarray:
         """Return all joints within limits that differ from given ones by full turns.
@@ -330,7 +342,13 @@ class Robot:
 
     def _solver(self) -> Branches:
         if self._branches is None:
-            self._branches = Branches(self.chain, self.lower, self.upper)
+            try:
+                self._branches = Branches(self.chain, self.lower, self.upper)
+            except RobotError as error:
+                if not (error.parameter and self._file):
+                    raise
+                name = f"{error.parameter} {self._file}"
+                raise RobotError.of_rule(name, error.rule, error.got, hint=error.hint) from None
         return self._branches
 
     @property
@@ -344,7 +362,7 @@ class Robot:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Leave the solver behind, which cannot cross a process boundary."""
-        return Robot, self._made_of
+        return Robot, (*self._made_of, self._file)
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r}, tip {self.tip!r}>"

@@ -12,7 +12,7 @@ from planner.robot.collisions import Closeness
 from planner.robot.moves.turned_advance import TurnedAdvance
 from planner.robot.pose_reach import Reacher
 from planner.robot.standing import Fixturing
-from planner.robot.transforms import compose, invert
+from planner.robot.transforms import check_rotations, compose, invert
 from planner.robot.urdf import N_JOINTS
 
 LINKS_NEAR_MM = 5.0
@@ -98,7 +98,7 @@ class JointChecks(ABC):
         array, shape (n, 4, 4) or (4, 4)
             Poses of the tip in the base, mm.
         """
-        camera = compose(self.part2base(fixturing, angle), np.asarray(cam2world, dtype=float))
+        camera = compose(self.part2base(fixturing, angle), check_rotations("cam2world", cam2world))
         return compose(camera, invert(self.cam2flange))
 
     def cam2world(self, q: np.ndarray, fixturing: str) -> np.ndarray:

@@ -26,7 +26,7 @@ from planner.robot.collisions import HAND, Arm, Moving, Surroundings, bodies_of
 from planner.robot.identity.cell_identity import digest_of, short_digest
 from planner.robot.pose_reach import Reacher
 from planner.robot.standing import Grip, Standing, hidden_by, standing_bodies
-from planner.robot.transforms import carry, check_pose, compose, invert
+from planner.robot.transforms import carry, check_pose, check_rotations, compose, invert
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -281,7 +281,7 @@ class HeldPartCell(Cell):
         array, shape (n, 4, 4) or (4, 4)
             Poses of the tip in the base, mm.
         """
-        part = compose(self.cam2base, invert(np.asarray(cam2world, dtype=float)))
+        part = compose(self.cam2base, invert(check_rotations("cam2world", cam2world)))
         return compose(part, invert(self._grip(fixturing).part2flange))
 
     def cam2world(self, q: np.ndarray, fixturing: str) -> np.ndarray:

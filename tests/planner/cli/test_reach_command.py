@@ -57,6 +57,25 @@ def test_records_for_other_programs(tmp_path, capsys):
     assert len(record["setting_01"]["up"]["joints_rad"]) == 6
 
 
+def test_a_printed_place_can_be_pasted_into_the_cell(tmp_path, capsys):
+    # without the table, which a place moves along
+    free = Path(cell_file(tmp_path, x=2500)).read_text("utf-8").split("[fixturings.up.obstacles")[0]
+    cell = tmp_path / "free.toml"
+    cell.write_text(free, encoding="utf-8")
+    words = ["reach", PLAN, PART, "--cell", str(cell), "--place", "--quiet"]
+    assert main([*words, "--within", "450", "-300", "0", "900", "300", "300"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (place,) = (line for line in lines if line.startswith("part2base = "))
+    # the part is turned by no round angle, so the digits matter
+    assert "0.0, 0.0, 1.0" in place
+    assert place.count("1.0") < 4
+    old = "part2base = { xyz = [2500, 0, 0] }"
+    assert free.count(old) == 1
+    cell.write_text(free.replace(old, place), encoding="utf-8")
+    assert main(["reach", PLAN, PART, "--cell", str(cell)]) == 0
+    assert "1 of 1 settings reached" in capsys.readouterr().out
+
+
 def test_places_to_put_the_part(tmp_path, capsys):
     words = ["reach", PLAN, PART, "--cell", cell_file(tmp_path, x=2500), "--place", "--quiet"]
     assert main([*words, "--draws", "15", "--json"]) == 0
