@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
 from planner.measuring.poses.fiducials import Fiducials
+from planner.measuring.poses.gates import rigid_motion
 from planner.setting.image_names import setting_name
 from planner.wanted.registered.record import GIVEN, OWN_EDGES, RegistrationRecord
 
 PLANNED = "planned"
 FIDUCIALS = "fiducials"
 BOTH = "fiducials and own edges"
-_RIGID = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ class Registration:
         for key, pose in poses.items():
             is_number = isinstance(key, int | np.integer) and not isinstance(key, bool)
             name = setting_name(int(key) - 1) if is_number else Path(str(key)).stem
-            checked[name] = _rigid(pose, name)
+            checked[name] = rigid_motion(pose, f"the pose of {name}")
         known = None if covariance is None else PoseUncertainty(np.asarray(covariance))
         return cls(GIVEN, surfaces_mm, checked, known)
 
@@ -236,21 +236,3 @@ class Registration:
             return cls.given(poses, data.get("covariance"), surfaces_mm)
         except (PlannerError, AttributeError) as error:
             raise RequestError(f"{name}: {error}") from None
-
-
-def _rigid(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    """Return a pose (4, 4) that is a rigid motion."""
-    try:
-        pose = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        pose = np.empty(0)
-    parameter = f"the pose of {name}"
-    if pose.shape != (4, 4) or not np.isfinite(pose).all():
-        raise RequestError.of_rule(
-            parameter, "must be a matrix (4, 4) of numbers", f"{value!r}"[:60]
-        )
-    turn = pose[:3, :3]
-    rigid = np.abs(turn @ turn.T - np.eye(3)).max() < _RIGID and np.linalg.det(turn) > 0
-    if not rigid or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
-        raise RequestError.of_rule(parameter, "must be a rotation and a translation", "another")
-    return pose

@@ -118,7 +118,7 @@ def test_an_image_without_the_board(board, real):
     [
         ({"square_mm": 0}, "square_mm must be positive. Got 0"),
         ({"squares": (3, 1)}, "squares must be two numbers of at least 2"),
-        ({"board2part": [[1, 0], [0, 1]]}, "board2part must be a rigid motion"),
+        ({"board2part": [[1, 0], [0, 1]]}, "board2part must be a matrix"),
     ],
 )
 def test_boards_that_are_refused(change, message):
