@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.camera.pose import cross_matrix, paper_displacement_jacobian
 from planner.exceptions import UncertaintyError
+from planner.records.schema import shown
 
 _NAMES = ("dx", "dy", "dz", "phi_x", "phi_y", "phi_z")
 MAX_SIGMA_MM = 100.0
@@ -193,9 +194,9 @@ class PoseUncertainty:
 def _check_covariance(covariance: np.ndarray) -> np.ndarray:
     try:
         cov = np.array(covariance, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise UncertaintyError.of_rule(
-            "covariance", "must be a (6, 6) array of numbers", repr(covariance)
+            "covariance", "must be a (6, 6) array of numbers", shown(covariance)
         ) from None
     if cov.shape != (6, 6):
         raise UncertaintyError.of_rule("covariance", "must have the shape (6, 6)", str(cov.shape))

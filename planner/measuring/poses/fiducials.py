@@ -169,15 +169,13 @@ class Fiducials:
         """
         data = _read_toml(Path(path))
         names = [one.name for one in fields(cls)]
+        needed = [one.name for one in fields(cls) if one.default is MISSING]
         unknown = [name for name in data if name not in names]
-        missing = [
-            one.name for one in fields(cls) if one.default is MISSING and one.name not in data
-        ]
+        missing = [name for name in needed if name not in data]
         if unknown or missing:
             got = ", ".join(unknown) or f"no {', '.join(missing)}"
-            raise RequestError.of_rule(
-                f"{path}: the board", f"must have the fields {', '.join(names)}", got
-            )
+            rule = f"must have the fields {', '.join(needed)}, and may have corner_px"
+            raise RequestError.of_rule(f"{path}: the board", rule, got)
         try:
             return cls(**data)
         except RequestError as error:

@@ -169,8 +169,10 @@ class Registration:
         for key, pose in poses.items():
             is_number = isinstance(key, int | np.integer) and not isinstance(key, bool)
             name = setting_name(int(key) - 1) if is_number else Path(str(key)).stem
+            if name in checked:
+                raise RequestError.of_rule("poses", "must have one pose of a name", repr(name))
             checked[name] = rigid_motion(pose, f"the pose of {name}")
-        known = None if covariance is None else PoseUncertainty(np.asarray(covariance))
+        known = None if covariance is None else PoseUncertainty(covariance)  # type: ignore[arg-type]
         return cls(GIVEN, surfaces_mm, checked, known)
 
     def planned(self) -> RegistrationRecord | None:
@@ -227,12 +229,12 @@ class Registration:
             raise RequestError.of_rule(
                 "register", "must name a readable file", f"{name!r}: {error.strerror}"
             ) from None
-        except ValueError:
+        except (ValueError, RecursionError):
             raise RequestError.of_rule("register", "must be JSON", repr(name)) from None
-        if not isinstance(data, dict):
+        poses = data.get("poses", data) if isinstance(data, dict) else None
+        if not isinstance(poses, dict):
             raise RequestError.of_rule("register", "must hold poses by setting name", repr(name))
-        poses = data.get("poses", data)
         try:
             return cls.given(poses, data.get("covariance"), surfaces_mm)
-        except (PlannerError, AttributeError) as error:
+        except PlannerError as error:
             raise RequestError(f"{name}: {error}") from None

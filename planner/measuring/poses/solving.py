@@ -67,7 +67,7 @@ def solved(
                 _of_whole_edges(task, one, weight)
                 for one, weight in zip(found, weights, strict=True)
             ]
-        variance = variance_of(noise)
+        variance = _correlated(noise)
         for one, weight in zip(found, weights, strict=True):
             rows += rows_of(task, design, one.offset + now, one.good * weight / variance)
         alike = [one._replace(modes=None) for one in rows]
@@ -119,7 +119,7 @@ def cost_of(
     biases : float, optional
         Variance of the biases of each edge, of all modes, px². Default: it has one, with the variance of the task.
     """
-    variance = variance_of(noise)
+    variance = _correlated(noise)
     most = (TUKEY * noise) ** 2 / variance
     each = task.bias_px**2 if biases is None else biases
     total = float(x @ task.information @ x)
@@ -150,7 +150,7 @@ def _noise(left: list[Array], found: list[Found]) -> float:
     return max(residual_scale(np.concatenate(good)), LEAST_NOISE_PX)
 
 
-def variance_of(noise: float) -> float:
+def _correlated(noise: float) -> float:
     """Return the variance of points that count as if they were independent."""
     return noise**2 * max(1.0, CORRELATION_PX / STEP_PX)
 

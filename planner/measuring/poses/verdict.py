@@ -8,24 +8,16 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
-from errors.registration import Posterior, Rows, posterior, undetermined
+from errors.registration import Posterior, Rows, undetermined
 from planner.measuring.fit import TUKEY
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.scans import State
 from planner.measuring.part_model import POSE
-from planner.measuring.poses.gates import (
-    MOST_CHI2,
-    MOVE_SIGMAS,
-    check_distance,
-    check_one_pose,
-    distance_of,
-)
+from planner.measuring.poses.gates import MOST_CHI2, check_distance, distance_of
 from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import SAMPLE, Registered
 from planner.measuring.poses.shadows import Shown, shown
-from planner.measuring.poses.solving import moved, noise_of, rows_of, variance_of
 from planner.measuring.poses.task import (
     LEAST_NOISE_PX,
     Found,
@@ -198,7 +190,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
     Raises
     ------
     NotRegisteredError
-        If too little agrees, if the pose is too far from the planned one, or if the images are from different poses.
+        If too little agrees, or the pose is too far from the planned one.
     """
     task = attempt.task
     found = attempt.scan.found
@@ -209,8 +201,6 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
             _dark_text(found),
         )
     check_distance(chi2)
-    if len(attempt.pictures) > 1:
-        _check_one_pose(attempt)
     agree = np.any(attempt.agreeing, axis=0)
     rests = [np.abs(one.offset[own]) for one, own in zip(found, attempt.agreeing, strict=True)]
     shift = np.linalg.norm(attempt.scan.centres - attempt.first, axis=1)
@@ -231,33 +221,6 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         prior=task.prior,
         samples=_states(attempt, agree),
     )
-
-
-def _check_one_pose(attempt: Attempt) -> None:
-    """Refuse images that show different poses: the camera may have moved between them, as far as edges are off."""
-    task = attempt.task
-    scan = attempt.scan
-    n = len(task.prior)
-    design = task.design(scan.x, scan.across)
-    now = moved(task, design, scan.x)
-    weight = 1 / variance_of(noise_of(task, scan.found))
-    rows: list[Rows] = []
-    for k, (one, agree) in enumerate(zip(scan.found, attempt.agreeing, strict=True)):
-        own = rows_of(task, design, one.offset + now, agree * weight)
-        if k:
-            move = n + POSE * (k - 1) + np.arange(POSE)
-            own = [
-                each._replace(
-                    unknowns=np.concatenate([each.unknowns, move]),
-                    design=np.hstack([each.design, each.design[:, :POSE]]),
-                )
-                for each in own
-            ]
-        rows += own
-    between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(scan.found) - 1)
-    estimate = posterior(block_diag(task.prior, *between), rows, task.bias_px**2)
-    names = [picture.name for picture in attempt.pictures]
-    check_one_pose(names, estimate.mean[n:], estimate.covariance)
 
 
 def _dark_text(found: list[Found]) -> str:
