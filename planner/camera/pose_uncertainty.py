@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,6 @@ import numpy as np
 
 from planner.camera.pose import cross_matrix, paper_displacement_jacobian
 from planner.exceptions import UncertaintyError
-from planner.records.schema import shown
 
 _NAMES = ("dx", "dy", "dz", "phi_x", "phi_y", "phi_z")
 MAX_SIGMA_MM = 100.0
@@ -196,7 +196,7 @@ def _check_covariance(covariance: np.ndarray) -> np.ndarray:
         cov = np.array(covariance, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise UncertaintyError.of_rule(
-            "covariance", "must be a (6, 6) array of numbers", shown(covariance)
+            "covariance", "must be a (6, 6) array of numbers", reprlib.repr(covariance)
         ) from None
     if cov.shape != (6, 6):
         raise UncertaintyError.of_rule("covariance", "must have the shape (6, 6)", str(cov.shape))
