@@ -122,13 +122,14 @@ class KeptRegions:
         """Keep the region of an entity, if that is possible."""
         with suppress(OSError):
             self._make_folder()
-            arrays = {
+            arrays: dict[str, Any] = {
                 **region.tree._asdict(),
                 "origin": region.origin,
                 "observable": region.observable,
             }
+            arrays[_DIGEST] = np.array(self._digest(name, arrays))
             with _written_whole(self._path(name)) as file:
-                np.savez(file, **arrays, **{_DIGEST: np.array(self._digest(name, arrays))})
+                np.savez(file, **arrays)
 
     def _make_folder(self) -> None:
         """Make the folder, if need be, and say whose it is before there is a region."""
@@ -174,7 +175,9 @@ def _is_tree(arrays: Mapping[str, np.ndarray]) -> bool:
 
     Each node has two children or none. A child comes after its parent, and has one parent.
     """
-    planes, plane, child = arrays["planes"], arrays["plane"], arrays["child"]
+    planes = arrays["planes"]
+    plane = arrays["plane"]
+    child = arrays["child"]
     n = len(plane)
     shapes = {
         "planes": (len(planes), 4),

@@ -273,11 +273,11 @@ class Measurer:
         found = as_given(self.model, pose, known, self._surfaces_mm(how), how.method)
         if how.method == PLANNED:
             return found
-        stated = self.plan.pose_uncertainty.covariance + np.diag(LEAST_POSE**2)
+        spread = self.plan.pose_uncertainty.covariance + np.diag(LEAST_POSE**2)
         if how.method == GIVEN:
             # both poses are off the real one
-            stated = stated + known
-        chi2 = distance_of(displacement_between(planned, pose), stated)
+            spread = spread + known
+        chi2 = distance_of(displacement_between(planned, pose), spread)
         check_distance(chi2)
         return replace(found, chi2=chi2)
 

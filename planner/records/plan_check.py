@@ -125,7 +125,7 @@ def _check_arrays(data: object, path: tuple[object, ...], common: dict[str, int]
         for k, item in enumerate(data):
             _check_arrays(item, (*path, k), common)
     if isinstance(data, np.ndarray) and not np.isfinite(data).all():
-        _refuse(field_name(*path), "must be finite", "an array with NaN or infinity")
+        raise PlanFileError(f"{field_name(*path)} must be finite. Got NaN or infinity.")
     if not isinstance(data, dict):
         return
     lengths = common
@@ -154,10 +154,9 @@ def _check_array(array: object, form: str, where: str, lengths: dict[str, int]) 
     if not fits or not isinstance(array, np.ndarray) or array.dtype.kind != kind:
         text = " x ".join(str(known.get(name, name)) for name in names).lower()
         got = "no array" if not isinstance(array, np.ndarray) else f"{array.dtype} {array.shape}"
-        _refuse(where, f"must be an array of {text} values of the kind {kind}", got)
-        return known
+        raise PlanFileError(f"{where} must be an array of {text}, of the kind {kind}. Got {got}.")
     if not np.isfinite(array).all():
-        _refuse(where, "must be finite", "an array with NaN or infinity")
+        raise PlanFileError(f"{where} must be finite. Got NaN or infinity.")
     if names[-2:] == ["4", "4"]:
         _check_rigid(array, where)
     most = _BELOW.get(where.rpartition(".")[2])

@@ -164,6 +164,13 @@ class Registration:
         -------
         Registration
             The registration.
+
+        Raises
+        ------
+        RequestError
+            If a pose is no rigid motion, or a name has two.
+        UncertaintyError
+            If the covariance is none.
         """
         checked = {}
         for key, pose in poses.items():
