@@ -21,9 +21,14 @@ from planner.measuring.image.picture import Picture
 from planner.measuring.image_notes import image_notes
 from planner.measuring.length import read_length
 from planner.measuring.merge import Result, merged
-from planner.measuring.part_model import PartModel
+from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.fiducials import NoFiducialsError, locate
-from planner.measuring.poses.gates import check_distance, displacement_between, distance_of
+from planner.measuring.poses.gates import (
+    TooFarError,
+    check_distance,
+    displacement_between,
+    distance_of,
+)
 from planner.measuring.poses.likeness import check_lens, looks_like
 from planner.measuring.poses.register import bias_of
 from planner.measuring.poses.registered import Registered, as_given, prior_covariance
@@ -271,15 +276,39 @@ class Measurer:
                 )
             pose = how.poses[stem]
         found = as_given(self.model, pose, known, self._surfaces_mm(how), how.method)
-        if how.method == PLANNED:
-            return found
-        spread = self.plan.pose_uncertainty.covariance + np.diag(LEAST_POSE**2)
-        if how.method == GIVEN:
-            # both poses are off the real one
-            spread = spread + known
-        chi2 = distance_of(displacement_between(planned, pose), spread)
-        check_distance(chi2)
-        return replace(found, chi2=chi2)
+        if how.method != PLANNED:
+            spread = self.plan.pose_uncertainty.covariance + np.diag(LEAST_POSE**2)
+            if how.method == GIVEN:
+                # both poses are off the real one
+                spread = spread + known
+            chi2 = distance_of(displacement_between(planned, pose), spread)
+            check_distance(chi2)
+            found = replace(found, chi2=chi2)
+        if how.board is None:
+            self._check_edges(found, own, planned, options)
+        return found
+
+    def _check_edges(
+        self,
+        stated: Registered,
+        own: list[Picture],
+        planned: NDArray[np.float64],
+        options: MeasureOptions,
+    ) -> None:
+        """Refuse a stated pose that the part's edges contradict, if the images show enough of them to tell."""
+        prior = self.plan.pose_uncertainty.covariance
+        surfaces_mm = self._surfaces_mm(options.registration)
+        bias_px = self._bias_px(options)
+        try:
+            seen = register_as_shown(self.model, own, planned, prior, surfaces_mm, bias_px)
+        except TooFarError:
+            raise
+        except NotRegisteredError:
+            return
+        if stated.method == GIVEN:
+            spread = (stated.covariance + seen.covariance)[:POSE, :POSE]
+            chi2 = distance_of(displacement_between(stated.cam2world, seen.cam2world), spread)
+            check_distance(chi2, "its pose by the part's edges", "the stated one")
 
     def _surfaces_mm(self, how: Registration) -> float:
         if how.surfaces_mm is not None:

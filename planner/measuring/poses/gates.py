@@ -31,6 +31,10 @@ _RIGID = 1e-6
 _MOST_MM = 1e6
 
 
+class TooFarError(NotRegisteredError):
+    """A pose is too far from where something else says it is."""
+
+
 def rigid_motion(value: ArrayLike, name: str) -> Array:
     """Return a pose (4, 4), mm.
 
@@ -85,23 +89,23 @@ def displacement_between(planned: Array, pose: Array) -> Array:
     return np.concatenate([step[:3, 3], Rotation.from_matrix(step[:3, :3]).as_rotvec()])
 
 
-def check_distance(chi2: float) -> None:
-    """Refuse a pose that is too far from the planned one.
+def check_distance(chi2: float, what: str = "its pose", place: str = "the planned one") -> None:
+    """Refuse a pose that is too far from another one.
 
     Parameters
     ----------
     chi2 : float
         Square of its displacement in standard deviations, see `distance_of`.
+    what, place : str
+        What is too far, and from where.
 
     Raises
     ------
-    NotRegisteredError
+    TooFarError
         If that is beyond the limit, or no number.
     """
     if not chi2 <= MOST_CHI2:
-        raise NotRegisteredError(
-            f"its pose is {np.sqrt(chi2):.1f} standard deviations away from the planned one"
-        )
+        raise TooFarError(f"{what} is {np.sqrt(chi2):.1f} standard deviations away from {place}")
 
 
 def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> None:

@@ -117,6 +117,33 @@ def test_stated_poses_must_be_near_the_planned_ones(solid, images, real):
     assert not measure(plan, solid, images, registration=near).failed
 
 
+def test_stated_poses_must_be_those_that_the_edges_show(solid, images, real):
+    """A pose that is 0.5 mm off is far beyond 0.01 mm, though near the planned one, which may be 0.3 mm off."""
+    plan = measured_plan(solid, ["left"])
+    # 3 px in the image
+    off = {1: displaced(real[0], [0.5, 0, 0, 0, 0, 0])[0], 2: real[1]}
+    worse = dataclasses.replace(plan, pose_uncertainty=PoseUncertainty(9 * UNCERTAINTY.covariance))
+    sure = np.diag([0.01**2] * 3 + [1e-4**2] * 3)
+    results = measure(worse, solid, images, registration=Registration.given(off, sure))
+    assert list(results.failed) == ["setting_01"]
+    assert "its pose by the part's edges is" in results.failed["setting_01"]
+    # as unsure as it is wrong, it is measured
+    unsure = Registration.given(off, 9 * UNCERTAINTY.covariance)
+    assert not measure(worse, solid, images, registration=unsure).failed
+
+
+def test_planned_poses_must_be_those_that_the_edges_show(solid, images):
+    """Real poses are about 2.4 standard deviations off; with a hundredth of the covariance they are about 24."""
+    plan = measured_plan(solid, ["left"])
+    assert not measure(plan, solid, images, registration=Registration.none()).failed
+    boast = dataclasses.replace(
+        plan, pose_uncertainty=PoseUncertainty(UNCERTAINTY.covariance / 100)
+    )
+    failed = measure(boast, solid, images, registration=Registration.none()).failed
+    assert all("away from the planned one" in why for why in failed.values())
+    assert failed
+
+
 def test_deviations_are_read_whatever_the_robot_says(solid, images):
     """A robot that is twice as bad gives the same values: they come from the image."""
     plan = measured_plan(solid, ["left", "right"])
