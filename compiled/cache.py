@@ -32,7 +32,7 @@ import numba as nb
 
 from compiled.ahead import is_awaited
 from compiled.dependencies import digest_of, file_digest
-from compiled.folders import folders_for, is_temporary, make_folder
+from compiled.folders import chosen_folder, folders_for, is_temporary, is_trusted, make_folder
 
 _logger = logging.getLogger("aspectgraph")
 _MAGIC = b"aspectgraph loop 1\n"
@@ -44,6 +44,7 @@ _PORTABLE = ("x86-64-v3", "")
 _PORTABLE_FEATURES = frozenset(("+avx2", "+bmi", "+bmi2", "+f16c", "+fma", "+lzcnt", "+movbe"))
 _SHIPPED = Path(__file__).parent / "shipped"
 _POLL_S = 0.05
+_OTHERS_WRITE = 0o022
 # settings that change the machine code
 _SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DEBUGINFO_DEFAULT")
 
@@ -93,7 +94,7 @@ class LoopCache:
     @property
     def cache_path(self) -> str:
         """The first folder of those that are looked at."""
-        return str(next(folders_for(self._source)))
+        return str(next(folders_for(self._source), ""))
 
     def enable(self) -> None:
         """Read and write files, as at first."""
@@ -148,12 +149,18 @@ class LoopCache:
         """Yield the contents of the files of these names, without those that are cut or damaged."""
         if not names:
             return
-        folders = [*folders_for(self._source), _SHIPPED]
+        folders = list(folders_for(self._source))
+        if is_trusted(_SHIPPED, self._source):
+            folders.append(_SHIPPED)
         for name in names:
             for folder in folders:
+                path = folder / name
                 try:
-                    whole = (folder / name).read_bytes()
+                    whole = path.read_bytes()
                 except OSError:
+                    continue
+                # also a file that another user left there before
+                if not is_trusted(path, self._source):
                     continue
                 start = len(_MAGIC) + hashlib.sha256().digest_size
                 content = whole[start:]
@@ -162,7 +169,13 @@ class LoopCache:
 
     def _write(self, name: str, content: bytes) -> None:
         whole = _MAGIC + hashlib.sha256(content).digest() + content
-        reason = "no folder can be written"
+        reason = "no folder can be written by this user alone"
+        chosen = chosen_folder()
+        if chosen is not None and not is_trusted(chosen, self._source):
+            _tell_once(
+                f"NUMBA_CACHE_DIR must be a folder that no other user can write. Got {chosen}; "
+                "compiled loops are kept elsewhere."
+            )
         for folder in folders_for(self._source):
             try:
                 make_folder(folder)
@@ -256,6 +269,9 @@ def _replace(path: Path, content: bytes) -> None:
     beside = path.with_name(f"{path.name}.{uuid.uuid4().hex[:12]}.tmp")
     try:
         beside.write_bytes(content)
+        mode = beside.stat().st_mode
+        if mode & _OTHERS_WRITE:
+            beside.chmod(mode & 0o777 & ~_OTHERS_WRITE)
         os.replace(beside, path)
     except BaseException:
         # an interruption, too, must leave no half a file

@@ -1,4 +1,7 @@
-"""Folders in which machine code can be kept: beside the source, in the user's cache, or in a temporary folder."""
+"""Folders in which machine code can be kept: beside the source, in the user's cache, or in a temporary folder.
+
+Machine code runs when it is read. So no folder is used into which another user could put some, see `is_trusted`.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _TEMPORARY = "aspectgraph-loops"
+_PRIVATE = 0o700
+_READABLE = 0o755
 
 
 def folders_for(source: Path) -> Iterator[Path]:
     """Yield the folders for the machine code of a source file, the best first; none is made.
 
-    ``NUMBA_CACHE_DIR`` is the first where it is set, and the only one where it can be written. Next come
-    ``__pycache__`` beside the source, the user's cache folder and a temporary folder of the user.
+    Those into which others could put code are left out. ``NUMBA_CACHE_DIR`` is the first where it is set, and the only
+    one where it can be written. Next come ``__pycache__`` beside the source, the user's cache folder and a temporary
+    folder of the user.
 
     Parameters
     ----------
@@ -29,27 +35,78 @@ def folders_for(source: Path) -> Iterator[Path]:
     Path
         An absolute path.
     """
-    chosen = _chosen()
-    if chosen:
-        folder = Path(chosen).absolute() / _name_of(source)
+    chosen = chosen_folder()
+    if chosen is not None and is_trusted(chosen, source):
+        folder = chosen / _name_of(source)
         yield folder
         if is_writable(folder):
             return
-    yield source.parent / "__pycache__"
     user = _user_cache()
-    if user is not None:
-        yield user / "aspectgraph" / _name_of(source)
     temporary = temporary_folder()
+    places = [source.parent / "__pycache__"]
+    if user is not None:
+        places.append(user / "aspectgraph" / _name_of(source))
     if temporary is not None:
-        yield temporary / _name_of(source)
+        places.append(temporary / _name_of(source))
+    yield from (folder for folder in places if is_trusted(folder, source))
 
 
-def _chosen() -> str:
+def is_trusted(path: Path, source: Path) -> bool:
+    """Return whether nobody else can put machine code into a folder, or replace a file.
+
+    It, all that it is in, and all links to it must belong to this user, to the system, or to whoever owns the source,
+    as that runs as well. Others must not write there. In a folder above it they may, if they can rename nothing of
+    others there, as in ``/tmp``.
+
+    Parameters
+    ----------
+    path : Path
+        The folder or file; what is not there yet is made by this user.
+    source : Path
+        The file that defines the loops.
+    """
+    if not hasattr(os, "getuid"):
+        # Windows: the folders that are looked at belong to one user
+        return True
+    try:
+        owners = {0, os.getuid(), Path("/").stat().st_uid, source.stat().st_uid}
+    except OSError:
+        owners = {0, os.getuid()}
+    path = path.absolute()
+    try:
+        return all(_is_safe(way, owners) for way in {path, path.resolve()})
+    except (OSError, RuntimeError):
+        # such as a circle of links
+        return False
+
+
+def _is_safe(path: Path, owners: set[int]) -> bool:
+    """Return whether only these users can change a path that may have links in it."""
+    for place in (path, *path.parents):
+        try:
+            status = place.lstat()
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        if status.st_uid not in owners:
+            return False
+        # who may write to a link is not told by its mode
+        is_open = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not stat.S_ISLNK(
+            status.st_mode
+        )
+        is_sticky = place != path and status.st_mode & stat.S_ISVTX
+        if is_open and not is_sticky:
+            return False
+    return True
+
+
+def chosen_folder() -> Path | None:
     """Return the folder that numba's settings name; before numba is loaded, which takes long, the environment's."""
     config = sys.modules.get("numba.core.config")
     if config is None:
-        return os.environ.get("NUMBA_CACHE_DIR", "")
-    return str(getattr(config, "CACHE_DIR", ""))
+        name = os.environ.get("NUMBA_CACHE_DIR", "")
+    else:
+        name = str(getattr(config, "CACHE_DIR", ""))
+    return Path(name).absolute() if name else None
 
 
 def temporary_folder() -> Path | None:
@@ -66,7 +123,7 @@ def temporary_folder() -> Path | None:
         return parent / _TEMPORARY
     try:
         folder = parent / f"{_TEMPORARY}-{os.getuid()}"
-        return folder if _only_ours_can_replace(parent) and _is_private(folder) else None
+        return folder if is_trusted(folder, folder) and _is_private(folder) else None
     except OSError:
         return None
 
@@ -80,14 +137,16 @@ def make_folder(folder: Path) -> None:
         If it cannot be made, or is the temporary folder and not private.
     """
     temporary = temporary_folder()
-    if temporary is None or temporary not in folder.parents:
-        folder.mkdir(parents=True, exist_ok=True)
+    if temporary is not None and temporary in folder.parents:
+        temporary.mkdir(mode=_PRIVATE, exist_ok=True)
+        # somebody else may have made it meanwhile
+        if hasattr(os, "getuid") and not _is_private(temporary):
+            raise PermissionError(f"{temporary} must belong to this user only")
+        folder.mkdir(mode=_PRIVATE, exist_ok=True)
         return
-    temporary.mkdir(mode=0o700, exist_ok=True)
-    # somebody else may have made it meanwhile
-    if hasattr(os, "getuid") and not _is_private(temporary):
-        raise PermissionError(f"{temporary} must belong to this user only")
-    folder.mkdir(mode=0o700, exist_ok=True)
+    for place in (*reversed(folder.parents), folder):
+        # whatever the user's mask says: nobody else may write there
+        place.mkdir(mode=_READABLE, exist_ok=True)
 
 
 def is_temporary(folder: Path) -> bool:
@@ -124,12 +183,6 @@ def _user_cache() -> Path | None:
         named = os.environ.get("XDG_CACHE_HOME", "") or os.path.expanduser("~/.cache")
     # an unknown user's ~ stays as it is, and would be a folder of the current one
     return Path(named) if os.path.isabs(named) else None
-
-
-def _only_ours_can_replace(parent: Path) -> bool:
-    """Return whether others cannot rename what we make in a folder."""
-    mode = parent.stat().st_mode
-    return not mode & (stat.S_IWGRP | stat.S_IWOTH) or bool(mode & stat.S_ISVTX)
 
 
 def _is_private(folder: Path) -> bool:

@@ -32,7 +32,7 @@ from planner.identity.program import program_digest
 from planner.plan import InspectionPlan
 from planner.records.json_file import encoded, read_json
 from planner.records.packing import packed, unpacked
-from planner.records.plan_check import check_state
+from planner.records.plan_check import check_checkpoint, check_state
 from planner.records.schema import check_schema, shown
 from planner.setting.reason import Reason, ReasonKind, kind_of
 from planner.setting.sensor_setting import SensorSetting
@@ -187,9 +187,16 @@ class PlanningState:
                 f"{path}: state file must belong to the same request and version of the program. "
                 f"Got another one: {change}; plan again without it."
             )
+        try:
+            checkpoint = unpacked(data["checkpoint"])
+            # compiled loops trust what they get
+            check_checkpoint(checkpoint, len(self.identity.get("targets") or ()))
+        except (PlanFileError, ValueError, TypeError, KeyError) as error:
+            what = str(error).removesuffix(".")
+            raise PlanFileError(f"{path}: {what}; plan again without it.") from None
         return {
             "outcomes": data["outcomes"],
-            "checkpoint": unpacked(data["checkpoint"]),
+            "checkpoint": checkpoint,
             "plan": None if data["plan"] is None else InspectionPlan.from_dict(data["plan"]),
         }
 

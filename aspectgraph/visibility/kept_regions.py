@@ -1,8 +1,8 @@
 """Visible regions kept in files as they are computed, so that an interrupted computation goes on where it was.
 
 One file per region, written whole or not at all. Its name is a digest of all that the region depends on, of the request
-and of the entity, so a file is never taken for another request's. What is damaged is computed again. A file beside them
-says which request they are of.
+and of the entity, so a file is never taken for another request's. In it is a digest of these and of the region. What is
+damaged, or no tree that compiled loops can walk, is computed again. A file beside them says which request they are of.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import json
 import os
 import shutil
 import tempfile
-import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from aspectgraph.solid.solid import Solid
 
 OWNER_FILE = "request.json"
+_DIGEST = "digest"
 _FIELDS = {
     "planes": (np.int64, 2),
     "plane": (np.int32, 1),
@@ -106,12 +106,15 @@ class KeptRegions:
             return None
         try:
             with self._path(name).open("rb") as file, np.load(file, allow_pickle=False) as data:
+                digest = str(data[_DIGEST])
                 arrays = {field: data[field] for field in _FIELDS}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        except Exception:
+            # NumPy raises whatever its parsers do where bytes are damaged: the region is computed
             return None
-        for field, (kind, axes) in _FIELDS.items():
-            if arrays[field].dtype != kind or arrays[field].ndim != axes:
-                return None
+        if not _has_form(arrays) or digest != self._digest(name, arrays):
+            return None
+        if not _is_tree(arrays):
+            return None
         tree = Tree(arrays["planes"], arrays["plane"], arrays["child"])
         return Region(tree, arrays["origin"], arrays["observable"])
 
@@ -119,13 +122,14 @@ class KeptRegions:
         """Keep the region of an entity, if that is possible."""
         with suppress(OSError):
             self._make_folder()
+            arrays: dict[str, Any] = {
+                **region.tree._asdict(),
+                "origin": region.origin,
+                "observable": region.observable,
+            }
+            arrays[_DIGEST] = np.array(self._digest(name, arrays))
             with _written_whole(self._path(name)) as file:
-                np.savez(
-                    file,
-                    **region.tree._asdict(),
-                    origin=region.origin,
-                    observable=region.observable,
-                )
+                np.savez(file, **arrays)
 
     def _make_folder(self) -> None:
         """Make the folder, if need be, and say whose it is before there is a region."""
@@ -144,9 +148,51 @@ class KeptRegions:
                 self.folder.unlink()
         shutil.rmtree(self.folder, ignore_errors=True)
 
+    def _digest(self, name: str, arrays: Mapping[str, np.ndarray]) -> str:
+        """Return the digest of a region, of what it depends on, and of its name."""
+        digest = hashlib.sha256(self._request + name.encode("utf-8", "surrogatepass"))
+        for field in _FIELDS:
+            array = np.ascontiguousarray(arrays[field])
+            digest.update(f"{field} {array.dtype.str} {array.shape}".encode())
+            digest.update(array.tobytes())
+        return digest.hexdigest()
+
     def _path(self, name: str) -> Path:
         text = name.encode("utf-8", "surrogatepass")
         return self.folder / f"{hashlib.sha256(self._request + text).hexdigest()[:40]}.npz"
+
+
+def _has_form(arrays: Mapping[str, np.ndarray]) -> bool:
+    """Return whether arrays have the types and axes of a region."""
+    return all(
+        arrays[field].dtype == kind and arrays[field].ndim == axes
+        for field, (kind, axes) in _FIELDS.items()
+    )
+
+
+def _is_tree(arrays: Mapping[str, np.ndarray]) -> bool:
+    """Return whether arrays are a binary tree with planes, so that compiled loops stay within them, and end.
+
+    Each node has two children or none. A child comes after its parent, and has one parent.
+    """
+    planes = arrays["planes"]
+    plane = arrays["plane"]
+    child = arrays["child"]
+    n = len(plane)
+    shapes = {
+        "planes": (len(planes), 4),
+        "plane": (n,),
+        "child": (n, 2),
+        "origin": (len(planes), 4),
+        "observable": (n,),
+    }
+    if n == 0 or any(arrays[field].shape != shape for field, shape in shapes.items()):
+        return False
+    inner = np.flatnonzero(plane >= 0)
+    children = child[inner]
+    in_range = bool((plane >= -1).all() and (plane < len(planes)).all())
+    later = bool((children > inner[:, None]).all() and (children < n).all())
+    return in_range and later and len(np.unique(children)) == children.size
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -193,9 +194,9 @@ class PoseUncertainty:
 def _check_covariance(covariance: np.ndarray) -> np.ndarray:
     try:
         cov = np.array(covariance, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise UncertaintyError.of_rule(
-            "covariance", "must be a (6, 6) array of numbers", repr(covariance)
+            "covariance", "must be a (6, 6) array of numbers", reprlib.repr(covariance)
         ) from None
     if cov.shape != (6, 6):
         raise UncertaintyError.of_rule("covariance", "must have the shape (6, 6)", str(cov.shape))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,8 +21,14 @@ from planner.measuring.image.picture import Picture
 from planner.measuring.image_notes import image_notes
 from planner.measuring.length import read_length
 from planner.measuring.merge import Result, merged
-from planner.measuring.part_model import PartModel
+from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.fiducials import NoFiducialsError, locate
+from planner.measuring.poses.gates import (
+    TooFarError,
+    check_distance,
+    displacement_between,
+    distance_of,
+)
 from planner.measuring.poses.likeness import check_lens, looks_like
 from planner.measuring.poses.register import bias_of
 from planner.measuring.poses.registered import Registered, as_given, prior_covariance
@@ -35,6 +41,7 @@ from planner.setting.image_names import setting_name
 from planner.setting.sensor_setting import SensorSetting
 from planner.verify.setting_record import search_windows_px
 from planner.wanted.planned import PlannedTarget, targets_of
+from planner.wanted.pose_knowledge import LEAST_POSE
 from planner.wanted.registered.record import GIVEN, OWN_EDGES
 
 if TYPE_CHECKING:
@@ -188,7 +195,7 @@ class Measurer:
             if shot.name not in found.images:
                 continue
             pictures[shot.name] = Picture.of(shot.name, found.images[shot.name], camera)
-        for own in self._by_setting(pictures):
+        for own in self._by_pose(pictures, options.registration):
             try:
                 one = self._registered(own, pictures, options)
             except NotRegisteredError as error:
@@ -223,12 +230,13 @@ class Measurer:
             pictures,
         )
 
-    def _by_setting(self, pictures: Mapping[str, Picture]) -> list[list[Shot]]:
-        """Return the shots that have an image, those of one setting together."""
-        found: dict[int, list[Shot]] = {}
+    def _by_pose(self, pictures: Mapping[str, Picture], how: Registration) -> list[list[Shot]]:
+        """Return the shots that have an image, those of one pose together: of a setting, unless each has its own."""
+        found: dict[object, list[Shot]] = {}
         for shot in self.shots:
             if shot.name in pictures:
-                found.setdefault(shot.setting, []).append(shot)
+                key = shot.name if shot.name in how.poses else shot.setting
+                found.setdefault(key, []).append(shot)
         return list(found.values())
 
     def _registered(
@@ -267,7 +275,40 @@ class Measurer:
                     "register", "must hold the pose of every image", f"none of {shot.name}"
                 )
             pose = how.poses[stem]
-        return as_given(self.model, pose, known, self._surfaces_mm(how), how.method)
+        found = as_given(self.model, pose, known, self._surfaces_mm(how), how.method)
+        if how.method != PLANNED:
+            spread = self.plan.pose_uncertainty.covariance + np.diag(LEAST_POSE**2)
+            if how.method == GIVEN:
+                # both poses are off the real one
+                spread = spread + known
+            chi2 = distance_of(displacement_between(planned, pose), spread)
+            check_distance(chi2)
+            found = replace(found, chi2=chi2)
+        if how.board is None:
+            self._check_edges(found, own, planned, options)
+        return found
+
+    def _check_edges(
+        self,
+        stated: Registered,
+        own: list[Picture],
+        planned: NDArray[np.float64],
+        options: MeasureOptions,
+    ) -> None:
+        """Refuse a stated pose that the part's edges contradict, if the images show enough of them to tell."""
+        prior = self.plan.pose_uncertainty.covariance
+        surfaces_mm = self._surfaces_mm(options.registration)
+        bias_px = self._bias_px(options)
+        try:
+            seen = register_as_shown(self.model, own, planned, prior, surfaces_mm, bias_px)
+        except TooFarError:
+            raise
+        except NotRegisteredError:
+            return
+        if stated.method == GIVEN:
+            spread = (stated.covariance + seen.covariance)[:POSE, :POSE]
+            chi2 = distance_of(displacement_between(stated.cam2world, seen.cam2world), spread)
+            check_distance(chi2, "its pose by the part's edges", "the stated one")
 
     def _surfaces_mm(self, how: Registration) -> float:
         if how.surfaces_mm is not None:

@@ -23,6 +23,33 @@ _SHOWN_BY_COUNTING = 0.9999
 _SAME = 1e-6
 
 
+# arrays of a checkpoint by what holds them: the kind of their numbers, then lengths.
+# a name stands for one length in what holds the arrays; in capitals for one in the whole checkpoint
+_POOL = {"membership": "b n TARGETS", "poses": "f n 4 4", "quality": "f n"}
+_ARRAYS = {
+    "checkpoint": {"inspected": "b TARGETS", "bound_of": "b TARGETS", "bound_weights": "f TARGETS"},
+    "realised": _POOL,
+    "near": _POOL,
+    "pricing": {"breed": "f n 4 4", "prices": "f TARGETS", "covered": "b TARGETS"},
+    "covers": {"conflict": "b SINGLE SINGLE", "weights": "f w"},
+    "growing": {"conflict": "b SINGLE SINGLE", "rows": "b r s"},
+    "tree": {
+        **{"centre": "f n 3", "half": "f n 3", "extents": "f n 3", "patch": "f n 4"},
+        **{"face": "i n", "roll": "f n 2", "sets": "b n SINGLE"},
+    },
+    "linear": {"found": "b n WEIGHED", "poses": "f p 4 4"},
+    "course": {"y": "f WEIGHED"},
+    "viewpoints": {"y": "f WEIGHED"},
+    "parts": {"proven": "b n", "waits": "b n", "worth": "i n"},
+    "swept": {
+        **{"outcome": "i n", "made": "i n", "doubt": "b n WEIGHED", "n_poses": "i n"},
+        **{"poses": "f p 4 4", "sets": "b p WEIGHED"},
+    },
+}
+# values are from 0 to below this
+_BELOW = {"face": 6}
+
+
 def check_plan(data: Mapping[str, Any]) -> None:
     """Refuse a plan that contradicts itself.
 
@@ -71,6 +98,73 @@ def check_state(data: Mapping[str, Any]) -> None:
             check_plan(data["plan"])
         except PlanFileError as error:
             raise PlanFileError(f"plan.{error}") from None
+
+
+def check_checkpoint(data: object, n_targets: int = 0) -> None:
+    """Refuse a checkpoint whose arrays do not fit together: compiled loops would read beyond them.
+
+    Parameters
+    ----------
+    data : object
+        The checkpoint, with its arrays unpacked; None if there is none.
+    n_targets : int
+        Number of the request's targets; 0 if that is not known.
+
+    Raises
+    ------
+    PlanFileError
+        Names the first wrong array by its path.
+    """
+    if data is not None:
+        _check_arrays(data, ("checkpoint",), {"TARGETS": n_targets} if n_targets else {})
+
+
+def _check_arrays(data: object, path: tuple[object, ...], common: dict[str, int]) -> None:
+    """Check the arrays in a value and in all that it holds; common lengths are added to those known."""
+    if isinstance(data, list | tuple):
+        for k, item in enumerate(data):
+            _check_arrays(item, (*path, k), common)
+    if isinstance(data, np.ndarray) and not np.isfinite(data).all():
+        raise PlanFileError(f"{field_name(*path)} must be finite. Got NaN or infinity.")
+    if not isinstance(data, dict):
+        return
+    lengths = common
+    for name, form in _ARRAYS.get(str(path[-1]), {}).items():
+        if data.get(name) is not None:
+            lengths = _check_array(data[name], form, field_name(*path, name), lengths)
+    common.update({name: n for name, n in lengths.items() if name.isupper()})
+    counts = data.get("n_poses")
+    if isinstance(counts, np.ndarray):
+        n = len(data["poses"])
+        if (counts < 0).any() or counts.sum() != n:
+            _refuse(field_name(*path, "n_poses"), f"must add up to {n}, the poses", counts.tolist())
+    for name, item in data.items():
+        _check_arrays(item, (*path, name), common)
+
+
+def _check_array(array: object, form: str, where: str, lengths: dict[str, int]) -> dict[str, int]:
+    """Check the kind, the lengths and the range of an array; return the lengths that are known then."""
+    kind, *names = form.split()
+    shape = array.shape if isinstance(array, np.ndarray) else None
+    known = dict(lengths)
+    fits = shape is not None and len(shape) == len(names)
+    if shape is not None and fits:
+        for name, n in zip(names, shape, strict=True):
+            fits = fits and known.setdefault(name, int(name) if name.isdigit() else n) == n
+    if not fits or not isinstance(array, np.ndarray) or array.dtype.kind != kind:
+        text = " x ".join(str(known.get(name, name)) for name in names).lower()
+        got = "no array" if not isinstance(array, np.ndarray) else f"{array.dtype} {array.shape}"
+        raise PlanFileError(f"{where} must be an array of {text}, of the kind {kind}. Got {got}.")
+    if not np.isfinite(array).all():
+        raise PlanFileError(f"{where} must be finite. Got NaN or infinity.")
+    if names[-2:] == ["4", "4"]:
+        _check_rigid(array, where)
+    most = _BELOW.get(where.rpartition(".")[2])
+    if most is not None and not ((array >= 0) & (array < most)).all():
+        _refuse(
+            where, f"must be from 0 to {most - 1}", array[(array < 0) | (array >= most)][0].item()
+        )
+    return known
 
 
 def check_setting(setting: Mapping[str, Any], *where: object) -> None:

@@ -345,3 +345,42 @@ def test_what_a_wheel_brings_for_many_processors_is_used(folder, tmp_path):
     assert alone(**kept, **able) == ["7.0", "5.0", "1.0"]
     assert not list((tmp_path / "kept").rglob("*.nbc"))
     assert alone(**kept, **old) == ["7.0", "5.0", "1.0", *FRESH]
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="modes of folders")
+@pytest.mark.parametrize("place", ["chosen", "beside", "user", "above", "file"])
+def test_code_that_others_could_have_written_is_not_run(run, folder, tmp_path, place):
+    """Loops are compiled anew where others may write the folder, one above it, or the file itself."""
+    user = folder / "user"
+    changed = {"XDG_CACHE_HOME": str(user), "TMPDIR": str(folder)}
+    if place == "chosen":
+        changed["NUMBA_CACHE_DIR"] = str(tmp_path / "chosen")
+    if place in ("user", "above"):
+        (folder / "loops" / "__pycache__").write_text("")
+    run(**changed)
+    assert run(**changed)[1] == []
+    (kept, *_) = [path.parent for path in tmp_path.rglob("*.nbc")]
+    if place == "file":
+        for path in kept.glob("*.nbc"):
+            path.chmod(0o666)
+    else:
+        opened = {"chosen": tmp_path / "chosen", "above": user}.get(place, kept)
+        opened.chmod(0o777)
+    numbers, names, message = run(**changed)
+    assert (numbers, names) == ([7.0, 5.0, 1.0], FRESH)
+    assert ("NUMBA_CACHE_DIR must be a folder that no other user can write" in message) == (
+        place == "chosen"
+    )
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="modes of folders")
+def test_folders_are_made_for_this_user_whatever_its_mask(run, folder, tmp_path):
+    """With a mask of 0, others could write all that a program makes."""
+    script = folder / "run.py"
+    script.write_text("import os\nos.umask(0)\n" + RUN)
+    changed = {"XDG_CACHE_HOME": str(folder / "user"), "NUMBA_CACHE_DIR": str(tmp_path / "chosen")}
+    assert run(**changed)[1] == FRESH
+    assert run(**changed)[1] == []
+    made = [*(tmp_path / "chosen").rglob("*")]
+    assert made
+    assert not [path for path in made if path.stat().st_mode & 0o022]

@@ -136,3 +136,33 @@ def test_the_temporary_folder_must_not_be_one_that_others_can_replace(tmp_path, 
     assert folders.temporary_folder() is None
     tmp_path.chmod(0o1777)
     assert folders.temporary_folder() is not None
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="owners of files")
+def test_a_folder_of_another_user_is_not_trusted_unless_the_source_is(tmp_path, monkeypatch):
+    source = tmp_path / "loops.py"
+    source.write_text("")
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    assert folders.is_trusted(theirs / "new", source)
+    (tmp_path / "link").symlink_to(theirs)
+    if os.getuid() == 0:
+        os.chown(theirs, 12345, -1)
+    else:
+        # all is another user's; so is the source
+        monkeypatch.setattr(folders.os, "getuid", lambda: 12345)
+        source = tmp_path / "no source"
+    assert not folders.is_trusted(theirs / "new", source)
+    assert not folders.is_trusted(tmp_path / "link" / "new", source)
+    if os.getuid() == 0:
+        # who owns the source can run code anyway
+        os.chown(source, 12345, -1)
+        assert folders.is_trusted(theirs / "new", source)
+
+
+def test_a_circle_of_links_is_not_trusted(tmp_path):
+    (tmp_path / "one").symlink_to(tmp_path / "two")
+    (tmp_path / "two").symlink_to(tmp_path / "one")
+    assert (
+        not folders.is_trusted(tmp_path / "one" / "new", tmp_path / "loops.py") or os.name == "nt"
+    )

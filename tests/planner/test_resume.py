@@ -20,6 +20,7 @@ from planner.effort.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.inspection import plan_inspection
 from planner.records.packing import packed, unpacked
+from planner.records.plan_check import check_checkpoint
 from planner.request.reach import reach_identity
 from planner.resume import PlanningState, holds_plan
 
@@ -288,6 +289,63 @@ def test_state_without_a_field_is_refused(tmp_path):
     path.write_text(json.dumps(data))
     with pytest.raises(PlanFileError, match=r"checkpoint must be given\. Got none\."):
         PlanningState({}, path)
+
+
+def wrong_arrays(array):
+    """Arrays in place of another one that compiled loops must not see."""
+    if array.dtype.kind == "f":
+        for value in (np.nan, np.inf):
+            wrong = array.copy()
+            wrong.flat[-1] = value
+            yield wrong
+    yield array[:-1]
+    yield array[..., None]
+    yield array.astype(np.int64 if array.dtype.kind != "i" else np.float64)
+
+
+@pytest.mark.parametrize(
+    ("label", "path"),
+    [
+        ("candidate poses", "pools.near.poses"),
+        ("candidate poses", "pools.realised.membership"),
+        ("candidate poses", "pools.realised.quality"),
+        ("column generation", "entries.pricing.prices"),
+        ("column generation", "entries.pricing.covered"),
+        ("lower bound", "inspected"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused_whatever_the_digest_says(
+    space, whole, tmp_path, at_once, label, path
+):
+    """Poses with NaN crashed a compiled loop; the digest is one that anybody can compute."""
+    state = tmp_path / "state.json"
+    labels = whole[1]
+    with pytest.raises(Stop):
+        plan_box(space, state, stop_at(len(labels) - labels[::-1].index(label)))
+    data = json.loads(state.read_text())
+    del data["digest"]
+    *parents, name = path.split(".")
+    holder = data["checkpoint"]
+    for parent in parents:
+        holder = holder[parent]
+    for wrong in wrong_arrays(unpacked(holder[name])):
+        holder[name] = packed(wrong)
+        state.write_text(json.dumps({**data, "digest": resume._digest(data)}))
+        with pytest.raises(PlanFileError, match=r"must be .*; plan again without it\.$") as refused:
+            PlanningState(data["request"], state)
+        assert "checkpoint." in str(refused.value)
+
+
+def test_poses_that_are_not_rigid_and_faces_out_of_range_are_refused():
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    check_checkpoint({"linear": {"poses": poses}})
+    with pytest.raises(PlanFileError, match=r"checkpoint\.linear\.poses must hold a rotation"):
+        check_checkpoint({"linear": {"poses": 2 * poses}})
+    check_checkpoint({"tree": {"face": np.arange(6)}})
+    with pytest.raises(PlanFileError, match=r"tree\.face must be from 0 to 5\. Got 6"):
+        check_checkpoint({"tree": {"face": np.arange(7)}})
+    with pytest.raises(PlanFileError, match=r"swept\.n_poses must add up to 2"):
+        check_checkpoint({"swept": {"poses": poses, "n_poses": np.array([1, 2])}})
 
 
 def test_state_that_cannot_be_written_is_told_before_the_work(space, tmp_path):

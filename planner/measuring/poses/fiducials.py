@@ -7,20 +7,34 @@ them, so those are never used. The board's own position has an uncertainty, whic
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from scipy.stats import chi2 as chi_squared
 
-from errors.registration import Rows, posterior
+from errors.registration import Posterior, Rows, posterior
 from planner.camera.camera import Camera
+from planner.camera.pose_uncertainty import MAX_SIGMA_MM, MAX_SIGMA_RAD
 from planner.exceptions import RequestError
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.samples import pixels_of
+from planner.measuring.part_model import POSE
+from planner.measuring.poses.gates import (
+    CREDIBLE,
+    MOVE_SIGMAS,
+    check_distance,
+    check_one_pose,
+    distance_of,
+    rigid_motion,
+)
 from planner.measuring.poses.registered import displaced
+from planner.measuring.poses.task import NotRegisteredError
+from planner.records.schema import shown
 from planner.wanted.pose_knowledge import LEAST_POSE
 
 if sys.version_info >= (3, 11):
@@ -36,12 +50,29 @@ LEAST_CORNERS = 4
 """Fewer corners say too little."""
 OLDEST_OPENCV = (4, 13)
 """Older detectors find corners half a pixel off (OpenCV issue 28380)."""
+SCALE_SIGMA = 0.1
+"""By how much a print may be larger than stated, standard deviation, where this is looked for."""
+MARKERS = {
+    **{f"DICT_{n}X{n}_{count}": count for n in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
+    "DICT_ARUCO_ORIGINAL": 1024,
+    "DICT_ARUCO_MIP_36h12": 250,
+    "DICT_APRILTAG_16h5": 30,
+    "DICT_APRILTAG_25h9": 35,
+    "DICT_APRILTAG_36h10": 2320,
+    "DICT_APRILTAG_36h11": 587,
+}
+"""How many markers OpenCV's dictionaries have. Every second square of a board has one."""
+SQUARE_MM = (0.01, 1000.0)
+"""Squares of boards are this large, at least and at most."""
+MOST_CORNER_PX = 10.0
+"""Corners that are found less surely say nothing."""
 
-_ROUNDS = 6
+# a solution that moves less than this share of its standard deviations is at rest
+_STILL = 1e-3
+_SCALE = 2 * POSE
+_ROUNDS = 20
 _REFINED_PX = 3
 _STEPS = np.array([1e-3] * 3 + [1e-5] * 3)
-_UNKNOWNS = 6
-_FIELDS = ("squares", "square_mm", "marker_mm", "dictionary", "board2part", "sigma_mm", "sigma_rad")
 
 
 class NoFiducialsError(Exception):
@@ -64,6 +95,8 @@ class Fiducials:
         Pose of the board in the part's frame, mm: origin in its first corner, x and y along it.
     sigma_mm, sigma_rad : float
         Standard deviations of its position and direction, for each axis.
+    corner_px : float
+        Standard deviation of a found corner along each axis, px. Images whose corners are farther off are refused.
 
     Raises
     ------
@@ -86,20 +119,34 @@ class Fiducials:
     board2part: Array
     sigma_mm: float
     sigma_rad: float
+    corner_px: float = CORNER_PX
 
     def __post_init__(self) -> None:
-        for name in ("square_mm", "marker_mm", "sigma_mm", "sigma_rad"):
-            value = getattr(self, name)
-            if not (isinstance(value, int | float) and np.isfinite(value) and value > 0):
-                raise RequestError.of_rule(name, "must be positive", repr(value))
-        counts = self.squares
-        if len(counts) != 2 or not all(isinstance(n, int) and n >= 2 for n in counts):
-            raise RequestError.of_rule("squares", "must be two numbers of at least 2", repr(counts))
-        pose = np.array(self.board2part, dtype=np.float64)
-        turn = pose[:3, :3] if pose.shape == (4, 4) else np.zeros((3, 3))
-        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6):
-            raise RequestError.of_rule("board2part", "must be a rigid motion (4, 4)", "another")
-        object.__setattr__(self, "board2part", pose)
+        limits = {
+            "square_mm": SQUARE_MM[1],
+            "marker_mm": SQUARE_MM[1],
+            "sigma_mm": MAX_SIGMA_MM,
+            "sigma_rad": MAX_SIGMA_RAD,
+            "corner_px": MOST_CORNER_PX,
+        }
+        for name, most in limits.items():
+            _check_positive(name, getattr(self, name), most)
+        if self.square_mm < SQUARE_MM[0]:
+            raise RequestError.of_rule(
+                "square_mm", f"must be at least {SQUARE_MM[0]:g}", repr(self.square_mm)
+            )
+        if self.marker_mm >= self.square_mm:
+            raise RequestError.of_rule(
+                "marker_mm", f"must be below square_mm, {self.square_mm:g}", repr(self.marker_mm)
+            )
+        if not isinstance(self.dictionary, str) or self.dictionary not in MARKERS:
+            raise RequestError.of_rule(
+                "dictionary",
+                "must be one of OpenCV, such as DICT_4X4_50",
+                shown(self.dictionary),
+            )
+        object.__setattr__(self, "squares", _squares(self.squares, self.dictionary))
+        object.__setattr__(self, "board2part", rigid_motion(self.board2part, "board2part"))
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Fiducials:
@@ -121,14 +168,18 @@ class Fiducials:
             If it cannot be read, or a field is missing, unknown or wrong.
         """
         data = _read_toml(Path(path))
-        unknown = [name for name in data if name not in _FIELDS]
-        missing = [name for name in _FIELDS if name not in data]
+        names = [one.name for one in fields(cls)]
+        needed = [one.name for one in fields(cls) if one.default is MISSING]
+        unknown = [name for name in data if name not in names]
+        missing = [name for name in needed if name not in data]
         if unknown or missing:
             got = ", ".join(unknown) or f"no {', '.join(missing)}"
-            raise RequestError.of_rule(
-                f"{path}: the board", f"must have the fields {', '.join(_FIELDS)}", got
-            )
-        return cls(**{**data, "squares": tuple(data["squares"])})
+            rule = f"must have the fields {', '.join(needed)}, and may have corner_px"
+            raise RequestError.of_rule(f"{path}: the board", rule, got)
+        try:
+            return cls(**data)
+        except RequestError as error:
+            raise RequestError(f"{path}: {error}") from None
 
     def corners(self, picture: Picture) -> tuple[Array, Array]:
         """Return the corners of the chessboard that are found in an image.
@@ -153,10 +204,6 @@ class Fiducials:
             If too few corners are found.
         """
         cv2 = _opencv()
-        if not hasattr(cv2.aruco, self.dictionary):
-            raise RequestError.of_rule(
-                "dictionary", "must be one of OpenCV, such as DICT_4X4_50", repr(self.dictionary)
-            )
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         board = cv2.aruco.CharucoBoard(
             self.squares, float(self.square_mm), float(self.marker_mm), markers
@@ -174,6 +221,30 @@ class Fiducials:
         return points, images.reshape(-1, 2).astype(np.float64)
 
 
+def _check_positive(name: str, value: object, most: float) -> None:
+    """Refuse what is no positive number, or a larger one than most."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    # also NaN is not above 0
+    if not (is_number and value > 0):  # type: ignore[operator]
+        raise RequestError.of_rule(name, "must be positive", shown(value))
+    if value > most:  # type: ignore[operator]
+        raise RequestError.of_rule(name, f"must be at most {most:g}", shown(value))
+
+
+def _squares(value: object, dictionary: str) -> tuple[int, int]:
+    """Return the squares of a board whose markers a dictionary has."""
+    counts = tuple(value) if isinstance(value, list | tuple) else ()
+    are_numbers = all(isinstance(n, int) and not isinstance(n, bool) for n in counts)
+    if len(counts) != 2 or not are_numbers or min(counts) < 2:
+        raise RequestError.of_rule("squares", "must be two numbers of at least 2", shown(value))
+    most = 2 * MARKERS[dictionary] + 1
+    if counts[0] * counts[1] > most:
+        raise RequestError.of_rule(
+            "squares", f"must be at most {most} in all with {dictionary}", shown(value)
+        )
+    return counts[0], counts[1]
+
+
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -181,8 +252,27 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise RequestError.of_rule(
             "register", "must name a readable file", f"{str(path)!r}: {error.strerror}"
         ) from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RequestError.of_rule("register", "must be TOML", f"{path}: {error}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Corners of the board in one image.
+
+    Attributes
+    ----------
+    name : str
+        The image.
+    points : array (n, 3)
+        Corners in the part's frame, mm.
+    images : array (n, 2)
+        Where they were found, px.
+    """
+
+    name: str
+    points: Array
+    images: Array
 
 
 def locate(
@@ -212,53 +302,140 @@ def locate(
     ------
     NoFiducialsError
         If no image shows enough corners.
+    NotRegisteredError
+        If the pose does not explain the corners, if it is too far from the planned one, or if images of the setting
+        are from different poses.
     """
     seen = []
     why = "there is no image"
     for picture in pictures:
         try:
-            seen.append(fiducials.corners(picture))
+            seen.append(_Seen(picture.name, *fiducials.corners(picture)))
         except NoFiducialsError as error:
             why = str(error)
     if not seen:
         raise NoFiducialsError(why)
-    points = np.concatenate([one for one, _ in seen])
-    images = np.concatenate([one for _, one in seen])
-    camera = pictures[0].camera
-    # the board is off its stated position by a displacement of its own
-    sigmas = np.repeat([fiducials.sigma_mm, fiducials.sigma_rad], 3)
-    prior = np.zeros((2 * _UNKNOWNS, 2 * _UNKNOWNS))
-    prior[:_UNKNOWNS, :_UNKNOWNS] = pose_covariance + np.diag(LEAST_POSE**2)
-    prior[_UNKNOWNS:, _UNKNOWNS:] = np.diag(sigmas**2)
-    x = np.zeros(2 * _UNKNOWNS)
-    weight = np.full(2 * len(points), 1 / CORNER_PX**2)
-    for _ in range(_ROUNDS):
-        predicted = _predicted(x, points, fiducials, planned, camera)
-        steps = np.diag(np.tile(_STEPS, 2))
-        slopes = [
-            (
-                _predicted(x + step, points, fiducials, planned, camera)
-                - _predicted(x - step, points, fiducials, planned, camera)
+    prior = pose_covariance + np.diag(LEAST_POSE**2)
+    view = _View(fiducials, seen, planned, pictures[0].camera, prior)
+    found = view.solved()
+    if len(seen) > 1:
+        apart = view.solved(apart=True)
+        check_one_pose([one.name for one in seen], apart.mean[_SCALE + 1 :], apart.covariance)
+    _check_corners(view, found)
+    return displaced(planned, found.mean[:POSE])[0], found.covariance[:POSE, :POSE]
+
+
+def _check_corners(view: _View, found: Posterior) -> None:
+    """Refuse a pose that leaves corners unexplained, or that is too far from the planned one."""
+    stated = view.fiducials.corner_px
+    rest = view.rest(found.mean)
+    freedoms = len(rest) - POSE
+    square = float(rest @ rest) / stated**2
+    try:
+        if square > chi_squared.ppf(CREDIBLE, freedoms):
+            raise NotRegisteredError(
+                f"the corners of the board are {np.sqrt(rest @ rest / freedoms):.2g} px off its pose, "
+                f"and corner_px is {stated:g}"
             )
-            / (2 * step.sum())
-            for step in steps
-        ]
-        design = np.stack(slopes, axis=1)
-        rows = Rows(np.arange(len(x)), design, images.ravel() - predicted + design @ x, weight)
-        found = posterior(prior, [rows], 0.0)
-        x = found.mean
-    pose = displaced(planned, x[:_UNKNOWNS])[0]
-    return pose, found.covariance[:_UNKNOWNS, :_UNKNOWNS]
+        check_distance(distance_of(found.mean[:POSE], view.prior))
+    except NotRegisteredError as error:
+        raise NotRegisteredError(error.what, _printed(view)) from None
 
 
-def _predicted(
-    x: Array, points: Array, fiducials: Fiducials, planned: Array, camera: Camera
-) -> Array:
-    """Return the images of corners (2n,), px, at a displacement of the camera (6) and of the board (6)."""
-    board = fiducials.board2part
-    moved = displaced(board, x[_UNKNOWNS:])[0] @ np.linalg.inv(board)
-    places = points @ moved[:3, :3].T + moved[:3, 3]
-    return pixels_of(places, displaced(planned, x[:_UNKNOWNS])[0], camera).ravel()
+def _printed(view: _View) -> str:
+    """Say at which scale the board looks printed, if another one than stated explains its corners surely better."""
+    try:
+        found = view.solved(scaled=True)
+    except NotRegisteredError:
+        return ""
+    scale = float(found.mean[_SCALE])
+    if scale**2 <= chi_squared.ppf(CREDIBLE, 1) * found.covariance[_SCALE, _SCALE]:
+        return ""
+    percent = 100 * (1 + scale)
+    return f"the board looks printed at {percent:.1f} %: measure its squares, and state square_mm"
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A board as the images of one setting show it.
+
+    Unknowns are displacements of the camera (6) and of the board (6), by how much its print is larger than stated (1),
+    and displacements of the camera in each further image (6 each).
+
+    Attributes
+    ----------
+    fiducials : Fiducials
+        The board.
+    seen : list of _Seen
+        Its corners in each image.
+    planned : array (4, 4)
+        The planned pose.
+    camera : Camera
+        The camera.
+    prior : array (6, 6)
+        Covariance of the camera's displacement.
+    """
+
+    fiducials: Fiducials
+    seen: list[_Seen]
+    planned: Array
+    camera: Camera
+    prior: Array
+
+    def solved(self, *, scaled: bool = False, apart: bool = False) -> Posterior:
+        """Return the unknowns; the scale and the moves between images are zero unless they are free.
+
+        Raises
+        ------
+        NotRegisteredError
+            If corners do not lead to a pose.
+        """
+        prior = self._prior()
+        chosen = np.arange(2 * POSE)
+        if scaled:
+            chosen = np.append(chosen, _SCALE)
+        if apart:
+            chosen = np.append(chosen, np.arange(_SCALE + 1, len(prior)))
+        steps = np.concatenate([_STEPS, _STEPS, _STEPS[-1:], np.tile(_STEPS, len(self.seen) - 1)])
+        x = np.zeros(len(prior))
+        found = Posterior(x, prior)
+        for _ in range(_ROUNDS):
+            rest = self.rest(x)
+            moves = np.diag(steps)[chosen]
+            slopes = [self.rest(x - move) - self.rest(x + move) for move in moves]
+            design = np.stack(slopes, axis=1) / (2 * steps[chosen])
+            if not (np.isfinite(rest).all() and np.isfinite(design).all()):
+                raise NotRegisteredError("the corners of the board do not lead to a pose")
+            weight = np.full(len(rest), 1 / self.fiducials.corner_px**2)
+            rows = Rows(chosen, design, rest + design @ x[chosen], weight)
+            found = posterior(prior, [rows], 0.0)
+            last = x
+            x = found.mean
+            if (np.abs(x - last) <= _STILL * np.sqrt(np.diag(found.covariance))).all():
+                break
+        return found
+
+    def rest(self, x: Array) -> Array:
+        """Return how far corners were found off their prediction at unknowns, px: all numbers in one row."""
+        board = self.fiducials.board2part
+        moved = displaced(board, x[POSE:_SCALE])[0]
+        rests = []
+        for k, one in enumerate(self.seen):
+            local = (one.points - board[:3, 3]) @ board[:3, :3] * (1 + x[_SCALE])
+            places = local @ moved[:3, :3].T + moved[:3, 3]
+            pose = displaced(self.planned, x[:POSE])[0]
+            if k:
+                first = _SCALE + 1 + POSE * (k - 1)
+                pose = displaced(pose, x[first : first + POSE])[0]
+            with np.errstate(all="ignore"):
+                rests.append((one.images - pixels_of(places, pose, self.camera)).ravel())
+        return np.concatenate(rests)
+
+    def _prior(self) -> Array:
+        # the board is off its stated position by a displacement of its own
+        sigmas = np.repeat([self.fiducials.sigma_mm, self.fiducials.sigma_rad], 3)
+        between = [MOVE_SIGMAS**2 * self.prior] * (len(self.seen) - 1)
+        return block_diag(self.prior, np.diag(sigmas**2), [[SCALE_SIGMA**2]], *between)
 
 
 def _opencv() -> Any:

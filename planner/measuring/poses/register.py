@@ -17,12 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from errors.registration import Posterior, Rows, bias_variance_of, posterior
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.scans import State
 from planner.measuring.part_model import POSE, PartModel
 from planner.measuring.poses.coarse import coarse_shift
+from planner.measuring.poses.gates import MOVE_SIGMAS, check_one_pose
 from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import Registered
 from planner.measuring.poses.solving import cost_of, noise_of, solved
@@ -192,7 +194,7 @@ def register(
     Raises
     ------
     NotRegisteredError
-        If the images do not show the part from near the planned pose.
+        If the images do not show the part from near the planned pose, or are from different poses.
     """
     task = registration_task(model, pictures[0].camera, planned, prior, bias_px)
     start = _coarse(task, pictures)
@@ -202,7 +204,44 @@ def register(
         other = _best(task, pictures, start._replace(late=0))
         found = other if other[0].accepted else found
     attempt, lamps = found
-    return replace(judged(attempt, _stated(attempt)), lamps=lamps)
+    registered = replace(judged(attempt, _stated(attempt)), lamps=lamps)
+    if len(pictures) > 1:
+        _check_one_pose(attempt)
+    return registered
+
+
+def _check_one_pose(attempt: Attempt) -> None:
+    """Refuse images that are from different poses, as far as each shows enough of the part to tell.
+
+    Each is registered alone. Then the surfaces are the same ones, and the camera may have moved between images.
+    """
+    task = attempt.task
+    alone = []
+    for picture in attempt.pictures:
+        start = Start(attempt.scan.x, attempt.lead)
+        own = _attempted(task, [picture], start, task.samples.edge)
+        if not own.convincing:
+            # farther off than edges are searched
+            own = _attempted(task, [picture], _coarse(task, [picture]), task.samples.edge)
+        if own.convincing:
+            alone.append(own)
+    if len(alone) < 2:
+        return
+    n = len(task.prior)
+    rows = list(alone[0].rows)
+    for k, own in enumerate(alone[1:]):
+        move = n + POSE * k + np.arange(POSE)
+        rows += [
+            one._replace(
+                unknowns=np.concatenate([one.unknowns, move]),
+                design=np.hstack([one.design, one.design[:, :POSE]]),
+            )
+            for one in own.rows
+        ]
+    between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(alone) - 1)
+    estimate = posterior(block_diag(task.prior, *between), rows, task.bias_px**2)
+    names = [own.pictures[0].name for own in alone]
+    check_one_pose(names, estimate.mean[n:], estimate.covariance)
 
 
 def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, dict[str, Lamp]]:

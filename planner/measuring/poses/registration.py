@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
 from planner.measuring.poses.fiducials import Fiducials
+from planner.measuring.poses.gates import rigid_motion
 from planner.setting.image_names import setting_name
 from planner.wanted.registered.record import GIVEN, OWN_EDGES, RegistrationRecord
 
 PLANNED = "planned"
 FIDUCIALS = "fiducials"
 BOTH = "fiducials and own edges"
-_RIGID = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,13 +164,22 @@ class Registration:
         -------
         Registration
             The registration.
+
+        Raises
+        ------
+        RequestError
+            If a pose is no rigid motion, or a name has two.
+        UncertaintyError
+            If the covariance is none.
         """
         checked = {}
         for key, pose in poses.items():
             is_number = isinstance(key, int | np.integer) and not isinstance(key, bool)
             name = setting_name(int(key) - 1) if is_number else Path(str(key)).stem
-            checked[name] = _rigid(pose, name)
-        known = None if covariance is None else PoseUncertainty(np.asarray(covariance))
+            if name in checked:
+                raise RequestError.of_rule("poses", "must have one pose of a name", repr(name))
+            checked[name] = rigid_motion(pose, f"the pose of {name}")
+        known = None if covariance is None else PoseUncertainty(covariance)  # type: ignore[arg-type]
         return cls(GIVEN, surfaces_mm, checked, known)
 
     def planned(self) -> RegistrationRecord | None:
@@ -227,30 +236,12 @@ class Registration:
             raise RequestError.of_rule(
                 "register", "must name a readable file", f"{name!r}: {error.strerror}"
             ) from None
-        except ValueError:
+        except (ValueError, RecursionError):
             raise RequestError.of_rule("register", "must be JSON", repr(name)) from None
-        if not isinstance(data, dict):
+        poses = data.get("poses", data) if isinstance(data, dict) else None
+        if not isinstance(poses, dict):
             raise RequestError.of_rule("register", "must hold poses by setting name", repr(name))
-        poses = data.get("poses", data)
         try:
             return cls.given(poses, data.get("covariance"), surfaces_mm)
-        except (PlannerError, AttributeError) as error:
+        except PlannerError as error:
             raise RequestError(f"{name}: {error}") from None
-
-
-def _rigid(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    """Return a pose (4, 4) that is a rigid motion."""
-    try:
-        pose = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        pose = np.empty(0)
-    parameter = f"the pose of {name}"
-    if pose.shape != (4, 4) or not np.isfinite(pose).all():
-        raise RequestError.of_rule(
-            parameter, "must be a matrix (4, 4) of numbers", f"{value!r}"[:60]
-        )
-    turn = pose[:3, :3]
-    rigid = np.abs(turn @ turn.T - np.eye(3)).max() < _RIGID and np.linalg.det(turn) > 0
-    if not rigid or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
-        raise RequestError.of_rule(parameter, "must be a rotation and a translation", "another")
-    return pose

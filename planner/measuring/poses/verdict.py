@@ -14,6 +14,7 @@ from planner.measuring.fit import TUKEY
 from planner.measuring.image.picture import Picture
 from planner.measuring.image.scans import State
 from planner.measuring.part_model import POSE
+from planner.measuring.poses.gates import MOST_CHI2, check_distance, distance_of
 from planner.measuring.poses.lamp import Lamp
 from planner.measuring.poses.registered import SAMPLE, Registered
 from planner.measuring.poses.shadows import Shown, shown
@@ -45,8 +46,6 @@ MUCH_DARK = 0.2
 """Share of the samples without contrast from which on a refusal says so."""
 CLEAR_LEAD = 1.1
 """Votes for the best shift over those for another one, from which on it is clear."""
-MOST_CHI2 = 22.5
-"""Largest square of the pose's displacement in standard deviations of its prior: 1 in 1,000 poses is beyond."""
 
 _POSE_WORDS = (
     "position across, along its x axis",
@@ -149,8 +148,7 @@ class Attempt:
     @property
     def chi2(self) -> float:
         """Square of the pose's displacement in standard deviations of its prior."""
-        displacement = self.scan.x[:POSE]
-        return float(displacement @ np.linalg.solve(self.task.prior[:POSE, :POSE], displacement))
+        return distance_of(self.scan.x[:POSE], self.task.prior[:POSE, :POSE])
 
     @property
     def accepted(self) -> bool:
@@ -202,10 +200,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
             f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them",
             _dark_text(found),
         )
-    if chi2 > MOST_CHI2:
-        raise NotRegisteredError(
-            f"its pose is {np.sqrt(chi2):.1f} standard deviations away from the planned one"
-        )
+    check_distance(chi2)
     agree = np.any(attempt.agreeing, axis=0)
     rests = [np.abs(one.offset[own]) for one, own in zip(found, attempt.agreeing, strict=True)]
     shift = np.linalg.norm(attempt.scan.centres - attempt.first, axis=1)

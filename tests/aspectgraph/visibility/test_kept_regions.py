@@ -138,3 +138,76 @@ def test_a_folder_that_cannot_be_made_keeps_nothing(block, tmp_path):
     kept = KeptRegions(tmp_path / "file" / "kept")
     assert same(compute_regions(block, EDGES, BOX, kept=kept), compute_regions(block, EDGES, BOX))
     assert not kept
+
+
+def trees(arrays):
+    """Arrays that are no tree: compiled loops would read beyond them, or never end."""
+    child = arrays["child"]
+    plane = arrays["plane"]
+    inner = int(np.flatnonzero(plane >= 0)[-1])
+
+    def changed(field, index, value):
+        array = arrays[field].copy()
+        array[index] = value
+        return {field: array}
+
+    yield {"child": np.full_like(child, 2_000_000_000)}
+    yield {"child": np.full_like(child, -2_000_000_000)}
+    yield {"child": np.zeros_like(child)}
+    yield changed("child", (inner, 0), inner)
+    yield changed("child", (inner, 0), child[inner, 1])
+    yield changed("child", (inner, 0), -1)
+    yield changed("plane", inner, len(arrays["planes"]))
+    yield changed("plane", inner, -2)
+    yield {field: array[:0] for field, array in arrays.items()}
+    for field in arrays:
+        yield {field: arrays[field][:-1]}
+    yield {"planes": arrays["planes"][:, :3]}
+
+
+def test_what_is_no_tree_is_computed_again_whatever_its_digest_says(block, tmp_path):
+    kept = KeptRegions(tmp_path)
+    first = compute_regions(block, EDGES, BOX, kept=kept)
+    name = next(iter(EDGES))
+    path = kept._path(name)
+    stored = dict(np.load(path))
+    del stored["digest"]
+    for change in trees(stored):
+        wrong = {**stored, **change}
+        np.savez(path, **wrong, digest=np.array(kept._digest(name, wrong)))
+        assert kept.get(name) is None, {field: array.shape for field, array in change.items()}
+    np.savez(path, **stored, digest=np.array(kept._digest(name, stored)))
+    assert kept.get(name) is not None
+    assert same(compute_regions(block, EDGES, BOX, kept=kept), first)
+
+
+def test_a_changed_region_is_computed_again(block, tmp_path):
+    """All of a region's arrays are in its digest, and another entity's region is not its own."""
+    kept = KeptRegions(tmp_path)
+    first = compute_regions(block, EDGES, BOX, kept=kept)
+    name, other, *_ = EDGES
+    path = kept._path(name)
+    stored = dict(np.load(path))
+    np.savez(path, **{**stored, "observable": ~stored["observable"]})
+    assert kept.get(name) is None
+    path.write_bytes(kept._path(other).read_bytes())
+    assert kept.get(name) is None
+    assert same(compute_regions(block, EDGES, BOX, kept=kept), first)
+
+
+def test_mutated_files_raise_nothing(block, tmp_path):
+    """Whatever byte of a file is another one, its region is the same, or is computed again."""
+    kept = KeptRegions(tmp_path)
+    compute_regions(block, EDGES, BOX, kept=kept)
+    name = next(iter(EDGES))
+    path = kept._path(name)
+    whole = path.read_bytes()
+    true = arrays(kept.get(name))
+    rng = np.random.default_rng(1)
+    for _ in range(400):
+        content = bytearray(whole)
+        for k in rng.integers(len(content), size=rng.integers(1, 4)):
+            content[k] = rng.integers(256)
+        path.write_bytes(content)
+        region = kept.get(name)
+        assert region is None or all(map(np.array_equal, arrays(region), true))

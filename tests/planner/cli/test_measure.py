@@ -105,6 +105,33 @@ def test_bad_poses(folder, capsys, name, message):
     assert message in capsys.readouterr().err
 
 
+ROW = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"poses": {}, "covariance": [[1], [1, 2]]}', "covariance must be a (6, 6) array"),
+        (
+            '{"poses": {}, "covariance": [[1' + "0" * 400 + "]]}",
+            "covariance must be a (6, 6) array",
+        ),
+        ('{"poses": [1]}', "--register must hold poses by setting name"),
+        (f'{{"setting_01": {ROW}, "setting_01.png": {ROW}}}', "poses must have one pose of"),
+        ("[" * 100_000, "--register must be JSON"),
+        (f'{{"setting_01": {ROW}}}'.replace("[1,", "[NaN,"), "must be a matrix (4, 4)"),
+    ],
+    ids=["ragged", "overflow", "list", "twice", "deep", "nan"],
+)
+def test_pose_files_are_refused_in_one_line(folder, capsys, tmp_path, text, message):
+    path = tmp_path / "poses.json"
+    path.write_text(text)
+    assert run(folder, "good", "--register", str(path)) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.strip().splitlines()) == 1
+
+
 def test_missing_images(folder, capsys, tmp_path):
     (tmp_path / "setting_02.png").write_bytes((folder / "good" / "setting_02.png").read_bytes())
     assert run(folder, tmp_path, *given(folder)) == 2

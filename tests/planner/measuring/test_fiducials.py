@@ -1,5 +1,7 @@
 """A ChArUco board on the plate, rendered: where the camera is, and what is refused."""
 
+import re
+
 import numpy as np
 import pytest
 from measured_plate import (
@@ -14,8 +16,9 @@ from measured_plate import (
 
 from planner import Registration, RequestError, measure
 from planner.measuring.image.picture import Picture
-from planner.measuring.poses.fiducials import Fiducials, NoFiducialsError, locate
+from planner.measuring.poses.fiducials import MARKERS, Fiducials, NoFiducialsError, locate
 from planner.measuring.poses.registered import displaced
+from planner.measuring.poses.task import NotRegisteredError
 
 cv2 = pytest.importorskip("cv2")
 # on the top, between the holes; z of the board points into the part, so that x and y are as in the image of it
@@ -53,6 +56,12 @@ def with_board(image, pose, rng):
     share, grey = (cv2.GaussianBlur(one, (0, 0), 0.7) for one in (share, grey))
     mixed = image * (1 - share) + grey + rng.normal(0, 1.0, image.shape) * share
     return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
+
+
+def stated_at(x):
+    pose = np.array(BOARD["board2part"])
+    pose[0, 3] = x
+    return pose
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +116,63 @@ def test_values_by_fiducials_and_by_both(board, images):
     assert both.standard_uncertainty <= 1.02 * alone.standard_uncertainty
 
 
+@pytest.mark.parametrize("method", [Registration.fiducials, Registration.both])
+def test_a_board_that_is_printed_too_small(images, method):
+    """A print at 1 / 1.02 of its size is 98.0 % of it. The bore was read 0.071 mm too large by it, with U 0.035."""
+    solid = thick_plate()
+    plan = measured_plan(solid, ["right"])
+    stated = Fiducials(**{**BOARD, "square_mm": 6.5 * 1.02, "marker_mm": 5.0 * 1.02})
+    results = measure(plan, solid, images, registration=method(stated))
+    assert not results["right"].measured
+    for reason in results.failed.values():
+        assert re.search(
+            r"corners of the board are \d\.\d+ px off its pose, and corner_px is 0\.05", reason
+        )
+        percent = float(re.search(r"looks printed at (\d+\.\d) %", reason)[1])
+        # 0.05 px on six corners of a board that is 80 px wide
+        assert abs(percent - 100 / 1.02) < 0.15
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"board2part": stated_at(81.0)},
+        # turned about its own x by half a turn: its print is on the other side
+        {"board2part": np.array(BOARD["board2part"]) @ np.diag([1.0, -1, -1, 1])},
+        {"square_mm": 65.0, "marker_mm": 50.0},
+    ],
+    ids=["50 mm off", "from behind", "ten times as large"],
+)
+def test_a_board_that_is_elsewhere(images, change):
+    stated = Fiducials(**{**BOARD, **change})
+    picture = Picture.of("one", images[1], CAMERA)
+    with pytest.raises(NotRegisteredError, match=r"board|standard deviations away"):
+        locate(stated, [picture], POSES[0], UNCERTAINTY.covariance)
+
+
+def test_images_of_one_setting_must_have_one_pose(board, images, real):
+    """Of two images of one setting, one is from a pose that is 5 standard deviations off in x."""
+    first = Picture.of("setting_01_1", images[1], CAMERA)
+    rng = np.random.default_rng(10)
+    moved = displaced(real[0], [0.5, 0, 0, 0, 0, 0])
+    plain = photograph(fine_plate(left=0.05), moved, seed=2)[1]
+    second = Picture.of("setting_01_2", with_board(plain, moved[0], rng), CAMERA)
+    wide = UNCERTAINTY.covariance * 16
+    with pytest.raises(
+        NotRegisteredError, match="setting_01_1 and setting_01_2 are from different poses"
+    ):
+        locate(board, [first, second], POSES[0], wide)
+    # the same camera with other noise
+    again = with_board(photograph(fine_plate(left=0.05), real[:1], seed=3)[1], real[0], rng)
+    locate(board, [first, Picture.of("setting_01_2", again, CAMERA)], POSES[0], wide)
+
+
+def test_dictionaries_have_the_markers_that_are_stated():
+    for name, count in MARKERS.items():
+        markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+        assert len(markers.bytesList) == count, name
+
+
 def test_an_image_without_the_board(board, real):
     plain = Picture.of("one", photograph(fine_plate(), real[:1])[1], CAMERA)
     with pytest.raises(NoFiducialsError, match="only 0 corners of the board were found"):
@@ -118,7 +184,23 @@ def test_an_image_without_the_board(board, real):
     [
         ({"square_mm": 0}, "square_mm must be positive. Got 0"),
         ({"squares": (3, 1)}, "squares must be two numbers of at least 2"),
-        ({"board2part": [[1, 0], [0, 1]]}, "board2part must be a rigid motion"),
+        ({"squares": 5}, "squares must be two numbers of at least 2. Got 5"),
+        ({"squares": (True, 3)}, "squares must be two numbers of at least 2"),
+        # a board has a marker in every second square, and this dictionary has 50
+        ({"squares": (100_000, 100_000)}, "squares must be at most 101 in all with DICT_4X4_50"),
+        ({"square_mm": float("nan")}, "square_mm must be positive. Got NaN"),
+        ({"square_mm": 10**400}, "square_mm must be at most 1000"),
+        ({"marker_mm": 6.5}, r"marker_mm must be below square_mm, 6\.5"),
+        ({"sigma_mm": 1e200}, "sigma_mm must be at most 100"),
+        ({"corner_px": 0}, "corner_px must be positive"),
+        ({"dictionary": "CharucoDetector"}, "dictionary must be one of OpenCV"),
+        ({"dictionary": ["DICT_4X4_50"]}, "dictionary must be one of OpenCV"),
+        ({"board2part": [[1, 0], [0, 1]]}, "board2part must be a matrix"),
+        ({"board2part": [[1, 0, 0, 0], [0, 1], [0], []]}, "board2part must be a matrix"),
+        ({"board2part": {"a": 1}}, "board2part must be a matrix"),
+        ({"board2part": np.diag([1.0, 1, -1, 1])}, "board2part must be .* Got a mirrored one"),
+        ({"board2part": stated_at(np.nan)}, "board2part must be a matrix"),
+        ({"board2part": stated_at(1e7)}, r"board2part must be within 1e\+06 mm"),
     ],
 )
 def test_boards_that_are_refused(change, message):

@@ -24,6 +24,7 @@ from planner import (
     measure,
 )
 from planner.camera.imaging import undistorted_px
+from planner.measuring.poses.registered import displaced
 from planner.measuring.results import COLUMNS, results_schema
 from planner.wanted.planned_witness import PlannedWitness
 
@@ -283,6 +284,24 @@ def test_several_lamps_of_a_setting(solid, images, exact):
     np.testing.assert_array_equal(first.cam2world, second.cam2world)
     for name in ("left", "right"):
         assert abs(results[name].deviation - TRUE[name]) < results[name].expanded_uncertainty
+
+
+def test_each_image_of_a_setting_may_have_its_own_stated_pose(solid, images):
+    plan = measured_plan(solid, ["left", "right"], settings=1)
+    lit = (LitImage((0,), {"left": 0.5}), LitImage((1,), {"right": 0.5}))
+    lamps = np.array([[0.0, 0, 500], [100.0, 0, 500]])
+    light = LightPlan("placed", 0.1, 0.05, "dark", lamps, (lit,), ({},), 1, "by hand")
+    both = dataclasses.replace(plan, light=light)
+    moved = displaced(POSES[0], [0.1, 0, 0, 0, 0, 0])
+    taken = {"setting_01_1": images[1], "setting_01_2": photograph(fine_plate(**MADE), moved)[1]}
+    poses = {"setting_01_1": POSES[0], "setting_01_2": moved[0]}
+    stated = Registration.given(poses, np.diag([1e-8] * 3 + [1e-12] * 3))
+    results = measure(both, solid, taken, registration=stated)
+    for name, pose in zip(("left", "right"), poses.values(), strict=True):
+        assert abs(results[name].deviation - TRUE[name]) < results[name].expanded_uncertainty
+        np.testing.assert_array_equal(
+            results.images[results[name].readings[0].image].cam2world, pose
+        )
 
 
 def test_rules_and_coverage(solid, images, exact):

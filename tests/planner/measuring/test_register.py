@@ -93,6 +93,57 @@ def test_a_displaced_pose_is_found(model, images, real):
         assert chi2 < 27.9
 
 
+@pytest.mark.parametrize("move", [[0.5, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0.01, 0]])
+def test_images_of_one_setting_must_have_one_pose(model, real, images, move):
+    """Of two images of one setting, one is from a pose that is 5 standard deviations off."""
+    prior = prior_covariance(model, 16 * UNCERTAINTY.covariance, 0.02, CAMERA)
+    first = Picture.of("setting_01_1", images[1], CAMERA)
+    mesh = fine_plate(left=0.05, width=0.1)
+    moved = photograph(mesh, displaced(real[0], move), seed=2)[1]
+    again = photograph(mesh, real[:1], seed=3)[1]
+    with pytest.raises(NotRegisteredError, match="setting_01_1 and other are from different poses"):
+        register(model, [first, Picture.of("other", moved, CAMERA)], POSES[0], prior)
+    register(model, [first, Picture.of("other", again, CAMERA)], POSES[0], prior)
+
+
+def test_stated_poses_must_be_near_the_planned_ones(solid, images, real):
+    """A pose that is 50 mm off is no pose of this setting; the real ones are."""
+    plan = measured_plan(solid, ["left"])
+    far = {1: displaced(real[0], [50.0, 0, 0, 0, 0, 0])[0], 2: real[1]}
+    results = measure(plan, solid, images, registration=Registration.given(far, 1e-6 * np.eye(6)))
+    assert list(results.failed) == ["setting_01"]
+    assert "standard deviations away from the planned one" in results.failed["setting_01"]
+    near = Registration.given(dict(enumerate(real, 1)), UNCERTAINTY.covariance / 100)
+    assert not measure(plan, solid, images, registration=near).failed
+
+
+def test_stated_poses_must_be_those_that_the_edges_show(solid, images, real):
+    """A pose that is 0.5 mm off is far beyond 0.01 mm, though near the planned one, which may be 0.3 mm off."""
+    plan = measured_plan(solid, ["left"])
+    # 3 px in the image
+    off = {1: displaced(real[0], [0.5, 0, 0, 0, 0, 0])[0], 2: real[1]}
+    worse = dataclasses.replace(plan, pose_uncertainty=PoseUncertainty(9 * UNCERTAINTY.covariance))
+    sure = np.diag([0.01**2] * 3 + [1e-4**2] * 3)
+    results = measure(worse, solid, images, registration=Registration.given(off, sure))
+    assert list(results.failed) == ["setting_01"]
+    assert "its pose by the part's edges is" in results.failed["setting_01"]
+    # as unsure as it is wrong, it is measured
+    unsure = Registration.given(off, 9 * UNCERTAINTY.covariance)
+    assert not measure(worse, solid, images, registration=unsure).failed
+
+
+def test_planned_poses_must_be_those_that_the_edges_show(solid, images):
+    """Real poses are about 2.4 standard deviations off; with a hundredth of the covariance they are about 24."""
+    plan = measured_plan(solid, ["left"])
+    assert not measure(plan, solid, images, registration=Registration.none()).failed
+    boast = dataclasses.replace(
+        plan, pose_uncertainty=PoseUncertainty(UNCERTAINTY.covariance / 100)
+    )
+    failed = measure(boast, solid, images, registration=Registration.none()).failed
+    assert all("away from the planned one" in why for why in failed.values())
+    assert failed
+
+
 def test_deviations_are_read_whatever_the_robot_says(solid, images):
     """A robot that is twice as bad gives the same values: they come from the image."""
     plan = measured_plan(solid, ["left", "right"])
