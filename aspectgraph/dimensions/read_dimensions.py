@@ -354,7 +354,8 @@ def _unread_text(row: dict[str, Any]) -> str:
     if not row["compared"]:
         return "the text of the file could not be compared: it may apply to more features"
     n_unread = sum(row["unread"])
-    if not n_unread:
+    if not n_unread or not any(row["sides"]):
+        # of a dimension without any shape the reason says it
         return ""
     items = "1 item" if n_unread == 1 else f"{n_unread} items"
     return f"{items} that it is attached to could not be read"

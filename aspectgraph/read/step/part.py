@@ -112,7 +112,7 @@ class StepPart:
         data = Path(path).read_bytes()
         entities = parse_entities(data)
         texts = parse_texts(data, entities, WITH_TEXTS)
-        found, surfaces = read_semantic_dimensions(Path(path), name, entities)
+        found, surfaces = read_semantic_dimensions(Path(path), name, entities, texts)
         return {
             "found": found,
             "surfaces": surfaces,
