@@ -37,8 +37,10 @@ from planner.cli.job import (
     Job,
     check_nothing_read,
     check_same_part,
+    in_words_of_part,
     inspection_options,
     read_job,
+    read_limits,
     read_part,
     workspace_of,
 )
@@ -148,7 +150,12 @@ def _graph(
 
 def dimensions(options: argparse.Namespace) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
-    stated = read_dimensions(options.part, read_part(options))
+    solid = read_part(options)
+    with (
+        reading_shown(quiet=options.quiet, lines=options.verbose),
+        in_words_of_part(options.part, options),
+    ):
+        stated = read_dimensions(options.part, solid, limits=read_limits(options))
     if not stated:
         raise ReadError(
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."

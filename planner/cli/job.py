@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aspectgraph import AspectGraphError, PartFileNotFoundError, SolidChoice, read_solid
+from aspectgraph import AspectGraphError, PartFileNotFoundError, ReadLimits, SolidChoice, read_solid
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell, named_by
@@ -242,6 +243,12 @@ def reading_of(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def read_limits(options: argparse.Namespace) -> ReadLimits:
+    """Return what reading the part may take."""
+    seconds = options.read_time_limit
+    return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
+
+
 def check_nothing_read(options: argparse.Namespace) -> None:
     """Refuse options that say how a part is read where there is none.
 
@@ -266,8 +273,23 @@ def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> So
     occluders = given.pop("occluders", None)
     if occluders:
         given["solids"] = SolidChoice(given.get("solids"), occluders)
+    with in_words_of_part(part, options):
+        return read_solid(part, limits=read_limits(options), **given)
+
+
+@contextmanager
+def in_words_of_part(part: str, options: argparse.Namespace) -> Iterator[None]:
+    """Let an error of reading a part name its file, and options for the parameters of a call.
+
+    Parameters
+    ----------
+    part : str
+        The part's file.
+    options : argparse.Namespace
+        Options of the command.
+    """
     try:
-        return read_solid(part, **given)
+        yield
     except AspectGraphError as error:
         if error.parameter == "path":
             missing = isinstance(error, PartFileNotFoundError)

@@ -26,6 +26,7 @@ _OPTIONS = {
     "focus_reserve": "--focus-margin-mm",
     "rng": "--seed",
     "time_limit_s": "--time-limit",
+    "time_s": "--read-time-limit",
     "memory_limit_bytes": "--memory-limit",
     "bodies": "--body",
     "distances_mm": "--distances",

@@ -29,7 +29,9 @@ _PMI = re.compile(
 )
 """What the types of PMI and annotations have in their names."""
 
-_NO_LABEL = re.compile(r"Parameter n0\.\d+ \((?:\w+\.)?(?:name|description|id)\) not a quoted String$")
+_NO_LABEL = re.compile(
+    r"Parameter n0\.\d+ \((?:\w+\.)?(?:name|description|id)\) not a quoted String$"
+)
 _UNRESOLVED = "Unresolved Reference"
 
 

@@ -31,6 +31,7 @@ class StepPart:
         self.measured: Any = None
         self.solids: list[int] = []
         self.flat_mm = 0.0
+        self.report: Callable[[int, int, str], None] = lambda done, total, label: None
 
     def answer(self, do: str, **options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the answer to a request: JSON values and arrays."""
@@ -58,10 +59,12 @@ class StepPart:
         diagonal = diagonal_mm(self.shapes, [part.vertices for part in facets.values()])
         self.flat_mm = diagonal * relative_planarity
         rows = []
-        for slot in chosen:
+        for k, slot in enumerate(chosen):
+            self.report(k, len(chosen), "measure gaps")
             gaps = {} if slot.facets else measure_gaps(slot.shape, self.flat_mm)
             widest = {kind: [gap.gap_mm, list(gap.place)] for kind, gap in gaps.items()}
             rows.append({"uncertainty_mm": slot.uncertainty_mm, "gaps": widest})
+        self.report(len(chosen), len(chosen), "measure gaps")
         arrays = {f"{i}_vertices": part.vertices for i, part in facets.items()}
         arrays |= {f"{i}_triangles": part.triangles for i, part in facets.items()}
         return {"diagonal_mm": diagonal, "fits": rows, "faceted": list(facets)}, arrays
@@ -70,7 +73,12 @@ class StepPart:
         self, solids: list[int], measured: list[int], name: str
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Make chosen solids that touch one body, and remember what became of the edges of those to measure."""
-        found = merge_touching(self.shapes, self.solids, name)
+        found = merge_touching(
+            self.shapes,
+            self.solids,
+            name,
+            lambda done: self.report(done, len(self.shapes), "merge solids in contact"),
+        )
         self.bodies = found.shapes
         if len(measured) < len(solids):
             self.measured = edge_map(
@@ -88,6 +96,7 @@ class StepPart:
         arrays = {}
         shapes = self.bodies if merged else self.shapes
         for k, shape in enumerate(shapes):
+            self.report(k, len(shapes), "cut curved faces into facets")
             part = tessellate(shape, chord_mm, angle_rad, self.flat_mm, self.measured)
             chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
             fields: tuple[Any, ...] = (
@@ -102,6 +111,7 @@ class StepPart:
             fields += (np.array([pair for pair, _ in turns], dtype=np.int64).reshape(-1, 2),)
             fields += (np.array([turn for _, turn in turns], dtype=np.float64),)
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
+        self.report(len(shapes), len(shapes), "cut curved faces into facets")
         return {"n": len(shapes)}, arrays
 
     def dimensions(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:

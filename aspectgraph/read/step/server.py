@@ -1,6 +1,7 @@
 """The process in which the STEP kernel runs: it answers requests until its input ends.
 
-A request is a line of JSON. An answer is two lengths, then that many bytes of JSON and of an .npz archive. The kernel
+A request is a line of JSON. An answer is two lengths, then that many bytes of JSON and of an .npz archive. Before it may
+come others that only tell how far the work is: they have a phase. The kernel
 is a large C++ library that a damaged file can crash or keep busy for ever; only answers reach the caller.
 """
 
@@ -53,6 +54,7 @@ def serve(parent: int, memory_mb: float) -> None:
         return
     _limit_memory(memory_mb)
     part = StepPart()
+    part.report = lambda done, total, label: _send(answers, {"phase": [done, total, label]})
     try:
         for line in sys.stdin.buffer:
             request = json.loads(line)

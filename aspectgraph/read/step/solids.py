@@ -43,6 +43,7 @@ The kernel moves vertices that its healing merges, but by no more than the uncer
 lost vertex leaves gaps of the size of an edge.
 """
 
+
 @dataclass
 class Slot:
     """A solid of the file, in its order.
