@@ -40,7 +40,6 @@ from planner.cli.job import (
     in_words_of_part,
     inspection_options,
     read_job,
-    read_limits,
     read_part,
     workspace_of,
 )
@@ -49,7 +48,7 @@ from planner.cli.optics_ranking import rank_optics
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.cli.robot.arm_table import print_arm
-from planner.cli.wanted import Wanted, chosen_entities, localisation_text, read_request
+from planner.cli.wanted import Wanted, chosen_entities, localisation_text, read_limits, read_request
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores

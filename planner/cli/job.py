@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aspectgraph import AspectGraphError, PartFileNotFoundError, ReadLimits, SolidChoice, read_solid
+from aspectgraph import AspectGraphError, PartFileNotFoundError, SolidChoice, read_solid
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell, named_by
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.parsing.cell_option import cell_again, read_cell, without_cell
-from planner.cli.wanted import Wanted, read_request
+from planner.cli.wanted import Wanted, read_limits, read_request
 from planner.detectability.conditions import Detectability
 from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
@@ -241,12 +241,6 @@ def reading_of(options: argparse.Namespace) -> dict[str, Any]:
         "occluders": options.occluders,
         "gap_mm": options.gap_mm,
     }
-
-
-def read_limits(options: argparse.Namespace) -> ReadLimits:
-    """Return what reading the part may take."""
-    seconds = options.read_time_limit
-    return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
 
 
 def check_nothing_read(options: argparse.Namespace) -> None:

@@ -32,6 +32,8 @@ _PMI = re.compile(
 _NO_LABEL = re.compile(
     r"Parameter n0\.\d+ \((?:\w+\.)?(?:name|description|id)\) not a quoted String$"
 )
+_NO_ENTITY = re.compile(r"\) not an Entity$")
+_TYPED_ITEMS = re.compile(r"\b(?:SET|LIST)_REPRESENTATION_ITEM\s*\(\s*\(", re.IGNORECASE)
 _UNRESOLVED = "Unresolved Reference"
 
 
@@ -100,13 +102,14 @@ def find_damage(
         Something that places solids is damaged.
     """
     placing = list_placing(entities, listed)
-    missing = _unresolved(model, entities, name)
+    needed = placing.union(*(solid.entities for solid in listed.values()))
+    missing = _unresolved(model, entities, needed, name)
     kinds_of_solids: dict[int, set[str]] = {}
     damage = Damage()
     for i, (handle, number) in enumerate(numbers.items(), start=1):
         if not model.IsErrorEntity(i) and number not in missing:
             continue
-        if number not in missing and _lacks_labels_only(model.ReportEntity(i).Check()):
+        if number not in missing and _is_right(model.ReportEntity(i).Check(), entities[number]):
             continue
         family, _, kind = handle.DynamicType().Name().partition("_")
         owners = [solid for solid in listed.values() if number in solid.entities]
@@ -115,7 +118,7 @@ def find_damage(
         if owners:
             continue
         geometry = _is_geometry(family, kind)
-        if (geometry or number in missing) and number in placing:
+        if geometry and number in placing:
             raise ReadError(
                 f"the geometry of a STEP file must be whole. Got {name} with errors in {kind} #{number}."
             )
@@ -170,14 +173,17 @@ def _is_geometry(family: str, kind: str) -> bool:
     return (shapes or structure) and not kind.endswith(_HARMLESS)
 
 
-def _lacks_labels_only(check: Any) -> bool:
-    """Return whether nothing is wrong with an entity but a name, description or id that is not set."""
+def _is_right(check: Any, entity: StepEntity) -> bool:
+    """Return whether an entity is whole but for a name, description or id, or has a list the kernel does not know."""
     fails = [str(check.CFail(k)) for k in range(1, check.NbFails() + 1)]
-    return bool(fails) and all(map(_NO_LABEL.search, fails))
+    pattern = _NO_ENTITY if _TYPED_ITEMS.search(entity.text) else _NO_LABEL
+    return bool(fails) and all(map(pattern.search, fails))
 
 
-def _unresolved(model: Any, entities: dict[int, StepEntity], name: str) -> set[int]:
-    """Return the numbers of the entities that refer to missing ones; refuse errors of syntax."""
+def _unresolved(
+    model: Any, entities: dict[int, StepEntity], needed: set[int], name: str
+) -> set[int]:
+    """Return the numbers of the entities that refer to missing ones; refuse needed ones, and errors of syntax."""
     check = model.GlobalCheck()
     fails = [str(check.CFail(k)) for k in range(1, check.NbFails() + 1)]
     missing = {
@@ -186,8 +192,8 @@ def _unresolved(model: Any, entities: dict[int, StepEntity], name: str) -> set[i
         if any(reference not in entities for reference in entity.references)
     }
     n_syntax = sum(not fail.startswith(_UNRESOLVED) for fail in fails)
-    if n_syntax or (fails and not missing):
+    if n_syntax or not needed.isdisjoint(missing) or (fails and not missing):
         raise ReadError(
-            f"a STEP file must be whole. Got {name} with {len(fails)} syntax errors or missing entities."
+            f"a STEP file must be whole. Got {name} with {max(len(fails), 1)} syntax errors or missing entities."
         )
-    return missing if fails else set()
+    return missing

@@ -15,7 +15,12 @@ import numpy as np
 from aspectgraph.read.step.circle_arrays import pack_circles
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.merge import edge_map, merge_touching
-from aspectgraph.read.step.semantic.stated_dimensions import WITH_TEXTS, list_dimensions
+from aspectgraph.read.step.semantic.stated_dimensions import (
+    LOCATIONS,
+    SIZES,
+    WITH_TEXTS,
+    list_dimensions,
+)
 from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
 from aspectgraph.read.step.text import parse_entities, parse_texts
 from aspectgraph.read.step.triangles import tessellate
@@ -121,7 +126,7 @@ class StepPart:
 
         data = Path(path).read_bytes()
         entities = parse_entities(data)
-        texts = parse_texts(data, entities, WITH_TEXTS)
+        texts = parse_texts(data, entities, WITH_TEXTS | SIZES | LOCATIONS)
         found, surfaces = read_semantic_dimensions(Path(path), name, entities, texts)
         return {
             "found": found,

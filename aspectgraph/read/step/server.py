@@ -1,8 +1,8 @@
 """The process in which the STEP kernel runs: it answers requests until its input ends.
 
-A request is a line of JSON. An answer is two lengths, then that many bytes of JSON and of an .npz archive. Before it may
-come others that only tell how far the work is: they have a phase. The kernel
-is a large C++ library that a damaged file can crash or keep busy for ever; only answers reach the caller.
+A request is a line of JSON. An answer is two lengths, then that many bytes of JSON and of an .npz archive. Before the
+answer may come others with a phase, which only tell how far the work is. The kernel is a large C++ library that a
+damaged file can crash or keep busy for ever; only answers reach the caller.
 """
 
 from __future__ import annotations

@@ -62,7 +62,7 @@ def read_semantic_dimensions(
     entities : dict
         Its entities, see `text.parse_entities`.
     texts : mapping
-        Their texts, see `stated_dimensions.WITH_TEXTS`.
+        Those of the dimensions, see `text.parse_texts`.
 
     Returns
     -------

@@ -38,7 +38,7 @@ LOCATIONS = frozenset(
 _ROUNDED_DEGREE = 1e-6
 """Files state the degree as 0.0174532925 rad or with more digits; what is as close to it is the degree."""
 
-WITH_TEXTS = SIZES | LOCATIONS | {"DESCRIPTIVE_REPRESENTATION_ITEM", "LIMITS_AND_FITS"}
+WITH_TEXTS = frozenset({"DESCRIPTIVE_REPRESENTATION_ITEM", "LIMITS_AND_FITS"})
 """Entities whose texts say something of a dimension, see `text.parse_texts`."""
 
 _ROLES = {
@@ -132,7 +132,7 @@ def list_words(
     entities : dict
         See `text.parse_entities`.
     texts : mapping
-        Those of the entities in `WITH_TEXTS`, see `text.parse_texts`.
+        Those of the dimensions, see `text.parse_texts`.
     """
     found = []
     for number, entity in entities.items():
