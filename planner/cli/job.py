@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 # with --again, what else may be given
 _BESIDE_AGAIN = {
     *("--again", "--out", "--jobs", "--resume", "--force", "--graph-limit", "--simulate"),
-    *("--time-limit", "--json", "--quiet", "--verbose", "--cell"),
+    *("--time-limit", "--read-time-limit", "--json", "--quiet", "--verbose", "--cell"),
 }
 
 
