@@ -7,7 +7,7 @@ rest of a file are dimensions, tolerances, annotations, styles and properties: a
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -136,7 +136,7 @@ def find_damage(
 
 def check_nothing_loose(
     damage: Damage,
-    built: Iterable[int | None],
+    built: Sequence[int | None],
     entities: dict[int, StepEntity],
     name: str,
 ) -> None:
@@ -146,7 +146,7 @@ def check_nothing_loose(
     ----------
     damage : Damage
         What is wrong with the file.
-    built : iterable of int or None
+    built : sequence of int or None
         Numbers of the solids that the kernel built and the file does not list; None where it is not known.
     entities : dict
         See `text.parse_entities`.
@@ -158,7 +158,7 @@ def check_nothing_loose(
     ReadError
         It may be.
     """
-    if damage.loose and list(built):
+    if damage.loose and built:
         number = damage.loose[0]
         raise ReadError(
             "the geometry of a STEP file must be whole. "
