@@ -37,7 +37,6 @@ from planner.cli.job import (
     Job,
     check_nothing_read,
     check_same_part,
-    in_words_of_part,
     inspection_options,
     read_job,
     read_part,
@@ -150,10 +149,7 @@ def _graph(
 def dimensions(options: argparse.Namespace) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
     solid = read_part(options)
-    with (
-        reading_shown(quiet=options.quiet, lines=options.verbose),
-        in_words_of_part(options.part, options),
-    ):
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
         stated = read_dimensions(options.part, solid, limits=read_limits(options))
     if not stated:
         raise ReadError(

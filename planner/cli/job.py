@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -267,23 +266,8 @@ def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> So
     occluders = given.pop("occluders", None)
     if occluders:
         given["solids"] = SolidChoice(given.get("solids"), occluders)
-    with in_words_of_part(part, options):
-        return read_solid(part, limits=read_limits(options), **given)
-
-
-@contextmanager
-def in_words_of_part(part: str, options: argparse.Namespace) -> Iterator[None]:
-    """Let an error of reading a part name its file, and options for the parameters of a call.
-
-    Parameters
-    ----------
-    part : str
-        The part's file.
-    options : argparse.Namespace
-        Options of the command.
-    """
     try:
-        yield
+        return read_solid(part, limits=read_limits(options), **given)
     except AspectGraphError as error:
         if error.parameter == "path":
             missing = isinstance(error, PartFileNotFoundError)

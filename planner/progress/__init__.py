@@ -214,8 +214,8 @@ _PIECES = 3
 _SHARE = 0.01
 _SECONDS = 3.0
 _LONG_S = 20.0
-# reading a part tells after so long what it is at, and then at least so often
-_FIRST_WORD_S = 2.0
+# reading a part tells after so long what it is at, then after twice as long and so on, at least so often
+_FIRST_WORD_S = 2.5
 _MOST_SILENT_S = 30.0
 # what is done between other work, of which nobody knows how much there is: no pace is told of it
 LOOPS = "compiling loops"
