@@ -17,6 +17,7 @@ from aspectgraph.dimensions.stated_classes import is_in_hole, resolve_stated_cla
 from aspectgraph.dimensions.statements import DIGITS, Statement, deviations, read_statements
 from aspectgraph.dimensions.surface_zones import SurfaceZones
 from aspectgraph.exceptions import ReadError
+from aspectgraph.phases import phase
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
 from aspectgraph.read.step.client import StepKernel
@@ -97,6 +98,7 @@ def read_dimensions(
     with (
         plain_step_file(Path(path), limits) as plain,
         StepKernel(Path(path).name, limits) as kernel,
+        phase("read the dimensions"),
     ):
         answer, _ = kernel.ask("dimensions", path=str(plain.absolute()), name=Path(path).name)
     rows = answer["found"]
@@ -354,7 +356,8 @@ def _unread_text(row: dict[str, Any]) -> str:
     if not row["compared"]:
         return "the text of the file could not be compared: it may apply to more features"
     n_unread = sum(row["unread"])
-    if not n_unread:
+    if not n_unread or not any(row["sides"]):
+        # of a dimension without any shape the reason says it
         return ""
     items = "1 item" if n_unread == 1 else f"{n_unread} items"
     return f"{items} that it is attached to could not be read"

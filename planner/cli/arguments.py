@@ -391,6 +391,12 @@ def add_reading(parser: Options) -> None:
         metavar="MM",
         help="widest gap between the edges and faces of a STEP file",
     )
+    group.add_argument(
+        "--read-time-limit",
+        type=SECONDS,
+        metavar="S",
+        help="end the reading of a STEP file after so many seconds (default: 300)",
+    )
 
 
 def add_units(parser: Options) -> None:

@@ -56,6 +56,7 @@ _RULES = {
     "sigma_joints": NOT_NEGATIVE,
     "coverage": ABOVE_0_TO_1,
     "time_limit": POSITIVE_SECONDS,
+    "read_time_limit": POSITIVE_SECONDS,
     "gap": FROM_0_BELOW_1,
     "give_up": FROM_0_BELOW_1,
 }

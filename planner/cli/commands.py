@@ -47,7 +47,7 @@ from planner.cli.optics_ranking import rank_optics
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.cli.robot.arm_table import print_arm
-from planner.cli.wanted import Wanted, chosen_entities, localisation_text, read_request
+from planner.cli.wanted import Wanted, chosen_entities, localisation_text, read_limits, read_request
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
@@ -148,7 +148,9 @@ def _graph(
 
 def dimensions(options: argparse.Namespace) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
-    stated = read_dimensions(options.part, read_part(options))
+    solid = read_part(options)
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        stated = read_dimensions(options.part, solid, limits=read_limits(options))
     if not stated:
         raise ReadError(
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."

@@ -16,7 +16,7 @@ from planner.cli.light import read_lighting
 from planner.cli.naming import in_words_of_shell, named_by
 from planner.cli.parsing.camera_option import read_camera
 from planner.cli.parsing.cell_option import cell_again, read_cell, without_cell
-from planner.cli.wanted import Wanted, read_request
+from planner.cli.wanted import Wanted, read_limits, read_request
 from planner.detectability.conditions import Detectability
 from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 # with --again, what else may be given
 _BESIDE_AGAIN = {
     *("--again", "--out", "--jobs", "--resume", "--force", "--graph-limit", "--simulate"),
-    *("--time-limit", "--json", "--quiet", "--verbose", "--cell"),
+    *("--time-limit", "--read-time-limit", "--json", "--quiet", "--verbose", "--cell"),
 }
 
 
@@ -267,7 +267,7 @@ def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> So
     if occluders:
         given["solids"] = SolidChoice(given.get("solids"), occluders)
     try:
-        return read_solid(part, **given)
+        return read_solid(part, limits=read_limits(options), **given)
     except AspectGraphError as error:
         if error.parameter == "path":
             missing = isinstance(error, PartFileNotFoundError)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -35,6 +36,10 @@ _OPTIONS = {
     "solid": "the part",
 }
 
+# fields that some commands have an option of another name for
+_FIELDS = {"time_s": "read_time_limit"}
+_LIMIT = re.compile(r"limits=ReadLimits\((\w+)=\.\.\.\)")
+
 # what helps at a shell, where that is not what helps in a call, of the error with this name
 _HINTS = {"MemoryLimitError": "Choose fewer entities: a plan needs no joint graph"}
 
@@ -61,6 +66,8 @@ def as_typed(name: str, options: Mapping[str, Any]) -> str:
         The command's options; ``typed`` holds those that were typed. Other parameters keep their
         names.
     """
+    if _FIELDS.get(name) in options:
+        return option(_FIELDS[name])
     same = f"--{name.replace('_', '-')}"
     if same in options.get("typed", ()):
         return same
@@ -125,7 +132,8 @@ def named_by(name: str, options: Mapping[str, Any]) -> Iterator[None]:
 def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> str:
     """Return a text with the arguments that it mentions as options, where the command has them."""
     for mention in mentions:
-        name, _, value = mention.partition("=")
+        limit = _LIMIT.fullmatch(mention)
+        name, _, value = (f"{limit[1]}=..." if limit else mention).partition("=")
         known = as_typed(name, options)
         if known != name:
             value = "" if value == "..." else value.strip("[]").replace(", ", ",")

@@ -8,13 +8,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aspectgraph import ReadError, read_dimensions, read_entities, resolve_entities, select_entities
+from aspectgraph import (
+    ReadError,
+    ReadLimits,
+    read_dimensions,
+    read_entities,
+    resolve_entities,
+    select_entities,
+)
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation, kinds
 from errors.measurands.localisation import FLOOR_PX
 from planner.cli.naming import named_by, option
 from planner.cli.parsing.quantities import localisation_words
 from planner.exceptions import RequestError
+from planner.progress import reading_shown
 from planner.report.wording import count
 from planner.wanted.assumed import SURFACES_MM
 from planner.wanted.dimension_files import read_wanted
@@ -92,7 +100,7 @@ def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -
     left_out: dict[str, str] = {}
     items: Mapping[str, Any]
     if _all_of_model(options):
-        stated = _stated(options.part, solid)
+        stated = _stated(options, solid)
         items, left_out = dimensions_to_plan(
             stated,
             share=options.share,
@@ -138,8 +146,16 @@ def chosen_entities(options: Any, solid: Solid) -> dict[str, Entity]:
         return resolve_entities(solid, select_entities(solid, options.select))
 
 
-def _stated(part: str, solid: Solid) -> tuple[ModelDimension, ...]:
-    stated = read_dimensions(part, solid)
+def read_limits(options: Any) -> ReadLimits:
+    """Return what reading the part may take."""
+    seconds = options.read_time_limit
+    return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
+
+
+def _stated(options: Any, solid: Solid) -> tuple[ModelDimension, ...]:
+    part = options.part
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        stated = read_dimensions(part, solid, limits=read_limits(options))
     if not stated:
         raise ReadError(
             f"the part must be a STEP file with semantic dimensions (AP242). Got {part}, which states none; a file of "

@@ -7,6 +7,7 @@ What will take long is told with about how long, see `Pace`.
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -71,27 +72,78 @@ def terminal_progress(
 
 @contextmanager
 def reading_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[None]:
-    """Show what reading a part is busy with: bars on a terminal until it is read, lines if asked for.
+    """Show what reading a part is busy with: bars on a terminal until it is read, otherwise lines.
 
     Parameters
     ----------
     quiet : bool
         Show nothing.
     lines : bool
-        Lines on standard error that stay. Without them, there is nothing but on a terminal.
+        Lines on standard error for everything, also on a terminal. Without them, lines only tell of what takes long.
     """
-    if quiet or not (lines or sys.stderr.isatty()):
+    if quiet:
         yield
         return
     # the package takes long to load, and commands that read no part do without it
     from aspectgraph.phases import phases_reported_to
 
-    if lines:
-        with phases_reported_to(_LineStream(sys.stderr)):
-            yield
-    else:
+    if sys.stderr.isatty() and not lines:
         with _bars(sys.stderr, transient=True) as progress, phases_reported_to(progress):
             yield
+        return
+    told = _LineStream(sys.stderr)
+    with _Waiting(told, all_told=lines) as waiting, phases_reported_to(waiting):
+        yield
+
+
+class _Waiting:
+    """Tells in lines what takes long, while it is done: a call into a library reports nothing before it ends.
+
+    Parameters
+    ----------
+    stream : _LineStream
+        Where lines go.
+    all_told : bool
+        Also pass everything on to it.
+    """
+
+    def __init__(self, stream: _LineStream, *, all_told: bool) -> None:
+        self._stream = stream
+        self._all_told = all_told
+        self._state: tuple[int, int, str] | None = None
+        self._since = time.monotonic()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._tell, daemon=True)
+
+    def __enter__(self) -> _Waiting:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def __call__(self, done: int, total: int, label: str) -> None:
+        if self._state is None or label != self._state[2]:
+            self._since = time.monotonic()
+        self._state = (done, total, label)
+        if self._all_told:
+            self._stream(done, total, label)
+
+    def _tell(self) -> None:
+        pause = _FIRST_WORD_S
+        while not self._ended.wait(pause):
+            pause = min(2.0 * pause, _MOST_SILENT_S)
+            state = self._state
+            if state is None or state[0] >= state[1]:
+                continue
+            done, total, label = state
+            share = f": {done}/{total}" if total > 1 else ""
+            try:
+                self._stream.note(f"{label}{share} ({time.monotonic() - self._since:.0f} s so far)")
+            except BrokenPipeError:
+                # the next line of the command itself meets it, too
+                return
 
 
 @contextmanager
@@ -162,6 +214,9 @@ _PIECES = 3
 _SHARE = 0.01
 _SECONDS = 3.0
 _LONG_S = 20.0
+# reading a part tells after so long what it is at, then after twice as long and so on, at least so often
+_FIRST_WORD_S = 2.5
+_MOST_SILENT_S = 30.0
 # what is done between other work, of which nobody knows how much there is: no pace is told of it
 LOOPS = "compiling loops"
 # what other processes do meanwhile

@@ -2,11 +2,13 @@
 
 import io
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from aspectgraph import read_solid
+from aspectgraph.phases import report_phase
 from planner import progress
 from planner.progress import LOOPS, Pace, duration
 
@@ -188,3 +190,20 @@ def test_every_phase_of_reading_is_shown_where_somebody_waits(
     # nobody listens any more
     read_solid(BLOCK)
     assert terminal.getvalue().count("list the edges: 1/1") == int(lines)
+
+
+@pytest.mark.parametrize(
+    ("quiet", "lines", "n"), [(False, False, 1), (False, True, 1), (True, False, 0)]
+)
+def test_reading_that_takes_long_says_what_it_is_at(monkeypatch, quiet, lines, n):
+    """Also where nothing is reported before the end: the kernel joins solids in one call."""
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(progress, "_FIRST_WORD_S", 0.05)
+    with progress.reading_shown(quiet=quiet, lines=lines):
+        report_phase(2, 6, "join solids")
+        time.sleep(0.12)
+        report_phase(6, 6, "join solids")
+        time.sleep(0.12)
+    assert stream.getvalue().count("join solids: 2/6 (0 s so far)\n") == n
+    assert stream.getvalue().count("\n") == n + (lines and not quiet)

@@ -17,6 +17,7 @@ import numpy as np
 
 from aspectgraph import exceptions
 from aspectgraph.exceptions import MissingExtraError, ReadError
+from aspectgraph.phases import report_phase
 from aspectgraph.read.limits import ReadLimits, more_of
 from aspectgraph.read.step.server import LENGTHS, OUT_OF_MEMORY
 
@@ -120,6 +121,11 @@ class StepKernel:
         except OSError:
             # gone; what it said last may still be in the pipe
             pass
+        while (answer := self._next_answer()) is not None and "phase" in answer[0]:
+            report_phase(*answer[0]["phase"])
+        return answer
+
+    def _next_answer(self) -> tuple[dict[str, Any], dict[str, np.ndarray]] | None:
         head = self._answers.read(LENGTHS.size)
         if len(head) < LENGTHS.size:
             return None
@@ -134,11 +140,14 @@ class StepKernel:
         self.process.kill()
         code = self.process.wait()
         if timed_out or code == -getattr(signal, "SIGALRM", 0):
+            written = f"time_s={self.limits.time_s:g}"
+            more = more_of("time_s")
+            more["mentions"] = (written, *more["mentions"])
             return ReadError.of_rule(
                 "",
-                f"a STEP file must be read within time_s={self.limits.time_s:g} seconds",
+                f"a STEP file must be read within {written} seconds",
                 f"{self.name}, which takes longer",
-                **more_of("time_s"),
+                **more,
             )
         if code == OUT_OF_MEMORY:
             return self._complaint({"error": "MemoryError"})

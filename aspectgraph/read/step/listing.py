@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,15 @@ SOLID_KINDS = frozenset(
 
 OCCURRENCES = frozenset({"NEXT_ASSEMBLY_USAGE_OCCURRENCE", "SPECIFIED_HIGHER_USAGE_OCCURRENCE"})
 """The types that place a part in an assembly."""
+
+_PLACING = frozenset(
+    {
+        "CONTEXT_DEPENDENT_SHAPE_REPRESENTATION", "MAPPED_ITEM", "REPRESENTATION_MAP", "REPRESENTATION_RELATIONSHIP",
+        "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION", "SHAPE_DEFINITION_REPRESENTATION",
+        "SHAPE_REPRESENTATION_RELATIONSHIP",
+    }
+)  # fmt: skip
+"""The types that lead from a representation to what uses it in an assembly, to its part, and to its place."""
 
 _SHELL_KINDS = {"CLOSED_SHELL", "OPEN_SHELL", "ORIENTED_CLOSED_SHELL", "ORIENTED_OPEN_SHELL"}
 _PREFIX_MM = {
@@ -110,6 +120,8 @@ def _check_placements(entities: dict[int, StepEntity]) -> None:
         for n, entity in entities.items()
         if "REPRESENTATION_RELATIONSHIP_WITH_TRANSFORMATION" in entity.kinds
     }
+    for number in moves:
+        _check_transformation(entities, number)
     placed = [
         [
             entities[part].kind
@@ -125,6 +137,20 @@ def _check_placements(entities: dict[int, StepEntity]) -> None:
             "every placement in the assembly of a STEP file must be that of a part. "
             f"Got {len(wrong) + len(moves - used)} that are not."
         )
+
+
+def _check_transformation(entities: dict[int, StepEntity], relation: int) -> None:
+    """Check that a part is placed by two coordinate systems; of others the kernel takes none, and says nothing."""
+    for number in known_references(entities, entities[relation]):
+        if entities[number].kind != "ITEM_DEFINED_TRANSFORMATION":
+            continue
+        items = known_references(entities, entities[number])
+        kinds = [entities[item].kind for item in items]
+        if kinds != ["AXIS2_PLACEMENT_3D", "AXIS2_PLACEMENT_3D"]:
+            raise ReadError(
+                "a part of a STEP file must be placed by two coordinate systems (AXIS2_PLACEMENT_3D). "
+                f"Got ITEM_DEFINED_TRANSFORMATION #{number} with {' and '.join(kinds) or 'none'}."
+            )
 
 
 def _holders(entities: dict[int, StepEntity]) -> dict[int, int]:
@@ -156,6 +182,59 @@ def _holders(entities: dict[int, StepEntity]) -> dict[int, int]:
             f"the solids of a STEP file must be items of a representation. Got #{min(lost)}, which is not."
         )
     return holders
+
+
+def list_placing(entities: dict[int, StepEntity], solids: Iterable[int]) -> set[int]:
+    """Return the numbers of the entities that say where solids are, and of which part each is.
+
+    These are the representations that hold them, the relations and maps that lead from one representation to another,
+    the transformations in these, and the occurrences of parts. Drawings and annotations refer to solids, too, but
+    place none.
+
+    Parameters
+    ----------
+    entities : dict
+        See `text.parse_entities`.
+    solids : iterable of int
+        Numbers of the solids.
+    """
+    users: dict[int, list[int]] = {}
+    for number, entity in entities.items():
+        shapes = entity.kind == "REPRESENTATION" or entity.kind.endswith("SHAPE_REPRESENTATION")
+        if shapes or not _PLACING.isdisjoint(entity.kinds):
+            for reference in known_references(entities, entity):
+                users.setdefault(reference, []).append(number)
+    found: set[int] = set()
+    front = list(solids)
+    while front:
+        for number in users.get(front.pop(), ()):
+            if number in found:
+                continue
+            found.add(number)
+            front.append(number)
+            entity = entities[number]
+            # what other representations hold is theirs; their context has the unit
+            used = known_references(entities, entity)
+            held = entity.kind.endswith("REPRESENTATION") and entity.kind not in _PLACING
+            for reference in used[-1:] if held else used:
+                if not entities[reference].kind.endswith("REPRESENTATION"):
+                    found |= _reachable_without_representations(entities, reference)
+                elif reference not in found:
+                    found.add(reference)
+                    front.append(reference)
+    return found
+
+
+def _reachable_without_representations(entities: dict[int, StepEntity], start: int) -> set[int]:
+    """Return the numbers of what an entity refers to, and its own, but nothing that representations hold."""
+    found = {start}
+    front = [start]
+    while front:
+        for number in known_references(entities, entities[front.pop()]):
+            if number not in found and not entities[number].kind.endswith("REPRESENTATION"):
+                found.add(number)
+                front.append(number)
+    return found
 
 
 def _is_complex_solid(entity: StepEntity) -> bool:

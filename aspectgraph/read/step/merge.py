@@ -9,7 +9,7 @@ Imports OCP; import this module only in the kernel's process.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,7 +43,12 @@ class Bodies:
     merged: list[list[int]] = field(default_factory=list)
 
 
-def merge_touching(shapes: Sequence[Any], numbers: Sequence[int], name: str) -> Bodies:
+def merge_touching(
+    shapes: Sequence[Any],
+    numbers: Sequence[int],
+    name: str,
+    report: Callable[[int], None] = lambda done: None,
+) -> Bodies:
     """Return solids with those that touch made one body.
 
     Parameters
@@ -54,12 +59,16 @@ def merge_touching(shapes: Sequence[Any], numbers: Sequence[int], name: str) -> 
         Their numbers in the file, for messages.
     name : str
         Name of the file, for messages.
+    report : callable
+        Takes how many of them are done.
 
     Raises
     ------
     SelfIntersectionError
         Two solids overlap.
     """
+    n_done = 0
+    report(n_done)
     bodies = Bodies(
         [], {k: explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE) for k, shape in enumerate(shapes)}
     )
@@ -71,12 +80,16 @@ def merge_touching(shapes: Sequence[Any], numbers: Sequence[int], name: str) -> 
         )
         if found is None:
             bodies.shapes.extend(shapes[k] for k in group)
+            n_done += len(group)
+            report(n_done)
             continue
         solids, builder = found
         bodies.shapes.extend(solids)
         bodies.merged.append(group)
         for k in group:
             bodies.edges[k] = list(_images(builder, bodies.edges[k]))
+        n_done += len(group)
+        report(n_done)
     return bodies
 
 

@@ -15,7 +15,12 @@ import numpy as np
 from aspectgraph.read.step.circle_arrays import pack_circles
 from aspectgraph.read.step.gaps import measure_gaps
 from aspectgraph.read.step.merge import edge_map, merge_touching
-from aspectgraph.read.step.semantic.stated_dimensions import WITH_TEXTS, list_dimensions
+from aspectgraph.read.step.semantic.stated_dimensions import (
+    LOCATIONS,
+    SIZES,
+    WITH_TEXTS,
+    list_dimensions,
+)
 from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
 from aspectgraph.read.step.text import parse_entities, parse_texts
 from aspectgraph.read.step.triangles import tessellate
@@ -31,6 +36,7 @@ class StepPart:
         self.measured: Any = None
         self.solids: list[int] = []
         self.flat_mm = 0.0
+        self.report: Callable[[int, int, str], None] = lambda done, total, label: None
 
     def answer(self, do: str, **options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the answer to a request: JSON values and arrays."""
@@ -58,10 +64,12 @@ class StepPart:
         diagonal = diagonal_mm(self.shapes, [part.vertices for part in facets.values()])
         self.flat_mm = diagonal * relative_planarity
         rows = []
-        for slot in chosen:
+        for k, slot in enumerate(chosen):
+            self.report(k, len(chosen), "measure gaps")
             gaps = {} if slot.facets else measure_gaps(slot.shape, self.flat_mm)
             widest = {kind: [gap.gap_mm, list(gap.place)] for kind, gap in gaps.items()}
             rows.append({"uncertainty_mm": slot.uncertainty_mm, "gaps": widest})
+        self.report(len(chosen), len(chosen), "measure gaps")
         arrays = {f"{i}_vertices": part.vertices for i, part in facets.items()}
         arrays |= {f"{i}_triangles": part.triangles for i, part in facets.items()}
         return {"diagonal_mm": diagonal, "fits": rows, "faceted": list(facets)}, arrays
@@ -70,7 +78,12 @@ class StepPart:
         self, solids: list[int], measured: list[int], name: str
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Make chosen solids that touch one body, and remember what became of the edges of those to measure."""
-        found = merge_touching(self.shapes, self.solids, name)
+        found = merge_touching(
+            self.shapes,
+            self.solids,
+            name,
+            lambda done: self.report(done, len(self.shapes), "merge solids in contact"),
+        )
         self.bodies = found.shapes
         if len(measured) < len(solids):
             self.measured = edge_map(
@@ -88,6 +101,7 @@ class StepPart:
         arrays = {}
         shapes = self.bodies if merged else self.shapes
         for k, shape in enumerate(shapes):
+            self.report(k, len(shapes), "cut curved faces into facets")
             part = tessellate(shape, chord_mm, angle_rad, self.flat_mm, self.measured)
             chords = np.array(sorted(part.curved_edges), dtype=np.int64).reshape(-1, 2)
             fields: tuple[Any, ...] = (
@@ -102,6 +116,7 @@ class StepPart:
             fields += (np.array([pair for pair, _ in turns], dtype=np.int64).reshape(-1, 2),)
             fields += (np.array([turn for _, turn in turns], dtype=np.float64),)
             arrays.update({f"{k}_{i}": array for i, array in enumerate(fields)})
+        self.report(len(shapes), len(shapes), "cut curved faces into facets")
         return {"n": len(shapes)}, arrays
 
     def dimensions(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -111,8 +126,8 @@ class StepPart:
 
         data = Path(path).read_bytes()
         entities = parse_entities(data)
-        texts = parse_texts(data, entities, WITH_TEXTS)
-        found, surfaces = read_semantic_dimensions(Path(path), name, entities)
+        texts = parse_texts(data, entities, WITH_TEXTS | SIZES | LOCATIONS)
+        found, surfaces = read_semantic_dimensions(Path(path), name, entities, texts)
         return {
             "found": found,
             "surfaces": surfaces,

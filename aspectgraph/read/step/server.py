@@ -1,7 +1,8 @@
 """The process in which the STEP kernel runs: it answers requests until its input ends.
 
-A request is a line of JSON. An answer is two lengths, then that many bytes of JSON and of an .npz archive. The kernel
-is a large C++ library that a damaged file can crash or keep busy for ever; only answers reach the caller.
+A request is a line of JSON. An answer is two lengths, then that many bytes of JSON and of an .npz archive. Before the
+answer may come others with a phase, which only tell how far the work is. The kernel is a large C++ library that a
+damaged file can crash or keep busy for ever; only answers reach the caller.
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ def serve(parent: int, memory_mb: float) -> None:
         return
     _limit_memory(memory_mb)
     part = StepPart()
+    part.report = lambda done, total, label: _send(answers, {"phase": [done, total, label]})
     try:
         for line in sys.stdin.buffer:
             request = json.loads(line)

@@ -29,6 +29,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from aspectgraph.exceptions import ReadError
+from aspectgraph.read.step.damage import check_nothing_loose, find_damage
 from aspectgraph.read.step.facets.stated import TESSELLATED_SOLIDS, StatedFacets, list_loose
 from aspectgraph.read.step.listing import ListedSolid, linked_facets, list_solids
 from aspectgraph.read.step.shapes import explore, unplaced, xyz
@@ -41,15 +42,6 @@ RELATIVE_DISPLACEMENT = 1e-3
 The kernel moves vertices that its healing merges, but by no more than the uncertainty of the file; a wrong unit or a
 lost vertex leaves gaps of the size of an edge.
 """
-
-_HARMLESS = ("ShapeRepresentation", "MechanicalDesignAndDraughtingRelationship")
-_STRUCTURE = (
-    "Transformation",
-    "RepresentationRelationship",
-    "RepresentationMap",
-    "MappedItem",
-    "UsageOccurrence",
-)
 
 
 @dataclass
@@ -114,9 +106,8 @@ def load_solids(path: Path, name: str) -> Inventory:
                 f"a .step or .stp file must be a STEP file. Got {name}, which OCCT cannot read."
             )
         model = reader.Model()
-        _check_references(model, name)
         numbers = number_entities(model, entities, name)
-        damage = _damage(model, numbers, listed, name)
+        damage = find_damage(model, numbers, entities, listed, name)
         reader.TransferRoots()
     _check_assembly(reader, numbers, name)
     shape = reader.OneShape()
@@ -125,16 +116,19 @@ def load_solids(path: Path, name: str) -> Inventory:
             f"a STEP file must hold at least one closed solid. Got {name} without any shape."
         )
     found = number_solids(reader, shape, numbers)
-    if not found and not damage:
+    if not found and not damage.of_solids:
         n = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
         raise ReadError(
             f"a STEP file must hold at least one closed solid. Got {name} with {n} loose faces only."
         )
+    check_nothing_loose(
+        damage, [number for _, number in found if number not in listed], entities, name
+    )
     slots = [
-        _slot(solid, listed.get(number), damage.get(number, ""))
+        _slot(solid, listed.get(number), damage.of_solids.get(number, ""))
         for solid, number in in_file_order(found, listed, name)
     ]
-    return Inventory(slots, _left_out(shape, len(loose)))
+    return Inventory(slots, _left_out(shape, len(loose)) + damage.notes(entities))
 
 
 def _tessellation_mode(entities: dict[int, StepEntity], name: str) -> str:
@@ -161,38 +155,6 @@ def diagonal_mm(shapes: list[Any], points: Iterable[np.ndarray] = ()) -> float:
         for corner in (rows.min(axis=0), rows.max(axis=0)):
             box.Add(gp_Pnt(*corner.tolist()))
     return math.dist(xyz(box.CornerMin()), xyz(box.CornerMax()))
-
-
-def _check_references(model: Any, name: str) -> None:
-    n_fails = model.GlobalCheck().NbFails()
-    if n_fails:
-        raise ReadError(
-            f"a STEP file must be whole. Got {name} with {n_fails} syntax errors or missing entities."
-        )
-
-
-def _damage(
-    model: Any, numbers: dict[Any, int], listed: dict[int, ListedSolid], name: str
-) -> dict[int, str]:
-    """Return what is wrong with the entities that solids consist of, by solid; refuse damage that has no owner.
-
-    Errors in other entities (annotations, styles) are common in good files and do no harm.
-    """
-    damaged: dict[int, set[str]] = {}
-    for i, (handle, number) in enumerate(numbers.items(), start=1):
-        if not model.IsErrorEntity(i):
-            continue
-        family, _, kind = handle.DynamicType().Name().partition("_")
-        owners = [solid for solid in listed.values() if number in solid.entities]
-        for solid in owners:
-            damaged.setdefault(solid.number, set()).add(kind)
-        shapes = family in ("StepShape", "StepGeom") and not kind.endswith(_HARMLESS)
-        structure = any(part in kind for part in _STRUCTURE) and not kind.endswith(_HARMLESS)
-        if not owners and (shapes or structure):
-            raise ReadError(
-                f"the geometry of a STEP file must be whole. Got {name} with errors in {kind} #{number}."
-            )
-    return {number: f"errors in {', '.join(sorted(kinds))}" for number, kinds in damaged.items()}
 
 
 def _check_assembly(reader: Any, handles: Iterable[Any], name: str) -> None:

@@ -27,6 +27,10 @@ from aspectgraph.solid.triangulate import signed_volume
 RELATIVE_VOLUME = 1e-9
 """Flat solids that become one body keep their volume up to this share of it: rounding."""
 
+MOST_REFINED_FACETS = 1_000_000
+"""A chord tolerance that would give more facets is not tried: to check a surface of so many takes minutes."""
+
+_REFINED_GROWTH = 4.0
 _MAX_REFINEMENTS = 3
 
 
@@ -50,7 +54,7 @@ def read_step(
     chord_tolerance_mm : float, optional
         Largest distance between a curved face and the flat facets that stand for it. Default: a thousandth of the
         bounding box diagonal. If the facets of neighbouring walls would run into each other, a quarter of it is tried,
-        up to three times; a tolerance given is never exceeded.
+        up to three times, unless this gives more than a million facets; a tolerance given is never exceeded.
     angular_tolerance_deg : float, optional
         Largest turn between neighbouring chords of a curve. Default: 30.
     planarity_mm : float, optional
@@ -79,10 +83,7 @@ def read_step(
         with phase("load the STEP file"):
             loaded, _ = kernel.ask("load", path=str(Path(path).absolute()), name=Path(path).name)
         chosen, measured = _select(loaded["damage"], as_choice(solids), Path(path).name)
-        with phase("measure gaps"):
-            size, arrays = kernel.ask(
-                "select", solids=chosen, relative_planarity=RELATIVE_PLANARITY
-            )
+        size, arrays = kernel.ask("select", solids=chosen, relative_planarity=RELATIVE_PLANARITY)
         diagonal = size["diagonal_mm"]
         notes = loaded["notes"] + _about_facets(size["faceted"])
         notes += check_fit(size["fits"], chosen, diagonal, gap_mm, Path(path).name)
@@ -95,8 +96,10 @@ def read_step(
             ]
             if len(chosen) > 1:
                 notes += _merge(kernel, chosen, measured, chord, angle_deg)
+            n_before = 0
             for attempt in range(_MAX_REFINEMENTS + 1):
                 parts = _tessellate(kernel, chord / 4.0**attempt, angle_deg)
+                n_facets = sum(len(part.triangles) for part in parts)
                 solid = _build(
                     parts + faceted,
                     chord_mm=chord / 4.0**attempt,
@@ -104,8 +107,9 @@ def read_step(
                     planarity_mm=planarity_mm,
                     notes=notes,
                     name=name,
-                    last=attempt == _MAX_REFINEMENTS,
+                    last=attempt == _MAX_REFINEMENTS or _too_many(n_before, n_facets),
                 )
+                n_before = n_facets
                 if solid is not None:
                     solid.file_solids = FileSolids(
                         tuple(measured), tuple(i for i in chosen if i not in measured)
@@ -120,12 +124,20 @@ def read_step(
     raise AssertionError("the last attempt returns or raises")
 
 
+def _too_many(n_before: int, n_now: int) -> bool:
+    """Return whether a finer chord tolerance would give more facets than can be worked with.
+
+    Their number is taken to grow as it did last; the first time, as it does where a surface is bent both ways.
+    """
+    growth = n_now / n_before if n_before else _REFINED_GROWTH
+    return n_now * growth > MOST_REFINED_FACETS
+
+
 def _merge(
     kernel: StepKernel, chosen: list[int], measured: list[int], chord_mm: float, angle_deg: float
 ) -> list[str]:
     """Make solids that touch one body; return what was done."""
-    with phase("merge solids in contact"):
-        answer, _ = kernel.ask("merge", solids=chosen, measured=measured, name=kernel.name)
+    answer, _ = kernel.ask("merge", solids=chosen, measured=measured, name=kernel.name)
     occluders = [i for i in chosen if i not in measured]
     notes = (
         [f"{_listed(occluders)} {'is' if len(occluders) == 1 else 'are'} in the way only"]
@@ -170,10 +182,9 @@ def _curved_area(part: Tessellation) -> float:
 def _tessellate(
     kernel: StepKernel, chord_mm: float, angle_deg: float, merged: bool = True
 ) -> list[Tessellation]:
-    with phase("cut curved faces into facets"):
-        answer, arrays = kernel.ask(
-            "tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg), merged=merged
-        )
+    answer, arrays = kernel.ask(
+        "tessellate", chord_mm=chord_mm, angle_rad=math.radians(angle_deg), merged=merged
+    )
     parts = []
     for k in range(answer["n"]):
         vertices, triangles, patch, curved_patch, chords, *circles, pairs, turns = (

@@ -70,6 +70,7 @@ BAD = {
     "--register": ["nowhere.json"],
     "--rule": ["best"],
     "--probability": ["nan"],
+    "--read-time-limit": ["0"],
     "--ready-input": NEGATIVE,
     "--rows": ["0"],
     "--serial": [" "],

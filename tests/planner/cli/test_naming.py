@@ -150,6 +150,16 @@ def test_errors_of_the_reader(tmp_path, capsys, name, options, told):
     assert not any(f"{one}=" in line for one in ("solids", "units", "gap_mm", "limits"))
 
 
+@pytest.mark.parametrize("command", ["info", "dimensions"])
+def test_the_time_limit_for_reading_is_an_option_and_its_end_one_line(capsys, command):
+    pytest.importorskip("OCP")
+    part = Path(__file__).parents[3] / "examples" / "nist_ctc_01_ap242.stp"
+    assert main([command, str(part), "--read-time-limit", "0.01", "--quiet"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{part}: a STEP file must be read within --read-time-limit 0.01 seconds" in line
+    assert line.endswith("which takes longer; allow more with --read-time-limit.")
+
+
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no such device")
 @pytest.mark.parametrize("options", [["--json"], []])
 def test_standard_output_that_takes_no_more_is_one_line(options):

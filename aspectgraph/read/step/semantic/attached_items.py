@@ -35,15 +35,18 @@ def list_attached_items(entities: dict[int, StepEntity]) -> list[list[list[int]]
     items = _items_of_aspects(entities)
     parts = _parts_of_aspects(entities)
     sides = []
-    for entity in entities.values():
+    for number, entity in entities.items():
         if not (SIZES | LOCATIONS) & entity.kinds:
             continue
         n_sides = 2 if LOCATIONS & entity.kinds else 1
         aspects = [
-            number
-            for number in known_references(entities, entity)
-            if entities[number].kind != "PRODUCT_DEFINITION_SHAPE"
+            reference
+            for reference in known_references(entities, entity)
+            if entities[reference].kind != "PRODUCT_DEFINITION_SHAPE"
         ]
+        if not aspects:
+            # the size of a datum feature is an aspect itself
+            aspects = [number]
         sides.append(
             [list(dict.fromkeys(_below(aspect, items, parts))) for aspect in aspects[:n_sides]]
         )

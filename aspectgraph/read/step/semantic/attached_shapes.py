@@ -23,6 +23,7 @@ _SHAPES = {
     "EDGE_CURVE": TopAbs_ShapeEnum.TopAbs_EDGE,
     "VERTEX_POINT": TopAbs_ShapeEnum.TopAbs_VERTEX,
 }
+_CURVES = frozenset({"LINE", "CIRCLE", "ELLIPSE", "HYPERBOLA", "PARABOLA", "POLYLINE"})
 _SAME = 1e-6
 """Relative difference of a value as the kernel and as the text state it."""
 
@@ -37,13 +38,13 @@ class Completed:
         The faces, edges or vertices of each side: first the kernel's, then those that it left out.
     unread : list of int
         For each side the number of items that the text names and no shape of the part is made from.
-    compared : bool
-        The text of the dimension is known.
+    text : int or None
+        Which of the dimensions in the text it is, counted from 0; None if that is not known.
     """
 
     sides: list[list[Any]]
     unread: list[int] = field(default_factory=lambda: [0, 0])
-    compared: bool = True
+    text: int | None = None
 
 
 class AttachedShapes:
@@ -88,12 +89,41 @@ class AttachedShapes:
             stated, items = self._texts[k]
             if self._fits(values, known, stated, items):
                 self._next_text = k + 1
-                return self._with_items(sides, known, items)
-        return Completed(sides, compared=False)
+                return self._with_items(sides, known, k)
+        return Completed(sides)
+
+    def of_text(self, text: int) -> Completed:
+        """Return the shapes of a dimension that the kernel leaves out.
+
+        Parameters
+        ----------
+        text : int
+            Which of the dimensions in the text it is, counted from 0.
+        """
+        return self._with_items([[], []], [set(), set()], text)
+
+    def why_nothing(self, text: int | None) -> str:
+        """Return why a dimension has no shapes.
+
+        Parameters
+        ----------
+        text : int or None
+            See `Completed`.
+        """
+        items = [] if text is None else [item for side in self._texts[text][1] for item in side]
+        if not items:
+            return "it is attached to nothing"
+        kind = self._entities[items[0]].kind if items[0] in self._entities else "an item"
+        if kind in _SHAPES:
+            return f"it is attached to {kind} #{items[0]}, which is in no part that was built"
+        if "CURVE" in kind or kind in _CURVES:
+            return "it is attached to a curve, no face"
+        return f"it is attached to {kind} #{items[0]}, no face"
 
     def _with_items(
-        self, sides: list[list[Any]], known: list[set[int | None]], items: list[list[int]]
+        self, sides: list[list[Any]], known: list[set[int | None]], text: int
     ) -> Completed:
+        items = self._texts[text][1]
         whole = [list(side) for side in sides]
         unread = [0, 0]
         for k, side in enumerate(items):
@@ -103,7 +133,7 @@ class AttachedShapes:
                 shapes = self.made_from(item)
                 whole[k] += shapes
                 unread[k] += not shapes
-        return Completed(whole, unread)
+        return Completed(whole, unread, text)
 
     def _fits(
         self,

@@ -8,6 +8,7 @@ Imports OCP; import this module only in the kernel's process.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,13 @@ from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DocumentTool, XCAFDoc_ShapeTo
 
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.listing import list_solids
-from aspectgraph.read.step.semantic.attached_shapes import AttachedShapes
+from aspectgraph.read.step.semantic.attached_shapes import AttachedShapes, Completed
 from aspectgraph.read.step.semantic.instances import AmbiguousInstanceError, Instances
+from aspectgraph.read.step.semantic.stated_dimensions import (
+    StatedDimension,
+    list_dimensions,
+    list_words,
+)
 from aspectgraph.read.step.semantic.surface_tolerances import place_surface_tolerances
 from aspectgraph.read.step.shapes import explore, xyz
 from aspectgraph.read.step.solids import in_file_order, number_entities, number_solids, quiet
@@ -43,7 +49,7 @@ _ONLY_SHOWN = ("DimensionPresentation", "CommonLabel")
 
 
 def read_semantic_dimensions(
-    path: Path, name: str, entities: dict[int, StepEntity]
+    path: Path, name: str, entities: dict[int, StepEntity], texts: Mapping[int, tuple[str, ...]]
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return the semantic dimensions of a STEP file, in its order, and the faces with a flatness or profile tolerance.
 
@@ -55,6 +61,8 @@ def read_semantic_dimensions(
         What to call it in messages.
     entities : dict
         Its entities, see `text.parse_entities`.
+    texts : mapping
+        Those of the dimensions, see `text.parse_texts`.
 
     Returns
     -------
@@ -88,17 +96,22 @@ def read_semantic_dimensions(
     tool = XCAFDoc_DocumentTool.DimTolTool_s(document.Main())
     labels = Sequence_TDF_Label()
     tool.GetDimensionLabels(labels)
-    if not labels.Length():
+    words = list_words(entities, texts)
+    if not labels.Length() and not words:
         return [], []
     kernel = reader.ChangeReader()
     numbers = number_entities(kernel.Model(), entities, name)
     instances = _instances(kernel, numbers, entities, name)
     attached = AttachedShapes(kernel.WS().TransferReader(), numbers, entities, kernel.OneShape())
     stated = [_stated(tool, labels.Value(k)) for k in range(1, labels.Length() + 1)]
-    dimensions = [
-        _dimension(row, sides, attached, instances)
+    completed = [
+        (row, attached.complete(row["values"], sides))
         for row, sides in stated
         if row["type"] not in _ONLY_SHOWN
+    ]
+    dimensions = [
+        _dimension(row, shapes, attached, instances)
+        for row, shapes in _with_left_out(completed, list_dimensions(entities), words, attached)
     ]
     surfaces = [
         {**row, "face": describe(face)}
@@ -145,17 +158,63 @@ def _stated(tool: Any, label: Any) -> tuple[dict[str, Any], list[list[Any]]]:
     return row, [_shapes(first), _shapes(second)]
 
 
+def _with_left_out(
+    found: list[tuple[dict[str, Any], Completed]],
+    texts: list[StatedDimension],
+    words: list[tuple[str, str]],
+    attached: AttachedShapes,
+) -> list[tuple[dict[str, Any], Completed]]:
+    """Return the kernel's dimensions with those that only the text has, in the order of the file."""
+    known = {shapes.text for _, shapes in found}
+    # each of the kernel's dimensions without a text may be one of those
+    unknown = [row["values"] or [] for row, shapes in found if shapes.text is None]
+    whole = list(found)
+    for k, (stated, (kind, word)) in enumerate(zip(texts, words, strict=True)):
+        if k in known:
+            continue
+        row = _row_of_text(stated, kind, word)
+        same = next((v for v in unknown if _shared(v, row["values"] or [])), None)
+        if same is not None:
+            unknown.remove(same)
+            continue
+        later = (i for i, (_, shapes) in enumerate(whole) if (shapes.text or 0) > k)
+        whole.insert(next(later, len(whole)), (row, attached.of_text(k)))
+    return whole
+
+
+def _shared(values: list[float], others: list[float]) -> bool:
+    """Return whether two dimensions state the same value, or none."""
+    return any(math.isclose(a, b, rel_tol=1e-6) for a in values for b in others) or not (
+        values or others
+    )
+
+
+def _row_of_text(stated: StatedDimension, kind: str, word: str) -> dict[str, Any]:
+    """Return what the text says of a dimension that the kernel leaves out, in the form of the kernel."""
+    values = [*stated.values, *map(abs, stated.bounds or ())] if stated.values else None
+    return {
+        "type": "".join(part.title() for part in kind.split("_")),
+        "words": word,
+        "name": "",
+        "values": values,
+        "is_range": len(stated.values) == 2,
+        "has_bounds": stated.bounds is not None,
+    }
+
+
 def _dimension(
-    row: dict[str, Any], sides: list[list[Any]], attached: AttachedShapes, instances: Instances
+    row: dict[str, Any], completed: Completed, attached: AttachedShapes, instances: Instances
 ) -> dict[str, Any]:
     """Return a dimension with all that it is attached to."""
-    completed = attached.complete(row["values"], sides)
+    placed = _placed(completed.sides, instances)
+    if not any(completed.sides):
+        placed["unresolved"] = attached.why_nothing(completed.text)
     return {
         **row,
         "unread": completed.unread,
-        "compared": completed.compared,
+        "compared": completed.text is not None,
         "sides": [[describe(shape) for shape in side] for side in completed.sides],
-        **_placed(completed.sides, instances),
+        **placed,
     }
 
 
@@ -164,7 +223,7 @@ def _placed(sides: list[list[Any]], instances: Instances) -> dict[str, Any]:
     n_first = len(sides[0])
     shapes = [*sides[0], *sides[1]]
     if not shapes:
-        return {"instances": [], "unresolved": "it is attached to nothing"}
+        return {"instances": [], "unresolved": ""}
     try:
         found = instances.of(shapes)
     except AmbiguousInstanceError as error:

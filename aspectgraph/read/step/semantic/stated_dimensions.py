@@ -38,7 +38,6 @@ LOCATIONS = frozenset(
 _ROUNDED_DEGREE = 1e-6
 """Files state the degree as 0.0174532925 rad or with more digits; what is as close to it is the degree."""
 
-
 WITH_TEXTS = frozenset({"DESCRIPTIVE_REPRESENTATION_ITEM", "LIMITS_AND_FITS"})
 """Entities whose texts say something of a dimension, see `text.parse_texts`."""
 
@@ -121,6 +120,29 @@ def list_dimensions(
         for number, entity in entities.items()
         if (SIZES | LOCATIONS) & entity.kinds
     ]
+
+
+def list_words(
+    entities: dict[int, StepEntity], texts: Mapping[int, tuple[str, ...]]
+) -> list[tuple[str, str]]:
+    """Return the type of each dimension in the order of the file, and the word for it, such as "diameter".
+
+    Parameters
+    ----------
+    entities : dict
+        See `text.parse_entities`.
+    texts : mapping
+        Those of the dimensions, see `text.parse_texts`.
+    """
+    found = []
+    for number, entity in entities.items():
+        kinds = (SIZES | LOCATIONS) & entity.kinds
+        if kinds:
+            words = texts.get(number, ())
+            # a size of a datum feature has the name and the description of the feature before its own word
+            place = slice(0, 1) if LOCATIONS & kinds else slice(-1, None)
+            found.append((min(kinds, key=len), "".join(words[place])))
+    return found
 
 
 def _notes(
