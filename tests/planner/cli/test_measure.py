@@ -58,13 +58,13 @@ def test_a_good_part_conforms(folder, capsys):
 
 
 def test_a_wide_part_does_not(folder, capsys):
-    assert run(folder, "wide", *given(folder)) == 1
+    assert run(folder, "wide", *given(folder), out="wide-out") == 1
     assert "1 does not conform" in " ".join(capsys.readouterr().out.split())
-    assert run(folder, "wide", *given(folder), "--exit", "measured") == 0
+    assert run(folder, "wide", *given(folder), "--exit", "measured", out="wide-out") == 0
 
 
 def test_json(folder, capsys):
-    assert run(folder, "good", *given(folder), "--json") == 0
+    assert run(folder, "good", *given(folder), "--json", out="json") == 0
     data = json.loads(capsys.readouterr().out)
     assert data["results"][0]["name"] == "width"
     assert set(data["images"]) == {"setting_01", "setting_02"}
@@ -107,22 +107,24 @@ def test_bad_poses(folder, capsys, name, message):
 
 def test_missing_images(folder, capsys, tmp_path):
     (tmp_path / "setting_02.png").write_bytes((folder / "good" / "setting_02.png").read_bytes())
-    assert run(folder, tmp_path, *given(folder)) == 2
+    assert run(folder, tmp_path, *given(folder), out="partial") == 2
     assert "Got no setting_01; --partial measures what is there." in capsys.readouterr().err
-    assert run(folder, tmp_path, *given(folder), "--partial") == 0
+    assert run(folder, tmp_path, *given(folder), "--partial", out="partial") == 0
     assert "setting_01: no image" in capsys.readouterr().out
 
 
 def test_a_folder_of_parts(folder, tmp_path, capsys):
     for serial, images in (("N1", "good"), ("N2", "wide")):
         (tmp_path / serial).symlink_to(folder / images)
-    assert run(folder, tmp_path, *given(folder), "--parts") == 1
+    assert run(folder, tmp_path, *given(folder), "--parts", out="parts") == 1
     decisions = [
-        json.loads((folder / "out" / serial / "results.json").read_text())["results"][0]["decision"]
+        json.loads((folder / "parts" / serial / "results.json").read_text())["results"][0][
+            "decision"
+        ]
         for serial in ("N1", "N2")
     ]
     assert decisions == ["conforms", "does not conform"]
-    assert (folder / "out" / "N2" / "report.html").exists()
+    assert (folder / "parts" / "N2" / "report.html").exists()
     assert run(folder, tmp_path, *given(folder), "--parts", "--serial", "N3") == 2
     assert run(folder, tmp_path / "N1", *given(folder), "--parts") == 2
     assert "the images must hold a folder for each part" in capsys.readouterr().err
