@@ -6,6 +6,7 @@ import argparse
 from typing import Any, NoReturn
 
 from planner.cli.arguments import (
+    P_ALONE,
     add_again,
     add_asked,
     add_contrast,
@@ -363,7 +364,7 @@ def _add_optics(commands: Any) -> None:
         help="write the camera of the first row as a TOML file for plan --camera (default: not "
         "written)",
     )
-    add_promise(optics.add_argument_group("requirement"))
+    add_promise(optics.add_argument_group("requirement"), P_ALONE)
     add_limits(optics)
     add_workspace(_group(optics, "limits"))
     add_reading(optics)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aspectgraph.exceptions import how_to_install
 from errors.registration import Rows, posterior
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
@@ -265,9 +266,7 @@ def _opencv() -> Any:
     try:
         import cv2
     except ImportError:
-        raise RequestError(
-            "fiducials need OpenCV. Install it: pip install aspectgraph[fiducials]."
-        ) from None
+        raise RequestError(f"fiducials need OpenCV; {how_to_install('fiducials')}.") from None
     version = tuple(int(part) for part in cv2.__version__.split(".")[:2])
     if version < OLDEST_OPENCV:
         least = ".".join(map(str, OLDEST_OPENCV))
