@@ -81,8 +81,8 @@ def plan_folder(
     RequestError
         If the folder holds no part file, or a number breaks its rule.
     OutputError
-        If nothing can be written, another process writes there, or a table of somebody else is
-        there.
+        If nothing can be written, another process writes there, or a table is there that no
+        earlier call wrote.
 
     Examples
     --------

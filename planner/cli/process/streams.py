@@ -9,6 +9,7 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 _LONGEST = 200
 _VERBOSE = {"-v", "--verbose"}
@@ -83,7 +84,7 @@ def quiet_libraries(words: list[str] | None = None) -> Iterator[None]:
     verbose = not _VERBOSE.isdisjoint(sys.argv[1:] if words is None else words)
     before = os.environ.get("PYTHONWARNINGS")
 
-    def show(message: Warning | str, category: type[Warning], *_: object) -> None:
+    def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
         if verbose:
             write_error(f"aspectgraph: {category.__name__}: {' '.join(str(message).split())}")
 
