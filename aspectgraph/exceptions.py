@@ -8,6 +8,17 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
+def how_to_install(extra: str) -> str:
+    """Say how to install an extra. Only a clone has it: the name on a package registry may be anybody's.
+
+    Parameters
+    ----------
+    extra : str
+        Name of the extra.
+    """
+    return f"install it from a clone of the repository: pip install '.[{extra}]'"
+
+
 class AspectGraphError(Exception):
     """Base of every error this package raises on purpose.
 

@@ -1,4 +1,4 @@
-"""Probabilities as text and in files: rounded to the safe side, and never 1."""
+"""Numbers as text: percents, and probabilities, which are rounded to the safe side and never 1."""
 
 from __future__ import annotations
 
@@ -26,6 +26,28 @@ def below_one(value: float) -> float:
         In [0, 1).
     """
     return _LARGEST if value >= 1.0 else value
+
+
+def percent_text(share: float, digits: int = 3) -> str:
+    """Return a share in percent with so many digits, and never with an exponent.
+
+    Parameters
+    ----------
+    share : float
+        1 is 100 %.
+    digits : int
+        Significant digits; a whole number of percents keeps all of its own.
+
+    Returns
+    -------
+    str
+        Such as ``"2.5 %"``, or ``"1000 %"``.
+    """
+    percents = 100.0 * share
+    if abs(percents) >= 10.0 ** (digits - 1) or not math.isfinite(percents):
+        return f"{percents:.0f} %"
+    text = f"{Decimal(f'{percents:.{digits - 1}e}'):f}"
+    return f"{text.rstrip('0').rstrip('.') if '.' in text else text} %"
 
 
 def is_nearly_one(value: float, required: float = 0.0) -> bool:

@@ -11,9 +11,10 @@ import socket
 import stat
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from planner.exceptions import OutputError, PlanFileError
 
@@ -35,12 +36,13 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     path = Path(path)
     with _writing(path):
         if _is_device(path):
-            path.write_text(text, encoding="utf-8")
+            path.write_bytes(text.encode())
             return
         _check_replaceable(path)
         handle, temporary = _made_beside(path)
         try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            # lines end as their format says, on every system
+            with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
                 stream.write(text)
             os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, path)
@@ -88,7 +90,43 @@ def _check_replaceable(path: Path) -> None:
     check_replaceable(path)
 
 
-def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> None:
+class Kind(NamedTuple):
+    """A kind of file that may replace one of its own kind.
+
+    Attributes
+    ----------
+    name : str
+        What a message calls such a file.
+    signs : tuple of bytes
+        One of them is in the first bytes of each such file.
+    """
+
+    name: str
+    signs: tuple[bytes, ...]
+
+    def includes(self, path: Path) -> bool:
+        """Tell whether a file is of this kind; an empty one holds nothing that could be lost."""
+        with open(path, "rb") as stream:
+            head = stream.read(_HEAD_BYTES)
+        return not head or any(sign in head for sign in self.signs)
+
+
+# a sign stands behind a title or a heading at most
+_HEAD_BYTES = 4096
+GRAPHML = Kind("a GraphML file", (b"<graphml",))
+PICTURE = Kind("a PNG file", (b"\x89PNG\r\n\x1a\n",))
+PICKER = Kind(
+    "a page of 'info --picture'", (b'<meta name="generator" content="aspectgraph picker">',)
+)
+PLAN = Kind("a plan of aspectgraph", (b'"aspectgraph inspection plan"',))
+PROGRAM = Kind(
+    "a robot program of aspectgraph", (b"Made by aspectgraph on ", b'"aspectgraph robot program"')
+)
+
+
+def check_file_place(
+    path: str | os.PathLike[str], parameter: str = "path", kind: Kind | None = None
+) -> None:
     """Refuse a file that could not be written, before the work and not after it.
 
     Parameters
@@ -96,6 +134,8 @@ def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> N
     path : path
     parameter : str
         What the caller knows the file as.
+    kind : Kind, optional
+        What is written. A file of another kind, which somebody else made, is not replaced.
 
     Raises
     ------
@@ -103,6 +143,7 @@ def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> N
         If it is a folder, may not be replaced, or nothing can be written beside it: that is tried.
     """
     path = Path(path)
+    check_path_text(path, parameter)
     if path.is_dir():
         raise OutputError.of_rule(
             parameter, "must be a file that can be written", f"'{path}', a folder"
@@ -114,6 +155,12 @@ def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> N
     try:
         if is_reachable:
             _check_replaceable(path)
+        if kind is not None and path.is_file() and not kind.includes(path):
+            raise OutputError.of_rule(
+                parameter, f"must be a new file, or {kind.name}", f"'{path}', which is another file"
+            )
+    except OutputError:
+        raise
     except OSError as error:
         raise OutputError.of_rule(
             parameter, "must be a file that can be written", f"'{path}': {error.strerror}"
@@ -126,6 +173,74 @@ def check_file_place(path: str | os.PathLike[str], parameter: str = "path") -> N
             "must be in a folder that exists and can be written",
             f"'{path}': {error.strerror}",
         ) from None
+
+
+def check_path_text(path: Path, parameter: str) -> None:
+    """Refuse what no file can be called.
+
+    Raises
+    ------
+    OutputError
+        If it holds half a character, or the sign that ends a name.
+    """
+    try:
+        if b"\0" not in os.fsencode(path):
+            return
+    except UnicodeEncodeError:
+        pass
+    raise OutputError.of_rule(parameter, "must be the name of a file", ascii(str(path)))
+
+
+def check_set_place(
+    folder: Path,
+    names: Sequence[str],
+    is_ours: Callable[[Path], bool],
+    parameter: str = "--out",
+    *,
+    others: Sequence[str] = (),
+) -> None:
+    """Refuse a folder in which a set of files would replace files that are not of such a set.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The folder; it need not be there.
+    names : sequence of str
+        Files of the set. The first one says whose they are.
+    is_ours : callable
+        Tells whether the first file, which is there, is of a set that may be replaced.
+    parameter : str
+        What the caller knows the folder as.
+    others : sequence of str
+        Files by which the folder belongs to another set.
+
+    Raises
+    ------
+    OutputError
+        Names the file that would be lost.
+    """
+    for name in others:
+        if os.path.lexists(folder / name):
+            raise _taken(folder / name, parameter, "")
+    mark = folder / names[0]
+    if os.path.lexists(mark):
+        if not is_ours(mark):
+            raise _taken(mark, parameter, ", which is of another part or another program")
+        return
+    for name in names[1:]:
+        if os.path.lexists(folder / name):
+            raise _taken(folder / name, parameter, f" without {names[0]}")
+
+
+def _taken(path: Path, parameter: str, what: str) -> OutputError:
+    return OutputError.of_rule(
+        parameter,
+        "must be a folder without files of others",
+        f"{path_text(path)}{what}",
+        hint="--force replaces it"
+        if parameter.startswith("--")
+        else "--force, in Python replace=True, replaces it",
+    )
 
 
 @contextmanager
@@ -154,6 +269,7 @@ def output_folder(
     """
     # errors name it as it was given, the work may not depend on where the process is
     given = Path(path)
+    check_path_text(given, parameter)
     path = absolute(given)
     made: list[Path] = []
     try:
@@ -229,6 +345,11 @@ def path_text(path: Path) -> str:
     except OSError:
         return str(path)
     return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
+
+
+def name_text(path: str | os.PathLike[str]) -> str:
+    """Return a name of a file as text that can be written; names need not be Unicode."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
 def plan_file(path: str | os.PathLike[str]) -> Path:

@@ -35,8 +35,18 @@ def test_licences_are_choices_of_sums(licence, allowed):
 @pytest.mark.parametrize(
     ("answer", "code", "words"),
     [
-        ("no JSON", 0, "SKIPPED"),
-        ('{"dependencies": [{"name": "a", "skip_reason": "not found"}]}', 0, "SKIPPED"),
+        ("no JSON", 3, "NOT CHECKED, pip-audit"),
+        ('{"dependencies": []}', 3, "NOT CHECKED for any package"),
+        (
+            '{"dependencies": [{"name": "a", "skip_reason": "not found"}]}',
+            3,
+            "NOT CHECKED for a",
+        ),
+        (
+            '{"dependencies": [{"name": "a", "version": "1", "vulns": []}, {"name": "b"}]}',
+            3,
+            "NOT CHECKED for b",
+        ),
         (
             '{"dependencies": [{"name": "a", "version": "1", "vulns": []}]}',
             0,

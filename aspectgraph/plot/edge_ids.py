@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.exceptions import MissingExtraError, PictureError
+from aspectgraph.exceptions import MissingExtraError, PictureError, how_to_install
 from aspectgraph.files import replacing
 from aspectgraph.plot.callouts import Spot, draw_labels
 from aspectgraph.plot.hidden_lines import ParallelView, view_axes
@@ -173,7 +173,7 @@ def _write_png(
         from matplotlib.figure import Figure
     except ImportError as error:
         raise MissingExtraError(
-            f"PNG pictures need the package matplotlib. Got {error}; install it with: pip install aspectgraph[plot]"
+            f"PNG pictures need the package matplotlib. Got {error}; {how_to_install('plot')}"
         ) from error
     items = named_items(solid, edge_ids, curve_ids)
     figure = Figure(figsize=(22, 17), dpi=100)

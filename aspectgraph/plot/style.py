@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 
-from aspectgraph.exceptions import MissingExtraError
+from aspectgraph.exceptions import MissingExtraError, how_to_install
 from aspectgraph.solid.edge_ends import CURVED_FEATURE_DEG, FEATURE_DEG
 
 if TYPE_CHECKING:
@@ -130,6 +130,6 @@ def new_axes(figsize: tuple[float, float]) -> Axes:
         import matplotlib.pyplot as plt
     except ImportError as error:
         raise MissingExtraError(
-            f"this picture needs the package matplotlib. Got {error}; install it with: pip install 'aspectgraph[plot]'"
+            f"this picture needs the package matplotlib. Got {error}; {how_to_install('plot')}"
         ) from error
     return plt.subplots(figsize=figsize, layout="constrained")[1]

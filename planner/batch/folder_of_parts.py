@@ -11,10 +11,21 @@ from pathlib import Path
 from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
 from planner.argument_kinds import check_count
 from planner.batch.part_request import PartRequest
-from planner.batch.part_result import PartResult, digest_of, found_again, write_tables
+from planner.batch.part_result import (
+    FAILED,
+    REFUSED,
+    TABLES,
+    PartResult,
+    digest_of,
+    found_again,
+    is_table,
+    parts_in,
+    write_tables,
+)
+from planner.batch.plan_part import check_part_place, reason_of
 from planner.batch.workers import Task, on_executor, on_own_processes
-from planner.exceptions import RequestError
-from planner.files import absolute, output_folder
+from planner.exceptions import OutputError, RequestError
+from planner.files import absolute, check_set_place, name_text, output_folder
 from planner.output.folder_lock import folder_lock
 from planner.progress import Progress, report
 
@@ -30,6 +41,7 @@ def plan_folder(
     jobs: int = 1,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    replace: bool = False,
 ) -> list[PartResult]:
     """Plan every part of a folder, and write each plan to a folder of its own.
 
@@ -55,6 +67,9 @@ def plan_folder(
         the same names.
     progress : callable, optional
         The program calls ``progress(done, total, "parts")``. An exception it raises ends the work.
+    replace : bool
+        Replace plans and other files in ``out`` that no earlier call wrote. By default, such files
+        stay: a table refuses the call, and the files of a part make this part fail.
 
     Returns
     -------
@@ -66,7 +81,8 @@ def plan_folder(
     RequestError
         If the folder holds no part file, or a number breaks its rule.
     OutputError
-        If nothing can be written, or another process writes there.
+        If nothing can be written, another process writes there, or a table is there that no
+        earlier call wrote.
 
     Examples
     --------
@@ -88,15 +104,18 @@ def plan_folder(
     """
     check_count("jobs", jobs, 1)
     source = absolute(folder)
-    with output_folder(out, (), "out") as target, folder_lock(target):
+    if not replace:
+        check_set_place(Path(out), TABLES, is_table, "out")
+    with output_folder(out, TABLES, "out") as target, folder_lock(target):
         results: dict[str, PartResult] = {}
         waiting: list[Task] = []
+        ours = parts_in(target / TABLES[0]) or set()
         for path in part_files(source, target):
-            name = _as_text(path.relative_to(source))
-            place = target / path.relative_to(source)
-            known = found_again(name, place, digest_of(path), request.fingerprint)
+            name = name_text(path.relative_to(source))
+            task = Task(request, name, path, target / path.relative_to(source))
+            known = _known(task, replace or name in ours)
             if known is None:
-                waiting.append(Task(request, name, path, place))
+                waiting.append(task)
             else:
                 results[name] = known
         total = len(results) + len(waiting)
@@ -114,8 +133,24 @@ def plan_folder(
     return sorted(results.values(), key=lambda one: one.part)
 
 
+def _known(task: Task, may_replace: bool) -> PartResult | None:
+    """Return the result of a part without planning it; None if it is to be planned."""
+    if not task.path.is_file():
+        kind = "a link that leads nowhere" if task.path.is_symlink() else "a pipe or a device"
+        return task.failed(f"the part must be an existing file. Got {kind}.", REFUSED)
+    known = found_again(task.part, task.folder, digest_of(task.path), task.request.fingerprint)
+    if known is None and not may_replace:
+        try:
+            check_part_place(task.folder)
+        except (OutputError, OSError) as error:
+            return task.failed(reason_of(error), FAILED)
+    return known
+
+
 def part_files(folder: Path, out: Path) -> list[Path]:
     """Return the part files in a folder and those in it, but for those of the output, in order.
+
+    Links that lead nowhere, pipes and devices with the name of a part file are among them.
 
     Raises
     ------
@@ -125,11 +160,11 @@ def part_files(folder: Path, out: Path) -> list[Path]:
     found = [
         path
         for path in sorted(folder.rglob("*"))
-        if _is_part(path) and path.is_file() and (out == folder or out not in path.parents)
+        if _is_part(path) and not path.is_dir() and (out == folder or out not in path.parents)
     ]
     if not found:
         raise RequestError(
-            f"the folder of parts must hold part files ({_kinds()}). Got {_as_text(folder)}."
+            f"the folder of parts must hold part files ({_kinds()}). Got {name_text(folder)}."
         )
     return found
 
@@ -142,11 +177,6 @@ def _is_part(path: Path) -> bool:
 
 def _kinds() -> str:
     return " ".join((*STEP_SUFFIXES, *MESH_SUFFIXES))
-
-
-def _as_text(path: Path) -> str:
-    """Return a path as text that can be written; names of files need not be Unicode."""
-    return os.fsencode(path).decode("utf-8", "backslashreplace")
 
 
 def _planned(waiting: list[Task], jobs: int, executor: Executor | None) -> Iterator[PartResult]:

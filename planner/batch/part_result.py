@@ -13,6 +13,7 @@ from aspectgraph.entities.spreadsheet_text import csv_text
 from planner.exceptions import PlanFileError
 from planner.files import write_text
 from planner.records.json_file import read_json
+from planner.records.schema import check_schema
 
 RECORD = "result.json"
 PLAN = "plan.json"
@@ -73,10 +74,8 @@ def found_again(part: str, folder: Path, file_sha256: str, request: str) -> Part
 
     A failure is no result. A plan that is gone, or is not the one that was written, is made again.
     """
-    try:
-        data = read_json(folder / RECORD, "result")
-        result = PartResult(**data)
-    except (PlanFileError, TypeError):
+    result = read_record(folder / RECORD)
+    if result is None:
         return None
     asked = (part, file_sha256, request)
     if (result.part, result.file_sha256, result.request) != asked or result.status == FAILED:
@@ -86,6 +85,31 @@ def found_again(part: str, folder: Path, file_sha256: str, request: str) -> Part
         if result.status == REFUSED or digest_of(folder / PLAN) == result.plan_sha256
         else None
     )
+
+
+def read_record(path: Path) -> PartResult | None:
+    """Return a record that `PartResult.write` wrote; None of what is no such record, or is not there."""
+    try:
+        data = read_json(path, "result")
+        check_schema(data, "part_result")
+    except PlanFileError:
+        return None
+    return PartResult(**data)
+
+
+def is_table(path: Path) -> bool:
+    """Tell whether a file is ``results.json`` of `write_tables`."""
+    return parts_in(path) is not None
+
+
+def parts_in(path: Path) -> set[str] | None:
+    """Return the parts in ``results.json`` of `write_tables`; None of what is no such table, or is not there."""
+    try:
+        rows = read_json(path, "results")
+        check_schema(rows, "part_results")
+    except PlanFileError:
+        return None
+    return {row["part"] for row in rows}
 
 
 def digest_of(path: Path) -> str:

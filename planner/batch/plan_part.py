@@ -23,18 +23,21 @@ from planner.batch.part_result import (
     INCOMPLETE,
     PLAN,
     PLANNED,
+    RECORD,
     REFUSED,
     PartResult,
     digest_of,
     found_again,
+    read_record,
 )
 from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.exceptions import PlanFileError, PlannerError
+from planner.files import check_set_place
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.inspection import plan_by_options, visible_regions
 from planner.output.folder_lock import folder_lock
 from planner.output.part_source import with_source
-from planner.output.plan_folder import write_outputs
+from planner.output.plan_folder import PLAN_FILES, write_outputs
 from planner.plan import InspectionPlan
 from planner.verify.in_time import simulate_in_time
 
@@ -72,6 +75,8 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with folder_lock(folder):
+            # whose folder it is must be known if the process is killed
+            replace(blank, reason="it was not planned to the end").write(folder)
             result = _described(blank, _planned(request, path, folder), folder)
     except Exception as error:
         # one part, whatever is wrong with it, must not end the batch
@@ -83,6 +88,18 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
     except OSError as error:
         return replace(blank, reason=reason_of(error))
     return result
+
+
+def check_part_place(folder: Path) -> None:
+    """Refuse a folder with a plan, or other files, that no earlier batch wrote.
+
+    Raises
+    ------
+    OutputError
+        Names the file that would be lost.
+    """
+    names = (RECORD, *PLAN_FILES, STATE, REGIONS)
+    check_set_place(folder, names, lambda path: read_record(path) is not None, "out")
 
 
 def reason_of(error: BaseException) -> str:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-from aspectgraph.exceptions import MissingExtraError
+from aspectgraph.exceptions import MissingExtraError, how_to_install
 from planner.exceptions import RequestError
 
 _ANSWERS_S = 15
@@ -35,7 +35,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
         connect: Any = import_module("distributed").Client
     except ImportError:
         raise MissingExtraError(
-            "a scheduler needs Dask's distributed, which is not installed: pip install 'aspectgraph[dask]'."
+            f"a scheduler needs Dask's distributed, which is not installed; {how_to_install('dask')}."
         ) from None
     try:
         client = connect(address, timeout=_ANSWERS_S, set_as_default=False)

@@ -28,9 +28,9 @@ class Task(NamedTuple):
     path: Path
     folder: Path
 
-    def failed(self, reason: str) -> PartResult:
+    def failed(self, reason: str, status: str = FAILED) -> PartResult:
         """Return the result where there is none of the worker."""
-        return PartResult(self.part, FAILED, reason, request=self.request.fingerprint)
+        return PartResult(self.part, status, reason, request=self.request.fingerprint)
 
 
 def on_executor(tasks: Sequence[Task], executor: Executor) -> Iterator[PartResult]:

@@ -40,6 +40,7 @@ from planner.camera.distortion import Distortion
 from planner.camera.field import Field, field_of
 from planner.camera.readers import calibrated_fields
 from planner.exceptions import CameraError
+from planner.files import name_text
 
 # some ten times the coarsest pixels of cameras: more is a pitch in um
 _LARGEST_PITCH_MM = 0.5
@@ -392,9 +393,10 @@ class Camera:
         try:
             if "calibration" in data:
                 return cls.from_calibration(
-                    path.parent / str(data.pop("calibration")), **{"name": path.stem, **data}
+                    path.parent / str(data.pop("calibration")),
+                    **{"name": name_text(path.stem), **data},
                 )
-            return cls.from_dict({"name": path.stem, **data})
+            return cls.from_dict({"name": name_text(path.stem), **data})
         except CameraError as error:
             # an error without a parameter is one of the file that ``calibration`` names
             line = line_of(error.parameter or "calibration", text)

@@ -1,16 +1,16 @@
 """The command line: options, the commands, and exit codes.
 
-Errors are one line on standard error, never a traceback. Commands are imported when they are run, so that
-``--help`` is immediate.
+Errors are one line on standard error, and a traceback only of a fault with ``--verbose``. Commands are imported when
+they are run, so that ``--help`` is immediate.
 """
 
 from __future__ import annotations
 
 import os
 
-from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE
+from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE, INTERNAL
 from planner.cli.process.shortages import shortage
-from planner.cli.process.streams import prepare_streams, write_error
+from planner.cli.process.streams import prepare_streams, write_error, write_fault
 
 
 def start() -> int:
@@ -34,9 +34,11 @@ def start() -> int:
     except KeyboardInterrupt:
         write_error("aspectgraph: interrupted")
         return INCOMPLETE
-    except (MemoryError, ImportError) as error:
+    except Exception as error:
+        # `main` raises nothing: the program, or a library of it, cannot be loaded
         line = shortage(error)
         if line is None:
-            raise
+            write_fault(error)
+            return INTERNAL
         write_error(f"aspectgraph: {line}")
         return BAD_INPUT

@@ -192,8 +192,25 @@ def add_wanted(parser: Options) -> None:
     )
 
 
-def add_promise(parser: Options) -> None:
-    """Add what a plan promises of a measurement, and the uncertainty of the camera's pose."""
+_P_ALL = (
+    "required P_all of each target: the displaced camera has it in the picture, in focus, unhidden "
+    "and apart from other lines, and the error is at most the permitted one"
+)
+P_ALONE = (
+    "required P of each target: the error is at most the permitted one, if the target is found"
+)
+
+
+def add_promise(parser: Options, probability: str = _P_ALL) -> None:
+    """Add what is promised of a measurement, and the uncertainty of the camera's pose.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Of the command, or a group.
+    probability : str
+        What the probability is of.
+    """
     parser.add_argument(
         "--accuracy",
         type=SHARE,
@@ -207,8 +224,7 @@ def add_promise(parser: Options) -> None:
         type=SHARE,
         default=0.9,
         metavar="P",
-        help="required probability of this accuracy, for a registered image in which the edge "
-        "is found",
+        help=probability,
     )
     parser.add_argument(
         "--sigma-mm",

@@ -20,7 +20,7 @@ from planner.argument_kinds import (
 )
 from planner.cli.parsing.quantities import localisation_words
 from planner.exceptions import OutputError, RequestError
-from planner.files import check_file_place
+from planner.files import GRAPHML, PICKER, PICTURE, Kind, check_file_place
 
 _COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "draws": 1, "graph_limit": 0, "rows": 1}
 # of what is counted
@@ -135,7 +135,14 @@ def check_inputs(options: Any) -> None:
     # last, because a file that can be written takes a second to check
     for name in ("picture", "graphml", "write"):
         if given.get(name):
-            check_file_place(given[name], f"--{name}")
+            check_file_place(given[name], f"--{name}", _kind(name, given[name]))
+
+
+def _kind(name: str, path: str) -> Kind | None:
+    """Return what kind of file an option writes; None of a camera, which replaces nothing."""
+    if name == "picture":
+        return PICKER if Path(path).suffix.lower() == ".html" else PICTURE
+    return GRAPHML if name == "graphml" else None
 
 
 def _check_files(given: Mapping[str, Any]) -> None:

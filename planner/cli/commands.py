@@ -27,7 +27,7 @@ from aspectgraph import (
 from aspectgraph.read.part_file import MESH_SUFFIXES
 from planner.batch.folder_of_parts import plan_folder
 from planner.batch.part_request import PartRequest, limits_of
-from planner.batch.part_result import PLANNED, TABLES
+from planner.batch.part_result import PLANNED, TABLES, is_table
 from planner.batch.scheduler import dask_executor
 from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.camera.pose_uncertainty import PoseUncertainty
@@ -51,7 +51,7 @@ from planner.cli.wanted import Wanted, chosen_entities, localisation_text, read_
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError
 from planner.executors import leave_signals_to_the_parent, usable_cores
-from planner.files import absolute, output_folder, path_text
+from planner.files import absolute, check_set_place, output_folder, path_text
 from planner.inspection import space_of, visible_regions
 from planner.output import terminal_tables
 from planner.output.folder_lock import folder_lock
@@ -317,6 +317,8 @@ def batch(options: argparse.Namespace) -> int:
         effort=effort if options.give_up is None else effort.giving_up(options.give_up),
         limits=limits_of(inspection_options(options, time_limit_s=options.time_limit)),
     )
+    if not options.force:
+        check_set_place(Path(options.out), TABLES, is_table)
     out = absolute(options.out)
     workers = nullcontext() if options.scheduler is None else dask_executor(options.scheduler)
     try:
@@ -332,6 +334,7 @@ def batch(options: argparse.Namespace) -> int:
                 jobs=jobs,
                 executor=executor,
                 progress=progress,
+                replace=options.force,
             )
     except KeyboardInterrupt:
         raise KeyboardInterrupt("the same command continues with the remaining parts") from None

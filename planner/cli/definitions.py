@@ -6,6 +6,7 @@ import argparse
 from typing import Any, NoReturn
 
 from planner.cli.arguments import (
+    P_ALONE,
     add_again,
     add_asked,
     add_contrast,
@@ -62,6 +63,7 @@ A dimensions file adds what is measured, and its tolerance:
 exit codes: 0 done, 1 plan incomplete, 2 bad input
 (1 also if the simulation contradicts the plan, a measured part does not
 conform, or the work was interrupted; 3 if an image cannot be registered;
+70 if the program has a fault: please report it;
 141 if a reader such as head closes the pipe early)"""
 
 _COLUMNS = """\
@@ -256,6 +258,11 @@ def _add_batch(commands: Any) -> None:
     add_select(which, "entities for which the rule holds", "all sharp straight edges")
     which.add_argument("--all", action="store_true", help="all sharp straight edges, the default")
     add_asked(batch)
+    _group(batch, "output").add_argument(
+        "--force",
+        action="store_true",
+        help="replace plans and other files in DIR that no batch wrote",
+    )
     add_graph_limit(_group(batch, "output"), "the joint graph of each part", "0")
     search = _group(batch, "search")
     add_jobs(search, "parts to plan at a time, at most one per core", usable_cores())
@@ -357,7 +364,7 @@ def _add_optics(commands: Any) -> None:
         help="write the camera of the first row as a TOML file for plan --camera (default: not "
         "written)",
     )
-    add_promise(optics.add_argument_group("requirement"))
+    add_promise(optics.add_argument_group("requirement"), P_ALONE)
     add_limits(optics)
     add_workspace(_group(optics, "limits"))
     add_reading(optics)

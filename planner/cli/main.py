@@ -2,8 +2,8 @@
 
 Results go to standard output, progress and errors to standard error. Exit codes: 0 done, 1 the plan is
 incomplete (or was interrupted, or its simulation contradicts it, or a part does not conform), 2 bad input, 3 an
-image could not be registered, 141 nobody reads the output any more. The imports that take time happen inside the
-commands, so ``--help`` is immediate.
+image could not be registered, 70 a fault of the program, 141 nobody reads the output any more. The imports that
+take time happen inside the commands, so ``--help`` is immediate.
 """
 
 from __future__ import annotations
@@ -22,15 +22,17 @@ from planner.cli.checks import check_inputs, check_numbers
 from planner.cli.definitions import build_parser
 from planner.cli.naming import as_typed, in_words_of_shell
 from planner.cli.parsing.parser import UsageError, check_names, command_parsers
-from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE, NOBODY_READS
+from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE, INTERNAL, NOBODY_READS
 from planner.cli.process.shortages import shortage
 from planner.cli.process.signals import termination_as_interruption
 from planner.cli.process.streams import (
     output_fails,
     prepare_streams,
+    quiet_libraries,
     settle,
     stop_writing,
     write_error,
+    write_fault,
 )
 from planner.executors import usable_cores
 from planner.progress.terminal_text import visible, visible_output
@@ -61,8 +63,13 @@ def main(arguments: list[str] | None = None) -> int:
         The exit code.
     """
     prepare_streams()
-    with visible_output():
-        return _run(arguments)
+    with visible_output(), quiet_libraries(arguments):
+        try:
+            return _run(arguments)
+        except Exception as error:
+            # whatever nobody foresaw, here and in the handling of errors, is no result
+            write_fault(error, arguments)
+            return INTERNAL
 
 
 def _run(arguments: list[str] | None) -> int:
@@ -91,7 +98,6 @@ def _run(arguments: list[str] | None) -> int:
         # a command that can be resumed says how
         return _fail("; ".join(["interrupted", *map(str, interruption.args)]), INCOMPLETE)
     except Exception as error:
-        # errors that nobody foresaw are raised again
         ending = _ending(error, options)
         if ending is None:
             raise

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import os
@@ -16,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aspectgraph.entities.spreadsheet_text import csv_text
 from errors.measurands import Decision, DecisionRule
 from errors.measurands.conformity import COVERAGE
-from planner.exceptions import OutputError
 from planner.files import write_text
 from planner.measuring.image.picture import Picture
 from planner.measuring.merge import Result
@@ -194,14 +192,10 @@ class MeasurementResults:
         Returns
         -------
         str
-            With a heading; lines end with CR LF.
+            With a heading; lines end with CR LF. Text that a spreadsheet would run begins with an
+            apostrophe.
         """
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, COLUMNS, lineterminator="\r\n")
-        writer.writeheader()
-        for row in self.rows():
-            writer.writerow({key: "" if value is None else value for key, value in row.items()})
-        return stream.getvalue()
+        return csv_text(COLUMNS, self.rows())
 
     def write_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the table as CSV.
@@ -221,12 +215,7 @@ class MeasurementResults:
         OutputError
             If it cannot be written.
         """
-        try:
-            Path(path).write_bytes(self.to_csv().encode())
-        except OSError as error:
-            raise OutputError(
-                f"{path} must be a file that can be written. Got: {error.strerror}."
-            ) from None
+        write_text(path, self.to_csv())
         return Path(path)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from planner.files import absolute
+from planner.files import absolute, name_text
 from planner.identity.inspection_request import SOURCE
 from planner.plan import InspectionPlan
 
@@ -39,5 +39,4 @@ def with_source(
         name = str(path)
     given = {key: value for key, value in reading.items() if value is not None}
     # names of files need not be Unicode
-    text = os.fsencode(name).decode("utf-8", "backslashreplace")
-    return replace(plan, request={**plan.request, SOURCE: {"file": text, **given}})
+    return replace(plan, request={**plan.request, SOURCE: {"file": name_text(name), **given}})

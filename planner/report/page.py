@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from errors.formatting import probability_text
+from errors.formatting import percent_text, probability_text
 from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
 from planner.progress import report
@@ -347,7 +347,7 @@ def _request(plan: InspectionPlan) -> str:
     left, top, right, bottom = camera.field().inner
     if not camera.is_centred:
         field = np.array([right - left, bottom - top]) * camera.focus_distance_mm
-    share = f"{100 * (1 - plan.accuracy):.3g} %"
+    share = percent_text(1 - plan.accuracy)
     rows = {
         "Required accuracy": f"{plan.accuracy:g} ({words_of(plan.targets).accuracy.format(share=share)})",
         **_localisation(plan),

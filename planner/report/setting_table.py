@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from errors.formatting import frequency_text, interval_text
+from errors.formatting import frequency_text, interval_text, percent_text
 from planner.camera.pose import world_to_cam
 from planner.report.binding import LimitShare, nearest_limits
 from planner.report.tables import Promised, budget_bar, cells, heads, permitted, warned
@@ -163,7 +163,7 @@ def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
 
 def _share(one: LimitShare) -> str:
     """Return a share in percent; a share close to 0 without its digits."""
-    return "less than 0.01 %" if 0 <= one.share < 1e-4 else f"{100 * one.share:.3g} %"
+    return "less than 0.01 %" if 0 <= one.share < 1e-4 else percent_text(one.share)
 
 
 def may_be_unsharp(plan: InspectionPlan, setting: SensorSetting) -> bool:

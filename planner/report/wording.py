@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from errors.formatting import percent_text
 from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
@@ -147,7 +148,7 @@ def registration_text(plan: InspectionPlan) -> str:
 def promise_sentence(plan: InspectionPlan) -> str:
     """Say what P is, and what it takes as given."""
     words = words_of(plan.targets)
-    error = words.error.format(share=f"{100 * (1 - plan.accuracy):.3g} %")
+    error = words.error.format(share=percent_text(1 - plan.accuracy))
     alone = (
         f"P is the probability that the error is at most {error}, given a registered image in which "
         f"{words.found}."
@@ -301,9 +302,10 @@ def regions_sentence(shares: Mapping[str, float], most: int) -> str:
     largest = max(shares, key=shares.__getitem__)
     mean = sum(shares.values()) / len(shares)
     return (
-        f"Regions: each entity is visible as a whole from {100 * shares[least]:.2g} % ({least}) to "
-        f"{100 * shares[largest]:.2g} % ({largest}) of the workspace, and from {100 * mean:.2g} % on average. None "
-        f"of 10,000 random viewpoints sees more than {most} of the {len(shares)} entities."
+        f"Regions: each entity is visible as a whole from {percent_text(shares[least], 2)} ({least}) to "
+        f"{percent_text(shares[largest], 2)} ({largest}) of the workspace, and from "
+        f"{percent_text(mean, 2)} on average. None of 10,000 "
+        f"random viewpoints sees more than {most} of the {len(shares)} entities."
     )
 
 

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from aspectgraph.exceptions import how_to_install
 from planner.exceptions import RobotError
 from planner.robot.transforms import about, compose, invert, to_axis
 from planner.robot.urdf import N_JOINTS, UrdfArm
@@ -589,9 +590,7 @@ def needed(module: str) -> Any:
     try:
         return import_module(module)
     except ImportError:
-        raise RobotError(
-            "a cell needs the extra robot. Install it: pip install aspectgraph[robot]."
-        ) from None
+        raise RobotError(f"a cell needs the extra robot; {how_to_install('robot')}.") from None
 
 
 def _snapped(numbers: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.formatting import percent_text
 from errors.measurands import (
     Circle,
     Geometry,
@@ -176,7 +177,7 @@ class PlannedLength(PlannedTarget):
     @property
     def requirement_texts(self) -> tuple[str, str]:
         """What is measured, and the permitted error."""
-        return "length", f"error up to {100 * (1 - self.accuracy):.3g} %"
+        return "length", f"error up to {percent_text(1 - self.accuracy)}"
 
     def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float:
         """Return the share of the length of its image, px."""
@@ -355,7 +356,7 @@ class PlannedDimension(PlannedTarget):
     def _share(self, tolerance: tuple[float, float]) -> str:
         """Return the permitted error in percent of half the width of a tolerance."""
         half = (tolerance[1] - tolerance[0]) / 2
-        return f"{100 * self.permitted_error / half:.3g} %"
+        return percent_text(self.permitted_error / half)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain values, ready for JSON, with the nominal value and its unit.

@@ -6,7 +6,13 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from errors.formatting import below_one, frequency_text, interval_text, probability_text
+from errors.formatting import (
+    below_one,
+    frequency_text,
+    interval_text,
+    percent_text,
+    probability_text,
+)
 
 
 @pytest.mark.parametrize(
@@ -65,3 +71,20 @@ def test_what_is_told_holds_for_any_number():
         assert least < 1
         low, high = (Decimal(x) for x in interval_text(value / 2, 0.99 * value).split(" to "))
         assert low <= Decimal(repr(value / 2)) <= Decimal(repr(0.99 * value)) <= high
+
+
+@pytest.mark.parametrize(
+    ("share", "digits", "told"),
+    [
+        (1.0, 2, "100 %"),
+        (0.997, 2, "100 %"),
+        (0.126, 2, "13 %"),
+        (0.02, 3, "2 %"),
+        (12.34, 3, "1234 %"),
+        (0.00000012, 3, "0.000012 %"),
+        (-0.5, 2, "-50 %"),
+        (0.0, 3, "0 %"),
+    ],
+)
+def test_percents_have_no_exponent(share, digits, told):
+    assert percent_text(share, digits) == told

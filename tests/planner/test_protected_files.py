@@ -13,7 +13,7 @@ from aspectgraph import OutputError as GraphOutputError
 from aspectgraph import write_graphml
 from aspectgraph.files import check_replaceable
 from planner.exceptions import OutputError
-from planner.files import check_file_place, output_folder, staged_folder, write_text
+from planner.files import GRAPHML, PLAN, check_file_place, output_folder, staged_folder, write_text
 from planner.output.plan_folder import rescue, write_graph
 from planner.resume import PlanningState
 
@@ -185,3 +185,20 @@ def test_a_plan_on_a_read_only_mount_is_found_out_before_the_work(here):
         == "--out must be a folder that can be written. Got out: Read-only file system (plan.json).\n"
     )
     assert os.listdir(here / "out") == ["plan.json"]
+
+
+def test_a_file_replaces_only_one_of_its_kind(here):
+    camera = here / "camera.toml"
+    camera.write_text("f_number = 8\n")
+    told = "^--graphml must be a new file, or a GraphML file. Got .*, which is another file"
+    with pytest.raises(OutputError, match=told):
+        check_file_place(camera, "--graphml", GRAPHML)
+    write_graphml(nx.Graph(), here / "a.graphml")
+    check_file_place(here / "a.graphml", "--graphml", GRAPHML)
+    plan().write(here / "plan.json")
+    check_file_place(here / "plan.json", "--plan-out", PLAN)
+    (here / "empty").touch()
+    check_file_place(here / "empty", "--graphml", GRAPHML)
+    for name in ("a\0b", "half\ud800"):
+        with pytest.raises(OutputError, match="--graphml must be the name of a file"):
+            check_file_place(name, "--graphml", GRAPHML)

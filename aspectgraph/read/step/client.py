@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph import exceptions
-from aspectgraph.exceptions import MissingExtraError, ReadError
+from aspectgraph.exceptions import MissingExtraError, ReadError, how_to_install
 from aspectgraph.phases import report_phase
 from aspectgraph.read.limits import ReadLimits, more_of
 from aspectgraph.read.step.server import LENGTHS, OUT_OF_MEMORY
@@ -171,7 +171,7 @@ class StepKernel:
                     "it has no files for Python 3.10: read them with 3.11 or newer, or read a mesh"
                 )
             else:
-                how = "install it with: pip install aspectgraph[step]"
+                how = how_to_install("step")
             return MissingExtraError(
                 f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {header['message']}; {how}"
             )

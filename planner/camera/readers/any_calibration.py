@@ -25,6 +25,7 @@ from planner.camera.readers.stated_calibration import (
     is_in_image,
 )
 from planner.exceptions import CameraError
+from planner.files import name_text
 
 _KNOWN = (
     "a calibration of ROS, OpenCV, Kalibr or Autoware (YAML, XML, JSON), or COLMAP's cameras.txt"
@@ -45,7 +46,7 @@ def calibrated_fields(path: str | PathLike[str], lens: Mapping[str, Any]) -> dic
     """Return the fields of a camera of a calibration file; see `Camera.from_calibration`."""
     path = Path(path)
     found = read_calibration(path)
-    lens = {"name": path.stem, **lens}
+    lens = {"name": name_text(path.stem), **lens}
     if found.binning[0] > 1 and "pixel_pitch_mm" in lens:
         # the pitch is the sensor's, as its data sheet states it
         pitch = check_positive("pixel_pitch_mm", lens["pixel_pitch_mm"])

@@ -11,7 +11,7 @@ _CODES = """\
 exit codes:
   0  all that has a tolerance conforms (--exit measured: all is measured)
   1  something does not conform, is undecided or is not measured
-  2  bad input
+  2  bad input; with --parts, of at least one part
   3  an image cannot be registered"""
 
 
@@ -26,6 +26,11 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
     )
     measure.add_argument("--part", metavar="PART", required=True, help="the part of the plan")
     measure.add_argument("--out", "-o", metavar="DIR", required=True, help="folder for the results")
+    measure.add_argument(
+        "--force",
+        action="store_true",
+        help="replace results of another part, and other files, in DIR",
+    )
     poses = measure.add_argument_group("poses and surfaces")
     poses.add_argument(
         "--register",
@@ -51,7 +56,8 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
     images.add_argument(
         "--parts",
         action="store_true",
-        help="IMAGES holds a folder of images for each of many parts, named by their serials",
+        help="IMAGES holds a folder of images for each of many parts, named by their serials; a "
+        "part that cannot be measured gets a reason, and the others are measured",
     )
     images.add_argument(
         "--partial", action="store_true", help="measure although images are missing"

@@ -5,6 +5,14 @@ from __future__ import annotations
 import io
 import os
 import sys
+import traceback
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+_LONGEST = 200
+_VERBOSE = {"-v", "--verbose"}
 
 
 def prepare_streams() -> None:
@@ -38,6 +46,57 @@ def write_error(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
     except OSError:
         forget_errors()
+
+
+def write_fault(error: BaseException, words: list[str] | None = None) -> None:
+    """Write of an error that nobody foresaw: one line, and with ``--verbose`` where it comes from.
+
+    Parameters
+    ----------
+    error : BaseException
+        The error.
+    words : list of str, optional
+        The arguments of the command line. Default: those the program was started with.
+    """
+    from planner.progress.terminal_text import visible
+
+    verbose = not _VERBOSE.isdisjoint(sys.argv[1:] if words is None else words)
+    if verbose:
+        write_error("".join(traceback.format_exception(error)).rstrip())
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    shown = visible(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}...")
+    advice = "Please report it with the command and its files"
+    how = advice if verbose else f"{advice}; --verbose shows its origin"
+    write_error(f"aspectgraph: the program has a fault. Got {shown}. {how}.")
+
+
+@contextmanager
+def quiet_libraries(words: list[str] | None = None) -> Iterator[None]:
+    """Keep warnings of libraries, which are for programmers, from standard error; ``--verbose`` shows them in lines.
+
+    Processes that the block starts keep to it, too.
+
+    Parameters
+    ----------
+    words : list of str, optional
+        As for `write_fault`.
+    """
+    verbose = not _VERBOSE.isdisjoint(sys.argv[1:] if words is None else words)
+    before = os.environ.get("PYTHONWARNINGS")
+
+    def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+        if verbose:
+            write_error(f"aspectgraph: {category.__name__}: {' '.join(str(message).split())}")
+
+    shown = warnings.showwarning
+    warnings.showwarning = show
+    try:
+        os.environ.setdefault("PYTHONWARNINGS", "ignore")
+        yield
+    finally:
+        warnings.showwarning = shown
+        if before is None:
+            os.environ.pop("PYTHONWARNINGS", None)
 
 
 def settle() -> None:

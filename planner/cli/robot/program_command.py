@@ -11,7 +11,7 @@ from planner.camera.pose_uncertainty import PoseUncertainty
 from planner.cli.job import check_same_part, read_part
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.exceptions import UncertaintyError
-from planner.files import check_file_place
+from planner.files import PLAN, PROGRAM, check_file_place
 from planner.motion.arm_uncertainty import ArmUncertainty
 from planner.motion.program_record import FixturedTour, RobotProgram, Stop
 from planner.motion.robot_program import robot_program, robot_program_with_other_poses
@@ -28,9 +28,9 @@ from planner.setting.image_names import image_name
 def program(options: argparse.Namespace) -> int:
     """Write a robot program, and print its rounds."""
     out = FORMATS[options.format] if options.out is None else options.out
-    check_file_place(out, "--out")
+    check_file_place(out, "--out", PROGRAM)
     if options.plan_out is not None:
-        check_file_place(options.plan_out, "--plan-out")
+        check_file_place(options.plan_out, "--plan-out", PLAN)
     signals = CameraSignals(
         settle_s=options.settle,
         trigger_output=options.trigger_output,

@@ -10,7 +10,7 @@ import numpy as np
 from planner.cli.job import check_same_part, read_part
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.exceptions import RequestError
-from planner.files import check_file_place
+from planner.files import PLAN, check_file_place
 from planner.motion.other_poses.reached_plan import with_reached_settings
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import terminal_progress
@@ -60,7 +60,7 @@ def _check_plan_out(options: argparse.Namespace) -> None:
     if options.place or options.json:
         rule = "must not be given with --place or --json"
         raise RequestError.of_rule("plan_out", rule, repr(options.plan_out))
-    check_file_place(options.plan_out, "--plan-out")
+    check_file_place(options.plan_out, "--plan-out", PLAN)
 
 
 def _other_poses(

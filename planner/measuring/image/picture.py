@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.formatting import percent_text
 from planner.camera.camera import Camera
 from planner.measuring.image.scans import CLIPPED_SHARE, Scans, find_edges, noise_of, white_of
 
@@ -71,7 +72,7 @@ class Picture:
         bright = float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
         shorter = "expose for half of the time or less"
         if share is not None:
-            shorter = f"expose for {100 * share:.2g} % of the time, less if the part is shiny"
+            shorter = f"expose for {percent_text(share, 2)} of the time, less if the part is shiny"
         if self.overexposed:
             found.append(f"{100 * self.clipped_share:.0f} % of the image is overexposed: {shorter}")
         elif overexposed:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.stats import chi2 as chi_squared
 
+from aspectgraph.exceptions import how_to_install
 from errors.registration import Posterior, Rows, posterior
 from planner.camera.camera import Camera
 from planner.camera.pose_uncertainty import MAX_SIGMA_MM, MAX_SIGMA_RAD
@@ -442,9 +443,7 @@ def _opencv() -> Any:
     try:
         import cv2
     except ImportError:
-        raise RequestError(
-            "fiducials need OpenCV. Install it: pip install aspectgraph[fiducials]."
-        ) from None
+        raise RequestError(f"fiducials need OpenCV; {how_to_install('fiducials')}.") from None
     version = tuple(int(part) for part in cv2.__version__.split(".")[:2])
     if version < OLDEST_OPENCV:
         least = ".".join(map(str, OLDEST_OPENCV))

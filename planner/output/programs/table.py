@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from datetime import date
 
+import numpy as np
+
+from aspectgraph.entities.spreadsheet_text import NumberText, table_text
 from planner.motion.program_record import TURNTABLE, RobotProgram
 from planner.output.programs.driving import (
     CameraSignals,
@@ -31,24 +32,26 @@ def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     made : date
         The day, for the head.
     """
-    stream = io.StringIO()
-    for line in [*head_lines(program, made), f"Wait {signals.settle_s:g} s before each image."]:
-        stream.write(f"# {line}\n")
-    writer = csv.writer(stream, lineterminator="\n")
     names = [*program.joint_names, *([TURNTABLE] if program.turns else [])]
-    writer.writerow([*_FIRST, *(f"{plain(name, 40)}_rad" for name in names)])
+    heading = [*_FIRST, *(f"{plain(name, 40)}_rad" for name in names)]
+    table: list[list[str]] = []
     for tour in program.tours:
         name = plain(tour.fixturing, 40)
-        rows = [[name, "start", "0.000", "", "", *radians(program.home_of(tour))]]
+        table.append(_row(name, "start", 0.0, program.home_of(tour)))
         for step in steps_of(tour, program.rates_of(tour)):
             if isinstance(step, Drive):
-                rows.append([name, "move", f"{step.seconds:.3f}", "", "", *radians(step.joints)])
+                table.append(_row(name, "move", step.seconds, step.joints))
             else:
                 # the image is taken where the last move ended
-                rows[-1][1] = "image"
-                rows[-1][3] = str(step.setting_idx + 1)
-                rows[-1][4] = step.image
-        # a round without a turntable leaves its column empty
-        width = len(_FIRST) + len(names)
-        writer.writerows([*row, *[""] * (width - len(row))] for row in rows)
-    return stream.getvalue()
+                table[-1][1] = "image"
+                table[-1][3] = str(step.setting_idx + 1)
+                table[-1][4] = step.image
+    # a round without a turntable leaves its column empty
+    rows = [[*row, *[""] * (len(heading) - len(row))] for row in table]
+    head = [*head_lines(program, made), f"Wait {signals.settle_s:g} s before each image."]
+    return table_text(heading, rows, head, "\n")
+
+
+def _row(fixturing: str, step: str, seconds: float, joints: np.ndarray) -> list[str]:
+    numbers = [f"{seconds:.3f}", "", "", *radians(joints)]
+    return [fixturing, step, *map(NumberText, numbers)]

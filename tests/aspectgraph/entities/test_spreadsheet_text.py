@@ -7,7 +7,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from aspectgraph.entities.spreadsheet_text import cell_of_text, csv_text, text_of_cell
+from aspectgraph.entities.spreadsheet_text import (
+    NumberText,
+    cell_of_text,
+    csv_text,
+    table_text,
+    text_of_cell,
+)
 
 # the first characters that OWASP names, and what Excel takes for them
 STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\0", "＝", "＋", "－", "＠")
@@ -39,3 +45,10 @@ def test_numbers_stay_numbers_and_line_breaks_stay_in_their_cell():
     text = csv_text(["=x", "n"], rows)
     read = list(csv.reader(io.StringIO(text, newline="")))
     assert read == [["'=x", "n"], ["a\rb", "-1.5"], ["'-1", "-2"], ["", repr(1 / 3)]]
+
+
+def test_no_terminal_obeys_a_cell_and_numbers_keep_their_decimals():
+    rows = [["\x1b[2J", NumberText("-0.500"), "a\x9b", "\udce9", "-0.500"]]
+    text = table_text(["=a", "b", "c", "d", "e"], rows, ["made\nby \x1b"], "\n")
+    assert text == "# made by \\x1b\n'=a,b,c,d,e\n\\x1b[2J,-0.500,a\\x9b,\\udce9,'-0.500\n"
+    assert text.encode()

@@ -184,7 +184,7 @@ def test_without_matplotlib(tmp_path, monkeypatch):
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", no_matplotlib)
-    with pytest.raises(MissingExtraError, match=r"pip install aspectgraph\[plot\]"):
+    with pytest.raises(MissingExtraError, match=r"pip install '\.\[plot\]'"):
         write_edge_picture(cube(), tmp_path / "edges.png")
     assert not (tmp_path / "edges.png").exists()
 

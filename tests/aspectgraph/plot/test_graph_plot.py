@@ -160,7 +160,7 @@ def test_without_matplotlib_the_extra_is_named(slotted, monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", without)
     for draw in (plot_graph, plot_section):
-        with pytest.raises(MissingExtraError, match=r"pip install 'aspectgraph\[plot\]'"):
+        with pytest.raises(MissingExtraError, match=r"pip install '\.\[plot\]'"):
             draw(slotted)
 
 

@@ -148,7 +148,10 @@ def test_no_process_is_left_after_a_read():
 
 @pytest.mark.parametrize(
     ("version", "advice"),
-    [((3, 10), "read them with 3.11 or newer"), ((3, 13), "pip install aspectgraph[step]")],
+    [
+        ((3, 10), "read them with 3.11 or newer"),
+        ((3, 13), "from a clone of the repository: pip install '.[step]'"),
+    ],
 )
 def test_where_the_kernel_cannot_be_had_nobody_is_told_to_install_it(
     fake_kernel, monkeypatch, version, advice
@@ -163,7 +166,7 @@ def test_where_the_kernel_cannot_be_had_nobody_is_told_to_install_it(
 def test_without_the_extra(monkeypatch, tmp_path):
     (tmp_path / "OCP.py").write_text("raise ImportError(\"No module named 'OCP'\")")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(MissingExtraError, match=r"pip install aspectgraph\[step\]") as caught:
+    with pytest.raises(MissingExtraError, match=r"pip install '\.\[step\]'") as caught:
         read_solid(PART)
     assert isinstance(caught.value, ImportError)
     assert "No module named 'OCP'" in str(caught.value)

@@ -364,3 +364,50 @@ def test_a_part_that_another_process_plans_is_tried_again(parts, request_, tmp_p
     assert planned.status == "planned"
     stored = read_plan(out / "a.off" / "plan.json").request
     assert stored["source"] == {"file": "../../parts/a.off"}
+
+
+def test_files_of_somebody_else_stay(parts, request_, tmp_path):
+    """Neither a table nor a plan that no batch wrote is replaced, unless that is asked for."""
+    out = tmp_path / "out"
+    (out / "a.off").mkdir(parents=True)
+    report = out / "a.off" / "report.html"
+    report.write_text("mine")
+    results = plan_folder(parts, out, request_)
+    assert [one.status for one in results] == ["failed", "planned", "refused"]
+    assert "report.html without result.json; --force" in results[0].reason
+    assert report.read_text() == "mine"
+    assert not (out / "a.off" / "result.json").exists()
+    assert plan_folder(parts, out, request_, replace=True)[0].status == "planned"
+    assert report.read_text() != "mine"
+    (out / "results.json").write_text("[]x")
+    with pytest.raises(OutputError, match="out must be a folder without files of others"):
+        plan_folder(parts, out, request_)
+    (out / "results.json").unlink()
+    with pytest.raises(OutputError, match=r"results\.csv without results\.json"):
+        plan_folder(parts, out, request_)
+
+
+def test_what_is_no_file_is_refused_in_its_row(parts, request_, tmp_path):
+    (parts / "gone.off").symlink_to(tmp_path / "nowhere")
+    os.mkfifo(parts / "pipe.stl")
+    found = {one.part: one for one in plan_folder(parts, tmp_path / "out", request_)}
+    assert found["gone.off"].status == found["pipe.stl"].status == "refused"
+    assert found["gone.off"].reason.endswith("Got a link that leads nowhere.")
+    assert found["pipe.stl"].reason.endswith("Got a pipe or a device.")
+    assert found["a.off"].status == "planned"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"entities": "2"}, {"status": "fine"}, {"seconds": -1}, {"more": 1}, {"reason": None}],
+)
+def test_a_record_that_breaks_the_schema_is_not_believed(parts, request_, tmp_path, change):
+    out = tmp_path / "out"
+    first = plan_folder(parts, out, request_)
+    path = out / "a.off" / "result.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    again = plan_folder(parts, out, request_)
+    assert [replace(one, seconds=0.0) for one in again] == [
+        replace(one, seconds=0.0) for one in first
+    ]
+    assert set(json.loads(path.read_text())) == {field.name for field in fields(first[0])}

@@ -28,7 +28,7 @@ def test_without_dask_it_is_said_how_to_get_it(monkeypatch):
 
     monkeypatch.setattr(scheduler, "import_module", missing)
     with (
-        pytest.raises(ImportError, match=r"pip install 'aspectgraph\[dask\]'"),
+        pytest.raises(ImportError, match=r"pip install '\.\[dask\]'"),
         dask_executor("tcp://host:8786"),
     ):
         pass

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import warnings
 from importlib import import_module
 
 import networkx as nx
@@ -16,7 +17,7 @@ from plan_examples import plan
 from planner.cli import commands
 from planner.cli.folder_owner import REGIONS_FOLDER
 from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE, INTERNAL
 from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError
 from planner.plan import read_plan
@@ -316,8 +317,7 @@ def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch)
         with monkeypatch.context() as patch:
             module, _, function = name.rpartition(".")
             patch.setattr(import_module(module), function, broken)
-            with pytest.raises(RuntimeError):
-                main([*PLAN, "--simulate", "100", "--resume"])
+            assert main([*PLAN, "--simulate", "100", "--resume"]) == INTERNAL
         names = os.listdir(folder / "out")
         assert {REGIONS_FOLDER, commands.STATE_FILE} <= set(names)
         # the plan and its report are there before the graph
@@ -610,3 +610,34 @@ def test_time_limit_and_gap_end_a_plan(folder, quick, capsys):
 )
 def test_ends_that_are_none(folder, capsys, options, message):
     assert failure(capsys, [*PLAN, *options]) == [f"aspectgraph: {message}"]
+
+
+@pytest.mark.parametrize("command", ["info", "dimensions", "cameras"])
+def test_a_fault_is_no_result(folder, capsys, monkeypatch, command):
+    """70 is EX_SOFTWARE: no script takes it for a part that does not conform."""
+
+    def broken(name):
+        raise ZeroDivisionError("by \x1b nought")
+
+    monkeypatch.setattr("planner.cli.main._command_of", broken)
+    words = [command, *([] if command == "cameras" else ["block.off"])]
+    (line,) = failure(capsys, words, INTERNAL)
+    assert line.startswith("aspectgraph: the program has a fault. Got ZeroDivisionError: by \\x1b")
+    assert line.endswith("--verbose shows its origin.")
+    assert main([*words, "--verbose"]) == INTERNAL
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_warnings_of_libraries_are_shown_if_asked_for(folder, capsys, monkeypatch):
+    def warning(name):
+        warnings.warn("overflow", RuntimeWarning, stacklevel=1)
+        return lambda options: DONE
+
+    monkeypatch.setattr("planner.cli.main._command_of", warning)
+    with warnings.catch_warnings():
+        # the tests make errors of them
+        warnings.simplefilter("always")
+        assert main(["info", "block.off"]) == DONE
+        assert capsys.readouterr().err == ""
+        assert main(["info", "block.off", "--verbose"]) == DONE
+    assert capsys.readouterr().err == "aspectgraph: RuntimeWarning: overflow\n"

@@ -1,6 +1,8 @@
 """The command ``measure``: files, exit codes, and errors in one line."""
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,13 +60,13 @@ def test_a_good_part_conforms(folder, capsys):
 
 
 def test_a_wide_part_does_not(folder, capsys):
-    assert run(folder, "wide", *given(folder)) == 1
+    assert run(folder, "wide", *given(folder), out="wide-out") == 1
     assert "1 does not conform" in " ".join(capsys.readouterr().out.split())
-    assert run(folder, "wide", *given(folder), "--exit", "measured") == 0
+    assert run(folder, "wide", *given(folder), "--exit", "measured", out="wide-out") == 0
 
 
 def test_json(folder, capsys):
-    assert run(folder, "good", *given(folder), "--json") == 0
+    assert run(folder, "good", *given(folder), "--json", out="json") == 0
     data = json.loads(capsys.readouterr().out)
     assert data["results"][0]["name"] == "width"
     assert set(data["images"]) == {"setting_01", "setting_02"}
@@ -134,22 +136,24 @@ def test_pose_files_are_refused_in_one_line(folder, capsys, tmp_path, text, mess
 
 def test_missing_images(folder, capsys, tmp_path):
     (tmp_path / "setting_02.png").write_bytes((folder / "good" / "setting_02.png").read_bytes())
-    assert run(folder, tmp_path, *given(folder)) == 2
+    assert run(folder, tmp_path, *given(folder), out="partial") == 2
     assert "Got no setting_01; --partial measures what is there." in capsys.readouterr().err
-    assert run(folder, tmp_path, *given(folder), "--partial") == 0
+    assert run(folder, tmp_path, *given(folder), "--partial", out="partial") == 0
     assert "setting_01: no image" in capsys.readouterr().out
 
 
 def test_a_folder_of_parts(folder, tmp_path, capsys):
     for serial, images in (("N1", "good"), ("N2", "wide")):
         (tmp_path / serial).symlink_to(folder / images)
-    assert run(folder, tmp_path, *given(folder), "--parts") == 1
+    assert run(folder, tmp_path, *given(folder), "--parts", out="parts") == 1
     decisions = [
-        json.loads((folder / "out" / serial / "results.json").read_text())["results"][0]["decision"]
+        json.loads((folder / "parts" / serial / "results.json").read_text())["results"][0][
+            "decision"
+        ]
         for serial in ("N1", "N2")
     ]
     assert decisions == ["conforms", "does not conform"]
-    assert (folder / "out" / "N2" / "report.html").exists()
+    assert (folder / "parts" / "N2" / "report.html").exists()
     assert run(folder, tmp_path, *given(folder), "--parts", "--serial", "N3") == 2
     assert run(folder, tmp_path / "N1", *given(folder), "--parts") == 2
     assert "the images must hold a folder for each part" in capsys.readouterr().err
@@ -177,3 +181,48 @@ def test_the_floor_of_the_localisation_is_that_of_the_option(folder, capsys):
     assert len({budget["localisation"] for budget in budgets}) == 1
     assert run(folder, "good", "--floor-px", "-1", out="floor") == 2
     assert "--floor-px" in capsys.readouterr().err
+
+
+def test_one_bad_part_has_a_reason_and_the_others_are_measured(folder, tmp_path, capsys):
+    """Neither a torn image nor a link that leads nowhere ends the work, nor a name that is not UTF-8."""
+    torn = tmp_path / "N1"
+    torn.mkdir()
+    for k in (1, 2):
+        (torn / f"setting_{k:02d}.png").write_bytes(b"no image")
+    (tmp_path / "N2").symlink_to(tmp_path / "nowhere")
+    os.mkfifo(tmp_path / "N3")
+    last = Path(os.fsdecode(os.fsencode(tmp_path) + b"/N\xe9"))
+    last.symlink_to(folder / "good")
+    (tmp_path / "notes.txt").write_text("no part")
+    assert run(folder, tmp_path, *given(folder), "--parts", "--qif", out="many") == 2
+    out, error = capsys.readouterr()
+    assert error == "aspectgraph: 3 of 4 parts not measured: N1, N2, N3\n"
+    assert "N1: not measured: the images must be images" in " ".join(out.split())
+    assert "N2: not measured: the images must be an existing folder. Got a link" in out.replace(
+        "\n", " "
+    )
+    results = Path(os.fsdecode(os.fsencode(folder / "many") + b"/N\xe9"), "results.json")
+    assert json.loads(results.read_text(encoding="utf-8"))["serial"] == r"N\xe9"
+    assert run(folder, tmp_path, *given(folder), "--parts", "--json", out="many") == 2
+    records = json.loads(capsys.readouterr().out)
+    assert [set(record) == {"serial", "not_measured"} for record in records] == [True] * 3 + [False]
+
+
+@pytest.mark.parametrize(
+    "name", ["results.json", "results.csv", "results.qif", "report.html", "plan.json"]
+)
+def test_files_of_somebody_else_stay(folder, tmp_path, capsys, name):
+    (tmp_path / name).write_text("mine")
+    assert run(folder, "good", *given(folder), out=tmp_path) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("aspectgraph: --out must be a folder without files of others. Got ")
+    assert f"{name}" in error
+    assert (tmp_path / name).read_text() == "mine"
+    assert run(folder, "good", *given(folder), "--force", out=tmp_path) == 0
+
+
+def test_results_of_another_serial_stay(folder, tmp_path):
+    assert run(folder, "good", *given(folder), "--serial", "N1", out=tmp_path) == 0
+    assert run(folder, "good", *given(folder), "--serial", "N1", out=tmp_path) == 0
+    assert run(folder, "good", *given(folder), "--serial", "N2", out=tmp_path) == 2
+    assert json.loads((tmp_path / "results.json").read_text())["serial"] == "N1"

@@ -393,6 +393,6 @@ def test_without_the_extra_a_cell_says_what_to_install(missing, monkeypatch, tmp
     robot = from_text(tmp_path, urdf_text())
     branches.needed.cache_clear()
     monkeypatch.setitem(sys.modules, missing, None)
-    with pytest.raises(RobotError, match=r"pip install aspectgraph\[robot\]"):
+    with pytest.raises(RobotError, match=r"pip install '\.\[robot\]'"):
         Cell(robot, CAM2FLANGE, fixturings={"up": Fixturing(np.eye(4))})
     branches.needed.cache_clear()
