@@ -13,6 +13,7 @@ from planner.exceptions import RobotError
 from planner.robot.arm import Robot
 from planner.robot.bodies import Body, Surface
 from planner.robot.cell_checks import (
+    arm_with_mount,
     check_hand_eye,
     check_home,
     check_home_is_free,
@@ -23,7 +24,6 @@ from planner.robot.cell_checks import (
 )
 from planner.robot.cell_file import cell_fields
 from planner.robot.collisions import (
-    Arm,
     Surroundings,
     bodies_of,
     farthest_points,
@@ -89,6 +89,7 @@ class Cell(JointChecks, CellIdentity):
     ) -> None:
         check_kinds(robot=(robot, "Robot"))
         self.robot = robot
+        robot.check_bodies()
         robot.check_solvable()
         self.cam2flange = check_hand_eye(cam2flange)
         self.clearance_mm = check_number("clearance_mm", clearance_mm, NOT_NEGATIVE)
@@ -99,7 +100,8 @@ class Cell(JointChecks, CellIdentity):
         check_names(self.fixturings, self._obstacles, robot)
         self._part: Standing | None = None
         self._standing = standing_bodies(self._obstacles, "obstacle")
-        self._arm = Arm(bodies_of(robot, self.cam2flange, self._camera_body))
+        bodies = bodies_of(robot, self.cam2flange, self._camera_body)
+        self._arm = arm_with_mount(robot, bodies, self.clearance_mm)
         self._left_out = pairs_by_design(robot, self._arm)
         self._stand()
         self._reachers: dict[tuple[str, float], Reacher] = {}
@@ -350,6 +352,20 @@ class Cell(JointChecks, CellIdentity):
         """Links that are not compared: they touch in nearly all joints, or nowhere, because the arm is built so."""
         names = [body.name for body in self._arm.bodies]
         return tuple((names[first], names[second]) for first, second in self._left_out)
+
+    @property
+    def near_by_mount(self) -> tuple[str, ...]:
+        """What the mount leaves less than the clearance, in words: there, only touching is refused."""
+        bodies = self._arm.bodies
+        least: dict[tuple[str, str], float] = {}
+        for (first, second), mm in self._arm.near_by_mount.items():
+            pair = (bodies[second].name, bodies[first].name)
+            least[pair] = min(mm, least.get(pair, np.inf))
+        return tuple(
+            f"{held} is mounted {mm:.3g} mm from {link}, clearance {self.clearance_mm:g}: "
+            "these two must only not touch"
+            for (held, link), mm in least.items()
+        )
 
     @property
     def levers_mm(self) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -29,6 +29,9 @@ _ALWAYS = 0.95
 _GRID = 72
 # of a turntable, rad
 _STEP = np.radians(5.0)
+
+# steps of the last joint, and of each of the last two, at which a mount is looked at
+_MOUNT_STEPS = (72, 24)
 
 # links are the first bodies of every arm, whatever camera it carries
 _BY_DESIGN: WeakKeyDictionary[Robot, list[tuple[int, int]]] = WeakKeyDictionary()
@@ -132,6 +135,49 @@ def pairs_by_design(robot: Robot, arm: Arm) -> list[tuple[int, int]]:
     return pairs
 
 
+def arm_with_mount(robot: Robot, bodies: Sequence[Moving], clearance_mm: float) -> Arm:
+    """Return an arm that knows which links its camera is mounted so near to that no joints keep the clearance.
+
+    The distance of what the hand carries from the link before it depends on the last joint alone, and from the link
+    before that on the last two. A pair need keep no clearance if it never has it. Nor need it if only the last joint
+    moves it, and never to a touch. It must not touch.
+    """
+    arm = Arm(bodies)
+    for pair in arm.own_pairs:
+        segments = [arm.bodies[number].segment for number in pair]
+        between = max(segments) - min(segments)
+        if clearance_mm > 0 and arm.keeps_clearance(*pair) and between <= len(_MOUNT_STEPS):
+            least = _mounted_mm(robot, arm, pair, clearance_mm)
+            if least is not None:
+                arm.near_by_mount[pair] = least
+    return arm
+
+
+def _mounted_mm(robot: Robot, arm: Arm, pair: tuple[int, int], clearance_mm: float) -> float | None:
+    """Return the least distance over the last joints that a mount leaves a pair, mm; None if it keeps the clearance."""
+    between = abs(arm.bodies[pair[0]].segment - arm.bodies[pair[1]].segment)
+    steps = np.linspace(0.0, 1.0, _MOUNT_STEPS[between - 1])
+    shares = np.full((len(steps) ** between, N_JOINTS), 0.5)
+    grid = np.meshgrid(*[steps] * between)
+    shares[:, N_JOINTS - between :] = np.stack([axis.ravel() for axis in grid], axis=1)
+    frames = robot.chain.frames(_drawn_joints(robot, shares))
+    group = PairGroup(arm, (), (), [pair], 0.0)
+    far = group.bounds(frames)[:, 0] >= clearance_mm
+    # spheres tell of most cameras that they are far enough
+    if far.all() or (between > 1 and far.any()):
+        return None
+    distances = [group.distance(0, one) for one in frames]
+    never_touches = between == 1 and 0 < min(distances) < clearance_mm
+    return min(distances) if max(distances) < clearance_mm or never_touches else None
+
+
+def _drawn_joints(robot: Robot, shares: np.ndarray) -> np.ndarray:
+    """Return joints (n, 6) that are shares of their ranges, a turn at most."""
+    lower = np.maximum(robot.lower, -np.pi)
+    upper = np.minimum(robot.upper, np.pi)
+    return np.asarray(lower + (upper - lower) * shares)
+
+
 def _always_touch(robot: Robot, arm: Arm, pair: tuple[int, int], drawn: np.ndarray) -> bool:
     """Return whether two links touch in nearly all of drawn joints."""
     most = int((1 - _ALWAYS) * len(drawn))
@@ -153,9 +199,7 @@ def _never_touch(robot: Robot, arm: Arm, pair: tuple[int, int]) -> bool:
 
 def _touches(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) -> Iterator[bool]:
     """Yield whether a pair touches; joints are shares (n, 6) of their ranges, a turn at most."""
-    lower = np.maximum(robot.lower, -np.pi)
-    upper = np.minimum(robot.upper, np.pi)
-    frames = robot.chain.frames(lower + (upper - lower) * shares)
+    frames = robot.chain.frames(_drawn_joints(robot, shares))
     group = PairGroup(arm, (), (), [pair], 0.0)
     for row, near in enumerate(group.bounds(frames)[:, 0] <= 0):
         yield bool(near) and group.distance(0, frames[row]) <= 0

@@ -32,7 +32,7 @@ _FILE = (
     "clearance_mm",
     "home_deg",
 )
-_ROBOT = ("urdf", "tip", "base", "packages", "accelerations")
+_ROBOT = ("urdf", "tip", "base", "packages", "accelerations", "speeds", "bodiless_links")
 _TURNS = ("angles", "turn_speed", "turn_acceleration")
 _FIXTURING = ("part2base", "obstacles", "axis", "angles_deg", "turning", *_TURNS)
 _AXIS = ("point", "direction")

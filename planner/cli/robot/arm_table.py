@@ -39,6 +39,11 @@ def print_arm(plan: InspectionPlan) -> None:
     print_table(columns, rows)
     names = list(dict.fromkeys(one.fixturing for one in plan.settings if one.fixturing))
     print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
+    bodiless = ", ".join(plan.cell.get("bodiless_links", ()))
+    if bodiless:
+        print_text(
+            f"warning: collisions of {bodiless} were NOT checked: the robot has no body of them"
+        )
 
 
 def _turned(angle_deg: float | None) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +45,8 @@ def reach(options: argparse.Namespace) -> int:
     told = cell.reachability(plan, solid)
     if options.json:
         print_json(told.to_dict())
+        for text in model_notes(cell):
+            print(text, file=sys.stderr)
         return DONE if told.complete else INCOMPLETE
     _print_reached(told, cell)
     changed = cell.difference(plan.cell)
@@ -104,6 +107,15 @@ def _print_reached(told: Reachability, cell: Cell) -> None:
     if cell.pairs_left_out:
         pairs = ", ".join(" and ".join(pair) for pair in cell.pairs_left_out)
         print_text(f"not compared, because the arm is built so: {pairs}")
+    for text in model_notes(cell):
+        print_text(text)
+
+
+def model_notes(cell: Cell) -> list[str]:
+    """Return what a reader of a table must know of the cell's model, in sentences."""
+    unchecked = cell.robot.unchecked
+    warnings = [f"warning: {unchecked}"] if unchecked else []
+    return [*warnings, *(f"note: {text}" for text in (*cell.robot.notes, *cell.near_by_mount))]
 
 
 def _print_first_flange(told: Reachability, cell: Cell) -> None:

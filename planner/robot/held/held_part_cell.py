@@ -17,13 +17,14 @@ from planner.robot.arm import Robot
 from planner.robot.bodies import Body, hull_of
 from planner.robot.cell import Cell
 from planner.robot.cell_checks import (
+    arm_with_mount,
     check_grips,
     check_home,
     check_home_is_free,
     pairs_by_design,
 )
-from planner.robot.collisions import HAND, Arm, Moving, Surroundings, bodies_of
-from planner.robot.identity.cell_identity import digest_of, short_digest
+from planner.robot.collisions import HAND, Moving, Surroundings, bodies_of
+from planner.robot.identity.cell_identity import bodiless, digest_of, short_digest
 from planner.robot.pose_reach import Reacher
 from planner.robot.standing import Grip, Standing, hidden_by, standing_bodies
 from planner.robot.transforms import carry, check_pose, compose, invert
@@ -91,6 +92,7 @@ class HeldPartCell(Cell):
     ) -> None:
         check_kinds(robot=(robot, "Robot"))
         self.robot = robot
+        robot.check_bodies()
         robot.check_solvable()
         self.cam2base = check_pose("cam2base", cam2base)
         self.clearance_mm = check_number("clearance_mm", clearance_mm, NOT_NEGATIVE)
@@ -120,7 +122,10 @@ class HeldPartCell(Cell):
         self._reachers = {}
         self._advances = {}
         links = bodies_of(self.robot, np.eye(4), ())
-        self._arms = {name: Arm([*links, *self._in_hand(name)]) for name in self.grips}
+        self._arms = {
+            name: arm_with_mount(self.robot, [*links, *self._in_hand(name)], self.clearance_mm)
+            for name in self.grips
+        }
         self._arm = next(iter(self._arms.values()))
         self._left_out = pairs_by_design(self.robot, self._arm)
 
@@ -389,6 +394,7 @@ class HeldPartCell(Cell):
             "fixturings": {name: grip.part2flange.tolist() for name, grip in self.grips.items()},
             "parts": self.parts,
             "cam2base": self.cam2base.tolist(),
+            **bodiless(self.robot),
         }
 
     def _arguments(self) -> dict[str, Any]:
