@@ -33,7 +33,7 @@ from planner.robot.joint_checks import JointChecks
 from planner.robot.moves.turned_advance import TurnedAdvance
 from planner.robot.pose_reach import PoseReach, Reacher, over_angles
 from planner.robot.reachability import CellRegion, Reachability, reachability_of
-from planner.robot.standing import Fixturing, Standing, hidden_by, standing_bodies
+from planner.robot.standing import Fixturing, Standing, hidden_by, standing_bodies, sunk_mm
 from planner.robot.transforms import compose
 
 if TYPE_CHECKING:
@@ -168,12 +168,35 @@ class Cell(JointChecks, CellIdentity):
         RobotError
             If the part goes through an obstacle or the robot's base, or home is not free.
         """
+        self.check_fixturings()
+        self.check_place()
+
+    def check_fixturings(self) -> None:
+        """Look at the part among what comes with its fixtures, wherever these stand.
+
+        Raises
+        ------
+        RobotError
+            If the part goes through something that moves with it.
+        """
         for name, fixturing in self.fixturings.items():
-            others = [*self._standing, *self._with_it[name], *self._turning[name]]
             if self._part is not None:
-                check_part_stands_free(
-                    name, self._part.at(fixturing.part2base), others, self._arm.bodies
-                )
+                part = self._part.at(fixturing.part2base)
+                check_part_stands_free(name, part, self._coming_with(name), ())
+
+    def check_place(self) -> None:
+        """Look at the part among what stands in the cell, at turntables, and at home.
+
+        Raises
+        ------
+        RobotError
+            If the part goes through an obstacle or the robot's base, a turntable turns it into one, or home is not
+            free.
+        """
+        for name, fixturing in self.fixturings.items():
+            if self._part is not None:
+                part = self._part.at(fixturing.part2base)
+                check_part_stands_free(name, part, self._standing, self._arm.bodies)
             if fixturing.table is not None:
                 still = [*self._standing, *self._with_it[name]]
                 check_turns_free(
@@ -181,6 +204,31 @@ class Cell(JointChecks, CellIdentity):
                 )
             if self.home is not None:
                 check_home_is_free(name, self.blocked_by(self.home, name))
+
+    def fixture_depths(self) -> dict[tuple[str, str, str], float]:
+        """Return how deep what comes with the fixturings is in what stands in every one.
+
+        Returns
+        -------
+        dict
+            By fixturing, the object that comes with it, and an obstacle or the link at the base: mm, where it is not 0.
+        """
+        base = [
+            Standing(body.name, np.eye(4), body.hull)
+            for body in self._arm.bodies
+            if body.segment == 0
+        ]
+        depths = {
+            (name, body.name, other.name): sunk_mm(body, other)
+            for name in self.fixturings
+            for body in self._coming_with(name)
+            for other in (*self._standing, *base)
+        }
+        return {names: mm for names, mm in depths.items() if mm > 0}
+
+    def _coming_with(self, name: str) -> list[Standing]:
+        """Return what a fixturing brings along at the angle 0."""
+        return [*self._with_it[name], *self._turning[name]]
 
     def with_fixturings(self, fixturings: Mapping[str, Fixturing]) -> Cell:
         """Return the cell with other fixturings; the arm and the part are shared.
@@ -352,6 +400,11 @@ class Cell(JointChecks, CellIdentity):
         """Links that are not compared: they touch in nearly all joints, or nowhere, because the arm is built so."""
         names = [body.name for body in self._arm.bodies]
         return tuple((names[first], names[second]) for first, second in self._left_out)
+
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """Names of what stands in the cell in every fixturing."""
+        return tuple(self._obstacles)
 
     @property
     def near_by_mount(self) -> tuple[str, ...]:

@@ -12,11 +12,10 @@ import numpy as np
 from planner.argument_kinds import shown
 from planner.exceptions import RobotError
 from planner.robot.arm import Robot
-from planner.robot.bodies import Hull
 from planner.robot.branches import needed
 from planner.robot.collisions import Arm, Moving, PairGroup
-from planner.robot.standing import SKIN_MM, Standing
-from planner.robot.transforms import carry, check_pose, compose, invert
+from planner.robot.standing import SKIN_MM, Standing, sunk_mm
+from planner.robot.transforms import check_pose, compose, invert
 from planner.robot.turning.turntable import Turntable
 from planner.robot.urdf import N_JOINTS
 
@@ -206,9 +205,16 @@ def _touches(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) 
 
 
 def check_part_stands_free(
-    fixturing: str, part: Standing, others: Iterable[Standing], arm: Iterable[Moving]
+    fixturing: str,
+    part: Standing,
+    others: Iterable[Standing],
+    arm: Iterable[Moving],
+    parameter: str = "part2base",
 ) -> None:
-    """Raise if a fixturing puts the part through an obstacle or the robot's base."""
+    """Raise if a fixturing puts the part through an obstacle or the robot's base.
+
+    An obstacle may touch the part, and sink in up to `SKIN_MM`.
+    """
     fcl = needed("fcl")
     rule = f"must not put the part through other objects in fixturing {fixturing!r}"
     for body in arm:
@@ -216,11 +222,12 @@ def check_part_stands_free(
             continue
         base = Standing(body.name, np.eye(4), body.hull)
         if fcl.collide(part.placed, base.placed) or part.holds(body.hull.corners.mean(axis=0)):
-            raise RobotError.of_rule("part2base", rule, f"it is in {body.name}")
+            raise RobotError.of_rule(parameter, rule, f"it is in {body.name}")
     for other in others:
-        depth = _depth(part, other)
+        depth = sunk_mm(part, other)
         if depth > SKIN_MM:
-            raise RobotError.of_rule("part2base", rule, f"{depth:.3g} mm deep in {other.name}")
+            got = f"{depth:.3g} mm deep in {other.name}, {SKIN_MM:g} mm permitted"
+            raise RobotError.of_rule(parameter, rule, got)
 
 
 def check_turns_free(
@@ -245,7 +252,7 @@ def check_turns_free(
             turned = body.at(compose(table.pose(angle), body.pose))
             for other, touched in pairs:
                 is_part = body.name == "part"
-                if touched and not (is_part and _depth(turned, other) > SKIN_MM):
+                if touched and not (is_part and sunk_mm(turned, other) > SKIN_MM):
                     continue
                 if touched or _meet(fcl, turned, other):
                     degrees = np.degrees(angle)
@@ -262,15 +269,3 @@ def check_home_is_free(fixturing: str, words: str) -> None:
     if words:
         rule = f"must be free of collisions in fixturing {fixturing!r}"
         raise RobotError.of_rule("home", rule, words)
-
-
-def _depth(part: Standing, other: Standing) -> float:
-    """Return how deep corners of a part and of another body lie within each other, mm; 0 if none does."""
-    if not isinstance(other.shape, Hull):
-        return 0.0
-    points = carry(invert(other.pose), carry(part.pose, part.shape.corners))
-    sides = other.shape.corners[other.shape.triangles]
-    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-    normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
-    heights = np.einsum("tj,nj->nt", normals, points) - (normals * sides[:, 0]).sum(axis=1)
-    return max(0.0, float((-heights.max(axis=1)).max()))

@@ -14,13 +14,14 @@ import numpy as np
 from planner.argument_kinds import NOT_NEGATIVE, check_kinds, check_number
 from planner.exceptions import RobotError
 from planner.robot.arm import Robot
-from planner.robot.bodies import Body, hull_of
+from planner.robot.bodies import Body, Surface, hull_of
 from planner.robot.cell import Cell
 from planner.robot.cell_checks import (
     arm_with_mount,
     check_grips,
     check_home,
     check_home_is_free,
+    check_part_stands_free,
     pairs_by_design,
 )
 from planner.robot.collisions import HAND, Moving, Surroundings, bodies_of
@@ -114,6 +115,7 @@ class HeldPartCell(Cell):
             name: standing_bodies(grip.gripper, "gripper") for name, grip in self.grips.items()
         }
         self._held: np.ndarray | None = None
+        self._in_grip: Standing | None = None
         self._build()
         self.check()
 
@@ -158,6 +160,8 @@ class HeldPartCell(Cell):
         """
         cell = self._copy()
         cell._held = np.asarray(solid.vertices, dtype=np.float64)
+        surface = Surface(cell._held, solid.triangles, closed=True)
+        cell._in_grip = Standing("part", np.eye(4), surface)
         cell._build()
         if check:
             cell.check()
@@ -169,14 +173,17 @@ class HeldPartCell(Cell):
         return cell
 
     def check(self) -> None:
-        """Look at home.
+        """Look at the part in its grippers, and at home.
 
         Raises
         ------
         RobotError
-            If home is not free.
+            If a gripper goes through the part, or home is not free.
         """
         for name in self.grips:
+            if self._in_grip is not None:
+                part = self._in_grip.at(self.grips[name].part2flange)
+                check_part_stands_free(name, part, self._grippers[name], (), "part2flange")
             if self.home is not None:
                 check_home_is_free(name, self.blocked_by(self.home, name))
 
