@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import Solid
 from planner import Box, Cell, Fixturing, RobotError
 from planner.robot import branches
+from planner.robot.bodies import hull_of
 from planner.robot.reachability import CellRegion
 from planner.robot.transforms import compose, invert
 
@@ -315,6 +316,31 @@ INVERSE = pose((0.0, 0.0, -90.0))
 SCALED = np.diag([0.001, 0.001, 0.001, 1.0])
 THROUGH = {"up": Fixturing(pose((700.0, 0.0, -30.0)), {"table": TABLE})}
 IN_BASE = {"up": Fixturing(pose((-100.0, -50.0, 20.0)))}
+
+
+POST = {"post": Box((780.0, 40.0, -50.0), (800.0, 60.0, 300.0))}
+HULL = hull_of(POST["post"].corners(), "post")
+MESH_POST = {"post": (HULL.corners, HULL.triangles)}
+
+
+@pytest.mark.parametrize("post", [POST, MESH_POST], ids=["box", "mesh"])
+@pytest.mark.parametrize("place", ["fixturing", "cell", "turntable"])
+def test_a_post_through_the_part_is_refused(post, place):
+    """No corner of the post or of the part is in the other one."""
+    fixturing = Fixturing(pose((700.0, 0.0, 0.0)))
+    changes = {}
+    if place == "fixturing":
+        fixturing = Fixturing(pose((700.0, 0.0, 0.0)), post)
+    elif place == "cell":
+        changes = {"obstacles": post}
+    else:
+        axis = ((800.0, 60.0, 0.0), (0.0, 0.0, 1.0))
+        fixturing = Fixturing(pose((700.0, 0.0, 0.0)), axis=axis, angles=4, turning=post)
+    cell = made_cell(fixturings={"up": fixturing}, **changes)
+    with pytest.raises(
+        RobotError, match=r"through other objects .* mm deep in post, 1 mm permitted"
+    ):
+        cell.with_part(box_part())
 
 
 @pytest.mark.parametrize(
