@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -205,26 +205,32 @@ class Cell(JointChecks, CellIdentity):
             if self.home is not None:
                 check_home_is_free(name, self.blocked_by(self.home, name))
 
-    def fixture_depths(self) -> dict[tuple[str, str, str], float]:
-        """Return how deep what comes with the fixturings is in what stands in every one.
+    def fixture_depths(
+        self, enough_mm: float = np.inf
+    ) -> Iterator[tuple[tuple[str, str, str], float]]:
+        """Tell how deep the part, and what comes with the fixturings, is in what stands in every one.
 
-        Returns
-        -------
-        dict
-            By fixturing, the object that comes with it, and an obstacle or the link at the base: mm, where it is not 0.
+        Parameters
+        ----------
+        enough_mm : float
+            Beyond this any depth that was found will do.
+
+        Yields
+        ------
+        names : (str, str, str)
+            The fixturing, the part or an object that comes with it, and an obstacle or the link at the base.
+        depth : float
+            Their depth in each other, mm; 0 where they are apart.
         """
         base = [
             Standing(body.name, np.eye(4), body.hull)
             for body in self._arm.bodies
             if body.segment == 0
         ]
-        depths = {
-            (name, body.name, other.name): sunk_mm(body, other)
-            for name in self.fixturings
-            for body in self._coming_with(name)
-            for other in (*self._standing, *base)
-        }
-        return {names: mm for names, mm in depths.items() if mm > 0}
+        for name in self.fixturings:
+            for body in (*self._with_it[name], *self._turned_bodies(name)):
+                for other in (*self._standing, *base):
+                    yield (name, body.name, other.name), sunk_mm(body, other, enough_mm)
 
     def _coming_with(self, name: str) -> list[Standing]:
         """Return what a fixturing brings along at the angle 0."""

@@ -176,7 +176,7 @@ class PlacementSearch:
         )
         self._inside = cell.with_part(solid, check=False)
         self._inside.check_fixturings()
-        self._depths = self._inside.fixture_depths()
+        self._depths = dict(self._inside.fixture_depths())
 
     def run(
         self, draws: int, rng: int, progress: Callable[[int, int, str], object] | None = None
@@ -203,8 +203,8 @@ class PlacementSearch:
 
     def _stands_clear(self, cell: Cell) -> bool:
         """Return whether fixtures are no deeper in other objects than in the cell that was given."""
-        depths = cell.fixture_depths().items()
-        return all(mm <= SKIN_MM + self._depths.get(names, 0.0) for names, mm in depths)
+        enough = SKIN_MM + max(self._depths.values(), default=0.0)
+        return all(mm <= SKIN_MM + self._depths[names] for names, mm in cell.fixture_depths(enough))
 
 
 def _range(name: str, value: Any) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -252,48 +252,59 @@ class Standing:
             self._scenes.append(RayScene(self.shape.corners, self.shape.triangles, n_threads=1))
         return self._scenes[0]
 
-    def depth_of(self, other: Standing) -> float:
-        """Return how deep the surface of another body is inside this one at its deepest, mm; 0 if nowhere."""
+    def depth_of(self, other: Standing, enough_mm: float = np.inf) -> float:
+        """Return how deep the surface of another body is inside this one at its deepest, mm; 0 if nowhere.
+
+        Beyond `enough_mm` any depth that was found will do.
+        """
         if not isinstance(self.shape, Hull) and not self.shape.closed:
             return 0.0
         corners = carry(self._inverse, carry(other.pose, other.shape.corners))
-        points = _points_within(corners[other.shape.triangles], self.low, self.high)
-        if not len(points):
-            return 0.0
+        depth = 0.0
+        for points in _finer_points(corners[other.shape.triangles], self.low, self.high):
+            depth = max(depth, self._deepest(points))
+            if depth > enough_mm:
+                break
+        return depth
+
+    def _deepest(self, points: np.ndarray) -> float:
+        """Return how deep the deepest of points (n, 3) in the own frame is inside, mm; negative outside."""
         if not isinstance(self.shape, Hull):
-            return max(0.0, float(-self._rays().signed_distance(points).min()))
+            return float(-self._rays().signed_distance(points).min())
         sides = self.shape.corners[self.shape.triangles]
         normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
         normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
         heights = np.full(len(points), -np.inf)
         for normal, corner in zip(normals, sides[:, 0], strict=True):
             np.maximum(heights, np.einsum("nj,j->n", points - corner, normal), out=heights)
-        return max(0.0, float(-heights.min()))
+        return float(-heights.min())
 
 
-def sunk_mm(first: Standing, second: Standing) -> float:
+def sunk_mm(first: Standing, second: Standing, enough_mm: float = np.inf) -> float:
     """Return how deep two solids are inside each other, mm: the deepest point of either's surface in the other.
 
     It is exact to the distance of samples, which is less than `SKIN_MM` on all but large surfaces. A mesh that is not
-    closed has no inside, but may be inside another body.
+    closed has no inside, but may be inside another body. Beyond `enough_mm` any depth that was found will do.
     """
-    return max(first.depth_of(second), second.depth_of(first))
+    depth = first.depth_of(second, enough_mm)
+    return depth if depth > enough_mm else max(depth, second.depth_of(first, enough_mm))
 
 
-def _points_within(triangles: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return points (n, 3) of triangles (t, 3, 3), close to each other where they are within a box."""
-    finest = SKIN_MM
+def _finer_points(triangles: np.ndarray, low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield points (n, 3) of triangles (t, 3, 3) where they are within a box, closer to each other each time."""
     while True:
         apart = (triangles.min(axis=1) >= high) | (triangles.max(axis=1) <= low)
         triangles = triangles[~apart.any(axis=1)]
+        if not len(triangles):
+            return
+        yield np.concatenate([triangles.reshape(-1, 3), triangles.mean(axis=1)])
         sides = np.roll(triangles, -1, axis=1) - triangles
-        longest = np.sqrt((sides**2).sum(axis=-1)).max(axis=1, initial=0.0)
-        most = float(longest.max(initial=0.0))
-        if most <= finest or len(triangles) >= _SAMPLES:
-            break
+        longest = np.sqrt((sides**2).sum(axis=-1)).max(axis=1)
+        most = float(longest.max())
+        if most <= SKIN_MM or len(triangles) >= _SAMPLES:
+            return
         large = longest > most / 2
         triangles = np.concatenate([triangles[~large], _quartered(triangles[large])])
-    return np.concatenate([triangles.reshape(-1, 3), triangles.mean(axis=1)])
 
 
 def _quartered(triangles: np.ndarray) -> np.ndarray:

@@ -168,7 +168,7 @@ def test_a_table_may_stay_as_deep_in_the_floor_as_it_is(block):
     floor = {"floor": Box((-2000.0, -2000.0, -300.0), (2000.0, 2000.0, -15.0))}
     cell = on_plate(900.0, 0.0, obstacles=floor)
     ranges = {"x": (600.0, 800.0), "y": (-100.0, 100.0), "draws": 10}
-    depths = cell.fixture_depths()
+    depths = dict(cell.fixture_depths())
     # its own half thickness is 10 mm, and 5 mm of it are below the floor
     assert depths[("up", "plate", "floor")] == pytest.approx(5.0, abs=0.02)
     assert propose_placements(PLAN, block, cell, **ranges)
