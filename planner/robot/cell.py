@@ -33,7 +33,7 @@ from planner.robot.joint_checks import JointChecks
 from planner.robot.moves.turned_advance import TurnedAdvance
 from planner.robot.pose_reach import PoseReach, Reacher, over_angles
 from planner.robot.reachability import CellRegion, Reachability, reachability_of
-from planner.robot.standing import Fixturing, Standing, hidden_by, standing_bodies, sunk_mm
+from planner.robot.standing import SKIN_MM, Fixturing, Standing, hidden_by, standing_bodies, sunk_mm
 from planner.robot.transforms import compose
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ class Cell(JointChecks, CellIdentity):
         names : (str, str, str)
             The fixturing, the part or an object that comes with it, and an obstacle or the link at the base.
         depth : float
-            Their depth in each other, mm; 0 where they are apart.
+            Their depth in each other, mm; 0 where they are apart. Up to 1 mm it may be told as less.
         """
         base = [
             Standing(body.name, np.eye(4), body.hull)
@@ -230,7 +230,7 @@ class Cell(JointChecks, CellIdentity):
         for name in self.fixturings:
             for body in (*self._with_it[name], *self._turned_bodies(name)):
                 for other in (*self._standing, *base):
-                    yield (name, body.name, other.name), sunk_mm(body, other, enough_mm)
+                    yield (name, body.name, other.name), sunk_mm(body, other, SKIN_MM, enough_mm)
 
     def _coming_with(self, name: str) -> list[Standing]:
         """Return what a fixturing brings along at the angle 0."""

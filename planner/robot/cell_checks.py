@@ -224,7 +224,7 @@ def check_part_stands_free(
         if fcl.collide(part.placed, base.placed) or part.holds(body.hull.corners.mean(axis=0)):
             raise RobotError.of_rule(parameter, rule, f"it is in {body.name}")
     for other in others:
-        depth = sunk_mm(part, other)
+        depth = sunk_mm(part, other, SKIN_MM)
         if depth > SKIN_MM:
             got = f"{depth:.3g} mm deep in {other.name}, {SKIN_MM:g} mm permitted"
             raise RobotError.of_rule(parameter, rule, got)
@@ -252,7 +252,7 @@ def check_turns_free(
             turned = body.at(compose(table.pose(angle), body.pose))
             for other, touched in pairs:
                 is_part = body.name == "part"
-                if touched and not (is_part and sunk_mm(turned, other) > SKIN_MM):
+                if touched and not (is_part and sunk_mm(turned, other, SKIN_MM, SKIN_MM) > SKIN_MM):
                     continue
                 if touched or _meet(fcl, turned, other):
                     degrees = np.degrees(angle)
