@@ -70,7 +70,7 @@ class Robot:
     speeds : array (6,), optional
         Largest speeds, rad/s. Default: those of the URDF.
     bodiless_links : tuple of str
-        Links behind joints that may have no body.
+        Links behind joints that may have no geometry.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Robot:
     segment_names : tuple of str
         The base link and the links behind the joints.
     bodiless_links : tuple of str
-        Links behind joints whose collisions cannot be checked: the URDF has no body of them.
+        Links behind joints whose collisions cannot be checked: the URDF has no geometry of them.
     notes : tuple of str
         What of the URDF does not count, in words.
     state_name : str
@@ -161,8 +161,8 @@ class Robot:
         speeds : float or sequence of 6 floats, optional
             Largest speeds of the joints, rad/s. Default: those of the URDF.
         bodiless_links : sequence of str, or "all"
-            Links that a cell accepts without a body. Collisions of these are not checked. Default: a cell refuses a
-            robot one of whose links behind a joint has no body.
+            Links that a cell accepts without geometry. Collisions of these are not checked. Default: a cell refuses a
+            robot one of whose links behind a joint has no geometry.
 
         Returns
         -------
@@ -196,24 +196,30 @@ class Robot:
         return cls(text, tip, base, most, hulls, fastest, stated)
 
     def check_bodies(self) -> None:
-        """Raise `RobotError` if a link behind a joint has no body, and nobody said that it may."""
+        """Refuse a link behind a joint that has no geometry, unless it is stated.
+
+        Raises
+        ------
+        RobotError
+            If there is one.
+        """
         missing = [name for name in self.bodiless_links if name not in self._stated_bodiless]
         if missing:
             every = len(missing) == N_JOINTS
             field = 'bodiless_links = "all"' if every else f"bodiless_links = {_toml(missing)}"
             raise RobotError.of_rule(
                 f"urdf of robot {self.name!r}",
-                "must have a body of every link behind a joint",
+                "must have geometry of every link behind a joint",
                 f"none of {', '.join(missing)}",
                 hint=f"{field} in [robot] of the cell file leaves their collisions unchecked",
             )
 
     @property
     def unchecked(self) -> str:
-        """What a user must know of links without a body, in one sentence; empty without any."""
+        """What a user must know of links without geometry, in one sentence; empty if there are none."""
         names = ", ".join(self.bodiless_links)
         return (
-            f"collisions of {names} were NOT checked: the robot has no body of them"
+            f"collisions of {names} were NOT checked: the URDF has no geometry of them"
             if names
             else ""
         )

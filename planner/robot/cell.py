@@ -208,7 +208,7 @@ class Cell(JointChecks, CellIdentity):
     def fixture_depths(
         self, enough_mm: float = np.inf
     ) -> Iterator[tuple[tuple[str, str, str], float]]:
-        """Tell how deep the part, and what comes with the fixturings, is in what stands in every one.
+        """Yield how deep the part and the objects of fixturings are in what stands in every one.
 
         Parameters
         ----------
@@ -218,9 +218,9 @@ class Cell(JointChecks, CellIdentity):
         Yields
         ------
         names : (str, str, str)
-            The fixturing, the part or an object that comes with it, and an obstacle or the link at the base.
+            The fixturing, the part or an object around it, and an obstacle or the link at the base.
         depth : float
-            Their depth in each other, mm; 0 where they are apart. Up to 1 mm it may be told as less.
+            Their depth in each other, mm; 0 where they are apart. Up to 1 mm it may be larger.
         """
         base = [
             Standing(body.name, np.eye(4), body.hull)

@@ -88,8 +88,8 @@ def moved_cell(path: str | PathLike[str], motion: np.ndarray, folder: Path) -> d
             *fixturing.get("obstacles", {}).values(),
             *fixturing.get("turning", {}).values(),
         ):
-            pose = _pose(body["pose"], "pose") if "pose" in body else np.eye(4)
-            body["pose"] = compose(motion, pose).tolist()
+            before = _pose(body["pose"], "pose") if "pose" in body else np.eye(4)
+            body["pose"] = compose(motion, before).tolist()
         if "axis" in fixturing:
             axis = fixturing["axis"]
             direction = np.einsum("ij,j->i", motion[:3, :3], np.array(axis["direction"], float))
@@ -276,9 +276,9 @@ def _body(table: Any, name: str, folder: Path) -> Body:
     for key in ("low", "high"):
         if key not in fields:
             raise RobotError.of_rule(name, "must have a mesh, or low and high", f"no {key}")
-    corners = [_numbers(fields[key], 3, f"{name}.{key}") for key in ("low", "high")]
+    low, high = (_numbers(fields[key], 3, f"{name}.{key}") for key in ("low", "high"))
     pose = _pose(fields["pose"], f"{name}.pose") if "pose" in fields else np.eye(4)
-    return Box(corners[0], corners[1], pose)
+    return Box(low, high, pose)
 
 
 def _pose(value: Any, name: str) -> np.ndarray:

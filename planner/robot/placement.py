@@ -100,9 +100,9 @@ def propose_placements(
 ) -> tuple[Placement, ...]:
     """Draw positions of the part, and rank them by how many settings of a plan the robot reaches.
 
-    All fixturings move together with their obstacles, and turn about the vertical. A position counts
-    only if these obstacles stand clear of all others and of the robot's base, up to 1 mm or as deep
-    as they are in the cell that was given. The middle of the part in the first fixturing comes to the
+    All fixturings move together with their obstacles, and turn about the vertical. These obstacles
+    must stand clear of all others and of the robot's base. They may be 1 mm deep in them, or 1 mm
+    deeper than in the cell that was given. The middle of the part in the first fixturing comes to the
     drawn position. Of equal numbers of settings, the position comes first whose worst setting is
     farthest from singular joints, then from limits.
 

@@ -175,7 +175,7 @@ def _check_distinct(kind: str, names: list[str]) -> None:
 
 
 def read_urdf(
-    text: str, tip: str, base: str | None = None, speeds: Sequence[float] | None = None
+    text: str, tip: str, base: str | None = None, speeds: Sequence[float] | np.ndarray | None = None
 ) -> UrdfArm:
     """Return the arm that a URDF describes.
 
@@ -187,7 +187,7 @@ def read_urdf(
         Link the camera is fixed to.
     base : str, optional
         Link whose frame is the robot's base. Default: ``base_link`` where there is one, otherwise the first link.
-    speeds : sequence of 6 floats, optional
+    speeds : array (6,), optional
         Largest speeds of the joints, rad/s. Default: those of the file.
 
     Raises

@@ -42,7 +42,7 @@ def print_arm(plan: InspectionPlan) -> None:
     bodiless = ", ".join(plan.cell.get("bodiless_links", ()))
     if bodiless:
         print_text(
-            f"warning: collisions of {bodiless} were NOT checked: the robot has no body of them"
+            f"warning: collisions of {bodiless} were NOT checked: the URDF has no geometry of them"
         )
 
 

@@ -6,7 +6,7 @@ collisions and the same moves serve, with the part as the hand and the camera am
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -172,20 +172,47 @@ class HeldPartCell(Cell):
         cell.__dict__.update(self.__dict__)
         return cell
 
-    def check(self) -> None:
-        """Look at the part in its grippers, and at home.
+    def check_fixturings(self) -> None:
+        """Look at the part in its grippers.
 
         Raises
         ------
         RobotError
-            If a gripper goes through the part, or home is not free.
+            If a gripper goes through the part.
+        """
+        for name, grip in self.grips.items():
+            if self._in_grip is not None:
+                part = self._in_grip.at(grip.part2flange)
+                check_part_stands_free(name, part, self._grippers[name], (), "part2flange")
+
+    def check_place(self) -> None:
+        """Look at home.
+
+        Raises
+        ------
+        RobotError
+            If home is not free.
         """
         for name in self.grips:
-            if self._in_grip is not None:
-                part = self._in_grip.at(self.grips[name].part2flange)
-                check_part_stands_free(name, part, self._grippers[name], (), "part2flange")
             if self.home is not None:
                 check_home_is_free(name, self.blocked_by(self.home, name))
+
+    def fixture_depths(
+        self, enough_mm: float = np.inf
+    ) -> Iterator[tuple[tuple[str, str, str], float]]:
+        """Yield nothing, since grips bring nothing that stands still.
+
+        Parameters
+        ----------
+        enough_mm : float
+            Not used.
+
+        Returns
+        -------
+        iterator
+            Empty.
+        """
+        return iter(())
 
     def with_home(self, q: Sequence[float]) -> HeldPartCell:
         """Return the cell with another home.

@@ -126,7 +126,7 @@ class CellIdentity(ABC):
 
 
 def bodiless(robot: Robot) -> dict[str, list[str]]:
-    """Return what a plan file says of links without a body; empty if each has one."""
+    """Return what a plan file says of links without geometry; empty if each has some."""
     return {"bodiless_links": list(robot.bodiless_links)} if robot.bodiless_links else {}
 
 

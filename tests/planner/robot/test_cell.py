@@ -451,12 +451,12 @@ LINKS = tuple(f"link_{number}" for number in range(1, 7))
     [(("link_3",), r'bodiless_links = \["link_3"\]'), (LINKS, 'bodiless_links = "all"')],
 )
 def test_a_link_without_a_body_must_be_named(links, field, tmp_path):
-    message = f"robot 'made_wrist' must have a body .* Got none of {', '.join(links)}; {field}"
+    message = f"robot 'made_wrist' must have geometry .* Got none of {', '.join(links)}; {field}"
     with pytest.raises(RobotError, match=message):
         cell_of(without_bodies(tmp_path, links))
     stated = "all" if links == LINKS else list(links)
     cell = cell_of(without_bodies(tmp_path, links, bodiless_links=stated))
-    words = f"collisions of {', '.join(links)} were NOT checked: the robot has no body of them"
+    words = f"collisions of {', '.join(links)} were NOT checked: the URDF has no geometry of them"
     assert cell.robot.unchecked == words
     assert cell.to_dict()["bodiless_links"] == list(links)
     assert pickle.loads(pickle.dumps(cell)).robot.unchecked == words
