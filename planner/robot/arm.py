@@ -217,12 +217,7 @@ class Robot:
     @property
     def unchecked(self) -> str:
         """What a user must know of links without geometry, in one sentence; empty if there are none."""
-        names = ", ".join(self.bodiless_links)
-        return (
-            f"collisions of {names} were NOT checked: the URDF has no geometry of them"
-            if names
-            else ""
-        )
+        return unchecked_text(self.bodiless_links)
 
     def forward(self, q: Any) -> np.ndarray:
         """Return the pose of the tip in the base.
@@ -420,6 +415,13 @@ def _values(joints: Sequence[Joint], name: str) -> np.ndarray:
     values = np.array([getattr(joint, name) for joint in joints])
     values.flags.writeable = False
     return values
+
+
+def unchecked_text(names: Sequence[str]) -> str:
+    """Return a sentence on links without geometry, the names last: heads of programs cut long lines."""
+    if not names:
+        return ""
+    return f"collisions of links without geometry in the URDF were NOT checked: {', '.join(names)}"
 
 
 def _checked_rates(name: str, unit: str, given: Any) -> np.ndarray:

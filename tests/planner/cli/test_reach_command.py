@@ -154,7 +154,8 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
     assert 'bodiless_links = "all" in [robot] of the cell file' in capsys.readouterr().err
     stated = cell.replace("[[camera_body]]", 'bodiless_links = "all"\n[[camera_body]]')
     path.write_text(stated + "\n", encoding="utf-8")
-    words = "collisions of link_1, link_2, link_3, link_4, link_5, link_6 were NOT checked"
+    links = "link_1, link_2, link_3, link_4, link_5, link_6"
+    words = f"collisions of links without geometry in the URDF were NOT checked: {links}"
     assert main(["reach", PLAN, PART, "--cell", str(path)]) == 0
     assert f"warning: {words}" in " ".join(capsys.readouterr().out.split())
     assert main(["reach", PLAN, PART, "--cell", str(path), "--json"]) == 0

@@ -456,7 +456,7 @@ def test_a_link_without_a_body_must_be_named(links, field, tmp_path):
         cell_of(without_bodies(tmp_path, links))
     stated = "all" if links == LINKS else list(links)
     cell = cell_of(without_bodies(tmp_path, links, bodiless_links=stated))
-    words = f"collisions of {', '.join(links)} were NOT checked: the URDF has no geometry of them"
+    words = f"collisions of links without geometry in the URDF were NOT checked: {', '.join(links)}"
     assert cell.robot.unchecked == words
     assert cell.to_dict()["bodiless_links"] == list(links)
     assert pickle.loads(pickle.dumps(cell)).robot.unchecked == words
