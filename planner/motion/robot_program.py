@@ -448,7 +448,9 @@ class _ProgramMaker:
         return digests
 
     def _warnings(self, tours: Sequence[FixturedTour]) -> tuple[str, ...]:
+        unchecked = self._given.robot.unchecked
         found = program_warnings(tours, self._plan.probability)
+        found = (*((f"{unchecked}.",) if unchecked else ()), *found)
         changed = self._given.difference(self._plan.cell)
         if changed:
             return (f"the cell of the plan differs from the cell given, in {changed}.", *found)

@@ -67,6 +67,10 @@ class Robot:
         Largest accelerations, rad/s².
     hulls : tuple of tuple of Hull
         Convex hulls of the links, in the frames of the joints.
+    speeds : array (6,), optional
+        Largest speeds, rad/s. Default: those of the URDF.
+    bodiless_links : tuple of str
+        Links behind joints that may have no geometry.
     file : str
         The file it was read from, for messages.
 
@@ -80,6 +84,10 @@ class Robot:
         Six, from the base to the tip.
     segment_names : tuple of str
         The base link and the links behind the joints.
+    bodiless_links : tuple of str
+        Links behind joints whose collisions cannot be checked: the URDF has no geometry of them.
+    notes : tuple of str
+        What of the URDF does not count, in words.
     state_name : str
         Digest of everything that decides where the robot can be.
 
@@ -101,9 +109,11 @@ class Robot:
         base: str | None,
         accelerations: np.ndarray,
         hulls: Any,
+        speeds: np.ndarray | None = None,
+        bodiless_links: tuple[str, ...] = (),
         file: str = "",
     ) -> None:
-        arm = read_urdf(text, tip, base)
+        arm = read_urdf(text, tip, base, speeds)
         self.name = arm.name
         self.tip = tip
         self.segment_names = arm.segments
@@ -117,7 +127,11 @@ class Robot:
         self.accelerations = _values(self.joints, "acceleration")
         self.chain = Chain.of(arm)
         self.hulls: tuple[tuple[Hull, ...], ...] = hulls
-        self._made_of = (text, tip, base, accelerations, hulls)
+        moving = zip(arm.segments[1:], hulls[1:], strict=True)
+        self.bodiless_links = tuple(name for name, own in moving if not own)
+        self.notes = arm.notes
+        self._stated_bodiless = bodiless_links
+        self._made_of = (text, tip, base, accelerations, hulls, speeds, bodiless_links)
         self._file = file
         self._branches: Branches | None = None
 
@@ -130,6 +144,8 @@ class Robot:
         base: str | None = None,
         packages: Mapping[str, str | PathLike[str]] | None = None,
         accelerations: float | Sequence[float] = 1.4,
+        speeds: float | Sequence[float] | None = None,
+        bodiless_links: str | Sequence[str] = (),
     ) -> Robot:
         """Read a robot.
 
@@ -146,6 +162,11 @@ class Robot:
             Folders of the packages that ``package://`` names.
         accelerations : float or sequence of 6 floats
             Largest accelerations of the joints, rad/s², which a URDF does not state.
+        speeds : float or sequence of 6 floats, optional
+            Largest speeds of the joints, rad/s. Default: those of the URDF.
+        bodiless_links : sequence of str, or "all"
+            Links that a cell accepts without geometry. Collisions of these are not checked. Default: a cell refuses a
+            robot one of whose links behind a joint has no geometry.
 
         Returns
         -------
@@ -165,10 +186,42 @@ class Robot:
             ) from None
         except UnicodeDecodeError:
             raise RobotError.of_rule("urdf", "must be UTF-8 text", repr(str(file))) from None
-        arm = read_urdf(text, tip, base)
-        most = _checked_accelerations(accelerations)
-        hulls = _hulls(arm, file.parent, packages or {})
-        return cls(text, tip, base, most, hulls, str(file))
+        most = _checked_rates("accelerations", "rad/s²", accelerations)
+        fastest = None if speeds is None else _checked_rates("speeds", "rad/s", speeds)
+        try:
+            arm = read_urdf(text, tip, base, fastest)
+            hulls = _hulls(arm, file.parent, packages or {})
+        except RobotError as error:
+            if error.parameter != "urdf":
+                raise
+            named = f"urdf {file.name!r}"
+            raise RobotError.of_rule(named, error.rule, error.got, hint=error.hint) from None
+        stated = _checked_links(bodiless_links, arm.segments[1:])
+        return cls(text, tip, base, most, hulls, fastest, stated, str(file))
+
+    def check_bodies(self) -> None:
+        """Refuse a link behind a joint that has no geometry, unless it is stated.
+
+        Raises
+        ------
+        RobotError
+            If there is one.
+        """
+        missing = [name for name in self.bodiless_links if name not in self._stated_bodiless]
+        if missing:
+            every = len(missing) == N_JOINTS
+            field = 'bodiless_links = "all"' if every else f"bodiless_links = {_toml(missing)}"
+            raise RobotError.of_rule(
+                f"urdf of robot {self.name!r}",
+                "must have geometry of every link behind a joint",
+                f"none of {', '.join(missing)}",
+                hint=f"{field} in [robot] of the cell file leaves their collisions unchecked",
+            )
+
+    @property
+    def unchecked(self) -> str:
+        """What a user must know of links without geometry, in one sentence; empty if there are none."""
+        return unchecked_text(self.bodiless_links)
 
     def forward(self, q: Any) -> np.ndarray:
         """Return the pose of the tip in the base.
@@ -354,8 +407,9 @@ class Robot:
     @property
     def state_name(self) -> str:
         """Digest of the URDF, the tip, the base, accelerations and hulls."""
-        text, tip, base, most, hulls = self._made_of
-        digest = hashlib.sha256(repr((text, tip, base, most.tolist())).encode())
+        text, tip, base, most, hulls, speeds, _ = self._made_of
+        numbers = [most.tolist()] if speeds is None else [most.tolist(), speeds.tolist()]
+        digest = hashlib.sha256(repr((text, tip, base, *numbers)).encode())
         for hull in (hull for segment in hulls for hull in segment):
             digest.update(hull.corners.tobytes())
         return f"robot {self.name} {digest.hexdigest()}"
@@ -375,13 +429,39 @@ def _values(joints: Sequence[Joint], name: str) -> np.ndarray:
     return values
 
 
-def _checked_accelerations(given: Any) -> np.ndarray:
-    """Return six accelerations."""
+def unchecked_text(names: Sequence[str]) -> str:
+    """Return a sentence on links without geometry, the names last: heads of programs cut long lines."""
+    if not names:
+        return ""
+    return f"collisions of links without geometry in the URDF were NOT checked: {', '.join(names)}"
+
+
+def _checked_rates(name: str, unit: str, given: Any) -> np.ndarray:
+    """Return six speeds or accelerations."""
     values = [given] * N_JOINTS if not isinstance(given, Sequence | np.ndarray) else list(given)
     if len(values) != N_JOINTS or not all(POSITIVE.accepts(value) for value in values):
-        rule = "must be a positive number of rad/s², or six"
-        raise RobotError.of_rule("accelerations", rule, shown(given))
+        rule = f"must be a positive number of {unit}, or six"
+        raise RobotError.of_rule(name, rule, shown(given))
     return np.array(values, dtype=np.float64)
+
+
+def _checked_links(given: Any, links: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of links behind joints; ``"all"`` means each."""
+    if given == "all":
+        return tuple(links)
+    rule = 'must be "all" or a list of links behind joints'
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise RobotError.of_rule("bodiless_links", rule, shown(given))
+    for name in given:
+        if name not in links:
+            hint = f"these are {', '.join(links)}"
+            raise RobotError.of_rule("bodiless_links", rule, shown(name), hint=hint)
+    return tuple(given)
+
+
+def _toml(names: Sequence[str]) -> str:
+    """Return names as a TOML file has them."""
+    return "[" + ", ".join(f'"{name}"' for name in names) + "]"
 
 
 def _hulls(

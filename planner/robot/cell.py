@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from planner.exceptions import RobotError
 from planner.robot.arm import Robot
 from planner.robot.bodies import Body, Surface
 from planner.robot.cell_checks import (
+    arm_with_mount,
     check_hand_eye,
     check_home,
     check_home_is_free,
@@ -23,7 +24,6 @@ from planner.robot.cell_checks import (
 )
 from planner.robot.cell_file import cell_fields
 from planner.robot.collisions import (
-    Arm,
     Surroundings,
     bodies_of,
     farthest_points,
@@ -33,7 +33,7 @@ from planner.robot.joint_checks import JointChecks
 from planner.robot.moves.turned_advance import TurnedAdvance
 from planner.robot.pose_reach import PoseReach, Reacher, over_angles
 from planner.robot.reachability import CellRegion, Reachability, reachability_of
-from planner.robot.standing import Fixturing, Standing, hidden_by, standing_bodies
+from planner.robot.standing import SKIN_MM, Fixturing, Standing, hidden_by, standing_bodies, sunk_mm
 from planner.robot.transforms import compose
 
 if TYPE_CHECKING:
@@ -89,6 +89,7 @@ class Cell(JointChecks, CellIdentity):
     ) -> None:
         check_kinds(robot=(robot, "Robot"))
         self.robot = robot
+        robot.check_bodies()
         robot.check_solvable()
         self.cam2flange = check_hand_eye(cam2flange)
         self.clearance_mm = check_number("clearance_mm", clearance_mm, NOT_NEGATIVE)
@@ -99,7 +100,8 @@ class Cell(JointChecks, CellIdentity):
         check_names(self.fixturings, self._obstacles, robot)
         self._part: Standing | None = None
         self._standing = standing_bodies(self._obstacles, "obstacle")
-        self._arm = Arm(bodies_of(robot, self.cam2flange, self._camera_body))
+        bodies = bodies_of(robot, self.cam2flange, self._camera_body)
+        self._arm = arm_with_mount(robot, bodies, self.clearance_mm)
         self._left_out = pairs_by_design(robot, self._arm)
         self._stand()
         self._reachers: dict[tuple[str, float], Reacher] = {}
@@ -166,12 +168,35 @@ class Cell(JointChecks, CellIdentity):
         RobotError
             If the part goes through an obstacle or the robot's base, or home is not free.
         """
+        self.check_fixturings()
+        self.check_place()
+
+    def check_fixturings(self) -> None:
+        """Look at the part among what comes with its fixtures, wherever these stand.
+
+        Raises
+        ------
+        RobotError
+            If the part goes through something that moves with it.
+        """
         for name, fixturing in self.fixturings.items():
-            others = [*self._standing, *self._with_it[name], *self._turning[name]]
             if self._part is not None:
-                check_part_stands_free(
-                    name, self._part.at(fixturing.part2base), others, self._arm.bodies
-                )
+                part = self._part.at(fixturing.part2base)
+                check_part_stands_free(name, part, self._coming_with(name), ())
+
+    def check_place(self) -> None:
+        """Look at the part among what stands in the cell, at turntables, and at home.
+
+        Raises
+        ------
+        RobotError
+            If the part goes through an obstacle or the robot's base, a turntable turns it into one, or home is not
+            free.
+        """
+        for name, fixturing in self.fixturings.items():
+            if self._part is not None:
+                part = self._part.at(fixturing.part2base)
+                check_part_stands_free(name, part, self._standing, self._arm.bodies)
             if fixturing.table is not None:
                 still = [*self._standing, *self._with_it[name]]
                 check_turns_free(
@@ -179,6 +204,37 @@ class Cell(JointChecks, CellIdentity):
                 )
             if self.home is not None:
                 check_home_is_free(name, self.blocked_by(self.home, name))
+
+    def fixture_depths(
+        self, enough_mm: float = np.inf
+    ) -> Iterator[tuple[tuple[str, str, str], float]]:
+        """Yield how deep the part and the objects of fixturings are in what stands in every one.
+
+        Parameters
+        ----------
+        enough_mm : float
+            Beyond this any depth that was found will do.
+
+        Yields
+        ------
+        names : (str, str, str)
+            The fixturing, the part or an object around it, and an obstacle or the link at the base.
+        depth : float
+            Their depth in each other, mm; 0 where they are apart. Up to 1 mm it may be larger.
+        """
+        base = [
+            Standing(body.name, np.eye(4), body.hull)
+            for body in self._arm.bodies
+            if body.segment == 0
+        ]
+        for name in self.fixturings:
+            for body in (*self._with_it[name], *self._turned_bodies(name)):
+                for other in (*self._standing, *base):
+                    yield (name, body.name, other.name), sunk_mm(body, other, SKIN_MM, enough_mm)
+
+    def _coming_with(self, name: str) -> list[Standing]:
+        """Return what a fixturing brings along at the angle 0."""
+        return [*self._with_it[name], *self._turning[name]]
 
     def with_fixturings(self, fixturings: Mapping[str, Fixturing]) -> Cell:
         """Return the cell with other fixturings; the arm and the part are shared.
@@ -350,6 +406,25 @@ class Cell(JointChecks, CellIdentity):
         """Links that are not compared: they touch in nearly all joints, or nowhere, because the arm is built so."""
         names = [body.name for body in self._arm.bodies]
         return tuple((names[first], names[second]) for first, second in self._left_out)
+
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """Names of what stands in the cell in every fixturing."""
+        return tuple(self._obstacles)
+
+    @property
+    def near_by_mount(self) -> tuple[str, ...]:
+        """What the mount leaves less than the clearance, in words: there, only touching is refused."""
+        bodies = self._arm.bodies
+        least: dict[tuple[str, str], float] = {}
+        for (first, second), mm in self._arm.near_by_mount.items():
+            pair = (bodies[second].name, bodies[first].name)
+            least[pair] = min(mm, least.get(pair, np.inf))
+        return tuple(
+            f"{held} is mounted {mm:.3g} mm from {link}, clearance {self.clearance_mm:g}: "
+            "these two must only not touch"
+            for (held, link), mm in least.items()
+        )
 
     @property
     def levers_mm(self) -> np.ndarray:

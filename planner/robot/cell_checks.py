@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -12,11 +12,10 @@ import numpy as np
 from planner.argument_kinds import shown
 from planner.exceptions import RobotError
 from planner.robot.arm import Robot
-from planner.robot.bodies import Hull
 from planner.robot.branches import needed
 from planner.robot.collisions import Arm, Moving, PairGroup
-from planner.robot.standing import SKIN_MM, Standing
-from planner.robot.transforms import carry, check_pose, compose, invert
+from planner.robot.standing import SKIN_MM, Standing, sunk_mm
+from planner.robot.transforms import check_pose, compose, invert
 from planner.robot.turning.turntable import Turntable
 from planner.robot.urdf import N_JOINTS
 
@@ -29,6 +28,9 @@ _ALWAYS = 0.95
 _GRID = 72
 # of a turntable, rad
 _STEP = np.radians(5.0)
+
+# steps of the last joint, and of each of the last two, at which a mount is looked at
+_MOUNT_STEPS = (72, 24)
 
 # links are the first bodies of every arm, whatever camera it carries
 _BY_DESIGN: WeakKeyDictionary[Robot, list[tuple[int, int]]] = WeakKeyDictionary()
@@ -132,6 +134,49 @@ def pairs_by_design(robot: Robot, arm: Arm) -> list[tuple[int, int]]:
     return pairs
 
 
+def arm_with_mount(robot: Robot, bodies: Sequence[Moving], clearance_mm: float) -> Arm:
+    """Return an arm that knows which links its camera is mounted so near to that no joints keep the clearance.
+
+    The distance of what the hand carries from the link before it depends on the last joint alone, and from the link
+    before that on the last two. A pair need keep no clearance if it never has it. Nor need it if only the last joint
+    moves it, and never to a touch. It must not touch.
+    """
+    arm = Arm(bodies)
+    for pair in arm.own_pairs:
+        segments = [arm.bodies[number].segment for number in pair]
+        between = max(segments) - min(segments)
+        if clearance_mm > 0 and arm.keeps_clearance(*pair) and between <= len(_MOUNT_STEPS):
+            least = _mounted_mm(robot, arm, pair, clearance_mm)
+            if least is not None:
+                arm.near_by_mount[pair] = least
+    return arm
+
+
+def _mounted_mm(robot: Robot, arm: Arm, pair: tuple[int, int], clearance_mm: float) -> float | None:
+    """Return the least distance over the last joints that a mount leaves a pair, mm; None if it keeps the clearance."""
+    between = abs(arm.bodies[pair[0]].segment - arm.bodies[pair[1]].segment)
+    steps = np.linspace(0.0, 1.0, _MOUNT_STEPS[between - 1])
+    shares = np.full((len(steps) ** between, N_JOINTS), 0.5)
+    grid = np.meshgrid(*[steps] * between)
+    shares[:, N_JOINTS - between :] = np.stack([axis.ravel() for axis in grid], axis=1)
+    frames = robot.chain.frames(_drawn_joints(robot, shares))
+    group = PairGroup(arm, (), (), [pair], 0.0)
+    far = group.bounds(frames)[:, 0] >= clearance_mm
+    # spheres tell of most cameras that they are far enough
+    if far.all() or (between > 1 and far.any()):
+        return None
+    distances = [group.distance(0, one) for one in frames]
+    never_touches = between == 1 and 0 < min(distances) < clearance_mm
+    return min(distances) if max(distances) < clearance_mm or never_touches else None
+
+
+def _drawn_joints(robot: Robot, shares: np.ndarray) -> np.ndarray:
+    """Return joints (n, 6) that are shares of their ranges, a turn at most."""
+    lower = np.maximum(robot.lower, -np.pi)
+    upper = np.minimum(robot.upper, np.pi)
+    return np.asarray(lower + (upper - lower) * shares)
+
+
 def _always_touch(robot: Robot, arm: Arm, pair: tuple[int, int], drawn: np.ndarray) -> bool:
     """Return whether two links touch in nearly all of drawn joints."""
     most = int((1 - _ALWAYS) * len(drawn))
@@ -153,18 +198,23 @@ def _never_touch(robot: Robot, arm: Arm, pair: tuple[int, int]) -> bool:
 
 def _touches(robot: Robot, arm: Arm, pair: tuple[int, int], shares: np.ndarray) -> Iterator[bool]:
     """Yield whether a pair touches; joints are shares (n, 6) of their ranges, a turn at most."""
-    lower = np.maximum(robot.lower, -np.pi)
-    upper = np.minimum(robot.upper, np.pi)
-    frames = robot.chain.frames(lower + (upper - lower) * shares)
+    frames = robot.chain.frames(_drawn_joints(robot, shares))
     group = PairGroup(arm, (), (), [pair], 0.0)
     for row, near in enumerate(group.bounds(frames)[:, 0] <= 0):
         yield bool(near) and group.distance(0, frames[row]) <= 0
 
 
 def check_part_stands_free(
-    fixturing: str, part: Standing, others: Iterable[Standing], arm: Iterable[Moving]
+    fixturing: str,
+    part: Standing,
+    others: Iterable[Standing],
+    arm: Iterable[Moving],
+    parameter: str = "part2base",
 ) -> None:
-    """Raise if a fixturing puts the part through an obstacle or the robot's base."""
+    """Raise if a fixturing puts the part through an obstacle or the robot's base.
+
+    An obstacle may touch the part, and sink in up to `SKIN_MM`.
+    """
     fcl = needed("fcl")
     rule = f"must not put the part through other objects in fixturing {fixturing!r}"
     for body in arm:
@@ -172,11 +222,12 @@ def check_part_stands_free(
             continue
         base = Standing(body.name, np.eye(4), body.hull)
         if fcl.collide(part.placed, base.placed) or part.holds(body.hull.corners.mean(axis=0)):
-            raise RobotError.of_rule("part2base", rule, f"it is in {body.name}")
+            raise RobotError.of_rule(parameter, rule, f"it is in {body.name}")
     for other in others:
-        depth = _depth(part, other)
+        depth = sunk_mm(part, other, SKIN_MM)
         if depth > SKIN_MM:
-            raise RobotError.of_rule("part2base", rule, f"{depth:.3g} mm deep in {other.name}")
+            got = f"{depth:.3g} mm deep in {other.name}, {SKIN_MM:g} mm permitted"
+            raise RobotError.of_rule(parameter, rule, got)
 
 
 def check_turns_free(
@@ -201,7 +252,7 @@ def check_turns_free(
             turned = body.at(compose(table.pose(angle), body.pose))
             for other, touched in pairs:
                 is_part = body.name == "part"
-                if touched and not (is_part and _depth(turned, other) > SKIN_MM):
+                if touched and not (is_part and sunk_mm(turned, other, SKIN_MM, SKIN_MM) > SKIN_MM):
                     continue
                 if touched or _meet(fcl, turned, other):
                     degrees = np.degrees(angle)
@@ -218,15 +269,3 @@ def check_home_is_free(fixturing: str, words: str) -> None:
     if words:
         rule = f"must be free of collisions in fixturing {fixturing!r}"
         raise RobotError.of_rule("home", rule, words)
-
-
-def _depth(part: Standing, other: Standing) -> float:
-    """Return how deep corners of a part and of another body lie within each other, mm; 0 if none does."""
-    if not isinstance(other.shape, Hull):
-        return 0.0
-    points = carry(invert(other.pose), carry(part.pose, part.shape.corners))
-    sides = other.shape.corners[other.shape.triangles]
-    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-    normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
-    heights = np.einsum("tj,nj->nt", normals, points) - (normals * sides[:, 0]).sum(axis=1)
-    return max(0.0, float((-heights.max(axis=1)).max()))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,9 +16,9 @@ from aspectgraph.files import check_plain, read_text
 from planner.argument_kinds import shown
 from planner.exceptions import PlannerError, RobotError
 from planner.robot.arm import Robot
-from planner.robot.bodies import Body, Box
+from planner.robot.bodies import Body, Box, mesh_of
 from planner.robot.standing import Fixturing, Grip
-from planner.robot.transforms import check_pose, from_rpy
+from planner.robot.transforms import carry, check_pose, compose, from_rpy
 
 try:
     import tomllib
@@ -32,10 +35,11 @@ _FILE = (
     "clearance_mm",
     "home_deg",
 )
-_ROBOT = ("urdf", "tip", "base", "packages", "accelerations")
+_ROBOT = ("urdf", "tip", "base", "packages", "accelerations", "speeds", "bodiless_links")
 _TURNS = ("angles", "turn_speed", "turn_acceleration")
 _FIXTURING = ("part2base", "obstacles", "axis", "angles_deg", "turning", *_TURNS)
 _AXIS = ("point", "direction")
+_INLINE = ("cam2flange", "part2base", "pose", "axis", "packages")
 _BODY = ("low", "high", "pose", "mesh")
 
 
@@ -61,6 +65,111 @@ def cell_fields(path: str | PathLike[str]) -> dict[str, Any]:
         if not error.parameter:
             raise
         raise RobotError.of_rule(where, error.rule, error.got, hint=error.hint) from None
+
+
+def moved_cell(path: str | PathLike[str], motion: np.ndarray, folder: Path) -> dict[str, Any]:
+    """Return what a cell file states, with all fixturings and their obstacles moved in the base.
+
+    Parameters
+    ----------
+    path : str or Path
+        A cell file that `cell_fields` takes.
+    motion : array (4, 4)
+        The motion, mm.
+    folder : Path
+        Names of other files are made relative to it.
+    """
+    file = Path(path)
+    content = _read(file)
+    for fixturing in content["fixturings"].values():
+        pose = compose(motion, _pose(fixturing["part2base"], "part2base"))
+        fixturing["part2base"] = pose.tolist()
+        for body in (
+            *fixturing.get("obstacles", {}).values(),
+            *fixturing.get("turning", {}).values(),
+        ):
+            before = _pose(body["pose"], "pose") if "pose" in body else np.eye(4)
+            body["pose"] = compose(motion, before).tolist()
+        if "axis" in fixturing:
+            axis = fixturing["axis"]
+            direction = np.einsum("ij,j->i", motion[:3, :3], np.array(axis["direction"], float))
+            axis["point"] = carry(motion, np.array([axis["point"]], float))[0].tolist()
+            axis["direction"] = direction.tolist()
+    _name_files_from(content, file.parent, folder)
+    return content
+
+
+def _name_files_from(content: dict[str, Any], old: Path, new: Path) -> None:
+    """Make names of files that are relative to one folder relative to another one."""
+    places = [(content["robot"], "urdf")]
+    places += [(content["robot"]["packages"], key) for key in content["robot"].get("packages", {})]
+    bodies = [*content.get("camera_body", []), *content.get("obstacles", {}).values()]
+    for fixturing in content["fixturings"].values():
+        for kind in ("obstacles", "turning"):
+            bodies += fixturing.get(kind, {}).values()
+    places += [(body, "mesh") for body in bodies if "mesh" in body]
+    for table, key in places:
+        if not Path(table[key]).is_absolute():
+            table[key] = _relative(old / table[key], new)
+
+
+def _relative(path: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:
+        # on another drive of Windows
+        return path.resolve().as_posix()
+
+
+def toml_lines(
+    table: Mapping[str, Any], digits: int | None = None, name: str = ""
+) -> Iterator[str]:
+    """Yield the lines of a cell file.
+
+    Parameters
+    ----------
+    table : mapping
+        What it states.
+    digits : int, optional
+        Digits behind the point. Default: all.
+    name : str
+        Where the table is in the file, such as ``fixturings``; empty at the top.
+    """
+    plain = {key: value for key, value in table.items() if not _is_section(key, value)}
+    if name and (plain or not table):
+        yield f"[{name}]"
+    for key, value in plain.items():
+        yield f"{_key(key)} = {_value(value, digits)}"
+    if plain:
+        yield ""
+    for key, value in table.items():
+        section = f"{name}.{_key(key)}" if name else _key(key)
+        if key == "camera_body" and not name:
+            for body in value:
+                yield f"[[{section}]]"
+                yield from toml_lines(body, digits)
+        elif key not in plain:
+            yield from toml_lines(value, digits, section)
+
+
+def _is_section(key: str, value: Any) -> bool:
+    """Return whether a field is written under a heading of its own."""
+    return key == "camera_body" or (isinstance(value, Mapping) and key not in _INLINE)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+
+
+def _value(value: Any, digits: int | None) -> str:
+    if isinstance(value, Mapping):
+        pairs = [f"{_key(key)} = {_value(one, digits)}" for key, one in value.items()]
+        return "{ " + ", ".join(pairs) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(_value(one, digits) for one in value) + "]"
+    if isinstance(value, float) and digits is not None:
+        return repr(round(value, digits) + 0.0)
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -156,16 +265,20 @@ def _body(table: Any, name: str, folder: Path) -> Body:
     fields = _table(table, name)
     _check_keys(fields, _BODY, f"{name}.")
     if "mesh" in fields:
-        if len(fields) > 1:
+        if "low" in fields or "high" in fields:
             rule = "must have either a mesh or low and high"
             raise RobotError.of_rule(name, rule, ", ".join(fields))
-        return folder / _text(fields["mesh"], f"{name}.mesh")
+        mesh = folder / _text(fields["mesh"], f"{name}.mesh")
+        if "pose" not in fields:
+            return mesh
+        corners, triangles = mesh_of(mesh, f"{name}.mesh")
+        return carry(_pose(fields["pose"], f"{name}.pose"), corners), triangles
     for key in ("low", "high"):
         if key not in fields:
             raise RobotError.of_rule(name, "must have a mesh, or low and high", f"no {key}")
-    corners = [_numbers(fields[key], 3, f"{name}.{key}") for key in ("low", "high")]
+    low, high = (_numbers(fields[key], 3, f"{name}.{key}") for key in ("low", "high"))
     pose = _pose(fields["pose"], f"{name}.pose") if "pose" in fields else np.eye(4)
-    return Box(corners[0], corners[1], pose)
+    return Box(low, high, pose)
 
 
 def _pose(value: Any, name: str) -> np.ndarray:

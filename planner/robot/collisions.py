@@ -76,6 +76,8 @@ class Arm:
         self.bodies = tuple(bodies)
         # bodies of fcl are moved before they are compared, which only one thread may do at a time
         self.lock = RLock()
+        self.near_by_mount: dict[tuple[int, int], float] = {}
+        """Pairs of a link and what the hand carries that the mount leaves so little, mm: they may only not touch."""
         self._grown: dict[tuple[int, float], Any] = {}
         self.placed = [fcl.CollisionObject(geometry_of(body.hull)) for body in bodies]
         self.centres = [body.hull.corners.mean(axis=0) for body in bodies]
@@ -89,6 +91,11 @@ class Arm:
         self.radii = np.concatenate([body.hull.radii for body in bodies])
         counts = [len(body.hull.radii) for body in bodies]
         self.starts = np.concatenate([[0], np.cumsum(counts)])
+
+    def keeps_clearance(self, first: int, second: int) -> bool:
+        """Return whether two of the bodies must keep the clearance, not only not touch."""
+        is_held = self.bodies[first].is_held or self.bodies[second].is_held
+        return is_held and (first, second) not in self.near_by_mount
 
     def sphere_centres(self, frames: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """Return the centres (n, s, 3) of the spheres of bodies, for frames (n, 7, 4, 4)."""
@@ -131,7 +138,8 @@ class Surroundings:
     standing : sequence of Standing
         Obstacles and the part.
     clearance_mm : float
-        Smallest distance to keep, except between links of the arm, which may only not touch: where these are is known.
+        Smallest distance to keep, except between links of the arm, and what is mounted nearer to a link: these may
+        only not touch, since where they are is known.
     left_out : iterable of (int, int)
         Pairs of the arm's bodies that are not looked at.
     """
@@ -185,9 +193,7 @@ class PairGroup:
         self._pairs += [(a, b, True) for a, b in own]
         self.required = np.array(
             [
-                clearance_mm
-                if not both or arm.bodies[first].is_held or arm.bodies[second].is_held
-                else 0.0
+                clearance_mm if not both or arm.keeps_clearance(first, second) else 0.0
                 for first, second, both in self._pairs
             ]
         )

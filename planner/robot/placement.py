@@ -12,7 +12,7 @@ from planner.argument_kinds import check_count, shown
 from planner.exceptions import RobotError
 from planner.robot.cell import Cell
 from planner.robot.reachability import Reachability, reachability_of
-from planner.robot.standing import Fixturing
+from planner.robot.standing import SKIN_MM, Fixturing
 from planner.robot.transforms import carry
 
 if TYPE_CHECKING:
@@ -31,8 +31,10 @@ class Placement:
         Middle of the part's bounding box in the base, mm.
     turn_deg : float
         Turn about the vertical from the fixturings that were given.
+    motion : array (4, 4)
+        The motion from the fixturings that were given, in the base, mm: `Cell.moved` takes it.
     fixturings : mapping of str to Fixturing
-        The part and its obstacles there.
+        The part and its obstacles there. These were evaluated: tables and clamps move with the part.
     reachability : Reachability
         What is reached.
     n_reached : int
@@ -45,6 +47,7 @@ class Placement:
 
     centre_mm: tuple[float, float, float]
     turn_deg: float
+    motion: np.ndarray
     fixturings: Mapping[str, Fixturing]
     reachability: Reachability
     n_reached: int
@@ -57,14 +60,19 @@ class Placement:
         Returns
         -------
         dict
-            By attribute, and ``part2base`` of each fixturing, with the ``axis`` of a turntable.
+            By attribute, ``moved_with_part``: the obstacles that moved by ``motion``, and
+            ``part2base`` of each fixturing, with the ``axis`` of a turntable.
         """
         return {
             "centre_mm": list(self.centre_mm),
             "turn_deg": self.turn_deg,
+            "motion": self.motion.tolist(),
             "reached": self.n_reached,
             "singular_value": self.singular_value,
             "to_limit_rad": self.to_limit_rad,
+            "moved_with_part": {
+                name: [*one.obstacles, *one.turning] for name, one in self.fixturings.items()
+            },
             "part2base": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
             **({"axis": axes} if (axes := _axes(self.fixturings)) else {}),
         }
@@ -92,9 +100,11 @@ def propose_placements(
 ) -> tuple[Placement, ...]:
     """Draw positions of the part, and rank them by how many settings of a plan the robot reaches.
 
-    All fixturings move together with their obstacles, and turn about the vertical. The middle of
-    the part in the first fixturing comes to the drawn position. Of equal numbers of settings, the
-    position comes first whose worst setting is farthest from singular joints, then from limits.
+    All fixturings move together with their obstacles, and turn about the vertical. These obstacles
+    must stand clear of all others and of the robot's base. They may be 1 mm deep in them, or 1 mm
+    deeper than in the cell that was given. The middle of the part in the first fixturing comes to the
+    drawn position. Of equal numbers of settings, the position comes first whose worst setting is
+    farthest from singular joints, then from limits.
 
     Parameters
     ----------
@@ -120,7 +130,7 @@ def propose_placements(
     Raises
     ------
     RobotError
-        If a range is none.
+        If a range is none, or the part goes through something that moves with it.
 
     Examples
     --------
@@ -165,6 +175,8 @@ class PlacementSearch:
             [_range("x", x), _range("y", y), _range("z", height if z is None else z)]
         )
         self._inside = cell.with_part(solid, check=False)
+        self._inside.check_fixturings()
+        self._depths = dict(self._inside.fixture_depths())
 
     def run(
         self, draws: int, rng: int, progress: Callable[[int, int, str], object] | None = None
@@ -177,7 +189,10 @@ class PlacementSearch:
             centre = low + shares[:3] * (high - low)
             motion = _motion(self._middle, centre, 2 * np.pi * float(shares[3]))
             turn_deg = 360.0 * float(shares[3])
-            placement = _tried(self._inside.moved(motion), self._plan, centre, turn_deg)
+            moved = self._inside.moved(motion)
+            placement = None
+            if self._stands_clear(moved):
+                placement = _tried(moved, self._plan, centre, turn_deg, motion)
             if placement is not None:
                 found.append(placement)
                 found.sort(key=_worth)
@@ -185,6 +200,11 @@ class PlacementSearch:
             if progress is not None:
                 progress(done, draws, "positions of the part")
         return tuple(found)
+
+    def _stands_clear(self, cell: Cell) -> bool:
+        """Return whether fixtures are no deeper in other objects than in the cell that was given."""
+        enough = SKIN_MM + max(self._depths.values(), default=0.0)
+        return all(mm <= SKIN_MM + self._depths[names] for names, mm in cell.fixture_depths(enough))
 
 
 def _range(name: str, value: Any) -> tuple[float, float]:
@@ -207,10 +227,12 @@ def _motion(middle: np.ndarray, centre: np.ndarray, turn: float) -> np.ndarray:
     return motion
 
 
-def _tried(cell: Cell, plan: Any, centre: np.ndarray, turn_deg: float) -> Placement | None:
+def _tried(
+    cell: Cell, plan: Any, centre: np.ndarray, turn_deg: float, motion: np.ndarray
+) -> Placement | None:
     """Return what a cell reaches; None if the part or home does not stand free in it."""
     try:
-        cell.check()
+        cell.check_place()
     except RobotError:
         return None
     told = reachability_of(cell, plan, all_branches=True)
@@ -226,6 +248,7 @@ def _tried(cell: Cell, plan: Any, centre: np.ndarray, turn_deg: float) -> Placem
     return Placement(
         (float(centre[0]), float(centre[1]), float(centre[2])),
         turn_deg,
+        motion,
         cell.fixturings,
         told,
         len(singular),

@@ -289,7 +289,14 @@ class Reacher:
         frames = robot.chain.frames(q[None])
         group = self._around.all
         blocker = group.blocker(frames[0], group.bounds(frames)[0])
-        return touching(*group.names(blocker)) if blocker >= 0 else ""
+        if blocker < 0:
+            return ""
+        words = touching(*group.names(blocker))
+        mm = group.distance(blocker, frames[0])
+        if mm <= 0:
+            return words
+        required = float(group.required[blocker])
+        return words.replace(" touches ", f" is {mm:.3g} mm from ") + f", clearance {required:g}"
 
 
 def over_angles(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +20,8 @@ SKIN_MM = 1.0
 """Depth up to which a part may sink into what it lies on, and to which that hides nothing."""
 
 _POINTS = 17
+# triangles of a surface at whose corners and centres its depth in another body is taken
+_SAMPLES = 8_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,12 +205,12 @@ class Standing:
         self.geometry = geometry_of(shape) if geometry is None else geometry
         self.placed = needed("fcl").CollisionObject(self.geometry, transform_of(pose))
         self._inverse = invert(pose)
-        self._scene: RayScene | None = None
+        self._scenes: list[RayScene] = []
 
     def at(self, pose: np.ndarray) -> Standing:
         """Return the same body elsewhere; its geometry is shared."""
         moved = Standing(self.name, pose, self.shape, self.geometry)
-        moved._scene = self._scene
+        moved._scenes = self._scenes
         return moved
 
     def distance_bound(self, points: np.ndarray) -> np.ndarray:
@@ -246,9 +248,79 @@ class Standing:
         return np.asarray(self._rays().blocked(origins, rays).any(axis=-1))
 
     def _rays(self) -> RayScene:
-        if self._scene is None:
-            self._scene = RayScene(self.shape.corners, self.shape.triangles, n_threads=1)
-        return self._scene
+        if not self._scenes:
+            self._scenes.append(RayScene(self.shape.corners, self.shape.triangles, n_threads=1))
+        return self._scenes[0]
+
+    def depth_of(self, other: Standing, least_mm: float = 0.0, enough_mm: float = np.inf) -> float:
+        """Return how deep the surface of another body is inside this one at its deepest, mm; 0 if nowhere.
+
+        Depths up to `least_mm` may be told as less. Beyond `enough_mm` any depth that was found will do.
+        """
+        if not isinstance(self.shape, Hull) and not self.shape.closed:
+            return 0.0
+        corners = carry(self._inverse, carry(other.pose, other.shape.corners))
+        depth = 0.0
+        # what is near the box about the body is near its surface, too
+        low = self.low + least_mm
+        high = self.high - least_mm
+        for points in _finer_points(corners[other.shape.triangles], low, high):
+            depth = max(depth, self._deepest(points))
+            if depth > enough_mm:
+                break
+        return depth
+
+    def _deepest(self, points: np.ndarray) -> float:
+        """Return how deep the deepest of points (n, 3) in the own frame is inside, mm; negative outside."""
+        if not isinstance(self.shape, Hull):
+            return float(-self._rays().signed_distance(points).min())
+        sides = self.shape.corners[self.shape.triangles]
+        normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+        normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
+        heights = np.full(len(points), -np.inf)
+        for normal, corner in zip(normals, sides[:, 0], strict=True):
+            np.maximum(heights, np.einsum("nj,j->n", points - corner, normal), out=heights)
+        return float(-heights.min())
+
+
+def sunk_mm(
+    first: Standing, second: Standing, least_mm: float = 0.0, enough_mm: float = np.inf
+) -> float:
+    """Return how deep two solids are inside each other, mm: the deepest point of either's surface in the other.
+
+    It is exact to the distance of samples, which is `SKIN_MM` on small surfaces. A mesh that is not closed has no
+    inside, but may be inside another body. `least_mm` and `enough_mm` save time, see `Standing.depth_of`.
+    """
+    depth = first.depth_of(second, least_mm, enough_mm)
+    if depth > enough_mm:
+        return depth
+    return max(depth, second.depth_of(first, least_mm, enough_mm))
+
+
+def _finer_points(triangles: np.ndarray, low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield points (n, 3) of triangles (t, 3, 3) where they are within a box, closer to each other each time."""
+    while True:
+        apart = (triangles.min(axis=1) >= high) | (triangles.max(axis=1) <= low)
+        triangles = triangles[~apart.any(axis=1)]
+        if not len(triangles):
+            return
+        yield np.concatenate([triangles.reshape(-1, 3), triangles.mean(axis=1)])
+        sides = np.roll(triangles, -1, axis=1) - triangles
+        longest = np.sqrt((sides**2).sum(axis=-1)).max(axis=1)
+        most = float(longest.max())
+        if most <= SKIN_MM or len(triangles) >= _SAMPLES:
+            return
+        large = longest > most / 2
+        triangles = np.concatenate([triangles[~large], _quartered(triangles[large])])
+
+
+def _quartered(triangles: np.ndarray) -> np.ndarray:
+    """Return four triangles of each one (t, 3, 3)."""
+    middles = (triangles + np.roll(triangles, -1, axis=1)) / 2
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    ab, bc, ca = np.moveaxis(middles, 1, 0)
+    fours = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    return np.concatenate([np.stack(four, axis=1) for four in fours])
 
 
 def standing_bodies(bodies: Mapping[str, Body], parameter: str) -> tuple[Standing, ...]:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from planner.robot.transforms import compose, from_rpy, invert
 _MM = 1000.0
 _TURNS = ("revolute", "continuous")
 _LONGEST_M = 50.0
+_SPEEDS_HINT = "a cell file states it in [robot] as speeds, in rad/s: one number or six"
 N_JOINTS = 6
 """Joints of an arm."""
 
@@ -87,6 +89,8 @@ class UrdfArm:
         Names of the base link and of the links behind the joints.
     shapes : tuple of tuple of Shape
         What is fixed to each segment.
+    notes : tuple of str
+        What of the file does not count, in words.
     """
 
     name: str
@@ -94,6 +98,7 @@ class UrdfArm:
     tip: np.ndarray
     segments: tuple[str, ...]
     shapes: tuple[tuple[Shape, ...], ...]
+    notes: tuple[str, ...] = ()
 
 
 class _Tree:
@@ -101,6 +106,8 @@ class _Tree:
 
     def __init__(self, root: ElementTree.Element) -> None:
         self.name = root.get("name", "")
+        for kind in ("link", "joint"):
+            _check_distinct(kind, [_name(element) for element in root.findall(kind)])
         self.links = {_name(link): link for link in root.findall("link")}
         self.above: dict[str, ElementTree.Element] = {}
         self.below: dict[str, list[ElementTree.Element]] = {}
@@ -116,6 +123,36 @@ class _Tree:
                 )
             self.above[child] = joint
             self.below.setdefault(parent, []).append(joint)
+        self._check_root()
+
+    def _check_root(self) -> None:
+        """Raise if links hang on nothing: they would be left out."""
+        roots = [link for link in self.links if link not in self.above]
+        if len(roots) > 1:
+            names = " and ".join(map(repr, roots))
+            raise RobotError.of_rule(
+                "urdf", "must have one link that hangs on no joint", f"{len(roots)}: {names}"
+            )
+
+    def check_mimics(self, chain: Iterable[ElementTree.Element]) -> None:
+        """Raise if a joint follows another one in a way that is not modelled.
+
+        Joints off the chain stand at zero. So one that follows such a joint without an offset does, too.
+        """
+        on_chain = {_name(joint) for joint in chain}
+        for joint in (joint for joints in self.below.values() for joint in joints):
+            mimic = joint.find("mimic")
+            if mimic is None:
+                continue
+            name = _name(joint)
+            followed = mimic.get("joint", "")
+            offset = _numbers(mimic.get("offset", "0"), 1, f"offset of joint {name!r}")[0]
+            if name in on_chain or followed in on_chain or offset != 0:
+                raise RobotError.of_rule(
+                    "urdf",
+                    "must have joints that move by themselves",
+                    f"mimic: joint {name!r} follows {followed!r}",
+                )
 
     def joints_to(self, tip: str) -> list[ElementTree.Element]:
         """Return the joints from the root to a link."""
@@ -129,7 +166,17 @@ class _Tree:
         return chain[::-1]
 
 
-def read_urdf(text: str, tip: str, base: str | None = None) -> UrdfArm:
+def _check_distinct(kind: str, names: list[str]) -> None:
+    """Raise if two elements have one name: one of them would be left out."""
+    for name in names:
+        if names.count(name) > 1:
+            rule = f"must give every {kind} a name of its own"
+            raise RobotError.of_rule("urdf", rule, f"{names.count(name)} called {name!r}")
+
+
+def read_urdf(
+    text: str, tip: str, base: str | None = None, speeds: Sequence[float] | np.ndarray | None = None
+) -> UrdfArm:
     """Return the arm that a URDF describes.
 
     Parameters
@@ -140,6 +187,8 @@ def read_urdf(text: str, tip: str, base: str | None = None) -> UrdfArm:
         Link the camera is fixed to.
     base : str, optional
         Link whose frame is the robot's base. Default: ``base_link`` where there is one, otherwise the first link.
+    speeds : array (6,), optional
+        Largest speeds of the joints, rad/s. Default: those of the file.
 
     Raises
     ------
@@ -155,20 +204,24 @@ def read_urdf(text: str, tip: str, base: str | None = None) -> UrdfArm:
     chain = tree.joints_to(tip)
     moving = [joint for joint in chain if joint.get("type") != "fixed"]
     _check_moving(moving, tip)
+    tree.check_mimics(chain)
     links = _bodies(tree, chain, moving)
     base = _base(base, tree, links[0])
     links[0] = _seen_from(links[0], base)
     joints = []
-    for before, joint in zip(links, moving, strict=False):
+    for number, (before, joint) in enumerate(zip(links, moving, strict=False)):
         origin = compose(before[_end(joint, "parent")], _origin(joint))
-        joints.append(_moving_joint(joint, origin))
+        joints.append(_moving_joint(joint, origin, None if speeds is None else speeds[number]))
     _check_size(joints, links[-1][tip])
+    notes: list[str] = []
     shapes = tuple(
-        tuple(shape for link, pose in body.items() for shape in _shapes(tree.links[link], pose))
+        tuple(
+            shape for link, pose in body.items() for shape in _shapes(tree.links[link], pose, notes)
+        )
         for body in links
     )
     segments = (base, *(_end(joint, "child") for joint in moving))
-    return UrdfArm(tree.name, tuple(joints), links[-1][tip], segments, shapes)
+    return UrdfArm(tree.name, tuple(joints), links[-1][tip], segments, shapes, tuple(notes))
 
 
 def _bodies(
@@ -210,20 +263,39 @@ def _seen_from(body: Mapping[str, np.ndarray], link: str) -> dict[str, np.ndarra
 
 def _root(text: str) -> ElementTree.Element:
     """Return the element of the robot."""
-    if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
-        raise RobotError.of_rule("urdf", "must hold no DOCTYPE and no entities", "one")
+    _check_plain_xml(text)
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise RobotError.of_rule("urdf", "must be XML", str(error)) from None
     # http://www.ros.org/wiki/xacro and others
     spaces = [one for one in root.iter() if re.match(r"\{[^}]*ros\.org[^}]*\}", str(one.tag))]
-    if spaces or "${" in text or "$(" in text:
+    if spaces or any(map(_is_unexpanded, (*root.iter("link"), *root.iter("joint")))):
         hint = "xacrodoc writes the URDF of a xacro: xacrodoc robot.urdf.xacro -o robot.urdf"
         raise RobotError.of_rule("urdf", "must be expanded", "a xacro file", hint=hint)
     if root.tag != "robot":
         raise RobotError.of_rule("urdf", "must hold the element robot", shown(root.tag))
     return root
+
+
+def _check_plain_xml(text: str) -> None:
+    """Raise at a DOCTYPE, before any entity is read; one within a comment is none."""
+
+    def refuse(*_: object) -> None:
+        raise RobotError.of_rule("urdf", "must hold no DOCTYPE and no entities", "one")
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise RobotError.of_rule("urdf", "must be XML", str(error)) from None
+
+
+def _is_unexpanded(element: ElementTree.Element) -> bool:
+    """Return whether a link or a joint holds what xacro would replace."""
+    texts = [word for one in element.iter() for word in (*one.attrib.values(), one.text or "")]
+    return any("${" in word or "$(" in word for word in texts)
 
 
 def _check_moving(moving: list[ElementTree.Element], tip: str) -> None:
@@ -240,27 +312,24 @@ def _check_moving(moving: list[ElementTree.Element], tip: str) -> None:
         raise RobotError.of_rule("urdf", rule, f"{len(moving)}: {names}")
 
 
-def _moving_joint(joint: ElementTree.Element, origin: np.ndarray) -> UrdfJoint:
-    """Return a joint with its limits."""
+def _moving_joint(joint: ElementTree.Element, origin: np.ndarray, speed: float | None) -> UrdfJoint:
+    """Return a joint with its limits; its speed may come from elsewhere."""
     name = _name(joint)
     limit = joint.find("limit")
     values = {} if limit is None else dict(limit.attrib)
     if joint.get("type") == "continuous":
         values |= {"lower": repr(-2 * math.pi), "upper": repr(2 * math.pi)}
-    for key in ("lower", "upper", "velocity"):
+    for key in ("lower", "upper"):
         if key not in values:
             raise RobotError.of_rule("urdf", f"must state {key} of joint {name!r}", "none")
-    lower, upper, speed = (
-        _numbers(values[key], 1, f"{key} of joint {name!r}")[0]
-        for key in ("lower", "upper", "velocity")
+    lower, upper = (
+        _numbers(values[key], 1, f"{key} of joint {name!r}")[0] for key in ("lower", "upper")
     )
     if not lower < upper:
         rule = f"must have lower below upper for joint {name!r}"
         raise RobotError.of_rule("urdf", rule, f"{lower:g} and {upper:g}")
-    if speed <= 0:
-        raise RobotError.of_rule(
-            "urdf", f"must have a positive velocity for joint {name!r}", f"{speed:g}"
-        )
+    if speed is None:
+        speed = _stated_speed(values, name)
     stated = joint.find("axis")
     text = "1 0 0" if stated is None else stated.get("xyz", "1 0 0")
     axis = np.array(_numbers(text, 3, f"axis of joint {name!r}"))
@@ -270,10 +339,35 @@ def _moving_joint(joint: ElementTree.Element, origin: np.ndarray) -> UrdfJoint:
     return UrdfJoint(name, origin, axis / length, lower, upper, speed)
 
 
-def _shapes(link: ElementTree.Element, pose: np.ndarray) -> list[Shape]:
-    """Return the geometry of a link whose frame is given."""
-    elements = link.findall("collision") or link.findall("visual")
-    return [_shape(element, pose, _name(link)) for element in elements]
+def _stated_speed(values: Mapping[str, str], name: str) -> float:
+    """Return the largest speed of a joint that its limits state, rad/s."""
+    if "velocity" not in values:
+        rule = f"must state velocity of joint {name!r}"
+        raise RobotError.of_rule("urdf", rule, "none", hint=_SPEEDS_HINT)
+    speed = _numbers(values["velocity"], 1, f"velocity of joint {name!r}")[0]
+    if speed <= 0:
+        rule = f"must have a positive velocity for joint {name!r}"
+        raise RobotError.of_rule("urdf", rule, f"{speed:g}", hint=_SPEEDS_HINT)
+    return speed
+
+
+def _shapes(link: ElementTree.Element, pose: np.ndarray, notes: list[str]) -> list[Shape]:
+    """Return the geometry of a link whose frame is given, and note what is no body."""
+    for kind in ("collision", "visual"):
+        shapes = [_shape(element, pose, _name(link)) for element in link.findall(kind)]
+        bodies = [shape for shape in shapes if _is_body(shape)]
+        notes += [
+            f"the {shape.kind} of link {_name(link)!r} has size 0 and is no body"
+            for shape in shapes
+            if not _is_body(shape)
+        ]
+        if bodies:
+            return bodies
+    return []
+
+
+def _is_body(shape: Shape) -> bool:
+    return shape.kind == "mesh" or min(shape.size) > 0
 
 
 def _shape(element: ElementTree.Element, pose: np.ndarray, link: str) -> Shape:
@@ -297,7 +391,8 @@ def _shape(element: ElementTree.Element, pose: np.ndarray, link: str) -> Shape:
             size = _numbers(shape.get("radius", ""), 1, f"radius of {what}")
         else:
             continue
-        if min(size) <= 0:
+        # a dummy that marks a frame has no size at all; one number of 0 among others is a slip
+        if min(size) < 0 or (min(size) == 0 and max(size) > 0):
             raise RobotError.of_rule("urdf", f"must have a positive size for {what}", repr(size))
         return Shape(shape.tag, tuple(_MM * number for number in size), placed)
     raise RobotError.of_rule(

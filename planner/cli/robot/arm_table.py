@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.progress.text_table import Column, print_table, print_text
+from planner.robot.arm import unchecked_text
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
@@ -39,6 +40,9 @@ def print_arm(plan: InspectionPlan) -> None:
     print_table(columns, rows)
     names = list(dict.fromkeys(one.fixturing for one in plan.settings if one.fixturing))
     print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
+    unchecked = unchecked_text(plan.cell.get("bodiless_links", ()))
+    if unchecked:
+        print_text(f"warning: {unchecked}")
 
 
 def _turned(angle_deg: float | None) -> str:

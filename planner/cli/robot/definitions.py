@@ -49,6 +49,12 @@ def add_reach(reach: argparse.ArgumentParser) -> None:
     placing.add_argument(
         "--draws", type=whole, default=300, metavar="N", help="with --place: positions to try"
     )
+    placing.add_argument(
+        "--cell-out",
+        metavar="FILE",
+        help="with --place: write the cell with the best position, as it was evaluated; one that "
+        "exists is replaced (default: print its fixturings only)",
+    )
     add_seed(placing, "same seed, same positions and other poses")
     reach.add_argument(
         "--plan-out",

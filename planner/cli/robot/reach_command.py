@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +20,7 @@ from planner.progress.terminal_text import visible
 from planner.progress.text_table import Column, print_table, print_text
 from planner.records.json_file import print_json
 from planner.robot import Cell, Placement, Reachability
+from planner.robot.cell_file import moved_cell, toml_lines
 from planner.robot.placement import PlacementSearch
 
 if TYPE_CHECKING:
@@ -35,6 +38,7 @@ def reach(options: argparse.Namespace) -> int:
     if options.within is not None and not options.place:
         raise RequestError.of_rule("within", "must be given with --place", "none")
     _check_plan_out(options)
+    _check_cell_out(options)
     plan = read_plan(options.plan)
     solid = read_part(options)
     check_same_part(solid, plan, options.part)
@@ -44,6 +48,8 @@ def reach(options: argparse.Namespace) -> int:
     told = cell.reachability(plan, solid)
     if options.json:
         print_json(told.to_dict())
+        for text in model_notes(cell):
+            print(text, file=sys.stderr)
         return DONE if told.complete else INCOMPLETE
     _print_reached(told, cell)
     changed = cell.difference(plan.cell)
@@ -61,6 +67,17 @@ def _check_plan_out(options: argparse.Namespace) -> None:
         rule = "must not be given with --place or --json"
         raise RequestError.of_rule("plan_out", rule, repr(options.plan_out))
     check_file_place(options.plan_out, "--plan-out", PLAN)
+
+
+def _check_cell_out(options: argparse.Namespace) -> None:
+    if options.cell_out is None:
+        return
+    if not options.place:
+        raise RequestError.of_rule("cell_out", "must be given with --place", repr(options.cell_out))
+    check_file_place(options.cell_out, "--cell-out")
+    if Path(options.cell_out).resolve() == Path(options.cell).resolve():
+        rule = "must be another file than that of --cell"
+        raise RequestError.of_rule("cell_out", rule, repr(options.cell_out))
 
 
 def _other_poses(
@@ -104,6 +121,15 @@ def _print_reached(told: Reachability, cell: Cell) -> None:
     if cell.pairs_left_out:
         pairs = ", ".join(" and ".join(pair) for pair in cell.pairs_left_out)
         print_text(f"not compared, because the arm is built so: {pairs}")
+    for text in model_notes(cell):
+        print_text(text)
+
+
+def model_notes(cell: Cell) -> list[str]:
+    """Return what a reader of a table must know of the cell's model, in sentences."""
+    unchecked = cell.robot.unchecked
+    warnings = [f"warning: {unchecked}"] if unchecked else []
+    return [*warnings, *(f"note: {text}" for text in (*cell.robot.notes, *cell.near_by_mount))]
 
 
 def _print_first_flange(told: Reachability, cell: Cell) -> None:
@@ -128,14 +154,32 @@ def _placed(options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cel
     if options.json:
         print_json([one.to_dict() for one in found])
     else:
-        _print_places(found, len(plan.settings))
+        _print_places(found, len(plan.settings), cell, options.cell)
+    if options.cell_out is not None and found:
+        _write_cell(options, found[0])
     return DONE if found and found[0].n_reached == len(plan.settings) else INCOMPLETE
 
 
-def _print_places(found: tuple[Placement, ...], count: int) -> None:
-    """Print the best places, and the first as lines of a cell file."""
+def _write_cell(options: argparse.Namespace, best: Placement) -> None:
+    """Write the cell with the part where it was evaluated."""
+    out = Path(options.cell_out)
+    lines = toml_lines(moved_cell(options.cell, best.motion, out.parent))
+    x, y, z = best.centre_mm
+    head = (
+        f"# from {Path(options.cell).name}: the middle of the part at {x:.1f} {y:.1f} {z:.1f} mm, turned "
+        f"{best.turn_deg:.1f} degrees; the obstacles of its fixturings moved with it"
+    )
+    out.write_text("\n".join([head, *lines]), encoding="utf-8")
+    if not options.json:
+        print(visible(str(out)))
+
+
+def _print_places(found: tuple[Placement, ...], count: int, cell: Cell, file: str) -> None:
+    """Print the best places, and the first as lines of a cell file, with everything that moved."""
     if not found:
-        print_text("no position was found: each puts the part through something")
+        print_text(
+            "no position was found: each puts the part or its fixture through something, or home is not free"
+        )
         return
     columns = (
         Column("middle of the part (mm)"),
@@ -155,15 +199,21 @@ def _print_places(found: tuple[Placement, ...], count: int) -> None:
         for one in found[:_ROWS]
     ]
     print_table(columns, rows)
-    for name, fixturing in found[0].fixturings.items():
-        pose = [[round(x, 6) + 0.0 for x in row] for row in fixturing.part2base.tolist()]
-        print(f"part2base = {pose}  # {name}")
-        if fixturing.table is not None:
-            point, direction = (
-                [round(x, 6) + 0.0 for x in one.tolist()]
-                for one in (fixturing.table.point, fixturing.table.direction)
-            )
-            print(f"axis = {{ point = {point}, direction = {direction} }}  # {name}")
+    for text in model_notes(cell):
+        print_text(text)
+    moving = dict.fromkeys(
+        body for one in found[0].fixturings.values() for body in (*one.obstacles, *one.turning)
+    )
+    if moving:
+        staying = ", ".join(cell.obstacles)
+        print_text(
+            f"evaluated: moved with the part: {', '.join(moving)}"
+            + (f"; left where they are: {staying}" if staying else "")
+        )
+    print_text("the fixturings of the first position, for the cell file:")
+    content = moved_cell(file, found[0].motion, Path(file).parent)
+    for line in toml_lines({"fixturings": content["fixturings"]}, digits=6):
+        print(line)
 
 
 def _ranges(corners: list[float] | None, cell: Cell) -> list[tuple[float, float] | None]:

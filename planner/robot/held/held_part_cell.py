@@ -6,7 +6,7 @@ collisions and the same moves serve, with the part as the hand and the camera am
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,16 +14,18 @@ import numpy as np
 from planner.argument_kinds import NOT_NEGATIVE, check_kinds, check_number
 from planner.exceptions import RobotError
 from planner.robot.arm import Robot
-from planner.robot.bodies import Body, hull_of
+from planner.robot.bodies import Body, Surface, hull_of
 from planner.robot.cell import Cell
 from planner.robot.cell_checks import (
+    arm_with_mount,
     check_grips,
     check_home,
     check_home_is_free,
+    check_part_stands_free,
     pairs_by_design,
 )
-from planner.robot.collisions import HAND, Arm, Moving, Surroundings, bodies_of
-from planner.robot.identity.cell_identity import digest_of, short_digest
+from planner.robot.collisions import HAND, Moving, Surroundings, bodies_of
+from planner.robot.identity.cell_identity import bodiless, digest_of, short_digest
 from planner.robot.pose_reach import Reacher
 from planner.robot.standing import Grip, Standing, hidden_by, standing_bodies
 from planner.robot.transforms import carry, check_pose, check_rotations, compose, invert
@@ -91,6 +93,7 @@ class HeldPartCell(Cell):
     ) -> None:
         check_kinds(robot=(robot, "Robot"))
         self.robot = robot
+        robot.check_bodies()
         robot.check_solvable()
         self.cam2base = check_pose("cam2base", cam2base)
         self.clearance_mm = check_number("clearance_mm", clearance_mm, NOT_NEGATIVE)
@@ -112,6 +115,7 @@ class HeldPartCell(Cell):
             name: standing_bodies(grip.gripper, "gripper") for name, grip in self.grips.items()
         }
         self._held: np.ndarray | None = None
+        self._in_grip: Standing | None = None
         self._build()
         self.check()
 
@@ -120,7 +124,10 @@ class HeldPartCell(Cell):
         self._reachers = {}
         self._advances = {}
         links = bodies_of(self.robot, np.eye(4), ())
-        self._arms = {name: Arm([*links, *self._in_hand(name)]) for name in self.grips}
+        self._arms = {
+            name: arm_with_mount(self.robot, [*links, *self._in_hand(name)], self.clearance_mm)
+            for name in self.grips
+        }
         self._arm = next(iter(self._arms.values()))
         self._left_out = pairs_by_design(self.robot, self._arm)
 
@@ -153,6 +160,8 @@ class HeldPartCell(Cell):
         """
         cell = self._copy()
         cell._held = np.asarray(solid.vertices, dtype=np.float64)
+        surface = Surface(cell._held, solid.triangles, closed=True)
+        cell._in_grip = Standing("part", np.eye(4), surface)
         cell._build()
         if check:
             cell.check()
@@ -163,7 +172,20 @@ class HeldPartCell(Cell):
         cell.__dict__.update(self.__dict__)
         return cell
 
-    def check(self) -> None:
+    def check_fixturings(self) -> None:
+        """Look at the part in its grippers.
+
+        Raises
+        ------
+        RobotError
+            If a gripper goes through the part.
+        """
+        for name, grip in self.grips.items():
+            if self._in_grip is not None:
+                part = self._in_grip.at(grip.part2flange)
+                check_part_stands_free(name, part, self._grippers[name], (), "part2flange")
+
+    def check_place(self) -> None:
         """Look at home.
 
         Raises
@@ -174,6 +196,23 @@ class HeldPartCell(Cell):
         for name in self.grips:
             if self.home is not None:
                 check_home_is_free(name, self.blocked_by(self.home, name))
+
+    def fixture_depths(
+        self, enough_mm: float = np.inf
+    ) -> Iterator[tuple[tuple[str, str, str], float]]:
+        """Yield nothing, since grips bring nothing that stands still.
+
+        Parameters
+        ----------
+        enough_mm : float
+            Not used.
+
+        Returns
+        -------
+        iterator
+            Empty.
+        """
+        return iter(())
 
     def with_home(self, q: Sequence[float]) -> HeldPartCell:
         """Return the cell with another home.
@@ -389,6 +428,7 @@ class HeldPartCell(Cell):
             "fixturings": {name: grip.part2flange.tolist() for name, grip in self.grips.items()},
             "parts": self.parts,
             "cam2base": self.cam2base.tolist(),
+            **bodiless(self.robot),
         }
 
     def _arguments(self) -> dict[str, Any]:

@@ -83,6 +83,7 @@ class CellIdentity(ABC):
         dict
             Name of the robot, digest of the cell, and ``part2base`` of each fixturing; with the
             axes of turntables. ``parts`` are short digests, which show what was changed.
+            ``bodiless_links`` are those whose collisions were not checked.
         """
         tables = {name: one.table for name, one in self.fixturings.items() if one.table}
         axes = {
@@ -95,6 +96,7 @@ class CellIdentity(ABC):
             "fixturings": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
             "parts": self.parts,
             **({"turntables": axes} if axes else {}),
+            **bodiless(self.robot),
         }
 
     def difference(self, stated: Mapping[str, Any]) -> str:
@@ -121,6 +123,11 @@ class CellIdentity(ABC):
         if not words:
             return "something that the plan does not name"
         return " and ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
+
+
+def bodiless(robot: Robot) -> dict[str, list[str]]:
+    """Return what a plan file says of links without geometry; empty if each has some."""
+    return {"bodiless_links": list(robot.bodiless_links)} if robot.bodiless_links else {}
 
 
 def _named(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:

@@ -63,6 +63,7 @@ BAD = {
     "--min-length-px": NEGATIVE,
     "--occluders": NO_NUMBER,
     "--out": ["file"],
+    "--cell-out": ["nowhere/placed.toml"],
     "--plan-out": ["nowhere/reached.json"],
     "--part": ["nowhere.step"],
     "--picture": ["edges.txt"],

@@ -1,11 +1,14 @@
 """The command ``reach``: tables, exit codes, and what it refuses."""
 
 import json
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from robot_cells import ROBOTS
 
+from planner import Cell
 from planner.cli.main import main
 
 EXAMPLES = ROBOTS.parent
@@ -85,9 +88,105 @@ def test_places_to_put_the_part(tmp_path, capsys):
     assert main([*words, "--draws", "3", *box]) == 0
     printed = capsys.readouterr().out
     assert "part2base = [[" in printed
-    assert "# up" in printed
+    assert "evaluated: moved with the part: table" in printed
+    assert "[fixturings.up.obstacles.table]" in printed
     outside = ["--within", "4000", "0", "20", "4010", "1", "20"]
     assert main([*words, "--draws", "2", *outside]) == 1
+
+
+STANDING = """
+[obstacles.pedestal]
+low = [-150, -150, -800]
+high = [150, 150, -50]
+[fixturings.up.obstacles.clamp]
+mesh = "clamp.stl"
+"""
+# a corner of a clamp on the table, beside the part
+CLAMP = """solid clamp
+{}endsolid clamp
+"""
+
+
+def clamp_text():
+    """Return an STL of a tetrahedron of 20 mm, beside the part and on the table."""
+    corners = [(560.0, 20.0, 0.0), (580.0, 20.0, 0.0), (560.0, 40.0, 0.0), (560.0, 20.0, 20.0)]
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    facets = ""
+    for face in faces:
+        vertices = "".join("vertex {} {} {}\n".format(*corners[k]) for k in face)
+        facets += f"facet normal 0 0 0\nouter loop\n{vertices}endloop\nendfacet\n"
+    return CLAMP.format(facets)
+
+
+def test_the_cell_of_the_best_place_is_the_one_that_was_evaluated(tmp_path, capsys):
+    """The file is read from another folder, and gives the same joints. No table goes through the pedestal."""
+    path = Path(cell_file(tmp_path))
+    path.write_text(path.read_text("utf-8") + STANDING, encoding="utf-8")
+    (tmp_path / "clamp.stl").write_text(clamp_text(), encoding="utf-8")
+    (tmp_path / "found").mkdir()
+    out = tmp_path / "found" / "best.toml"
+    words = ["reach", PLAN, PART, "--cell", str(path), "--place", "--quiet", "--draws", "40"]
+    code = main([*words, "--json", "--cell-out", str(out)])
+    found = json.loads(capsys.readouterr().out)
+    assert found[0]["moved_with_part"] == {"up": ["table", "clamp"]}
+    # the table begins 300 mm before the part's place in the file, so most draws put it into the pedestal
+    for one in found:
+        corners = np.array([[x, y, z, 1.0] for x in (300, 1300) for y in (-500, 500) for z in (0,)])
+        motion = np.array(one["motion"])
+        turned = corners @ motion.T
+        into_table = np.array([[x, y, 0.0, 1.0] for x in (-150, 150) for y in (-150, 150)])
+        local = into_table @ np.linalg.inv(motion).T
+        inside = (local[:, 0] > 301) & (local[:, 0] < 1299) & (abs(local[:, 1]) < 499)
+        assert not inside.any()
+        assert not ((abs(turned[:, 0]) < 149) & (abs(turned[:, 1]) < 149)).any()
+    assert code == 0
+    assert main(["reach", PLAN, PART, "--cell", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert len(told) == found[0]["reached"]
+    assert found[0]["part2base"]["up"] == Cell.from_toml(out).fixturings["up"].part2base.tolist()
+    # the clamp's corner moved as the part did
+    corners = Cell.from_toml(out).fixturings["up"].obstacles["clamp"][0]
+    expected = np.array(found[0]["motion"]) @ [580.0, 20.0, 0.0, 1.0]
+    assert np.linalg.norm(corners - expected[:3], axis=1).min() < 1e-4
+
+
+def test_a_table_of_the_example_is_written_whole(tmp_path, capsys):
+    """Every field of the example comes back: what is not moved is the same, by the cell's own digests."""
+    example = EXAMPLES / "cell.toml"
+    out = tmp_path / "best.toml"
+    words = ["reach", PLAN, PART, "--cell", str(example), "--place", "--quiet", "--draws", "20"]
+    assert main([*words, "--cell-out", str(out)]) == 0
+    assert str(out) in capsys.readouterr().out
+    first, second = (Cell.from_toml(path).parts for path in (example, out))
+    changed = {name for name in first if first[name] != second[name]}
+    assert changed == {"fixturing up", "fixturing turned over"}
+
+
+def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, capsys):
+    text = (ROBOTS / "made_parallel.urdf").read_text("utf-8")
+    text = re.sub(r"<collision>.*?</collision>|<visual>.*?</visual>", "", text, flags=re.DOTALL)
+    (tmp_path / "made.urdf").write_text(text, encoding="utf-8")
+    path = Path(cell_file(tmp_path))
+    cell = path.read_text("utf-8").replace(f"{ROBOTS}/made_parallel.urdf", "made.urdf")
+    path.write_text(cell, encoding="utf-8")
+    assert main(["reach", PLAN, PART, "--cell", str(path)]) == 2
+    assert 'bodiless_links = "all" in [robot] of the cell file' in capsys.readouterr().err
+    stated = cell.replace("[[camera_body]]", 'bodiless_links = "all"\n[[camera_body]]')
+    path.write_text(stated + "\n", encoding="utf-8")
+    links = "link_1, link_2, link_3, link_4, link_5, link_6"
+    words = f"collisions of links without geometry in the URDF were NOT checked: {links}"
+    assert main(["reach", PLAN, PART, "--cell", str(path)]) == 0
+    assert f"warning: {words}" in " ".join(capsys.readouterr().out.split())
+    assert main(["reach", PLAN, PART, "--cell", str(path), "--json"]) == 0
+    assert words in capsys.readouterr().err
+    home = stated.replace("cam2flange", "home_deg = [0, -110, 100, 0, 90, 0]\ncam2flange")
+    path.write_text(home, encoding="utf-8")
+    for kind in ("urscript", "rapid", "krl", "ros", "csv", "json"):
+        out = tmp_path / f"program.{kind}"
+        given = ["program", PLAN, PART, "--cell", str(path), "--format", kind, "--quiet"]
+        assert main([*given, "--out", str(out)]) == 0
+        assert words in out.read_text("utf-8")
+        assert f"warning: {words}" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(
@@ -101,6 +200,15 @@ def test_places_to_put_the_part(tmp_path, capsys):
             [PLAN, PART, "--cell", "CELL", "--within", *"123456"],
             "--within must be given with --place",
         ),
+        (
+            [PLAN, PART, "--cell", "CELL", "--cell-out", "best.toml"],
+            "--cell-out must be given with --place",
+        ),
+        (
+            [PLAN, PART, "--cell", "CELL", "--place", "--cell-out", "CELL"],
+            "--cell-out must be another file than that of --cell",
+        ),
+        ([PLAN, PART, "--cell", "THROUGH", "--place"], "30 mm deep in table"),
         ([PLAN, PART, "--cell", "THROUGH"], "30 mm deep in table"),
         ([PLAN, PART, "--cell", PART], "cell file must be TOML"),
         (

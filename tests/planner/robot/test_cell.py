@@ -1,6 +1,7 @@
 """Cells: what is reached is free, whatever the order of asking, the part's frame or the side of the mirror."""
 
 import pickle
+import re
 import sys
 
 import numpy as np
@@ -24,6 +25,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import Solid
 from planner import Box, Cell, Fixturing, RobotError
 from planner.robot import branches
+from planner.robot.bodies import hull_of
 from planner.robot.reachability import CellRegion
 from planner.robot.transforms import compose, invert
 
@@ -316,6 +318,31 @@ THROUGH = {"up": Fixturing(pose((700.0, 0.0, -30.0)), {"table": TABLE})}
 IN_BASE = {"up": Fixturing(pose((-100.0, -50.0, 20.0)))}
 
 
+POST = {"post": Box((780.0, 40.0, -50.0), (800.0, 60.0, 300.0))}
+HULL = hull_of(POST["post"].corners(), "post")
+MESH_POST = {"post": (HULL.corners, HULL.triangles)}
+
+
+@pytest.mark.parametrize("post", [POST, MESH_POST], ids=["box", "mesh"])
+@pytest.mark.parametrize("place", ["fixturing", "cell", "turntable"])
+def test_a_post_through_the_part_is_refused(post, place):
+    """No corner of the post or of the part is in the other one."""
+    fixturing = Fixturing(pose((700.0, 0.0, 0.0)))
+    changes = {}
+    if place == "fixturing":
+        fixturing = Fixturing(pose((700.0, 0.0, 0.0)), post)
+    elif place == "cell":
+        changes = {"obstacles": post}
+    else:
+        axis = ((800.0, 60.0, 0.0), (0.0, 0.0, 1.0))
+        fixturing = Fixturing(pose((700.0, 0.0, 0.0)), axis=axis, angles=4, turning=post)
+    cell = made_cell(fixturings={"up": fixturing}, **changes)
+    with pytest.raises(
+        RobotError, match=r"through other objects .* mm deep in post, 1 mm permitted"
+    ):
+        cell.with_part(box_part())
+
+
 @pytest.mark.parametrize(
     ("x", "message"),
     [
@@ -396,3 +423,95 @@ def test_without_the_extra_a_cell_says_what_to_install(missing, monkeypatch, tmp
     with pytest.raises(RobotError, match=r"pip install '\.\[robot\]'"):
         Cell(robot, CAM2FLANGE, fixturings={"up": Fixturing(np.eye(4))})
     branches.needed.cache_clear()
+
+
+def without_bodies(folder, links, **options):
+    """Return the made robot without bodies of some links."""
+    text = urdf_text("made_wrist")
+    for link in links:
+        text = re.sub(
+            f'(<link name="{link}">).*?</link>', r"\1</link>", text, count=1, flags=re.DOTALL
+        )
+    return from_text(folder, text, **options)
+
+
+def cell_of(robot, **changes):
+    options = {
+        "camera_body": CAMERA_BODY,
+        "fixturings": {"up": Fixturing(pose((700.0, 0.0, 0.0)), {"table": TABLE})},
+    }
+    return Cell(robot, CAM2FLANGE, **(options | changes))
+
+
+LINKS = tuple(f"link_{number}" for number in range(1, 7))
+
+
+@pytest.mark.parametrize(
+    ("links", "field"),
+    [(("link_3",), r'bodiless_links = \["link_3"\]'), (LINKS, 'bodiless_links = "all"')],
+)
+def test_a_link_without_a_body_must_be_named(links, field, tmp_path):
+    message = f"robot 'made_wrist' must have geometry .* Got none of {', '.join(links)}; {field}"
+    with pytest.raises(RobotError, match=message):
+        cell_of(without_bodies(tmp_path, links))
+    stated = "all" if links == LINKS else list(links)
+    cell = cell_of(without_bodies(tmp_path, links, bodiless_links=stated))
+    words = f"collisions of links without geometry in the URDF were NOT checked: {', '.join(links)}"
+    assert cell.robot.unchecked == words
+    assert cell.to_dict()["bodiless_links"] == list(links)
+    assert pickle.loads(pickle.dumps(cell)).robot.unchecked == words
+
+
+def test_a_base_without_a_body_is_no_matter(tmp_path):
+    """It moves against nothing but its own arm."""
+    assert cell_of(without_bodies(tmp_path, ["base_link"])).robot.unchecked == ""
+
+
+def near_wrist(gap, **changes):
+    """Return a cell whose camera begins so far before link_5 (mm), about the axis of the last joint."""
+    robot = made_robot("made_wrist")
+    link_5 = np.concatenate([hull.corners for hull in robot.hulls[5]])
+    frames = robot.chain.frames(np.zeros((1, 6)))[0]
+    tip = invert(compose(frames[6], robot.chain.tip))
+    heights = (compose(tip, frames[5]) @ np.c_[link_5, np.ones(len(link_5))].T)[2]
+    start = heights.max() + gap
+    body = Box((-30.0, -30.0, start - 60.0), (30.0, 30.0, 10.0))
+    return Cell(
+        robot,
+        pose((0.0, 0.0, 60.0)),
+        camera_body=[body],
+        fixturings={"up": Fixturing(pose((700.0, 0.0, 0.0)))},
+        **changes,
+    )
+
+
+HOME = np.array([0.0, 0.0, 0.0, 0.0, 0.5, 0.0])
+
+
+def test_a_camera_mounted_near_its_own_wrist_may_stay_there():
+    """The last joint turns the camera about its own axis, so the gap is the same in all joints."""
+    cell = near_wrist(3.0, home=HOME)
+    for q6 in (0.0, 0.4, 2.0):
+        q = np.array([*HOME[:5], q6])
+        assert cell.free(q[None], "up").all()
+        assert cell.slack_bound(q[None], "up")[0] > 0
+    assert cell.near_by_mount == (
+        "camera is mounted 3 mm from link_5, clearance 10: these two must only not touch",
+    )
+    assert near_wrist(11.0, home=HOME).near_by_mount == ()
+
+
+def test_a_camera_mounted_into_its_own_wrist_is_refused():
+    with pytest.raises(RobotError, match=r"home must be free .* Got camera touches link_5"):
+        near_wrist(-1.0, home=HOME)
+
+
+def test_what_home_is_too_near_to_is_told_in_mm():
+    """The camera looks down; its front is 3 mm above the box."""
+    robot = made_robot("made_wrist")
+    looks_down = np.array([0.0, 0.0, 0.0, 0.0, np.pi / 2, 0.0])
+    assert robot.forward(looks_down)[2, 2] == pytest.approx(-1.0)
+    front = robot.forward(looks_down)[:3, 3] - [0.0, 0.0, 70.0]
+    box = Box((front - [50, 50, 53]).tolist(), (front - [-50, -50, 3]).tolist())
+    with pytest.raises(RobotError, match="Got camera is 3 mm from block, clearance 10"):
+        near_wrist(30.0, home=looks_down, obstacles={"block": box})

@@ -96,6 +96,21 @@ CASES = {
     "no mesh": ("high = [35.0, 35.0, -10.0]\n", "", "no high"),
     "no TOML": ("[robot]", "[robot", "cell file must be TOML"),
     "packages": ('made_robots = "', 'other = "', "must name the folder of package 'made_robots'"),
+    "speeds": (
+        "accelerations = 1.4",
+        "speeds = 0",
+        "speeds must be a positive number of rad/s, or six. Got 0",
+    ),
+    "bodiless links": (
+        "accelerations = 1.4",
+        'bodiless_links = ["link_9"]',
+        "bodiless_links must be .* Got 'link_9'; these are link_1, link_2",
+    ),
+    "bodiless links in one word": (
+        "accelerations = 1.4",
+        'bodiless_links = "link_1"',
+        "bodiless_links must be \"all\" or a list of links behind joints. Got 'link_1'",
+    ),
     "accelerations": (
         "accelerations = 1.4",
         "accelerations = [1, 2]",

@@ -231,3 +231,12 @@ def test_a_grip_needs_a_camera_that_stands_still():
         made_cell(fixturings={"grip": Grip(PART2FLANGE)})
     with pytest.raises(RobotError, match="cell must have the part lying in it"):
         propose_placements(plan_of(reached_poses()), block(), held(), x=(0, 1), y=(0, 1))
+
+
+def test_a_gripper_through_the_part_is_refused():
+    """The finger runs through the block, with no corner inside it; the jaws end 10 mm before it."""
+    held().with_part(block())
+    finger = {"finger": Box((-10.0, -10.0, 0.0), (10.0, 10.0, 400.0))}
+    cell = held(fixturings={"grip": Grip(PART2FLANGE, finger)}, home=None)
+    with pytest.raises(RobotError, match=r"part2flange must not put the part .* deep in finger"):
+        cell.with_part(block())

@@ -128,6 +128,52 @@ def test_a_place_through_something_is_none(block):
     )
 
 
+PLATE = Box((-100.0, -100.0, -20.0), (300.0, 220.0, 0.0))
+
+
+def on_plate(x, y, **changes):
+    """A cell whose part lies on a plate of 400 x 320 x 20 mm, both moved along x and y."""
+    plate = Box(PLATE.low, PLATE.high, pose((x, y, 0.0)))
+    return made_cell(fixturings={"up": Fixturing(pose((x, y, 0.0)), {"plate": plate})}, **changes)
+
+
+def test_a_table_through_the_pedestal_is_no_place(block):
+    """Without its table the part would stand there; it and the arm keep clear of the pedestal."""
+    pedestal = {"pedestal": Box((640.0, -900.0, -300.0), (660.0, 900.0, -10.0))}
+    cell = on_plate(900.0, 0.0, obstacles=pedestal)
+    ranges = {"x": (650.0, 660.0), "y": (0.0, 10.0), "draws": 5}
+    assert propose_placements(PLAN, block, cell, **ranges) == ()
+    lower = {"pedestal": Box((640.0, -900.0, -300.0), (660.0, 900.0, -20.0))}
+    assert propose_placements(PLAN, block, on_plate(900.0, 0.0, obstacles=lower), **ranges)
+
+
+def test_a_table_through_the_base_of_the_robot_is_no_place(block):
+    """The part lies 350 mm before the base, and its plate reaches 400 mm back from the middle of the part."""
+    long = Box((-300.0, -100.0, -20.0), (300.0, 220.0, 0.0), pose((900.0, 0.0, 60.0)))
+    fixturing = Fixturing(pose((900.0, 0.0, 60.0)), {"plate": long})
+    ranges = {"x": (350.0, 351.0), "y": (0.0, 1.0), "draws": 100}
+    cell = made_cell(fixturings={"up": fixturing})
+    found = propose_placements(PLAN, block, cell, **ranges)
+    bare = made_cell(fixturings={"up": Fixturing(pose((900.0, 0.0, 60.0)))})
+    assert propose_placements(PLAN, block, bare, **ranges)
+    for one in found:
+        plate = one.fixturings["up"].obstacles["plate"]
+        axis = np.linalg.inv(plate.pose) @ [0.0, 0.0, 0.0, 1.0]
+        # the base stands about the origin, with 75 mm or more to each side
+        assert not (-300 < axis[0] < 300 and -100 < axis[1] < 220)
+
+
+def test_a_table_may_stay_as_deep_in_the_floor_as_it_is(block):
+    """A plate that is modelled 5 mm deep in the floor is there at every place."""
+    floor = {"floor": Box((-2000.0, -2000.0, -300.0), (2000.0, 2000.0, -15.0))}
+    cell = on_plate(900.0, 0.0, obstacles=floor)
+    ranges = {"x": (600.0, 800.0), "y": (-100.0, 100.0), "draws": 10}
+    depths = dict(cell.fixture_depths())
+    # its own half thickness is 10 mm, and 5 mm of it are below the floor
+    assert depths[("up", "plate", "floor")] == pytest.approx(5.0, abs=0.02)
+    assert propose_placements(PLAN, block, cell, **ranges)
+
+
 @pytest.mark.parametrize(
     ("ranges", "message"),
     [

@@ -6,8 +6,9 @@ from robot_cells import pose, random_pose
 from scipy.spatial.transform import Rotation
 
 from planner import Box, Fixturing, RobotError
-from planner.robot.bodies import hull_of
-from planner.robot.standing import SKIN_MM, Standing, standing_bodies
+from planner.robot.bodies import hull_of, surface_of
+from planner.robot.standing import SKIN_MM, Standing, standing_bodies, sunk_mm
+from planner.robot.transforms import compose
 
 EYE = np.array([[0.0, 0.0, 300.0]])
 LINE = np.array([[[-50.0, 0.0, 0.0], [50.0, 0.0, 0.0]]])
@@ -117,3 +118,79 @@ def test_a_standing_body_knows_how_far_points_are():
     np.testing.assert_allclose(
         box.distance_bound(np.array([[0.5, 0.5, 0.0], [4.0, 0.5, 14.0]])), [10.0, np.hypot(3, 3)]
     )
+
+
+# a plate of 200 x 120 x 80 mm with a square bore of 40 mm through its middle, along z
+PLATE = np.array([200.0, 120.0, 80.0])
+
+
+def bored_plate():
+    """Return the plate as a closed surface."""
+    outer = np.array([(0, 0), (200, 0), (200, 120), (0, 120)], dtype=float)
+    inner = np.array([(80, 40), (120, 40), (120, 80), (80, 80)], dtype=float)
+    flat = np.concatenate([outer, inner])
+    corners = np.concatenate([np.c_[flat, np.full(8, z)] for z in (0.0, PLATE[2])])
+    triangles = []
+    for k in range(4):
+        n = (k + 1) % 4
+        # the top and the bottom between outline and bore, then the sides and the bore
+        triangles += [(8 + k, 8 + n, 12 + n), (8 + k, 12 + n, 12 + k)]
+        triangles += [(k, 4 + n, n), (k, 4 + k, 4 + n)]
+        triangles += [(k, n, 8 + n), (k, 8 + n, 8 + k)]
+        triangles += [(4 + k, 12 + n, 4 + n), (4 + k, 12 + k, 12 + n)]
+    return surface_of(corners, np.array(triangles))
+
+
+def boxed(low, high, kind):
+    """Return a box as an obstacle, or the same as a mesh."""
+    box = Box(low, high)
+    hull = hull_of(box.corners(), "box")
+    body = box if kind == "box" else (hull.corners, hull.triangles)
+    return standing_bodies({"body": body}, "obstacle")[0]
+
+
+SUNK = {
+    # a table below: in contact, 3 mm apart, and 0.5 mm and 30 mm too high
+    "contact": ((-300, -300, -50), (500, 500, 0), 0.0),
+    "apart": ((-300, -300, -50), (500, 500, -3), 0.0),
+    "half a millimetre": ((-300, -300, -50), (500, 500, 0.5), 0.5),
+    "through the table": ((-300, -300, -50), (500, 500, 30), 30.0),
+    # a post whose corners are all outside, through 80 mm of the plate; its middle is 20 mm from its sides
+    "post": ((20, 40, -100), (60, 80, 200), 40.0),
+    # in the bore: 40 mm square, as wide as the bore or less
+    "in the bore": ((85, 45, -100), (115, 75, 200), 0.0),
+    "fills the bore": ((80, 40, -100), (120, 80, 200), 0.0),
+    # wholly inside the material, 5 mm below the top
+    "buried": ((30, 30, 65), (50, 50, 75), 15.0),
+    # a block about the whole plate, whose outer corners are 100 mm from its sides
+    "around": ((-100, -100, -100), (300, 220, 180), 100.0),
+}
+
+
+@pytest.mark.parametrize("kind", ["box", "mesh"])
+@pytest.mark.parametrize("case", SUNK)
+@pytest.mark.parametrize("seed", [None, 1])
+def test_how_deep_a_body_is_in_the_part(case, kind, seed):
+    low, high, mm = SUNK[case]
+    surface = bored_plate()
+    assert surface.closed
+    part = Standing("part", np.eye(4), surface)
+    body = boxed(low, high, kind)
+    if seed is not None:
+        # the answer is the same from another frame
+        motion = random_pose(np.random.default_rng(seed))
+        part = part.at(motion)
+        body = body.at(compose(motion, body.pose))
+    least = {"post": 30.0, "buried": 14.0, "around": 100.0}.get(case, mm)
+    most = {"post": 40.0, "around": 180.0}.get(case, mm)
+    assert least - 0.02 <= sunk_mm(part, body) <= most + 0.02
+    assert sunk_mm(body, part) == sunk_mm(part, body)
+
+
+def test_an_open_mesh_in_the_part_is_in_it():
+    """A sheet without thickness, 20 mm below the top."""
+    corners = np.array([(10.0, 10.0, 60.0), (70.0, 10.0, 60.0), (10.0, 70.0, 60.0)])
+    sheet = standing_bodies({"sheet": (corners, np.array([[0, 1, 2]]))}, "obstacle")[0]
+    part = Standing("part", np.eye(4), bored_plate())
+    # the deepest point is 20 mm below the top, and farther from all sides; the corner is 10 mm from two
+    assert sunk_mm(part, sheet) == pytest.approx(20.0, abs=0.02)

@@ -131,8 +131,8 @@ def test_proven_shares_are_free_while_joints_and_table_turn():
 
 
 def test_a_turn_of_the_table_alone_is_blocked_by_the_camera_in_its_way():
-    """The clamp sweeps past the camera, which stands still beside the part."""
-    cell = cell_of(on_table(turning={"post": Box((860.0, 40.0, 30.0), (880.0, 60.0, 300.0))}))
+    """The post on the part sweeps past the camera, which stands still."""
+    cell = cell_of(on_table(turning={"post": Box((860.0, 40.0, 110.0), (880.0, 60.0, 300.0))}))
     down = Rotation.from_euler("x", 180, degrees=True).as_matrix()
     # 70 mm from the axis towards the robot, above the part and below the top of the post
     camera = pose((30.0, 60.0, 200.0), down)

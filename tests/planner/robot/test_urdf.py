@@ -13,6 +13,10 @@ TEXT = urdf_text("made_wrist")
 FOURTH = '<joint name="axis_4" type="revolute">'
 LIMITS = '<limit lower="-3.4907" upper="3.4907" velocity="6.2832" effort="100"/>'
 MESH = '<mesh filename="package://made_robots/cube.obj" scale="0.016 0.08 0.08"/>'
+FINGER = (
+    '<link name="finger"/><joint name="finger" type="revolute"><parent link="tool0"/>'
+    '<child link="finger"/><limit lower="0" upper="1" velocity="1"/>'
+)
 
 CASES = {
     "prismatic": (FOURTH, FOURTH.replace("revolute", "prismatic"), "prismatic for joint 4"),
@@ -26,7 +30,7 @@ CASES = {
     "speed 0": (
         LIMITS,
         LIMITS.replace("6.2832", "0"),
-        "positive velocity for joint 'axis_4'. Got 0",
+        "positive velocity for joint 'axis_4'. Got 0; a cell file states it in .robot. as speeds",
     ),
     "limits swapped": (
         LIMITS,
@@ -78,6 +82,41 @@ CASES = {
     ),
     "no geometry": (MESH, "", "must have a mesh, box, cylinder or sphere in link 'link_6'"),
     "negative box": (MESH, '<box size="1 -1 1"/>', "positive size for box of link 'link_6'"),
+    "a box without one edge": (
+        MESH,
+        '<box size="1 0 1"/>',
+        "positive size for box of link 'link_6'",
+    ),
+    "two links of one name": (
+        '<link name="tool0"/>',
+        '<link name="tool0"/><link name="link_6"/>',
+        "'robot.urdf' must give every link a name of its own. Got 2 called 'link_6'",
+    ),
+    "two joints of one name": (
+        FOURTH,
+        FOURTH.replace("axis_4", "axis_3"),
+        "'robot.urdf' must give every joint a name of its own. Got 2 called 'axis_3'",
+    ),
+    "second root": (
+        '<link name="tool0"/>',
+        '<link name="tool0"/><link name="gripper"/>',
+        "'robot.urdf' must have one link that hangs on no joint. Got 2: 'base_link' and 'gripper'",
+    ),
+    "mimic in the chain": (
+        FOURTH,
+        FOURTH + '<mimic joint="axis_3"/>',
+        "'robot.urdf' must have joints that move by themselves. Got mimic: joint 'axis_4' follows 'axis_3'",
+    ),
+    "mimic of the chain": (
+        "</robot>",
+        FINGER + '<mimic joint="axis_3"/></joint></robot>',
+        "Got mimic: joint 'finger' follows 'axis_3'",
+    ),
+    "mimic with an offset": (
+        "</robot>",
+        FINGER + '<mimic joint="other" offset="0.1"/></joint></robot>',
+        "Got mimic: joint 'finger' follows 'other'",
+    ),
     "flat": (MESH, MESH.replace("0.016", "0"), "link 'link_6' must be a solid with a volume"),
 }
 
@@ -186,3 +225,52 @@ def test_names_of_states_tell_robots_apart(tmp_path):
     slower = Robot.from_urdf(ROBOTS / "made_wrist.urdf", packages=PACKAGES, accelerations=1.0)
     other = from_text(tmp_path, TEXT.replace(MESH, MESH.replace("0.016", "0.017")))
     assert len({one.state_name for one in (robot, slower, other, made_robot("made_parallel"))}) == 4
+
+
+@pytest.mark.parametrize(
+    "comment",
+    [
+        '<!-- was: <xacro:include filename="$(find cell)/a.xacro"/> and ${width} -->',
+        "<!-- <!DOCTYPE robot> -->",
+    ],
+)
+def test_text_of_comments_does_not_count(comment, tmp_path):
+    robot = from_text(tmp_path, TEXT.replace("</robot>", f"{comment}</robot>"))
+    q = np.array([0.3, 0.2, -0.4, 0.5, 0.8, -0.6])
+    np.testing.assert_array_equal(robot.forward(q), made_robot("made_wrist").forward(q))
+
+
+def test_what_other_programs_replace_does_not_count(tmp_path):
+    """Plugins of simulators hold such words in an expanded URDF."""
+    plugin = "<gazebo><plugin><parameters>$(find cell)/a.yaml</parameters></plugin></gazebo>"
+    assert from_text(tmp_path, TEXT.replace("</robot>", f"{plugin}</robot>")).notes == ()
+
+
+def test_a_dummy_of_size_0_is_no_body(tmp_path):
+    dummy = (
+        '<link name="world"><collision><geometry><box size="0 0 0"/></geometry></collision></link>'
+        '<joint name="stand" type="fixed"><parent link="world"/><child link="base_link"/></joint>'
+    )
+    robot = from_text(tmp_path, TEXT.replace("</robot>", f"{dummy}</robot>"))
+    assert [len(hulls) for hulls in robot.hulls] == [1] * 7
+    assert robot.notes == ("the box of link 'world' has size 0 and is no body",)
+
+
+def test_a_finger_that_follows_a_finger_stands_at_zero(tmp_path):
+    other = FINGER.replace("finger", "other") + "</joint>"
+    text = TEXT.replace("</robot>", f'{other}{FINGER}<mimic joint="other"/></joint></robot>')
+    assert len(from_text(tmp_path, text).joints) == 6
+
+
+def test_speeds_may_come_from_elsewhere(tmp_path):
+    text = re.sub('velocity="[0-9.]*"', 'velocity="0"', TEXT)
+    with pytest.raises(RobotError, match="positive velocity for joint 'axis_1'"):
+        from_text(tmp_path, text)
+    robot = from_text(tmp_path, text, speeds=2.0)
+    np.testing.assert_array_equal(robot.speeds, [2.0] * 6)
+    again = pickle.loads(pickle.dumps(robot))
+    np.testing.assert_array_equal(again.speeds, robot.speeds)
+    assert again.state_name == robot.state_name
+    assert robot.state_name != from_text(tmp_path, text, speeds=1.0).state_name
+    with pytest.raises(RobotError, match="speeds must be a positive number of rad/s, or six"):
+        from_text(tmp_path, text, speeds=[1.0, 2.0])
