@@ -16,6 +16,7 @@ from planner.argument_kinds import POSITIVE, shown
 from planner.exceptions import RobotError
 from planner.robot.bodies import Hull, hull_of, read_triangles, round_points
 from planner.robot.branches import Branches, Chain
+from planner.robot.controller_axes import ControllerAxes
 from planner.robot.transforms import carry, check_pose, compose
 from planner.robot.urdf import N_JOINTS, Shape, UrdfArm, read_urdf
 
@@ -67,6 +68,8 @@ class Robot:
         Largest accelerations, rad/s².
     hulls : tuple of tuple of Hull
         Convex hulls of the links, in the frames of the joints.
+    controller : ControllerAxes, optional
+        The axes that the controller counts. Default: the joints.
 
     Attributes
     ----------
@@ -93,7 +96,13 @@ class Robot:
     """
 
     def __init__(
-        self, text: str, tip: str, base: str | None, accelerations: np.ndarray, hulls: Any
+        self,
+        text: str,
+        tip: str,
+        base: str | None,
+        accelerations: np.ndarray,
+        hulls: Any,
+        controller: ControllerAxes | None = None,
     ) -> None:
         arm = read_urdf(text, tip, base)
         self.name = arm.name
@@ -109,7 +118,8 @@ class Robot:
         self.accelerations = _values(self.joints, "acceleration")
         self.chain = Chain.of(arm)
         self.hulls: tuple[tuple[Hull, ...], ...] = hulls
-        self._made_of = (text, tip, base, accelerations, hulls)
+        self.controller = ControllerAxes() if controller is None else controller
+        self._made_of = (text, tip, base, accelerations, hulls, self.controller)
         self._branches: Branches | None = None
 
     @classmethod
@@ -121,6 +131,8 @@ class Robot:
         base: str | None = None,
         packages: Mapping[str, str | PathLike[str]] | None = None,
         accelerations: float | Sequence[float] = 1.4,
+        coupled: Sequence[Sequence[float]] = (),
+        axis_limits: Sequence[Sequence[float]] = (),
     ) -> Robot:
         """Read a robot.
 
@@ -137,6 +149,10 @@ class Robot:
             Folders of the packages that ``package://`` names.
         accelerations : float or sequence of 6 floats
             Largest accelerations of the joints, rad/s², which a URDF does not state.
+        coupled : sequence of (int, int, float)
+            Axis, joint, factor: the controller counts this axis as its joint plus the factor times the other joint.
+        axis_limits : sequence of (int, float, float)
+            Limits of the controller's axes, where it has others: axis, least and largest angle, rad.
 
         Returns
         -------
@@ -158,7 +174,8 @@ class Robot:
             raise RobotError.of_rule("urdf", "must be UTF-8 text", repr(str(file))) from None
         arm = read_urdf(text, tip, base)
         most = _checked_accelerations(accelerations)
-        return cls(text, tip, base, most, _hulls(arm, file.parent, packages or {}))
+        controller = ControllerAxes(coupled, axis_limits)
+        return cls(text, tip, base, most, _hulls(arm, file.parent, packages or {}), controller)
 
     def forward(self, q: Any) -> np.ndarray:
         """Return the pose of the tip in the base.
@@ -239,7 +256,8 @@ class Robot:
             Angles, rad; negative beyond a limit.
         """
         joints = np.asarray(q, dtype=np.float64)
-        return np.minimum(joints - self.lower, self.upper - joints).min(axis=-1)
+        own = np.minimum(joints - self.lower, self.upper - joints).min(axis=-1)
+        return np.asarray(np.minimum(own, self.controller.margin(joints)))
 
     def branches(self, flange: Any) -> np.ndarray:
         """Return all joints within limits that bring the tip to a pose.
@@ -292,7 +310,11 @@ class Robot:
         owner : array of int, shape (m,)
             Number of each one's pose.
         """
-        return self._solver().of(flanges)
+        q, owner = self._solver().of(flanges)
+        if not self.controller.limits:
+            return q, owner
+        within = self.controller.margin(q) >= 0
+        return q[within], owner[within]
 
     def check_solvable(self) -> None:
         """Raise `RobotError` if there is no closed form of the arm, or the extra is missing."""
@@ -326,7 +348,8 @@ class Robot:
         array, shape (t, 6)
             Joints, rad, the given ones first.
         """
-        return self._solver().turns(np.asarray(q, dtype=np.float64))
+        turned = self._solver().turns(np.asarray(q, dtype=np.float64))
+        return turned[self.controller.margin(turned) >= 0]
 
     def _solver(self) -> Branches:
         if self._branches is None:
@@ -336,8 +359,10 @@ class Robot:
     @property
     def state_name(self) -> str:
         """Digest of the URDF, the tip, the base, accelerations and hulls."""
-        text, tip, base, most, hulls = self._made_of
+        text, tip, base, most, hulls, controller = self._made_of
         digest = hashlib.sha256(repr((text, tip, base, most.tolist())).encode())
+        if not controller.is_plain:
+            digest.update(repr((controller.coupled, controller.limits)).encode())
         for hull in (hull for segment in hulls for hull in segment):
             digest.update(hull.corners.tobytes())
         return f"robot {self.name} {digest.hexdigest()}"

@@ -15,7 +15,12 @@ from planner.files import check_file_place
 from planner.motion.arm_uncertainty import ArmUncertainty
 from planner.motion.program_record import FixturedTour, RobotProgram, Stop
 from planner.motion.robot_program import robot_program, robot_program_with_other_poses
-from planner.output.programs import FORMATS, CameraSignals, write_program
+from planner.output.programs import (
+    FORMATS,
+    CameraSignals,
+    check_program_speed,
+    write_program,
+)
 from planner.plan import read_plan
 from planner.progress import terminal_progress
 from planner.progress.terminal_text import visible
@@ -31,6 +36,7 @@ def program(options: argparse.Namespace) -> int:
     check_file_place(out, "--out")
     if options.plan_out is not None:
         check_file_place(options.plan_out, "--plan-out")
+    check_program_speed(options.speed, options.format)
     signals = CameraSignals(
         settle_s=options.settle,
         trigger_output=options.trigger_output,

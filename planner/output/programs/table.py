@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from datetime import date
+
+import numpy as np
 
 from planner.motion.program_record import TURNTABLE, RobotProgram
 from planner.output.programs.driving import (
+    NO_HOME_CHECK,
     CameraSignals,
     Drive,
     head_lines,
     plain,
     radians,
     steps_of,
+    time_text,
 )
 
 _FIRST = ("fixturing", "step", "seconds", "setting", "image")
@@ -32,23 +37,39 @@ def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         The day, for the head.
     """
     stream = io.StringIO()
-    for line in [*head_lines(program, made), f"Wait {signals.settle_s:g} s before each image."]:
+    notes = (
+        NO_HOME_CHECK,
+        f"Wait {time_text(signals.settle_s)} s before each image.",
+    )
+    for line in [*head_lines(program, made), *notes]:
         stream.write(f"# {line}\n")
     writer = csv.writer(stream, lineterminator="\n")
     names = [*program.joint_names, *([TURNTABLE] if program.turns else [])]
-    writer.writerow([*_FIRST, *(f"{plain(name, 40)}_rad" for name in names)])
+    coupled = sorted({axis for axis, _, _ in program.controller.coupled})
+    columns = [f"{plain(name, 40)}_rad" for name in names]
+    writer.writerow([*_FIRST, *columns, *(f"axis_{axis}_of_controller_rad" for axis in coupled)])
     for tour in program.tours:
         name = plain(tour.fixturing, 40)
-        rows = [[name, "start", "0.000", "", "", *radians(program.home_of(tour))]]
-        for step in steps_of(tour, program.rates_of(tour)):
+        home = _angles(program.home_of(tour), program, coupled, len(names))
+        rows = [[name, "start", "0.000", "", "", *home]]
+        for step in steps_of(tour, program):
             if isinstance(step, Drive):
-                rows.append([name, "move", f"{step.seconds:.3f}", "", "", *radians(step.joints)])
+                angles = _angles(step.joints, program, coupled, len(names))
+                rows.append([name, "move", f"{step.seconds:.3f}", "", "", *angles])
             else:
                 # the image is taken where the last move ended
                 rows[-1][1] = "image"
                 rows[-1][3] = str(step.setting_idx + 1)
                 rows[-1][4] = step.image
-        # a round without a turntable leaves its column empty
-        width = len(_FIRST) + len(names)
-        writer.writerows([*row, *[""] * (width - len(row))] for row in rows)
+        writer.writerows(rows)
     return stream.getvalue()
+
+
+def _angles(
+    joints: np.ndarray, program: RobotProgram, coupled: Sequence[int], width: int
+) -> list[str]:
+    """Return the joints, and behind them the controller's axes that are coupled."""
+    angles = radians(joints)
+    axes = radians(program.controller.of(joints))
+    # a round without a turntable leaves its column empty
+    return [*angles, *[""] * (width - len(angles)), *(axes[axis - 1] for axis in coupled)]

@@ -1,0 +1,93 @@
+"""Whether a part is the one of a plan: by its digest, or by what a plan without one holds of its part."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.exceptions import RequestError
+from planner.identity.inspection_request import PartRecord
+from planner.request.defaults import default_workspace
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.plan import InspectionPlan
+
+_SAME_MM = 1e-3
+# points of a planned edge that must lie on edges of the part
+_SHARES = np.linspace(0.0, 1.0, 5)
+
+
+def other_part(plan: InspectionPlan, solid: Solid) -> str:
+    """Return why a part is not the plan's, in words that follow its name.
+
+    A plan of an early version has no digest of its part. Then its edges must lie on edges of the part.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        The part.
+
+    Returns
+    -------
+    str
+        Such as "which has another shape"; empty if it is the plan's.
+
+    Raises
+    ------
+    RequestError
+        If the plan holds nothing that could be compared.
+    """
+    planned = plan.request.get("part")
+    if planned is not None:
+        same = planned["digest"] == PartRecord.of(solid).digest
+        return "" if same else "which has another shape"
+    low, high = solid.bounds + np.array([[-_SAME_MM], [_SAME_MM]])
+    for name, points in plan.entities.items():
+        if not ((points >= low) & (points <= high)).all():
+            return f"which does not reach to {name!r}"
+    lengths = {name: ends for name, ends in plan.entities.items() if name not in plan.dimensions}
+    starts, ends = _edges(solid)
+    for name, points in lengths.items():
+        on_line = points[0] + _SHARES[:, None] * (points[1] - points[0])
+        if (_distances(on_line, starts, ends) > _SAME_MM).any():
+            return f"which has no edge at {name!r}"
+    if not lengths and not _has_default_workspace(plan, solid):
+        rule = "must hold the digest of its part, or an edge to compare"
+        hint = "it is of an early version: plan the part again"
+        raise RequestError.of_rule("plan", rule, "neither", hint=hint)
+    return ""
+
+
+def part_note(plan: InspectionPlan, solid: Solid) -> str:
+    """Return what remains open about a part that `other_part` finds no fault with; empty if nothing does."""
+    if plan.request.get("part") is not None or _has_default_workspace(plan, solid):
+        return ""
+    return "the plan has no digest of its part, so only its edges were compared: plan it again."
+
+
+def _has_default_workspace(plan: InspectionPlan, solid: Solid) -> bool:
+    """Return whether the plan's workspace is the one about this part, which tells the size of its box."""
+    default = default_workspace(solid, plan.camera)
+    return bool(np.allclose(plan.workspace, default, rtol=0.0, atol=_SAME_MM))
+
+
+def _edges(solid: Solid) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ends of all edges of a part, (n, 3) each."""
+    pairs = np.array([edge.vertices for edge in solid.edges], dtype=np.int64).reshape(-1, 2)
+    return solid.vertices[pairs[:, 0]], solid.vertices[pairs[:, 1]]
+
+
+def _distances(points: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Return how far points (m, 3) are from the nearest of segments (n, 3), (m,)."""
+    ways = ends - starts
+    squares = np.maximum((ways**2).sum(axis=1), np.finfo(float).tiny)
+    found = []
+    for point in points:
+        shares = np.clip(((point - starts) * ways).sum(axis=1) / squares, 0.0, 1.0)
+        apart = starts + shares[:, None] * ways - point
+        found.append(np.sqrt((apart**2).sum(axis=1)).min(initial=np.inf))
+    return np.array(found)
