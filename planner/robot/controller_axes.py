@@ -109,8 +109,10 @@ class ControllerAxes:
         """Return in words what differs from the joints, an axis each."""
         found = []
         for axis in sorted({row[0] for row in (*self.coupled, *self.limits)}):
-            terms = [f"{f:+g} x joint {joint}" for k, joint, f in self.coupled if k == axis]
-            text = f"axis {axis} of the controller is joint {axis}{''.join(f' {t}' for t in terms)}"
+            text = f"axis {axis} of the controller is joint {axis}"
+            for k, joint, factor in self.coupled:
+                if k == axis:
+                    text += f" {'-' if factor < 0 else '+'} {abs(factor):g} x joint {joint}"
             for k, low, high in self.limits:
                 if k == axis:
                     text += f", from {np.degrees(low):g} to {np.degrees(high):g} degrees"
