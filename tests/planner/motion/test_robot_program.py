@@ -287,9 +287,9 @@ def near_home(gap, clearance):
             if name == "camera"
         ]
     )
-    side = corners[:, 1].max() + gap
+    side = corners[:, 1].min() - gap
     middle = corners.mean(axis=0)
-    post = Box((middle[0] - 20, side, middle[2] - 20), (middle[0] + 20, side + 20, middle[2] + 20))
+    post = Box((middle[0] - 20, side - 20, middle[2] - 20), (middle[0] + 20, side, middle[2] + 20))
     fixturings = {"up": Fixturing(FIXTURINGS["up"].part2base, {"table": TABLE, "post": post})}
     return made_cell(fixturings=fixturings, home=HOME, clearance_mm=clearance)
 
