@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from errors.measurands.geometry import Geometry, Line
 from planner.exceptions import RequestError
 from planner.identity.inspection_request import PartRecord
 from planner.request.defaults import default_workspace
@@ -15,14 +16,17 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
 
 _SAME_MM = 1e-3
-# points of a planned edge that must lie on edges of the part
-_SHARES = np.linspace(0.0, 1.0, 5)
+# of chords, as a share of the radius: those of a circle in 16 pieces
+_SAG = 0.02
+# points of a planned edge or circle that must lie on edges of the part
+_SHARES = np.linspace(0.0, 1.0, 8)
 
 
 def other_part(plan: InspectionPlan, solid: Solid) -> str:
     """Return why a part is not the plan's, in words that follow its name.
 
-    A plan of an early version has no digest of its part. Then its edges must lie on edges of the part.
+    A plan of an early version has no digest of its part. Then its edges and
+    circles must lie on edges of the part.
 
     Parameters
     ----------
@@ -45,20 +49,17 @@ def other_part(plan: InspectionPlan, solid: Solid) -> str:
     if planned is not None:
         same = planned["digest"] == PartRecord.of(solid).digest
         return "" if same else "which has another shape"
-    low, high = solid.bounds + np.array([[-_SAME_MM], [_SAME_MM]])
-    for name, points in plan.entities.items():
-        if not ((points >= low) & (points <= high)).all():
-            return f"which does not reach to {name!r}"
-    lengths = {name: ends for name, ends in plan.entities.items() if name not in plan.dimensions}
-    starts, ends = _edges(solid)
-    for name, points in lengths.items():
-        on_line = points[0] + _SHARES[:, None] * (points[1] - points[0])
-        if (_distances(on_line, starts, ends) > _SAME_MM).any():
-            return f"which has no edge at {name!r}"
-    if not lengths and not _has_default_workspace(plan, solid):
+    targets = plan.targets
+    if not targets:
         rule = "must hold the digest of its part, or an edge to compare"
         hint = "it is of an early version: plan the part again"
         raise RequestError.of_rule("plan", rule, "neither", hint=hint)
+    starts, ends = _edges(solid)
+    for name, target in targets.items():
+        for one in target.geometry:
+            points, off_mm = _points(one)
+            if (_distances(points, starts, ends) > off_mm).any():
+                return f"which has no edge at {name!r}"
     return ""
 
 
@@ -73,6 +74,14 @@ def _has_default_workspace(plan: InspectionPlan, solid: Solid) -> bool:
     """Return whether the plan's workspace is the one about this part, which tells the size of its box."""
     default = default_workspace(solid, plan.camera)
     return bool(np.allclose(plan.workspace, default, rtol=0.0, atol=_SAME_MM))
+
+
+def _points(one: Geometry) -> tuple[np.ndarray, float]:
+    """Return points (m, 3) of a line or circle, and how far edges of the part may be from them, mm."""
+    if isinstance(one, Line):
+        return one.p + _SHARES[:, None] * (one.q - one.p), _SAME_MM
+    # a part has chords of its circles
+    return one.points(one.span_rad * _SHARES), _SAME_MM + _SAG * one.radius_mm
 
 
 def _edges(solid: Solid) -> tuple[np.ndarray, np.ndarray]:

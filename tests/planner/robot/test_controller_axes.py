@@ -38,7 +38,8 @@ def rod_robot(**options):
 
 def turn(axis, angle):
     """Rotation about x, y or z, written out."""
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     found = np.eye(3)
     found[first, first] = found[second, second] = c
@@ -147,8 +148,9 @@ def test_a_coupled_axis_that_leads_has_its_own_rate():
     for words, a, v in re.findall(r"movej\(\[(.*?)\], a=(.*), v=(.*)\)", text):
         there = np.array([float(angle) for angle in words.split(",")])
         way = np.abs(there - here).max()
-        a, v = float(a), float(v)
-        seconds += way / v + v / a if way > v * v / a else 2 * np.sqrt(way / a)
+        rise = float(a)
+        top = float(v)
+        seconds += way / top + top / rise if way > top**2 / rise else 2 * np.sqrt(way / rise)
         here = there
     assert seconds == pytest.approx(rod_program().seconds, rel=1e-4)
 
