@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from errors.measurands.geometry import Geometry, Line
+from errors.measurands.geometry import Circle, Geometry, Line
 from planner.exceptions import RequestError
 from planner.identity.inspection_request import PartRecord
 from planner.request.defaults import default_workspace
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
 
 _SAME_MM = 1e-3
-# of chords, as a share of the radius: those of a circle in 16 pieces
-_SAG = 0.02
+# of the longest chords, as a share of the radius: those of a circle in 6 pieces
+_SAG = 0.134
 # points of a planned edge or circle that must lie on edges of the part
 _SHARES = np.linspace(0.0, 1.0, 8)
 
@@ -57,8 +57,7 @@ def other_part(plan: InspectionPlan, solid: Solid) -> str:
     starts, ends = _edges(solid)
     for name, target in targets.items():
         for one in target.geometry:
-            points, off_mm = _points(one)
-            if (_distances(points, starts, ends) > off_mm).any():
+            if not _is_on(one, starts, ends):
                 return f"which has no edge at {name!r}"
     return ""
 
@@ -76,12 +75,24 @@ def _has_default_workspace(plan: InspectionPlan, solid: Solid) -> bool:
     return bool(np.allclose(plan.workspace, default, rtol=0.0, atol=_SAME_MM))
 
 
-def _points(one: Geometry) -> tuple[np.ndarray, float]:
-    """Return points (m, 3) of a line or circle, and how far edges of the part may be from them, mm."""
+def _is_on(one: Geometry, starts: np.ndarray, ends: np.ndarray) -> bool:
+    """Return whether a line or circle lies on edges (n, 3) of a part; of circles these are the chords."""
     if isinstance(one, Line):
-        return one.p + _SHARES[:, None] * (one.q - one.p), _SAME_MM
-    # a part has chords of its circles
-    return one.points(one.span_rad * _SHARES), _SAME_MM + _SAG * one.radius_mm
+        points = one.p + _SHARES[:, None] * (one.q - one.p)
+        return bool((_distances(points, starts, ends) <= _SAME_MM).all())
+    chords = _is_near(one, starts) & _is_near(one, ends)
+    points = one.points(one.span_rad * _SHARES)
+    off = _distances(points, starts[chords], ends[chords])
+    return bool((off <= _SAME_MM + _SAG * one.radius_mm).all())
+
+
+def _is_near(circle: Circle, points: np.ndarray) -> np.ndarray:
+    """Return which points (n, 3) lie on a whole circle (n,)."""
+    apart = points - circle.centre
+    heights = apart @ circle.axis
+    across = apart - heights[:, None] * circle.axis
+    radial = np.sqrt((across**2).sum(axis=1)) - circle.radius_mm
+    return np.asarray(np.hypot(heights, radial) <= _SAME_MM)
 
 
 def _edges(solid: Solid) -> tuple[np.ndarray, np.ndarray]:

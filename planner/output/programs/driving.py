@@ -217,7 +217,7 @@ def head_lines(program: RobotProgram, made: date) -> list[str]:
         *(f"Digest of the {name}: {value}" for name, value in program.digests.items()),
         "Joints: " + ", ".join(plain(name, 40) for name in program.joint_names),
         f"Settings: {program.n_stops}; moves take {program.seconds:.1f} s at the program's speed, "
-        f"which is {100 * program.speed:.0f} % of the joints' speeds",
+        f"which is {100 * program.speed:.3g} % of the joints' speeds",
         *(_turntable_lines(program)),
         *_axes_lines(program),
         *_home_lines(program),
