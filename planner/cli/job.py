@@ -21,7 +21,8 @@ from planner.detectability.conditions import Detectability
 from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
-from planner.identity.inspection_request import SOURCE, InspectionRequest, PartRecord
+from planner.identity.inspection_request import SOURCE, InspectionRequest
+from planner.identity.planned_part import other_part
 from planner.identity.resolve_request import Promise, resolve_request
 from planner.identity.restore import restored_options, restored_request
 from planner.inspection import plan_by_options
@@ -188,7 +189,7 @@ def _job_again(options: argparse.Namespace) -> Job:
 
 
 def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str = "") -> None:
-    """Refuse a part that is not the one of a plan; one of an earlier version does not know its part.
+    """Refuse a part that is not the one of a plan.
 
     Parameters
     ----------
@@ -204,11 +205,11 @@ def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str 
     Raises
     ------
     RequestError
-        If the part has another shape.
+        If the part has another shape, or the plan holds nothing of its part to compare.
     """
-    planned = plan.request.get("part")
-    if planned is not None and planned["digest"] != PartRecord.of(solid).digest:
-        got = f"{path!r}, which has another shape"
+    why = other_part(plan, solid)
+    if why:
+        got = f"{path!r}, {why}"
         raise RequestError.of_rule("part", "must be the one that was planned", got, hint=hint)
 
 

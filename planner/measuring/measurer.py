@@ -14,6 +14,7 @@ from errors.measurands import DecisionRule, Localisation
 from planner.detectability.scanned import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity.inspection_request import PartRecord
+from planner.identity.planned_part import other_part
 from planner.identity.program import program_version
 from planner.measuring.entity_scan import entity_samples, scan_entity
 from planner.measuring.image.image_files import ImageSet, Shot, read_images, shots_of
@@ -130,14 +131,11 @@ class Measurer:
     """
 
     def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
-        record = plan.request.get("part")
         self._digest = PartRecord.of(solid).digest
-        if record is not None and record["digest"] != self._digest:
-            raise RequestError.of_rule(
-                "part",
-                "must be the one that was planned",
-                f"{solid.name!r}, which has another shape",
-            )
+        why = other_part(plan, solid)
+        if why:
+            rule = "must be the one that was planned"
+            raise RequestError.of_rule("part", rule, f"{solid.name!r}, {why}")
         if not plan.settings:
             raise RequestError.of_rule("plan", "must have a setting", "one without settings")
         self.plan = plan

@@ -11,18 +11,21 @@ from typing import Any
 import numpy as np
 
 from planner.argument_kinds import shown
-from planner.exceptions import PlanFileError
+from planner.exceptions import PlanFileError, RobotError
 from planner.motion.move_time import JointRates, move_times
 from planner.motion.program_record import (
     FORMAT,
+    LARGEST_TOLERANCE_RAD,
     VERSION,
     ArmState,
     FixturedTour,
+    HomeStart,
     Move,
     RobotProgram,
     Stop,
 )
 from planner.records.json_file import read_json
+from planner.robot.controller_axes import ControllerAxes
 from planner.verify.simulate_setting import SuccessRate
 
 _SAME = 1e-6
@@ -35,6 +38,7 @@ _FIELDS = {
     "speed": float,
     "rates": dict,
     "keep_mm": float,
+    "start": dict,
     "seconds": float,
     "coverage": list,
     "unreached": dict,
@@ -93,7 +97,9 @@ def program_of(data: Any) -> RobotProgram:
         found = data.get("format") if isinstance(data, Mapping) else data
         raise _wrong("format", f"must be {FORMAT!r}", found)
     if data.get("version") != VERSION or isinstance(data.get("version"), bool):
-        raise _wrong("version", f"must be {VERSION}", data.get("version"))
+        rule = f"must be {VERSION}"
+        hint = "" if data.get("version") != 1 else "; make the program again from its plan"
+        raise PlanFileError(f"version {rule}. Got {shown(data.get('version'))}{hint}.")
     for name, kind in _FIELDS.items():
         _of_kind(data.get(name), kind, name)
     names = [_of_kind(one, str, "joint_names") for one in data["joint_names"]]
@@ -114,10 +120,13 @@ def program_of(data: Any) -> RobotProgram:
         unreached=_by_setting(data["unreached"], "unreached"),
         coverage=tuple(data["coverage"]),
         digests=dict(data["digests"]),
+        start=_start(data["start"]),
+        controller=_controller(data),
         warnings=tuple(_of_kind(one, str, "warnings") for one in data["warnings"]),
         replaced=_by_setting(data.get("replaced", {}), "replaced"),
     )
     _check_settings(found)
+    _check_axes(found)
     _same_seconds(data["seconds"], found.seconds, "seconds")
     return found
 
@@ -228,6 +237,40 @@ def _check_settings(found: RobotProgram) -> None:
             raise _wrong("tours", "must visit each setting once", f"setting {k + 1} again")
         if k in found.unreached:
             raise _wrong("unreached", "must hold settings that are not visited", k + 1)
+
+
+def _start(data: Mapping[str, Any]) -> HomeStart:
+    """Return how the program begins."""
+    found = HomeStart(
+        *(_number(data.get(key), f"start.{key}") for key in ("tolerance_rad", "speed"))
+    )
+    if not 0.0 < found.tolerance_rad <= LARGEST_TOLERANCE_RAD:
+        rule = f"must be above 0 and at most {LARGEST_TOLERANCE_RAD:g}"
+        raise _wrong("start.tolerance_rad", rule, found.tolerance_rad)
+    if found.speed <= 0.0:
+        raise _wrong("start.speed", "must be positive", found.speed)
+    return found
+
+
+def _controller(data: Mapping[str, Any]) -> ControllerAxes:
+    """Return the axes of the controller."""
+    try:
+        return ControllerAxes(data.get("coupled", ()), data.get("axis_limits", ()))
+    except RobotError as error:
+        raise _wrong_axes(error) from None
+
+
+def _wrong_axes(error: RobotError) -> PlanFileError:
+    return PlanFileError(f"{error.parameter} {error.rule}. Got {error.got}.")
+
+
+def _check_axes(found: RobotProgram) -> None:
+    """Check that all joints are within the limits of the controller's axes."""
+    for k, tour in enumerate(found.tours):
+        for move in tour.moves:
+            if (found.controller.margin(move.joints) < -_SAME).any():
+                got = f"tours.{k} beyond one"
+                raise _wrong("axis_limits", "must hold all joints of the moves", got)
 
 
 def _by_setting(data: Any, where: str) -> dict[int, str]:

@@ -12,13 +12,23 @@ import numpy as np
 
 from planner.motion.move_time import JointRates
 from planner.records.json_file import encoded
+from planner.robot.controller_axes import ControllerAxes
 from planner.verify.simulate_setting import SuccessRate
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
 
 FORMAT = "aspectgraph robot program"
-VERSION = 1
+VERSION = 2
+LARGEST_TOLERANCE_RAD = 0.01
+"""A program never starts if an axis is farther from home."""
+
+LEAST_TOLERANCE_RAD = 1e-4
+"""Less than this of an axis no operator and no controller can hold."""
+
+LEAST_SPEED = 0.001
+"""Least share of the joints' largest speeds that a program is made for."""
+
 TURNTABLE = "turntable"
 """Name of the column of its angle."""
 _UNITS = {"joints": "rad", "time": "s", "length": "mm", "flange": "tip to base"}
@@ -163,6 +173,15 @@ def _rates_dict(rates: JointRates) -> dict[str, Any]:
     return {"speeds": rates.speeds.tolist(), "accelerations": rates.accelerations.tolist()}
 
 
+def _controller_dict(controller: ControllerAxes) -> dict[str, Any]:
+    found = {}
+    if controller.coupled:
+        found["coupled"] = [list(row) for row in controller.coupled]
+    if controller.limits:
+        found["axis_limits"] = [list(row) for row in controller.limits]
+    return found
+
+
 def _move_dict(move: Move) -> dict[str, Any]:
     return {"seconds": move.seconds, "joints": move.joints.tolist()}
 
@@ -210,6 +229,29 @@ class FixturedTour:
         }
 
 
+@dataclass(frozen=True)
+class HomeStart:
+    """How a program begins: the robot stands near home, or it is driven there at the operator's word.
+
+    **Guarantee.** All joints whose axes are within ``tolerance_rad`` of home keep ``keep_mm`` of the
+    program, and so does every way from them to home.
+
+    Attributes
+    ----------
+    tolerance_rad : float
+        How far each axis of the controller may be from home, rad.
+    speed : float
+        Largest speed of an axis on the way to home, rad/s.
+    """
+
+    tolerance_rad: float
+    speed: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain values, ready for JSON."""
+        return {"tolerance_rad": self.tolerance_rad, "speed": self.speed}
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class RobotProgram:
     """What a robot drives to take the images of a plan.
@@ -241,6 +283,10 @@ class RobotProgram:
         Number of settings that one fixturing reaches, that two reach, and so on.
     digests : mapping of str to str
         Digests of plan, part and cell.
+    start : HomeStart
+        How near home the robot must stand.
+    controller : ControllerAxes
+        The axes that the controller counts. All rows hold joints.
     warnings : tuple of str
         Points to look at before driving.
     replaced : mapping of int to str
@@ -271,6 +317,8 @@ class RobotProgram:
     unreached: Mapping[int, str]
     coverage: tuple[int, ...]
     digests: Mapping[str, str]
+    start: HomeStart
+    controller: ControllerAxes = field(default_factory=ControllerAxes)
     warnings: tuple[str, ...] = ()
     replaced: Mapping[int, str] = field(default_factory=dict)
     plan: InspectionPlan | None = None
@@ -372,6 +420,8 @@ class RobotProgram:
             "speed": self.speed,
             "rates": _rates_dict(self.rates),
             "keep_mm": self.keep_mm,
+            "start": self.start.to_dict(),
+            **_controller_dict(self.controller),
             "seconds": self.seconds,
             "coverage": list(self.coverage),
             "unreached": {str(k + 1): why for k, why in self.unreached.items()},

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.argument_kinds import ABOVE_0_TO_1, check_count, check_kinds, check_number
+from planner.argument_kinds import ABOVE_0_TO_1, NumberRule, check_count, check_kinds, check_number
 from planner.exceptions import InfeasibleError, RequestError
-from planner.identity.inspection_request import PartRecord
+from planner.identity.planned_part import other_part, part_note
 from planner.motion.arm_uncertainty import ArmUncertainty
 from planner.motion.branch_choice import few_branches
 from planner.motion.checked_tour import TourChecker, straight_costs
@@ -20,8 +20,12 @@ from planner.motion.fixturing_choice import choose_fixturings
 from planner.motion.move_time import JointRates
 from planner.motion.other_poses.driven_plan import program_with_other_poses
 from planner.motion.program_record import (
+    LARGEST_TOLERANCE_RAD,
+    LEAST_SPEED,
+    LEAST_TOLERANCE_RAD,
     ArmState,
     FixturedTour,
+    HomeStart,
     Move,
     RobotProgram,
     Stop,
@@ -42,6 +46,11 @@ if TYPE_CHECKING:
 
 # moves keep this share of the distances that poses keep: near a pose at the limit, none could start
 _KEPT_SHARE = 0.5
+_SPEED = NumberRule(f"must be from {LEAST_SPEED:g} to 1", lambda speed: LEAST_SPEED <= speed <= 1)
+# of an axis that stands at its limit, rad
+_ROUNDED = 1e-9
+# no point of the arm or the camera is faster on the way to home: the reduced speed of ISO 10218-1
+_REDUCED_MM_S = 250.0
 # by how much of its time a round may be longer to have branches with a better P
 _LONGER = 0.05
 
@@ -73,7 +82,19 @@ class FixturedArm:
 
     def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """Return which share of a turn (k,) is free to both sides of joints (n, k): at most reach (n,)."""
-        return self.cell.free_shares(joints, turn, reach, _KEPT_SHARE, fixturing=self.fixturing)
+        shares = self.cell.free_shares(joints, turn, reach, _KEPT_SHARE, fixturing=self.fixturing)
+        return np.minimum(shares, self._within_axes(joints, turn))
+
+    def _within_axes(self, joints: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """Return which share of a turn keeps the controller's axes (n,) within their limits, to both sides."""
+        controller = self.cell.robot.controller
+        n = len(controller.lower)
+        axes = controller.of(joints[:, :n])
+        speeds = np.abs(controller.of(turn[:n]))
+        left = np.minimum(axes - controller.lower, controller.upper - axes) + _ROUNDED
+        with np.errstate(divide="ignore"):
+            shares = np.where(left < 0, -1.0, left / speeds)
+        return np.asarray(shares.min(axis=1))
 
 
 def robot_program(
@@ -101,7 +122,7 @@ def robot_program(
     cell : Cell
         The robot cell; it must have a ``home``.
     speed : float
-        Share of the robot's largest joint speeds, in (0, 1].
+        Share of the robot's largest joint speeds, from 0.001 to 1.
     uncertainty : ArmUncertainty, optional
         Of the joints, the hand-eye calibration and the registration. With it, the program states P
         at each stop, and prefers the better branch where that costs at most 5 % of the time.
@@ -168,7 +189,7 @@ def robot_program_with_other_poses(
     cell : Cell
         The robot cell, with a ``home``.
     speed : float
-        Share of the largest joint speeds, in (0, 1].
+        Share of the largest joint speeds, from 0.001 to 1.
     uncertainty : ArmUncertainty, optional
         Of the arm, see `robot_program`.
     simulate : int
@@ -226,6 +247,7 @@ def _check_asked(
     """Check what is asked of a program, before the work."""
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"), cell=(cell, "Cell"))
     check_number("speed", speed, ABOVE_0_TO_1)
+    check_number("speed", speed, _SPEED)
     check_count("simulate", simulate, 0, 10**9)
     check_count("seed", seed, 0)
     _check_part(plan, solid)
@@ -237,10 +259,19 @@ def _check_asked(
 
 
 def _check_part(plan: InspectionPlan, solid: Solid) -> None:
-    """Refuse a part that is not the plan's; plans of earlier versions do not know their part."""
-    planned = plan.request.get("part")
-    if planned is not None and planned["digest"] != PartRecord.of(solid).digest:
-        raise RequestError.of_rule("solid", "must be the part of the plan", "another shape")
+    """Refuse a part that is not the plan's."""
+    why = other_part(plan, solid)
+    if why:
+        got = f"{solid.name!r}, {why}"
+        raise RequestError.of_rule("solid", "must be the part of the plan", got)
+
+
+def _rounded_down(value: float) -> float:
+    """Return a positive number with two digits, not larger."""
+    if value <= 0.0:
+        return 0.0
+    step = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return float(f"{np.floor(value / step * (1 + 1e-12)) * step:.1e}")
 
 
 @dataclass(frozen=True)
@@ -270,6 +301,7 @@ class _ProgramMaker:
         self._plan = plan
         self._given = cell
         self._cell = cell.with_part(solid)
+        self._part_note = part_note(plan, solid)
         self._home = np.array(cell.home, dtype=np.float64)
         self._speed = speed
         self._rates = JointRates(robot.speeds, robot.accelerations).scaled(speed)
@@ -319,6 +351,8 @@ class _ProgramMaker:
             unreached=dict(sorted(unreached.items())),
             coverage=choice.coverage,
             digests=self._digests(),
+            start=self._start(kept),
+            controller=self._cell.robot.controller,
             warnings=self._warnings(kept),
         )
 
@@ -339,6 +373,31 @@ class _ProgramMaker:
         """By which joints the settings are reached with all their targets in sight."""
         return reachability_of(self._cell, self._plan, all_branches=True)
 
+    def _start(self, tours: Sequence[FixturedTour]) -> HomeStart:
+        """Return how near home the robot must stand, in all rounds.
+
+        All joints in a box about home are proven free: each body moves at most by the box's turns times its levers.
+        """
+        cell = self._cell
+        spread = cell.robot.controller.spread()
+        shares = []
+        for tour in tours:
+            home = self._home_in(tour.fixturing)
+            turn = LARGEST_TOLERANCE_RAD * np.append(spread, 1.0)[: len(home)]
+            share = cell.free_shares(
+                home[None], turn, np.ones(1), _KEPT_SHARE, fixturing=tour.fixturing
+            )
+            shares.append(float(share[0]))
+        tolerance = _rounded_down(LARGEST_TOLERANCE_RAD * min(shares))
+        if tolerance < LEAST_TOLERANCE_RAD:
+            name = tours[int(np.argmin(shares))].fixturing
+            closest = cell.clearance(self._home_in(name), name, links_mm=np.inf)
+            rule = f"must stay free if each axis is {LEAST_TOLERANCE_RAD:g} rad off"
+            got = f"{closest.first} {closest.mm:.2g} mm from {closest.second} in fixturing {name!r}"
+            raise RequestError.of_rule("cell.home", rule, got)
+        slow = _REDUCED_MM_S / float(cell.levers_mm @ spread)
+        return HomeStart(tolerance, _rounded_down(min(slow, float(self._rates.speeds.min()))))
+
     def _rates_in(self, fixturing: str) -> JointRates:
         return JointRates(*self._cell.rates(fixturing)).scaled(self._speed)
 
@@ -357,6 +416,7 @@ class _ProgramMaker:
         turned = np.where(turned < robot.lower, turned + whole, turned)
         within = (turned >= robot.lower) & (turned <= robot.upper)
         near = np.where(within, turned, joints)
+        near = np.where(robot.controller.margin(near)[:, None] >= 0, near, joints)
         return np.concatenate([near, branches[:, len(self._home) :]], axis=1)
 
     def _rated(self, k: int, branches: np.ndarray, why: str, fixturing: str) -> _Reached:
@@ -451,6 +511,8 @@ class _ProgramMaker:
         unchecked = self._given.robot.unchecked
         found = program_warnings(tours, self._plan.probability)
         found = (*((f"{unchecked}.",) if unchecked else ()), *found)
+        if self._part_note:
+            found = (self._part_note, *found)
         changed = self._given.difference(self._plan.cell)
         if changed:
             return (f"the cell of the plan differs from the cell given, in {changed}.", *found)

@@ -16,6 +16,7 @@ from planner.argument_kinds import POSITIVE, shown
 from planner.exceptions import RobotError
 from planner.robot.bodies import Hull, hull_of, read_triangles, round_points
 from planner.robot.branches import Branches, Chain
+from planner.robot.controller_axes import ControllerAxes
 from planner.robot.transforms import carry, check_pose, check_rotations, compose
 from planner.robot.urdf import N_JOINTS, Shape, UrdfArm, read_urdf
 
@@ -71,6 +72,8 @@ class Robot:
         Largest speeds, rad/s. Default: those of the URDF.
     bodiless_links : tuple of str
         Links behind joints that may have no geometry.
+    controller : ControllerAxes, optional
+        The axes that the controller counts. Default: the joints.
     file : str
         The file it was read from, for messages.
 
@@ -111,6 +114,7 @@ class Robot:
         hulls: Any,
         speeds: np.ndarray | None = None,
         bodiless_links: tuple[str, ...] = (),
+        controller: ControllerAxes | None = None,
         file: str = "",
     ) -> None:
         arm = read_urdf(text, tip, base, speeds)
@@ -131,7 +135,17 @@ class Robot:
         self.bodiless_links = tuple(name for name, own in moving if not own)
         self.notes = arm.notes
         self._stated_bodiless = bodiless_links
-        self._made_of = (text, tip, base, accelerations, hulls, speeds, bodiless_links)
+        self.controller = ControllerAxes() if controller is None else controller
+        self._made_of = (
+            text,
+            tip,
+            base,
+            accelerations,
+            hulls,
+            speeds,
+            bodiless_links,
+            self.controller,
+        )
         self._file = file
         self._branches: Branches | None = None
 
@@ -146,6 +160,8 @@ class Robot:
         accelerations: float | Sequence[float] = 1.4,
         speeds: float | Sequence[float] | None = None,
         bodiless_links: str | Sequence[str] = (),
+        coupled: Sequence[Sequence[float]] = (),
+        axis_limits: Sequence[Sequence[float]] = (),
     ) -> Robot:
         """Read a robot.
 
@@ -167,6 +183,10 @@ class Robot:
         bodiless_links : sequence of str, or "all"
             Links that a cell accepts without geometry. Collisions of these are not checked. Default: a cell refuses a
             robot one of whose links behind a joint has no geometry.
+        coupled : sequence of (int, int, float)
+            Axis, joint, factor: the controller counts this axis as its joint plus the factor times the other joint.
+        axis_limits : sequence of (int, float, float)
+            Limits of the controller's axes, where it has others: axis, least and largest angle, rad.
 
         Returns
         -------
@@ -197,7 +217,8 @@ class Robot:
             named = f"urdf {file.name!r}"
             raise RobotError.of_rule(named, error.rule, error.got, hint=error.hint) from None
         stated = _checked_links(bodiless_links, arm.segments[1:])
-        return cls(text, tip, base, most, hulls, fastest, stated, str(file))
+        controller = ControllerAxes(coupled, axis_limits)
+        return cls(text, tip, base, most, hulls, fastest, stated, controller, str(file))
 
     def check_bodies(self) -> None:
         """Refuse a link behind a joint that has no geometry, unless it is stated.
@@ -302,7 +323,8 @@ class Robot:
             Angles, rad; negative beyond a limit.
         """
         joints = np.asarray(q, dtype=np.float64)
-        return np.minimum(joints - self.lower, self.upper - joints).min(axis=-1)
+        own = np.minimum(joints - self.lower, self.upper - joints).min(axis=-1)
+        return np.asarray(np.minimum(own, self.controller.margin(joints)))
 
     def branches(self, flange: Any) -> np.ndarray:
         """Return all joints within limits that bring the tip to a pose.
@@ -357,7 +379,11 @@ class Robot:
         owner : array of int, shape (m,)
             Number of each one's pose.
         """
-        return self._solver().of(check_rotations("flanges", flanges))
+        q, owner = self._solver().of(check_rotations("flanges", flanges))
+        if not self.controller.limits:
+            return q, owner
+        within = self.controller.margin(q) >= 0
+        return q[within], owner[within]
 
     def check_solvable(self) -> None:
         """Raise `RobotError` if the arm is not near one with a closed form, or the extra is missing."""
@@ -391,7 +417,8 @@ class Robot:
         array, shape (t, 6)
             Joints, rad, the given ones first.
         """
-        return self._solver().turns(np.asarray(q, dtype=np.float64))
+        turned = self._solver().turns(np.asarray(q, dtype=np.float64))
+        return turned[self.controller.margin(turned) >= 0]
 
     def _solver(self) -> Branches:
         if self._branches is None:
@@ -407,9 +434,11 @@ class Robot:
     @property
     def state_name(self) -> str:
         """Digest of the URDF, the tip, the base, accelerations and hulls."""
-        text, tip, base, most, hulls, speeds, _ = self._made_of
+        text, tip, base, most, hulls, speeds, _, controller = self._made_of
         numbers = [most.tolist()] if speeds is None else [most.tolist(), speeds.tolist()]
         digest = hashlib.sha256(repr((text, tip, base, *numbers)).encode())
+        if not controller.is_plain:
+            digest.update(repr((controller.coupled, controller.limits)).encode())
         for hull in (hull for segment in hulls for hull in segment):
             digest.update(hull.corners.tobytes())
         return f"robot {self.name} {digest.hexdigest()}"

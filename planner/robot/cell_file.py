@@ -35,7 +35,17 @@ _FILE = (
     "clearance_mm",
     "home_deg",
 )
-_ROBOT = ("urdf", "tip", "base", "packages", "accelerations", "speeds", "bodiless_links")
+_ROBOT = (
+    "urdf",
+    "tip",
+    "base",
+    "packages",
+    "accelerations",
+    "speeds",
+    "bodiless_links",
+    "coupled",
+    "axis_limits_deg",
+)
 _TURNS = ("angles", "turn_speed", "turn_acceleration")
 _FIXTURING = ("part2base", "obstacles", "axis", "angles_deg", "turning", *_TURNS)
 _AXIS = ("point", "direction")
@@ -214,7 +224,10 @@ def _fields(content: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 def _robot(table: Mapping[str, Any], folder: Path) -> Robot:
     _check_keys(table, _ROBOT, "robot.", required=("urdf",))
-    given = {key: value for key, value in table.items() if key not in ("urdf", "packages")}
+    apart = ("urdf", "packages", "axis_limits_deg")
+    given = {key: value for key, value in table.items() if key not in apart}
+    if "axis_limits_deg" in table:
+        given["axis_limits"] = _axis_limits(table["axis_limits_deg"])
     for key in ("tip", "base"):
         if key in given and not isinstance(given[key], str):
             raise RobotError.of_rule(
@@ -225,6 +238,15 @@ def _robot(table: Mapping[str, Any], folder: Path) -> Robot:
         for name, value in _table(table.get("packages", {}), "robot.packages").items()
     }
     return Robot.from_urdf(folder / _text(table["urdf"], "robot.urdf"), packages=packages, **given)
+
+
+def _axis_limits(rows: Any) -> list[list[float]]:
+    """Return limits of the controller's axes in rad."""
+    name = "robot.axis_limits_deg"
+    if not isinstance(rows, list):
+        raise RobotError.of_rule(name, "must be a list", shown(rows))
+    read = [_numbers(row, 3, name) for row in rows]
+    return [[axis, *np.radians([low, high]).tolist()] for axis, low, high in read]
 
 
 def _fixturing(table: Mapping[str, Any], name: str, folder: Path) -> Fixturing:

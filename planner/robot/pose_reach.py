@@ -286,6 +286,8 @@ class Reacher:
         for number, joint in enumerate(robot.joints):
             if not joint.lower <= q[number] <= joint.upper:
                 return f"joint {number + 1} is beyond its limit"
+        if robot.controller.margin(q) < 0:
+            return "an axis of the controller is beyond its limit"
         frames = robot.chain.frames(q[None])
         group = self._around.all
         blocker = group.blocker(frames[0], group.bounds(frames)[0])

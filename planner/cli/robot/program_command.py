@@ -15,7 +15,12 @@ from planner.files import PLAN, PROGRAM, check_file_place
 from planner.motion.arm_uncertainty import ArmUncertainty
 from planner.motion.program_record import FixturedTour, RobotProgram, Stop
 from planner.motion.robot_program import robot_program, robot_program_with_other_poses
-from planner.output.programs import FORMATS, CameraSignals, write_program
+from planner.output.programs import (
+    FORMATS,
+    CameraSignals,
+    check_program_speed,
+    write_program,
+)
 from planner.plan import read_plan
 from planner.progress import terminal_progress
 from planner.progress.terminal_text import visible
@@ -31,6 +36,7 @@ def program(options: argparse.Namespace) -> int:
     check_file_place(out, "--out", PROGRAM)
     if options.plan_out is not None:
         check_file_place(options.plan_out, "--plan-out", PLAN)
+    check_program_speed(options.speed, options.format)
     signals = CameraSignals(
         settle_s=options.settle,
         trigger_output=options.trigger_output,
@@ -106,7 +112,7 @@ def _print_program(made: RobotProgram) -> None:
     n_moves = sum(len(tour.moves) for tour in made.tours)
     print_text(
         f"{rounds} from home to home, {n_moves} moves{around}, {made.seconds:.1f} s at "
-        f"{100 * made.speed:.0f} % of the joints' speeds; all keep {made.keep_mm:g} mm to "
+        f"{100 * made.speed:.3g} % of the joints' speeds; all keep {made.keep_mm:g} mm to "
         "part and obstacles"
     )
     if len(made.coverage) > 1:

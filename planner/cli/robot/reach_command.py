@@ -13,6 +13,7 @@ from planner.cli.job import check_same_part, read_part
 from planner.cli.process.exit_codes import DONE, INCOMPLETE
 from planner.exceptions import RequestError
 from planner.files import PLAN, check_file_place
+from planner.identity.planned_part import part_note
 from planner.motion.other_poses.reached_plan import with_reached_settings
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import terminal_progress
@@ -52,6 +53,9 @@ def reach(options: argparse.Namespace) -> int:
             print(text, file=sys.stderr)
         return DONE if told.complete else INCOMPLETE
     _print_reached(told, cell)
+    note = part_note(plan, solid)
+    if note:
+        print_text(f"note: {note}")
     changed = cell.difference(plan.cell)
     if changed:
         print_text(f"note: the cell of the plan differs from the cell given, in {changed}")

@@ -11,16 +11,34 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.argument_kinds import NOT_NEGATIVE, check_count, check_number
+from planner.argument_kinds import (
+    ABOVE_0_TO_1,
+    NOT_NEGATIVE,
+    NumberRule,
+    check_count,
+    check_number,
+    shown,
+)
+from planner.exceptions import RequestError
 from planner.motion.move_time import JointRates, LeadingAxis, leading_axis, move_times
-from planner.motion.program_record import FixturedTour, Move, RobotProgram
+from planner.motion.program_record import LEAST_SPEED, FixturedTour, Move, RobotProgram
+from planner.robot.controller_axes import ControllerAxes
 from planner.setting.image_names import image_name
-
-HOME_TOLERANCE_RAD = 0.01
-"""A program starts only if each joint is within this much of home."""
 
 N_AXES = 6
 """Joints of the robot; behind them may be the angle of a turntable."""
+
+LEAST_SPEEDS = {"krl": 0.01}
+"""Least share of the speeds that a language can say, where that is more than `LEAST_SPEED`: KRL has whole percents."""
+
+LEAST_RATE = 1e-4
+"""Least speed, rad/s, and acceleration, rad/s², of a joint that a program states."""
+
+# controllers count milliseconds; a pulse of RAPID lasts 2000 s at most
+_LEAST_S = 0.001
+_MOST_S = {"settle_s": 3600.0, "pulse_s": 2000.0, "timeout_s": 3600.0}
+
+NO_HOME_CHECK = "This file does not check where the robot stands: whoever drives it must."
 
 CAUTION = "Run at reduced speed first. Checked against the model of the cell only."
 
@@ -32,15 +50,15 @@ class CameraSignals:
     Parameters
     ----------
     settle_s : float
-        Wait after each stop, s.
+        Wait after each stop, s: 0, or from 0.001 to 3600. Programs state milliseconds.
     trigger_output : int
         Number of the digital output that triggers the camera.
     ready_input : int
         Number of the digital input at which the camera says that the image is taken.
     pulse_s : float
-        Length of the trigger, s.
+        Length of the trigger, from 0.001 to 2000 s.
     timeout_s : float
-        The program stops if the camera is silent for longer, s.
+        The program stops if the camera is silent for longer: from 0.001 to 3600 s.
 
     Raises
     ------
@@ -61,10 +79,58 @@ class CameraSignals:
     timeout_s: float = 10.0
 
     def __post_init__(self) -> None:
-        for name in ("settle_s", "pulse_s", "timeout_s"):
-            check_number(name, getattr(self, name), NOT_NEGATIVE)
+        for name, most in _MOST_S.items():
+            seconds = check_number(name, getattr(self, name), NOT_NEGATIVE)
+            if seconds != 0.0 or name != "settle_s":
+                check_number(name, seconds, _from_to(_LEAST_S, most, name == "settle_s"))
         for name in ("trigger_output", "ready_input"):
             check_count(name, getattr(self, name), 0, 4096)
+
+
+def _from_to(least: float, most: float, or_zero: bool) -> NumberRule:
+    text = f"must be {'0, or ' if or_zero else ''}from {least:g} to {most:g} s"
+    return NumberRule(text, lambda number: least <= number <= most)
+
+
+def check_program_speed(speed: float, language: str) -> None:
+    """Refuse a share of the speeds that a language cannot say.
+
+    Parameters
+    ----------
+    speed : float
+        The share.
+    language : str
+        Name of the format.
+
+    Raises
+    ------
+    RequestError
+        If it is too small.
+    """
+    check_number("speed", speed, ABOVE_0_TO_1)
+    least = LEAST_SPEEDS.get(language, LEAST_SPEED)
+    if speed < least:
+        rule = f"must be at least {least:g} for {language}"
+        raise RequestError.of_rule("speed", rule, f"{speed:g}")
+
+
+def time_text(seconds: float) -> str:
+    """Return seconds to a millisecond, without an exponent."""
+    return f"{seconds:.3f}".rstrip("0").rstrip(".")
+
+
+def rate_text(value: float, name: str) -> str:
+    """Return a speed in rad/s or an acceleration in rad/s² without an exponent.
+
+    Raises
+    ------
+    RequestError
+        If it is less than a controller drives at.
+    """
+    if value < LEAST_RATE:
+        rule = f"must be at least {LEAST_RATE:g} for the slowest joint"
+        raise RequestError.of_rule(name, rule, shown(value))
+    return f"{value:.6f}" if value >= 1.0 else f"{value:.9f}"
 
 
 @dataclass(frozen=True)
@@ -75,13 +141,16 @@ class Drive:
     ----------
     joints : array (k,)
         Where it ends, rad.
+    axes : array (k,)
+        The same as the controller counts, rad.
     seconds : float
         Its time.
     lead : LeadingAxis
-        Rates of the joint that turns farthest.
+        Rates of the controller's axis that turns farthest.
     """
 
     joints: np.ndarray
+    axes: np.ndarray
     seconds: float
     lead: LeadingAxis
 
@@ -109,20 +178,26 @@ class Picture:
         return self.image.rpartition(".")[0]
 
 
-def steps_of(tour: FixturedTour, rates: JointRates) -> Iterator[Drive | Picture]:
+def steps_of(tour: FixturedTour, program: RobotProgram) -> Iterator[Drive | Picture]:
     """Yield the moves and images of a round in their order; it begins and ends at home."""
+    rates = program.rates_of(tour)
     for stop in tour.stops:
-        yield from _drives(stop.move, rates)
+        yield from _drives(stop.move, rates, program.controller)
         yield Picture(stop.setting_idx)
-    yield from _drives(tour.back, rates)
+    yield from _drives(tour.back, rates, program.controller)
 
 
-def _drives(move: Move, rates: JointRates) -> Iterator[Drive]:
+def _drives(move: Move, rates: JointRates, controller: ControllerAxes) -> Iterator[Drive]:
     for start, end in pairwise(move.joints):
         # a move to where the robot stands is none
-        if not np.array_equal(start, end):
-            seconds = float(move_times(start, end, rates))
-            yield Drive(end, seconds, leading_axis(start, end, rates))
+        if np.array_equal(start, end):
+            continue
+        joints = leading_axis(start, end, rates)
+        axes = controller.of(end)
+        # an axis that is coupled may turn farther than any joint, in the same time
+        farther = np.abs(axes - controller.of(start)).max() / np.abs(end - start).max()
+        lead = LeadingAxis(joints.speed * farther, joints.acceleration * farther)
+        yield Drive(end, axes, float(move_times(start, end, rates)), lead)
 
 
 def head_lines(program: RobotProgram, made: date) -> list[str]:
@@ -142,8 +217,10 @@ def head_lines(program: RobotProgram, made: date) -> list[str]:
         *(f"Digest of the {name}: {value}" for name, value in program.digests.items()),
         "Joints: " + ", ".join(plain(name, 40) for name in program.joint_names),
         f"Settings: {program.n_stops}; moves take {program.seconds:.1f} s at the program's speed, "
-        f"which is {100 * program.speed:.0f} % of the joints' speeds",
+        f"which is {100 * program.speed:.3g} % of the joints' speeds",
         *(_turntable_lines(program)),
+        *_axes_lines(program),
+        *_home_lines(program),
         f"Every move keeps {program.keep_mm:g} mm to part and obstacles in the model.",
         *(_flange_line(program)),
         *(
@@ -154,6 +231,27 @@ def head_lines(program: RobotProgram, made: date) -> list[str]:
         *(f"Warning: {plain(text, 160)}" for text in program.warnings),
     ]
     return lines
+
+
+def _axes_lines(program: RobotProgram) -> Iterator[str]:
+    for text in program.controller.texts():
+        yield f"{text[0].upper()}{text[1:]}."
+
+
+def _home_lines(program: RobotProgram) -> list[str]:
+    """Return what the operator must know of the start."""
+    tolerance = program.start.tolerance_rad
+    return [
+        f"Start with each axis within {tolerance:g} rad ({np.degrees(tolerance):.2g} degrees) of home. "
+        f"From there every way to home keeps {program.keep_mm:g} mm in the model.",
+        "The way to home from elsewhere is not checked: the operator drives there by hand, or looks "
+        "whether the way is free.",
+    ]
+
+
+def tolerance_deg(program: RobotProgram) -> str:
+    """Return how far an axis may be from home, in degrees, rounded down."""
+    return f"{np.floor(np.degrees(program.start.tolerance_rad) * 1e4) / 1e4:.4f}"
 
 
 def _turntable_lines(program: RobotProgram) -> Iterator[str]:

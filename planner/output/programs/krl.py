@@ -9,7 +9,6 @@ import numpy as np
 
 from planner.motion.program_record import FixturedTour, RobotProgram
 from planner.output.programs.driving import (
-    HOME_TOLERANCE_RAD,
     N_AXES,
     CameraSignals,
     Drive,
@@ -17,7 +16,11 @@ from planner.output.programs.driving import (
     head_lines,
     plain,
     steps_of,
+    time_text,
+    tolerance_deg,
 )
+
+_SLOW_PERCENT = 1
 
 
 def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
@@ -32,7 +35,7 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     made : date
         The day, for the head.
     """
-    percent = max(1, math.floor(100 * program.speed))
+    percent = max(1, math.floor(100 * program.speed + 1e-9))
     lines = [
         "DEF inspection( )",
         *(f"; {line}" for line in head_lines(program, made)),
@@ -40,19 +43,11 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         "; $VEL_AXIS is a share of this controller's speeds, so times differ from those above.",
         "INT i",
         "BAS(#INITMOV,0)",
-        "FOR i=1 TO 6",
-        f"  $VEL_AXIS[i]={percent}",
-        f"  $ACC_AXIS[i]={percent}",
-        "ENDFOR",
     ]
     if program.turns:
-        lines += [
-            "; E1 is the turntable, in degrees; 0 is where the part is put on it.",
-            f"$VEL_EXTAX[1]={percent}",
-            f"$ACC_EXTAX[1]={percent}",
-        ]
+        lines.append("; E1 is the turntable, in degrees; 0 is where the part is put on it.")
     for tour in program.tours:
-        lines += _round(tour, program, signals)
+        lines += _round(tour, program, signals, percent)
     return "\n".join([*lines, "END"]) + "\n"
 
 
@@ -66,38 +61,53 @@ def _named(joints: np.ndarray) -> list[tuple[str, str]]:
     return list(zip(names, degrees(joints), strict=False))
 
 
-def _round(tour: FixturedTour, program: RobotProgram, signals: CameraSignals) -> list[str]:
+def _speeds(percent: int, turns: bool) -> list[str]:
+    """Return the statements that set the shares of the axes' speeds and accelerations."""
+    lines = [
+        "FOR i=1 TO 6",
+        f"  $VEL_AXIS[i]={percent}",
+        f"  $ACC_AXIS[i]={percent}",
+        "ENDFOR",
+    ]
+    return [*lines, f"$VEL_EXTAX[1]={percent}", f"$ACC_EXTAX[1]={percent}"] if turns else lines
+
+
+def _round(
+    tour: FixturedTour, program: RobotProgram, signals: CameraSignals, percent: int
+) -> list[str]:
+    home = program.controller.of(program.home_of(tour))
     lines = [
         f"; Put the part in fixturing {plain(tour.fixturing, 40)}, then start again.",
         "HALT",
-        *_home_check(program.home_of(tour)),
-        # the first move is to where the robot stands, as the controller asks for it
-        f"PTP {_axes(program.home_of(tour))}",
+        *_home_check(home, tolerance_deg(program)),
+        *_speeds(_SLOW_PERCENT, program.turns),
+        f"PTP {_axes(home)}",
+        *_speeds(percent, program.turns),
     ]
-    for step in steps_of(tour, program.rates_of(tour)):
+    for step in steps_of(tour, program):
         if isinstance(step, Drive):
-            lines.append(f"PTP {_axes(step.joints)}")
+            lines.append(f"PTP {_axes(step.axes)}")
         else:
             lines += [
                 f"; {step.image}",
-                f"WAIT SEC {signals.settle_s:g}",
+                f"WAIT SEC {time_text(signals.settle_s)}",
                 f"$OUT[{signals.trigger_output}]=TRUE",
-                f"WAIT SEC {signals.pulse_s:g}",
+                f"WAIT SEC {time_text(signals.pulse_s)}",
                 f"$OUT[{signals.trigger_output}]=FALSE",
                 f"WAIT FOR $IN[{signals.ready_input}]",
             ]
     return lines
 
 
-def _home_check(home: np.ndarray) -> list[str]:
-    """Return a loop that halts until the robot stands at home."""
-    tolerance = math.degrees(HOME_TOLERANCE_RAD)
+def _home_check(home: np.ndarray, tolerance: str) -> list[str]:
+    """Return a halt where the robot is not at home; who starts again answers for the way there."""
     far = " OR ".join(
-        f"(ABS($AXIS_ACT.{axis}-({value}))>{tolerance:.3f})" for axis, value in _named(home)
+        f"(ABS($AXIS_ACT.{axis}-({value}))>{tolerance})" for axis, value in _named(home)
     )
     return [
-        f"WHILE {far}",
-        "  ; The robot must stand at home: drive it there by hand, then start again.",
+        f"IF {far} THEN",
+        "  ; The robot is not at home, and the way there is not checked.",
+        "  ; Drive there by hand. Or start again only if the way is free: the robot drives there slowly.",
         "  HALT",
-        "ENDWHILE",
+        "ENDIF",
     ]

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from datetime import date
 
 import numpy as np
 
 from planner.motion.program_record import FixturedTour, RobotProgram
 from planner.output.programs.driving import (
-    HOME_TOLERANCE_RAD,
     N_AXES,
     CameraSignals,
     Drive,
@@ -17,10 +15,13 @@ from planner.output.programs.driving import (
     head_lines,
     plain,
     steps_of,
+    time_text,
+    tolerance_deg,
 )
 
 _NO_AXIS = "9E9"
 _N_EXTERNAL = 6
+_LEAST_S = 0.001
 
 
 def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
@@ -36,7 +37,11 @@ def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
         The day, for the head.
     """
     home = np.append(program.home, 0.0) if program.turns else program.home
-    targets = [f"  CONST jointtarget jHome:={_target(home)};"]
+    targets = [
+        f"  CONST jointtarget jHome:={_target(program.controller.of(home))};",
+        # of the tool in mm/s and degrees/s; the other numbers are of external axes
+        "  CONST speeddata vHome:=[100,5,100,5];",
+    ]
     body: list[str] = []
     for tour in program.tours:
         _add_round(tour, program, targets, body)
@@ -50,7 +55,8 @@ def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
         "  PROC main()",
         *body,
         "  ENDPROC",
-        *_procedures(signals, program.turns),
+        *_go_home(program),
+        *_take_image(signals),
         "ENDMODULE",
     ]
     return "\n".join(lines) + "\n"
@@ -68,41 +74,61 @@ def _add_round(
 ) -> None:
     """Add the targets and the statements of a round."""
     body.append(f'    UIMsgBox "Part in fixturing {plain(tour.fixturing, 40)}?";')
-    body.append("    CheckHome;")
-    for step in steps_of(tour, program.rates_of(tour)):
+    body.append("    GoHome;")
+    for step in steps_of(tour, program):
         if isinstance(step, Drive):
-            name = f"j{len(targets):04d}"
-            targets.append(f"  CONST jointtarget {name}:={_target(step.joints)};")
-            body.append(f"    MoveAbsJ {name},v1000\\T:={step.seconds:.3f},fine,tool0;")
+            name = f"j{len(targets) - 1:04d}"
+            targets.append(f"  CONST jointtarget {name}:={_target(step.axes)};")
+            # the controller drives in no time of 0
+            seconds = max(step.seconds, _LEAST_S)
+            body.append(f"    MoveAbsJ {name},v1000\\T:={seconds:.3f},fine,tool0;")
         else:
             body.append(f'    TakeImage "{step.image}";')
 
 
-def _procedures(signals: CameraSignals, turns: bool) -> list[str]:
-    """Return the check of home, and how an image is taken."""
-    tolerance = math.degrees(HOME_TOLERANCE_RAD)
-    far = [f"Abs(now.robax.rax_{k}-jHome.robax.rax_{k})>{tolerance:.3f}" for k in range(1, 7)]
-    if turns:
-        far.append(f"Abs(now.extax.eax_a-jHome.extax.eax_a)>{tolerance:.3f}")
+def _go_home(program: RobotProgram) -> list[str]:
+    """Return how the robot is driven to home: from near it, or where the operator lets it."""
+    tolerance = tolerance_deg(program)
+    far = [f"Abs(now.robax.rax_{k}-jHome.robax.rax_{k})>{tolerance}" for k in range(1, 7)]
+    if program.turns:
+        far.append(f"Abs(now.extax.eax_a-jHome.extax.eax_a)>{tolerance}")
     return [
-        "  PROC CheckHome()",
+        "  PROC GoHome()",
         "    VAR jointtarget now;",
+        "    VAR bool isFar:=FALSE;",
+        "    VAR btnres answer;",
         "    now:=CJointT();",
         *(
             line
             for test in far
             for line in (
                 f"    IF {test} THEN",
-                '      TPWrite "The robot must stand at home.";',
-                "      EXIT;",
+                "      isFar:=TRUE;",
                 "    ENDIF",
             )
         ),
+        "    IF isFar THEN",
+        '      UIMsgBox\\Header:="The robot is not at home",'
+        '"The way to home is not checked."'
+        '\\MsgLine2:="OK: it is free, drive there slowly."'
+        '\\MsgLine3:="Cancel: stop the program."'
+        "\\Buttons:=btnOKCancel\\Icon:=iconWarning\\Result:=answer;",
+        "      IF answer<>resOK THEN",
+        "        EXIT;",
+        "      ENDIF",
+        "    ENDIF",
+        "    MoveAbsJ jHome,vHome,fine,tool0;",
         "  ENDPROC",
+    ]
+
+
+def _take_image(signals: CameraSignals) -> list[str]:
+    """Return how an image is taken."""
+    return [
         "  PROC TakeImage(string name)",
-        f"    WaitTime\\InPos,{signals.settle_s:g};",
+        f"    WaitTime\\InPos,{time_text(signals.settle_s)};",
         "    TPWrite name;",
-        f"    PulseDO\\PLength:={signals.pulse_s:g},doCamera;",
-        f"    WaitDI diCamera,1\\MaxTime:={signals.timeout_s:g};",
+        f"    PulseDO\\PLength:={time_text(signals.pulse_s)},doCamera;",
+        f"    WaitDI diCamera,1\\MaxTime:={time_text(signals.timeout_s)};",
         "  ENDPROC",
     ]

@@ -17,7 +17,7 @@ import numpy as np
 from planner.motion.move_time import JointRates, profile
 from planner.motion.program_record import FixturedTour, Move, RobotProgram
 from planner.output.programs.driving import (
-    HOME_TOLERANCE_RAD,
+    NO_HOME_CHECK,
     CameraSignals,
     Picture,
     head_lines,
@@ -37,9 +37,9 @@ def ros_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         The day, for the head.
     """
     data = {
-        "about": head_lines(program, made),
+        "about": [*head_lines(program, made), NO_HOME_CHECK, *_driver_lines(program)],
         "joint_names": list(program.joint_names),
-        "start_at": {"positions": program.home.tolist(), "tolerance": HOME_TOLERANCE_RAD},
+        "start_at": _start_at(program.home, program),
         "rounds": [
             {
                 "fixturing": tour.fixturing,
@@ -64,11 +64,27 @@ def _start_of(tour: FixturedTour, program: RobotProgram) -> dict[str, Any]:
     """Return where a round with a turntable starts: there is one joint more than above."""
     if tour.turntable is None:
         return {}
-    positions = program.home_of(tour).tolist()
     return {
         "joint_names": list(program.names_of(tour)),
-        "start_at": {"positions": positions, "tolerance": HOME_TOLERANCE_RAD},
+        "start_at": _start_at(program.home_of(tour), program),
     }
+
+
+def _start_at(home: np.ndarray, program: RobotProgram) -> dict[str, Any]:
+    """Return home, how near it the robot must stand, and how fast it may be driven there."""
+    start = program.start
+    return {
+        "positions": home.tolist(),
+        "tolerance": start.tolerance_rad,
+        "speed_to_home": start.speed,
+    }
+
+
+def _driver_lines(program: RobotProgram) -> list[str]:
+    """Return whose task coupled axes are."""
+    if not program.controller.coupled:
+        return []
+    return ["All positions are joints of the URDF: the driver of the robot must couple its axes."]
 
 
 def _image(picture: Picture, signals: CameraSignals) -> dict[str, Any]:

@@ -9,13 +9,14 @@ import numpy as np
 from planner.exceptions import RequestError
 from planner.motion.program_record import FixturedTour, RobotProgram
 from planner.output.programs.driving import (
-    HOME_TOLERANCE_RAD,
     CameraSignals,
     Drive,
     head_lines,
     plain,
     radians,
+    rate_text,
     steps_of,
+    time_text,
 )
 
 
@@ -44,7 +45,8 @@ def urscript_text(program: RobotProgram, signals: CameraSignals, made: date) -> 
         *(f"# {line}" for line in head_lines(program, made)),
         "# Send it as a whole to port 30002, or load it as a script file and call inspection().",
         "def inspection():",
-        f"  home = {_joints(program.home)}",
+        f"  home = {_joints(program.controller.of(program.home))}",
+        *_home_function(program),
         *_functions(signals),
     ]
     for tour in program.tours:
@@ -56,34 +58,48 @@ def _joints(joints: np.ndarray) -> str:
     return f"[{', '.join(radians(joints))}]"
 
 
+def _home_function(program: RobotProgram) -> list[str]:
+    """Return a function that drives to home: from near it, or where the operator lets it."""
+    words = "The robot is not at home. The way there is not checked. Continue only if it is free."
+    speed = rate_text(program.start.speed, "speed")
+    acceleration = rate_text(float(program.rates.accelerations.min()), "accelerations")
+    return [
+        "  def go_home(joints):",
+        "    actual = get_actual_joint_positions()",
+        "    is_far = False",
+        "    i = 0",
+        "    while i < 6:",
+        f"      if norm(actual[i] - joints[i]) > {program.start.tolerance_rad:g}:",
+        "        is_far = True",
+        "      end",
+        "      i = i + 1",
+        "    end",
+        "    if is_far:",
+        f'      popup("{words}", title="inspection", warning=True, blocking=True)',
+        "    end",
+        f"    movej(joints, a={acceleration}, v={speed})",
+        "  end",
+    ]
+
+
 def _functions(signals: CameraSignals) -> list[str]:
-    """Return the local functions: a stop, the check of home, and an image."""
+    """Return the local functions: a stop, and an image."""
     return [
         "  def stop_with(reason):",
         '    popup(reason, title="inspection", error=True, blocking=True)',
         "    halt",
         "  end",
-        "  def check_home(joints):",
-        "    actual = get_actual_joint_positions()",
-        "    i = 0",
-        "    while i < 6:",
-        f"      if norm(actual[i] - joints[i]) > {HOME_TOLERANCE_RAD:g}:",
-        '        stop_with("The robot must stand at home.")',
-        "      end",
-        "      i = i + 1",
-        "    end",
-        "  end",
         "  def take_image(name):",
-        f"    sleep({signals.settle_s:g})",
+        f"    sleep({time_text(signals.settle_s)})",
         "    textmsg(name)",
         f"    set_standard_digital_out({signals.trigger_output}, True)",
-        f"    sleep({signals.pulse_s:g})",
+        f"    sleep({time_text(signals.pulse_s)})",
         f"    set_standard_digital_out({signals.trigger_output}, False)",
         "    waited = 0",
         f"    while not get_standard_digital_in({signals.ready_input}):",
         "      sleep(0.01)",
         "      waited = waited + 0.01",
-        f"      if waited > {signals.timeout_s:g}:",
+        f"      if waited > {time_text(signals.timeout_s)}:",
         '        stop_with("The camera does not answer.")',
         "      end",
         "    end",
@@ -96,12 +112,13 @@ def _round(tour: FixturedTour, program: RobotProgram) -> list[str]:
     lines = [
         f"  # fixturing {name}",
         f'  popup("Part in fixturing {name}?", title="inspection", blocking=True)',
-        "  check_home(home)",
+        "  go_home(home)",
     ]
-    for step in steps_of(tour, program.rates):
+    for step in steps_of(tour, program):
         if isinstance(step, Drive):
-            rates = f"a={step.lead.acceleration:.6f}, v={step.lead.speed:.6f}"
-            lines.append(f"  movej({_joints(step.joints)}, {rates})")
+            acceleration = rate_text(step.lead.acceleration, "accelerations")
+            speed = rate_text(step.lead.speed, "speed")
+            lines.append(f"  movej({_joints(step.axes)}, a={acceleration}, v={speed})")
         else:
             lines.append(f'  take_image("{step.image}")')
     return lines

@@ -12,7 +12,7 @@ from planner.argument_kinds import check_kinds, shown
 from planner.exceptions import RequestError
 from planner.files import write_text
 from planner.motion.program_record import RobotProgram
-from planner.output.programs.driving import CameraSignals
+from planner.output.programs.driving import CameraSignals, check_program_speed
 from planner.output.programs.krl import krl_text
 from planner.output.programs.rapid import rapid_text
 from planner.output.programs.ros_trajectory import ros_text
@@ -75,7 +75,8 @@ def program_text(
     Raises
     ------
     RequestError
-        If the format is unknown, or an argument has the wrong type.
+        If the format is unknown, an argument has the wrong type, or the language cannot say the
+        program's speed.
 
     Examples
     --------
@@ -91,6 +92,7 @@ def program_text(
     if format not in _WRITERS:
         rule = f"must be one of {', '.join(_WRITERS)}"
         raise RequestError.of_rule("format", rule, shown(format))
+    check_program_speed(program.speed, format)
     given = CameraSignals() if signals is None else signals
     return _WRITERS[format](program, given, date.today() if made is None else made)
 

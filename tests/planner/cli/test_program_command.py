@@ -71,6 +71,14 @@ def test_a_plan_out_of_reach_is_not_done(capsys):
     ("words", "message"),
     [
         (["--speed", "0"], "--speed must be in (0, 1]. Got 0."),
+        (
+            ["--speed", "0.001", "--format", "krl"],
+            "--speed must be at least 0.01 for krl. Got 0.001.",
+        ),
+        (["--speed", "1e-9"], "--speed must be at least 0.001 for urscript. Got 1e-09."),
+        (["--speed", "1e-300", "--format", "json"], "--speed must be at least 0.001 for json."),
+        (["--settle", "1e300"], "--settle must be 0, or from 0.001 to 3600 s. Got 1e+300."),
+        (["--settle", "1e-9"], "--settle must be 0, or from 0.001 to 3600 s. Got 1e-09."),
         (["--speed", "150%"], "--speed must be in (0, 1]. Got 1.5."),
         (["--settle", "-1"], "--settle must be finite and not negative. Got -1."),
         (["--sigma-joints", "-1"], "--sigma-joints must be finite and not negative. Got -1."),

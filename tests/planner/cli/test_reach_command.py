@@ -281,3 +281,13 @@ def test_a_plan_for_a_cell_is_planned_again_with_its_cell(planned, tmp_path, cap
     assert first == second
     without = ["plan", "--again", PLAN, "--out", str(tmp_path / "none"), "--quiet"]
     assert main([*without, "--cell", path]) == 2
+
+
+@pytest.mark.parametrize("command", ["reach", "program"])
+def test_another_part_is_refused_although_the_plan_has_no_digest(command, tmp_path, capsys):
+    assert "request" not in json.loads(Path(PLAN).read_text("utf-8"))
+    other = str(EXAMPLES / "nist_ctc_01_ap242.stp")
+    assert main([command, PLAN, other, "--cell", cell_file(tmp_path), "--quiet"]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "the part must be the one that was planned. Got" in line
+    assert "which has no edge at 'e1'" in line

@@ -8,7 +8,14 @@ from robot_cells import TABLE, made_cell, pose, views
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import Solid
-from planner import ArmUncertainty, Fixturing, InspectionPlan, PoseUncertainty, robot_program
+from planner import (
+    ArmUncertainty,
+    Fixturing,
+    InspectionPlan,
+    PoseUncertainty,
+    default_workspace,
+    robot_program,
+)
 
 SIZE = np.array([200.0, 120.0, 80.0])
 HOME = (0.0, -1.9, 1.7, 0.0, 1.57, 0.0)
@@ -46,7 +53,7 @@ def plan_of(poses, **changes):
         "pose_uncertainty": UNCERTAINTY,
         "accuracy": 0.98,
         "probability": 0.9,
-        "workspace": np.array([[-900.0] * 3, [900.0] * 3]),
+        "workspace": default_workspace(block(), CAMERA),
         "part": "block",
     }
     return InspectionPlan(**{**fields, **changes})

@@ -1,7 +1,7 @@
 """From a plan to a program: every setting reached, every move free at a fine step, P stated again."""
 
 import json
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -26,9 +26,11 @@ from planner import (
     InspectionPlan,
     PoseUncertainty,
     RequestError,
+    program_text,
     robot_program,
     simulate_setting,
 )
+from planner.identity.planned_part import other_part, part_note
 from planner.motion.detour import Detours
 from planner.motion.move_time import move_times
 from planner.motion.stated_probability import stated_probabilities
@@ -272,3 +274,92 @@ def test_a_quarter_turn_of_the_whole_cell_changes_no_time():
         np.testing.assert_allclose(
             stop.joints - other.joints, [np.pi / 2, 0, 0, 0, 0, 0], atol=1e-6
         )
+
+
+def near_home(gap, clearance):
+    """A cell with a post beside the camera at home, so far away; its program."""
+    known = cell()
+    corners = np.concatenate(
+        [
+            points
+            for name, moves, points, _ in known.shapes(np.array(HOME), "up")
+            if name == "camera"
+        ]
+    )
+    side = corners[:, 1].min() - gap
+    middle = corners.mean(axis=0)
+    post = Box((middle[0] - 20, side - 20, middle[2] - 20), (middle[0] + 20, side, middle[2] + 20))
+    fixturings = {"up": Fixturing(FIXTURINGS["up"].part2base, {"table": TABLE, "post": post})}
+    return made_cell(fixturings=fixturings, home=HOME, clearance_mm=clearance)
+
+
+def test_all_joints_within_the_tolerance_of_home_are_free():
+    """Corners of the box of joints and draws in it, by the exact distances: half the clearance is kept."""
+    own = near_home(4.2, clearance=4.0)
+    plan = plan_of(reached_poses()[up_settings()])
+    found = robot_program(plan, block(), own)
+    tolerance = found.start.tolerance_rad
+    # 2.2 mm are left of 4.2 at home: less than 0.01 rad moves a camera that is 0.5 m away
+    assert 1e-4 <= tolerance < 0.01
+    known = own.with_part(block())
+    corners = np.array(list(product((-1.0, 1.0), repeat=6)))
+    draws = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 6))
+    box = np.array(HOME) + tolerance * np.concatenate([corners, draws])
+    assert (known.slack_bound(box, "up", 1.0, share=0.5) >= 0).all()
+    # what was let pass before is not free
+    wide = np.array(HOME) + 0.01 * corners
+    assert (known.slack_bound(wide, "up", 1.0, share=0.5) < 0).any()
+    assert f"> {tolerance:g}:" in program_text(found, "urscript")
+
+
+def up_settings():
+    return [stop.setting_idx for tour, stop in stops(program()) if tour.fixturing == "up"]
+
+
+def test_far_from_everything_the_largest_tolerance_holds():
+    assert program().start.tolerance_rad == 0.01
+
+
+def test_a_home_that_touches_nothing_only_if_no_joint_is_off_is_refused():
+    plan = plan_of(reached_poses()[up_settings()])
+    tight = near_home(0.05, clearance=0.0)
+    with pytest.raises(RequestError, match=r"cell\.home must stay free if each axis is 0.0001 rad"):
+        robot_program(plan, block(), tight)
+
+
+@pytest.mark.parametrize("speed", [float("nan"), float("inf"), 1e-300, 0.0009])
+def test_speeds_of_nothing_are_refused(speed):
+    with pytest.raises(RequestError, match="speed must be "):
+        robot_program(plan_of(reached_poses()[:1]), block(), cell(), speed=speed)
+
+
+def moved_block():
+    corners = block().vertices + np.array([0.0, 0.0, 1.0])
+    return type(block())(corners, [face.loops[0] for face in block().faces])
+
+
+def longer_block():
+    corners = block().vertices * [1.0, 1.0, 2.0] - [0.0, 0.0, 80.0]
+    return type(block())(corners, [face.loops[0] for face in block().faces])
+
+
+def test_without_a_digest_another_part_is_told_by_its_edges():
+    """The block moved up by 1 mm has no edge where the plan has one."""
+    plan = plan_of(reached_poses()[:1])
+    assert not plan.request
+    with pytest.raises(RequestError, match=r"solid must be the part of the plan. Got '.*', which"):
+        robot_program(plan, moved_block(), cell())
+
+
+def test_without_a_digest_an_equal_edge_leaves_a_doubt():
+    """A block twice as long has the same upper edges, but another box: so its workspace would differ."""
+    plan = plan_of(reached_poses()[:1])
+    assert other_part(plan, longer_block()) == ""
+    assert "only its edges were compared" in part_note(plan, longer_block())
+    assert part_note(plan, block()) == ""
+
+
+def test_nothing_to_compare_is_refused():
+    bare = plan_of([], entities={})
+    with pytest.raises(RequestError, match=r"plan must hold the digest .* plan the part again"):
+        other_part(bare, block())

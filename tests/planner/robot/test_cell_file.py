@@ -141,3 +141,23 @@ def test_a_camera_body_is_a_list(tmp_path):
         RobotError, match=r"lens must be a field|must be written \[\[camera_body\]\]"
     ):
         Cell.from_toml(path)
+
+
+def test_axes_of_the_controller(tmp_path):
+    line = 'tip = "tool0"'
+    fields = f"{line}\ncoupled = [[3, 2, 1.0]]\naxis_limits_deg = [[3, -60.0, 190.0]]"
+    axes = Cell.from_toml(written(tmp_path, [(line, fields)])).robot.controller
+    assert axes.coupled == ((3, 2, 1.0),)
+    np.testing.assert_allclose(np.degrees(axes.limits[0][1:]), (-60.0, 190.0))
+    for wrong, message in (
+        ("coupled = [[3, 3, 1.0]]", "coupled must name another joint, from 1 to 6. Got"),
+        ("coupled = 3", "coupled must hold three numbers each"),
+        ("axis_limits_deg = [[3, -60.0]]", "robot.axis_limits_deg must be 3 finite numbers"),
+        ("axis_limits_deg = [[3, 60.0, 50.0]]", "axis_limits must go from a smaller angle"),
+        (
+            "axis_limits_deg = [[3, 0.0, 5.0]]",
+            "home must be free.*axis of the controller is beyond",
+        ),
+    ):
+        with pytest.raises(RobotError, match=message):
+            Cell.from_toml(written(tmp_path, [(line, f"{line}\n{wrong}")]))

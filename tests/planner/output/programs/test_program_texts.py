@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+from dataclasses import replace
 from datetime import date
 
 import numpy as np
@@ -12,6 +13,7 @@ from robot_cells import CAM2FLANGE
 from robot_programs import FIXTURINGS, HOME, cell, plan_of, program, reached_poses
 
 from planner import CameraSignals, OutputError, RequestError, program_text, write_program
+from planner.motion.move_time import JointRates, move_times
 from planner.output.programs import FORMATS
 from planner.output.programs.driving import plain
 
@@ -153,13 +155,19 @@ def test_the_head(language):
         assert name in written
 
 
-def test_urscript_stops_unless_the_robot_stands_at_home():
+def test_urscript_asks_unless_the_robot_stands_at_home_and_drives_there_first():
     script = text("urscript")
     home = re.search(r"home = \[(.*)\]", script)
     np.testing.assert_allclose(numbers(home[1]), HOME, atol=1e-8)
     for part in re.split(r"\n  # fixturing ", script)[1:]:
-        assert part.index("check_home(home)") < part.index("movej")
-    assert re.search(r"> 0\.01:\s+stop_with\(.*\)", script)
+        assert part.index("go_home(home)") < part.index("movej")
+    check = script[script.index("def go_home") : script.index("def stop_with")]
+    tolerance = program().start.tolerance_rad
+    assert f"> {tolerance:g}:\n        is_far = True" in check
+    # the operator answers for a way that is not checked, then the drive is slow
+    assert re.search(r"if is_far:\s+popup\(.*not checked.*blocking=True\)\s+end\s+movej", check)
+    speed = float(re.search(r"movej\(joints, a=.*, v=(.*)\)", check)[1])
+    assert speed * cell().levers_mm.sum() <= 250.0
     assert re.search(r"def stop_with.*?halt\s+end", script, re.DOTALL)
 
 
@@ -194,23 +202,34 @@ def test_rapid_times_and_blocks():
     for opening, closing in (("PROC ", "ENDPROC"), ("IF ", "ENDIF"), ("MODULE ", "ENDMODULE")):
         lines = [line.strip() for line in module.splitlines()]
         assert sum(line.startswith(opening) for line in lines) == lines.count(closing)
-    for statement in re.findall(r"^    \w.*$", module, re.MULTILINE):
+    for statement in re.findall(r"^ {4,8}\w.*$", module, re.MULTILINE):
         is_block = statement.strip().startswith(("IF", "ENDIF"))
         assert is_block or statement.endswith(";")
     main = module[module.index("PROC main") :]
-    assert main.index("CheckHome;") < main.index("MoveAbsJ")
-    assert len(re.findall(r"Abs\(now\.robax\.rax_\d-jHome\.robax\.rax_\d\)>0\.573", module)) == 6
+    assert main.index("GoHome;") < main.index("MoveAbsJ")
+    limits = re.findall(r"Abs\(now\.robax\.rax_(\d)-jHome\.robax\.rax_\1\)>([\d.]+) THEN", module)
+    assert [int(axis) for axis, _ in limits] == [1, 2, 3, 4, 5, 6]
+    # rounded down: what the program lets pass is within what is proven
+    proven = np.degrees(program().start.tolerance_rad)
+    assert all(proven - 1e-4 <= float(limit) <= proven for _, limit in limits)
+    ask = module[module.index("PROC GoHome") : module.index("PROC TakeImage")]
+    assert re.search(r"IF answer<>resOK THEN\s+EXIT;", ask)
+    assert ask.index("EXIT;") < ask.index("MoveAbsJ jHome,vHome,fine,tool0;")
     assert all(len(name) <= 32 for name in re.findall(r"jointtarget (\w+):=", module))
 
 
 def test_krl_asks_for_home_before_each_round():
     source = text("krl")
     for part in source.split("; Put the part in fixturing")[1:]:
-        assert part.index("WHILE") < part.index("PTP")
-        loop = part[part.index("WHILE") : part.index("ENDWHILE")]
-        assert "HALT" in loop
-        angles = [float(a) for a in re.findall(r"\$AXIS_ACT\.A\d-\(([-\d.]+)\)", loop)]
-        np.testing.assert_allclose(np.radians(angles), HOME, atol=1e-7)
+        check, _, rest = part[part.index("IF ") :].partition("ENDIF")
+        assert "HALT" in check
+        found = re.findall(r"\$AXIS_ACT\.A\d-\(([-\d.]+)\)\)>([\d.]+)\)", check)
+        np.testing.assert_allclose(np.radians([float(a) for a, _ in found]), HOME, atol=1e-7)
+        proven = np.degrees(program().start.tolerance_rad)
+        assert all(proven - 1e-4 <= float(limit) <= proven for _, limit in found)
+        # the first move is the slow one to home
+        assert re.search(r"\$VEL_AXIS\[i\]=(\d+)", rest)[1] == "1"
+        assert rest.index("$VEL_AXIS[i]=1\n") < rest.index("PTP") < rest.index("$VEL_AXIS[i]=50")
     assert source.count("DEF ") == 1
     assert source.rstrip().endswith("END")
     assert "$VEL_AXIS[i]=50" in source
@@ -297,3 +316,88 @@ def test_bad_input(tmp_path):
         CameraSignals(settle_s=-1.0)
     with pytest.raises(RequestError, match="trigger_output must be an integer"):
         CameraSignals(trigger_output=1.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("settle_s", 1e300),
+        ("settle_s", 3600.1),
+        ("settle_s", 1e-300),
+        ("settle_s", 0.0009),
+        ("pulse_s", 0.0),
+        ("pulse_s", 2001.0),
+        ("timeout_s", 0.0),
+        ("timeout_s", 1e9),
+    ],
+)
+def test_times_that_no_controller_can_wait_are_refused(name, value):
+    with pytest.raises(RequestError, match=rf"{name} must be .*from 0\.001 to \d+ s\. Got"):
+        CameraSignals(**{name: value})
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "1"])
+def test_times_are_finite_numbers(value):
+    with pytest.raises(RequestError, match="settle_s must be finite and not negative"):
+        CameraSignals(settle_s=value)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_times_are_written_without_an_exponent(language):
+    signals = CameraSignals(settle_s=0.001, pulse_s=2000.0, timeout_s=3600.0)
+    written = program_text(program(), language, signals=signals)
+    assert not re.search(r"(?:sleep\(|InPos,|WAIT SEC |PLength:=|> )\d+(?:\.\d+)?e", written)
+
+
+def slower(share):
+    """The same moves at a share of the speeds; the writers only read their rates."""
+    rates = program().rates
+    return replace(
+        program(), speed=share, rates=JointRates(rates.speeds * share, rates.accelerations)
+    )
+
+
+@pytest.mark.parametrize(
+    ("language", "share", "least"),
+    [
+        ("krl", 0.0099, 0.01),
+        *((name, 0.0009, 0.001) for name in ("urscript", "rapid", "csv", "ros")),
+    ],
+)
+def test_speeds_that_a_language_cannot_say_are_refused(language, share, least):
+    with pytest.raises(RequestError, match=f"speed must be at least {least:g} for {language}"):
+        program_text(slower(share), language)
+    assert program_text(slower(least), language)
+
+
+def test_krl_never_drives_faster_than_asked():
+    for share, percent in ((0.01, 1), (0.019, 1), (0.29, 29), (1.0, 100)):
+        assert f"$VEL_AXIS[i]={percent}\n" in program_text(slower(share), "krl").split("PTP")[1]
+
+
+def test_urscript_writes_slow_rates_exactly():
+    """By the rule that times follow from the rates in the text, at the least speed as well."""
+    slow = slower(0.001)
+    here = np.array(HOME)
+    for match in re.finditer(r"movej\(\[(.*)\], a=(.*), v=(.*)\)", program_text(slow, "urscript")):
+        there = numbers(match[1])
+        way = np.abs(there - here).max()
+        seconds = way / float(match[3]) + float(match[3]) / float(match[2])
+        wanted = move_times(here, there, slow.rates)
+        assert seconds == pytest.approx(wanted, rel=1e-5)
+        here = there
+
+
+def test_urscript_refuses_rates_of_nothing():
+    tiny = replace(
+        program(), rates=JointRates(program().rates.speeds * 1e-9, program().rates.accelerations)
+    )
+    with pytest.raises(RequestError, match=r"speed must be at least 0\.0001 for the slowest joint"):
+        program_text(tiny, "urscript")
+
+
+def test_files_without_a_check_of_home_say_so():
+    for language in ("csv", "ros"):
+        assert "This file does not check where the robot stands" in text(language)
+    start = json.loads(text("ros"))["start_at"]
+    assert start["tolerance"] == program().start.tolerance_rad
