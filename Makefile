@@ -38,7 +38,7 @@ style:
 
 # two tests that run at once would both compile what they need
 compile:
-	$(BIN)/python -m compiled.leader
+	$(BIN)/python -m ground.leader
 
 pages:
 	$(BIN)/mkdocs build --strict --quiet
@@ -57,7 +57,7 @@ wheel:
 versions:
 	.ci/versions
 
-# compiled/loops.json: which loops are compiled ahead, and in which order
+# ground/loops.json: which loops are compiled ahead, and in which order
 loops: setup-demo
 	$(BIN)/python .ci/record_loops.py
 
@@ -85,4 +85,4 @@ sbom: setup-test
 
 clean:
 	rm -rf $(DEMO_OUT) build site *.egg-info
-	find aspectgraph compiled errors ga planner \( -name '*.nb[ic]' -o -name 'ahead-*' \) -delete
+	find aspectgraph ground errors ga planner \( -name '*.nb[ic]' -o -name 'ahead-*' \) -delete

@@ -167,7 +167,7 @@ def _of_programs(name: str, out: Path, options: list[str]) -> Iterator[tuple[str
 
 
 def _run(command: str, *arguments: str) -> None:
-    from planner.cli.main import main as run
+    from planner.app.main import main as run
 
     with redirect_stdout(io.StringIO()):
         code = run([command, *arguments, "--quiet"])

@@ -1,4 +1,4 @@
-"""Record which compiled loops plans need, for compiled/loops.json: run as ``make loops``.
+"""Record which compiled loops plans need, for ground/loops.json: run as ``make loops``.
 
 Some requests are planned without any machine code on disk. The first is the demo, so what a first plan needs comes
 first.
@@ -61,15 +61,15 @@ def main() -> None:
         os.environ["NUMBA_CACHE_DIR"] = folder
         loops = _recorded(Path(folder) / "plan")
     lines = ",\n".join(json.dumps(loop) for loop in loops)
-    (ROOT / "compiled" / "loops.json").write_text(f"[\n{lines}\n]\n")
+    (ROOT / "ground" / "loops.json").write_text(f"[\n{lines}\n]\n")
     print(f"{len(loops)} loops")
 
 
 def _recorded(out: Path) -> list[list[Any]]:
     from numba.core import event
 
-    from compiled.ahead import list_entry
-    from planner.cli.main import main as run
+    from ground.ahead import list_entry
+    from planner.app.main import main as run
 
     loops: dict[str, list[Any]] = {}
 

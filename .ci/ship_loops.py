@@ -12,7 +12,7 @@ import sysconfig
 import zipfile
 from pathlib import Path
 
-PLACE = "compiled/shipped"
+PLACE = "ground/shipped"
 
 
 def main(wheel: Path, folder: Path) -> None:

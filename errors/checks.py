@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeAlias
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,6 +14,30 @@ from errors.exceptions import (
     InvalidParameterError,
     InvalidShapeError,
 )
+
+# Names of the array types that the laws of errors use.
+
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+# A field that takes what is array-like and holds an array of float64 once it is built: no annotation says both.
+ArrayField: TypeAlias = Any
+
+
+# Square roots of covariance matrices, also singular ones.
+
+
+def covariance_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return S with S S' = covariance, for symmetric positive semi-definite matrices of shape (..., k, k).
+
+    The factor comes from the eigenvectors of the scale-free matrix, so it exists for singular covariances and does not
+    lose the rotations (rad2) beside the translations (mm2).
+    """
+    scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / (safe[..., :, None] * safe[..., None, :]))
+    return safe[..., :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+
 
 # An image segment shorter than this (mm, a thousandth of an atom) is the image of an edge seen end-on.
 MIN_IMAGE_LENGTH_MM = 1e-10

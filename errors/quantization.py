@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errors.arrays import ArrayField, FloatArray
-from errors.checks import check_finite, check_pixel_pitch, check_positive
+from errors.checks import ArrayField, FloatArray, check_finite, check_pixel_pitch, check_positive
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,11 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errors.arrays import FloatArray
-from errors.checks import check_covariance, check_endpoints, check_positive
-from errors.displacement import point_displacement
+from errors.checks import FloatArray, check_covariance, check_endpoints, check_positive
+from errors.displacement import image_segment, point_displacement
 from errors.exceptions import InvalidParameterError
-from errors.projection import image_segment
 from errors.quantization import SegmentQuantization
 
 # Half a period of the inversion in standard deviations, its largest number of nodes and where the sum may stop.

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.patheffects import withStroke
 
 from aspectgraph import build_aspect_graph, plot_graph, plot_section, read_entities, read_solid
-from aspectgraph.plot.hidden_lines import ParallelView, view_axes
+from aspectgraph.plot.picker import ParallelView, view_axes
 
 HERE = Path(__file__).parent
 DIRECTION = (0.9, 1.0, 0.75)

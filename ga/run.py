@@ -6,13 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ga import checks
+from ga import bits as checks
+from ga.bits import Brood, Feasible, Fitness, Sampler, evaluate, initial_population
 from ga.exceptions import ParameterError
-from ga.offspring import Breeding, next_generation
-from ga.population import Brood, Feasible, Fitness, Sampler, evaluate, initial_population
-from ga.record import Record, Stopping
-from ga.result import GAResult, Generation
-from ga.selection import SCALINGS, SELECTIONS
+from ga.operators import SCALINGS, SELECTIONS, Breeding, next_generation
+from ga.result import GAResult, Generation, Record, Stopping
 
 
 def maximize(

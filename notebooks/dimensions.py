@@ -41,7 +41,7 @@ from aspectgraph import read_dimensions, read_solid
 from errors.formatting import frequency_text, interval_text, probability_text
 from errors.measurands import Localisation, MeasurandModel, acceptance_limits, uncertainty_ratio
 from planner import Camera, Effort, PoseUncertainty, plan_inspection
-from planner.wanted import Dimension
+from planner.request.dimension import Dimension
 
 plt.rcParams.update({"figure.constrained_layout.use": True, "font.size": 9})
 PART = root / "examples" / "nist_ctc_01_ap242.stp"

@@ -11,9 +11,7 @@ from typing import Any
 
 from planner.argument_kinds import FROM_0_BELOW_1, POSITIVE_SECONDS, check_number
 from planner.exceptions import RequestError
-from planner.progress import Progress, report
-from planner.progress.time_left import TimeIsUpError as TimeIsUpError
-from planner.progress.time_left import TimeLeft
+from planner.progress import Progress, TimeIsUpError, TimeLeft, report
 
 REGIONS_SHARE = 0.5
 """Share of a time limit that the regions of visibility may take."""
@@ -146,12 +144,12 @@ class Callbacks:
     Parameters
     ----------
     on_stage : callable, optional
-        ``on_stage(name)`` is called when a stage of `planner.steps.stages` begins.
+        ``on_stage(name)`` is called when a stage of `planner.search.stages` begins.
     on_best : callable, optional
         ``on_best(plan)`` gets the best `InspectionPlan` so far whenever it, or its bound, is better.
     on_bound : callable, optional
         ``on_bound(bound, weights)`` gets every number of settings that is proven to be needed, and the weights of
-        targets that prove it, or None; see `planner.bound.proven.ProvenBound`.
+        targets that prove it, or None; see `planner.bound.dual_bound.ProvenBound`.
     progress : callable, optional
         ``progress(done, total, label)``.
     deadline : Deadline
@@ -202,3 +200,39 @@ class Callbacks:
 
 NOBODY = Callbacks()
 """Nobody is called, and nothing ends the work."""
+
+
+# How far a long piece of work has got, in entries by name.
+
+
+class Checkpoint:
+    """Entries by name that an interrupted piece of work goes on from.
+
+    Parameters
+    ----------
+    kept : dict, optional
+        The entries of earlier work for the same request.
+    keep : callable, optional
+        ``keep(entries)`` gets all entries after each change; see `planner.plan_file.packed` for what they may
+        hold.
+    """
+
+    def __init__(
+        self,
+        kept: dict[str, Any] | None = None,
+        keep: Callable[[dict[str, Any]], None] | None = None,
+    ):
+        self._keep = keep
+        self._kept = kept or {}
+        # an entry that is not replaced still holds
+        self._entries = dict(self._kept)
+
+    def get(self, name: str) -> Any:
+        """Return the last entry of the earlier work under a name, or None."""
+        return self._kept.get(name)
+
+    def put(self, name: str, entry: Any) -> None:
+        """Replace the entry under a name."""
+        self._entries = {**self._entries, name: entry}
+        if self._keep is not None:
+            self._keep(self._entries)

@@ -14,14 +14,13 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from compiled.ahead import AheadRun, current_run
-from compiled.cache import keeps_loops
-from compiled.folders import can_keep
+from ground.ahead import AheadRun, can_keep, current_run
+from ground.loop_cache import keeps_loops
 
 _FIRST = "compiling loops, at the first run only: about a minute in all"
 _EVERY = "compiling loops, at every run, because no folder can be written: about a minute in all"
 _POLL_S = 0.25
-_OURS = ("aspectgraph", "compiled", "errors", "ga", "planner")
+_OURS = ("aspectgraph", "ground", "errors", "ga", "planner")
 
 
 @contextmanager

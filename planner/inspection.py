@@ -2,7 +2,7 @@
 
 The way
 -------
-1. Candidate poses are drawn from the domains and improved (`planner.columns.candidates`). Each gives a column: what it
+1. Candidate poses are drawn from the domains and improved (`planner.search.candidates`). Each gives a column: what it
    inspects; and an optimistic one: what it nearly inspects.
 2. A lower bound is proven (`planner.bound.lower_bound`). On the way it meets poses that inspect more than the
    candidates do; they join them.
@@ -27,40 +27,36 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from errors.measurands.localisation import Localisation
+from errors.measurands.geometry import Localisation
 from planner.argument_kinds import ITEMS, check_kinds
-from planner.callbacks import Callbacks, Deadline, TimeIsUpError
+from planner.callbacks import Callbacks, Deadline
 from planner.camera.camera import Camera
-from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
 from planner.effort.effort import Effort
 from planner.exceptions import RequestError
-from planner.identity.inspection_request import InspectionRequest
-from planner.identity.resolve_request import Promise, ResolvedRequest, resolve_request
-from planner.inspection_options import InspectionOptions
+from planner.identity import InspectionRequest
 from planner.light.background import DEFAULT_STEP
-from planner.light.lighting import Lighting
+from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
-from planner.light.ring_space import RingSpace
-from planner.measuring.poses.planned_edges import registered_request
+from planner.measuring.planned_edges import registered_request
+from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
-from planner.progress import labelled
-from planner.request.reach import Reach
+from planner.progress import TimeIsUpError, labelled
+from planner.request.reach import Reach, Space, TargetSpace
 from planner.request.request import Request
-from planner.request.space import Space
-from planner.request.target_space import TargetSpace
+from planner.resolve_request import Promise, ResolvedRequest, resolve_request
 from planner.resume import PlanningState
-from planner.steps.assemble import needed, with_late_targets
-from planner.steps.incumbents import Incumbents
-from planner.steps.run import Run
-from planner.steps.settle import settle_early
-from planner.steps.stages import run_stages
+from planner.search.incumbents import Incumbents, needed, with_late_targets
+from planner.search.run import Run
+from planner.search.settle import settle_early
+from planner.search.stages import run_stages
 
 if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions
-    from aspectgraph.visibility.kept_regions import RegionStore
+    from aspectgraph.visibility.visibility_regions import RegionStore
     from planner.progress import Progress
-    from planner.robot import Cell
+    from planner.robotcell import Cell
 
 
 def plan_inspection(

@@ -14,25 +14,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.camera.camera import Camera
-from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import PoseUncertainty
 from planner.exceptions import PlanFileError, PlannerError
-from planner.files import plan_file, write_text
-from planner.records.json_file import encoded, read_json
-from planner.records.plan_check import check_plan
-from planner.records.plan_format import FORMAT, check_format, version_of
-from planner.records.schema import check_schema, field_name
-from planner.rows.plan_tables import PlanTables
-from planner.setting.reason import Reason, kind_of, kinds_record, reasons_from
-from planner.setting.sensor_setting import SensorSetting
-from planner.wanted.words.feature_counts import features_text
+from planner.files import encoded, plan_file, read_json, write_text
+from planner.plan_file import FORMAT, check_format, check_plan, check_schema, field_name, version_of
+from planner.plan_tables import PlanTables
+from planner.request.words import features_text
+from planner.sensor_setting import Reason, SensorSetting, kind_of, kinds_record, reasons_from
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from planner.light.light_plan import LightPlan
     from planner.progress import Progress
+    from planner.request.models import Means
+    from planner.request.planned import PlannedDimension
     from planner.verify.simulate_plan import SimulationResult
-    from planner.wanted.models import Means
-    from planner.wanted.planned import PlannedDimension
+
 
 _UNITS = {
     "length": "mm",
@@ -183,7 +180,7 @@ class InspectionPlan(PlanTables):
     @property
     def means(self) -> Means:
         """The camera, its pose uncertainty and the required accuracy, as one value."""
-        from planner.wanted.models import Means
+        from planner.request.models import Means
 
         return Means(self.camera, self.pose_uncertainty, self.accuracy)
 
@@ -453,7 +450,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
 def _dimensions_from(data: Mapping[str, Any]) -> dict[str, PlannedDimension]:
     if not data:
         return {}
-    from planner.wanted.planned import PlannedDimension
+    from planner.request.planned import PlannedDimension
 
     found = {}
     for name, fields in data.items():

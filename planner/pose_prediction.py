@@ -12,27 +12,25 @@ from numpy.typing import ArrayLike
 
 from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera
-from planner.camera.pose import world_to_cam
-from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.effort.effort import NORMAL
 from planner.exceptions import RequestError
-from planner.inspection_options import InspectionOptions
+from planner.options import InspectionOptions
 from planner.request.defaults import default_workspace
-from planner.request.request import Request
-from planner.request.target_space import TargetSpace
-from planner.request.witnesses import choice_for
-from planner.verify.p_all import DisplacedChecks
-from planner.wanted.assumed import (
+from planner.request.dimension_files import (
     localisation_or_default,
     surfaces_or_default,
     with_surfaces_of_call,
 )
-from planner.wanted.registered.record import OWN_EDGES
-from planner.wanted.targets import Target
+from planner.request.reach import TargetSpace
+from planner.request.request import Request, choice_for
+from planner.request.targets import OWN_EDGES, Target
+from planner.verify.p_all import DisplacedChecks
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from errors.measurands import Localisation
+
 
 # displaced poses for P_all
 _POSES = 2000
@@ -164,7 +162,7 @@ def predict(
     (False, nan, {'resolution_mm': 0.49})
     """
     from aspectgraph import compute_regions
-    from planner.wanted.resolve import resolve_wanted
+    from planner.request.resolve import resolve_wanted
 
     check_kinds(
         solid=(solid, "Solid"),

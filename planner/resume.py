@@ -24,18 +24,13 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from planner.columns.outcome import Outcome
 from planner.exceptions import OutputError, PlanFileError
-from planner.files import make_folder, write_text
-from planner.identity.inspection_request import request_difference
-from planner.identity.program import program_digest
+from planner.files import encoded, make_folder, read_json, write_text
+from planner.identity import request_difference
 from planner.plan import InspectionPlan
-from planner.records.json_file import encoded, read_json
-from planner.records.packing import packed, unpacked
-from planner.records.plan_check import check_checkpoint, check_state
-from planner.records.schema import check_schema, shown
-from planner.setting.reason import Reason, ReasonKind, kind_of
-from planner.setting.sensor_setting import SensorSetting
+from planner.plan_file import check_checkpoint, check_schema, check_state, packed, shown, unpacked
+from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting, kind_of
+from planner.version import program_digest
 
 FORMAT = "aspectgraph planning state"
 VERSION = 4
@@ -119,7 +114,7 @@ class PlanningState:
         Parameters
         ----------
         values : dict
-            See `planner.records.packing.packed`. They must not be changed any more; what can be called is called when
+            See `planner.plan_file.packed`. They must not be changed any more; what can be called is called when
             the file is written.
         """
         self._checkpoint = values

@@ -32,8 +32,8 @@ LONG_FILES = (
     "tests/test_readme.py",
     "tests/planner/bound/test_dual_bound.py",
     "tests/planner/setting/test_optimum.py",
-    "tests/compiled/test_linked.py",
-    "tests/compiled/test_cache.py",
+    "tests/ground/test_linked.py",
+    "tests/ground/test_cache.py",
 )
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from planner import read_plan
-from planner.cli.main import build_parser, main
+from planner.app.definitions import build_parser
+from planner.app.main import main
 from planner.effort import effort
 
 ROOT = Path(__file__).parents[1]

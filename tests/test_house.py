@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("aspectgraph", "compiled", "errors", "ga", "planner", "benchmarks")
+PACKAGES = ("aspectgraph", "ground", "errors", "ga", "planner", "benchmarks")
 MOST_LINES = 60
 MOST_FILE_LINES = 1200
 

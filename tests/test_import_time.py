@@ -45,7 +45,7 @@ def test_light_names_load_nothing_heavy(name):
 )
 def test_what_needs_no_part_loads_nothing_heavy(arguments):
     code = (
-        "import sys; from planner.cli.main import main\n"
+        "import sys; from planner.app.main import main\n"
         f"try:\n    main({arguments!r})\nexcept SystemExit:\n    pass\n"
         f"print('loaded', *sorted(set(sys.modules) & {{*{HEAVY!r}, 'aspectgraph.solid'}}))"
     )

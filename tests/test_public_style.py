@@ -66,12 +66,13 @@ def test_every_package_has_its_version_and_a_clean_dir(package):
         package.colour  # noqa: B018
 
 
-def test_type_checkers_see_the_same_names_at_the_same_places():
-    """The imports for them are not run, so nothing else compares them with the names that are looked up."""
-    tree = ast.parse(Path(planner.__file__).read_text(encoding="utf-8"))
-    (block,) = (node for node in tree.body if isinstance(node, ast.If))
-    seen = {name.asname: node.module for node in block.body for name in node.names}
-    assert seen == planner._HOMES
+@pytest.mark.parametrize("package", [aspectgraph, errors, ga, planner])
+def test_the_stub_states_every_public_name_where_it_is_defined_or_handed_on(package):
+    stub = Path(package.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    statements = [node for node in ast.parse(stub).body if isinstance(node, ast.ImportFrom)]
+    names = [alias.asname for node in statements for alias in node.names]
+    assert sorted(names) == sorted(package.__all__)
+    assert len(set(names)) == len(names)
 
 
 def test_a_plan_is_written_to_a_folder_or_a_file_and_read_from_both(tmp_path):

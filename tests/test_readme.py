@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from aspectgraph import read_graphml
-from planner.cli.main import build_parser, main
+from planner.app.definitions import build_parser
+from planner.app.main import main
 from planner.plan import read_plan
 
 ROOT = Path(__file__).parents[1]

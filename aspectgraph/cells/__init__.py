@@ -4,22 +4,34 @@ The leaves always tile the starting box without gap or overlap, neighbours share
 decided without rounding. Sizes are doubles, for weighting and for users' eyes, and decide no topology.
 """
 
-from aspectgraph.cells.arrays import Complex
-from aspectgraph.cells.cell_set import Cell, CellSet
-from aspectgraph.cells.crop import at_limits, crop
-from aspectgraph.cells.measure import (
+from aspectgraph.cells.arrays import (
+    Complex,
+    Tree,
     cell_centre,
     cell_sizes,
     cell_triangles,
     face_polygon,
     half_spaces,
+    holds,
     inner_balls,
     interfaces,
+    locate,
     measured,
+    tree_of,
 )
-from aspectgraph.cells.point_location import Tree, holds, locate, tree_of
-from aspectgraph.cells.simplify import n_leaves, partition, simplify
-from aspectgraph.cells.split import cell_side, face_side, leaves, split_cell, split_face
+from aspectgraph.cells.cell_set import Cell, CellSet
+from aspectgraph.cells.split import (
+    at_limits,
+    cell_side,
+    crop,
+    face_side,
+    leaves,
+    n_leaves,
+    partition,
+    simplify,
+    split_cell,
+    split_face,
+)
 
 __all__ = [
     "Cell",

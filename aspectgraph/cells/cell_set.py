@@ -9,9 +9,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.cells.arrays import N_CELLS, Complex
-from aspectgraph.cells.measure import cell_sizes, cell_triangles, half_spaces, measured, spans
-from aspectgraph.cells.point_location import holds, tree_of
+from aspectgraph.cells.arrays import (
+    N_CELLS,
+    Complex,
+    cell_sizes,
+    cell_triangles,
+    half_spaces,
+    holds,
+    measured,
+    spans,
+    tree_of,
+)
 from aspectgraph.exact.grid import Grid, turned
 
 

@@ -13,9 +13,10 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from aspectgraph.solid.places import describe_point
-from aspectgraph.solid.rims import Arc
+from aspectgraph.dimensions.records import EntityId, ModelDimension, SurfaceZone, Way
+from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.topology import describe_point
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
@@ -245,3 +246,192 @@ def describe_shape(shape: dict[str, Any]) -> str:
     if "point" in shape:
         return f"{kind} at {describe_point(np.array(shape['point']))}"
     return f"{kind} face or edge"
+
+
+# Which of several entities, or pairs of them, to offer first.
+#
+# Order: those that some direction sees together, judged by their own faces alone; those in one
+# plane; closed circles before open ones, the longer shorter edge; the lower ids. Nothing is left
+# out: what hides an entity is for the aspect graph to say.
+
+
+N_DIRECTIONS = 500
+"""Directions tried: 10 degrees apart."""
+
+
+class Sight:
+    """From which directions the faces beside an entity let it be seen.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    """
+
+    def __init__(self, solid: Solid):
+        self.solid = solid
+        self.directions = _directions()
+        self._seen: dict[tuple[int, ...], npt.NDArray[np.bool_]] = {}
+
+    def together(self, *entities: int | Arc) -> bool:
+        """Return whether some direction sees all of the entities.
+
+        Parameters
+        ----------
+        *entities : int or Arc
+            Ids of edges, rims and arcs.
+        """
+        return bool(np.all([self._of(one) for one in entities], axis=0).any())
+
+    def length_mm(self, edge_id: int) -> float:
+        """Return the length of an edge, rounded so that equal edges are equal.
+
+        Parameters
+        ----------
+        edge_id : int
+            Its id.
+        """
+        return round(self.solid.edge_length_mm(edge_id), 6)
+
+    def _of(self, entity: int | Arc) -> npt.NDArray[np.bool_]:
+        ids = entity.edge_ids if isinstance(entity, Arc) else (entity,)
+        if ids not in self._seen:
+            self._seen[ids] = np.all([self._of_edge(i) for i in ids], axis=0)
+        return self._seen[ids]
+
+    def _of_edge(self, edge_id: int) -> npt.NDArray[np.bool_]:
+        edge = self.solid.edges[edge_id]
+        front = self.directions @ self.solid.normals[list(edge.faces)].T > 0.0
+        # a convex edge shows with either face, a re-entrant one with both
+        seen = front.any(axis=1) if edge.dihedral_deg > 0 else front.all(axis=1)
+        return np.asarray(seen, dtype=np.bool_)
+
+
+def arc_order(sight: Sight, arc: Arc) -> tuple[bool, bool, float, int]:
+    """Return a key that sorts rims and arcs, the one to be preferred first.
+
+    Parameters
+    ----------
+    sight : Sight
+        Of the solid.
+    arc : Arc
+        A rim or arc.
+    """
+    span = round(arc.end_rad - arc.start_rad, 6)
+    return not isinstance(arc, Rim), not sight.together(arc), -span, int(arc.id[1:])
+
+
+def _directions() -> FloatArray:
+    """Return unit vectors spread evenly (a Fibonacci lattice), shape (n, 3)."""
+    k = np.arange(N_DIRECTIONS) + 0.5
+    z = 1.0 - 2.0 * k / N_DIRECTIONS
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - z * z)
+    return np.column_stack([across * np.cos(turn), across * np.sin(turn), z])
+
+
+# In which zone the faces lie that carry the entities of a dimension, as flatness and profile
+# tolerances say.
+#
+# A point of the image is carried back to a plane: that of a circle, or that of two lines. A plane
+# of the model carries an entity if it has this normal and the entity bounds its face.
+
+
+@dataclass(frozen=True)
+class _Face:
+    """A toleranced plane: its unit normal, the entities that bound it, and its zone."""
+
+    normal: FloatArray
+    entities: frozenset[EntityId]
+    zone: SurfaceZone
+
+
+class SurfaceZones:
+    """Zones of the plane faces of a part.
+
+    Parameters
+    ----------
+    attachments : Attachments
+        Of the solid.
+    surfaces : sequence of dict
+        See `semantic_dimensions.read_semantic_dimensions`.
+    """
+
+    def __init__(self, attachments: Attachments, surfaces: Sequence[dict[str, Any]]):
+        self._along = {
+            edge.id: (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+            for edge, ends in zip(attachments.edges, attachments.ends, strict=True)
+        }
+        self._axes = {arc.id: arc.axis for arc in attachments.circles}
+        self._faces = [face for row in surfaces if (face := _face(attachments, row)) is not None]
+
+    def of_dimension(self, dimension: ModelDimension) -> tuple[SurfaceZone | None, ...]:
+        """Return for each feature of a dimension the zone of the faces that carry its first entities.
+
+        Parameters
+        ----------
+        dimension : ModelDimension
+            With its features.
+        """
+        return tuple(
+            self.of_way(ways[0], dimension.direction) if ways else None
+            for ways in dimension.features
+        )
+
+    def of_way(self, way: Way, direction: Sequence[float] | None) -> SurfaceZone | None:
+        """Return the zone of the faces that carry some entities; None if the model states none.
+
+        Of several faces the widest zone counts. It says where they are only if each of theirs does.
+
+        Parameters
+        ----------
+        way : tuple of int or str
+            Ids of the entities.
+        direction : sequence of float or None
+            Of a distance.
+        """
+        normal = self._normal(way, direction)
+        if normal is None:
+            return None
+        zones = [self._carrying(entity, normal) for entity in way]
+        stated = [zone for zone in zones if zone is not None]
+        if not stated:
+            return None
+        widest = max(stated, key=lambda zone: zone.width_mm)
+        all_place = len(stated) == len(zones) and all(zone.places for zone in stated)
+        return SurfaceZone(widest.tolerance, widest.width_mm, all_place)
+
+    def _normal(self, way: Way, direction: Sequence[float] | None) -> FloatArray | None:
+        """Return the normal of the planes in which entities are measured; None if they have none."""
+        axes = [self._axes[entity] for entity in way if entity in self._axes]
+        if axes:
+            return axes[0]
+        lines = [self._along[entity] for entity in way if entity in self._along]
+        if len(lines) != 2:
+            return None
+        across = np.cross(lines[0], lines[1] if direction is None else np.array(direction))
+        size = float(np.linalg.norm(across))
+        return across / size if size > 0.0 else None
+
+    def _carrying(self, entity: EntityId, normal: FloatArray) -> SurfaceZone | None:
+        """Return the zone of the face with a normal that an entity bounds.
+
+        Of several, those that say where the face is come first, and of these the widest.
+        """
+        zones = [
+            face.zone
+            for face in self._faces
+            if entity in face.entities and parallel(face.normal, normal)
+        ]
+        return max(zones, key=lambda zone: (zone.places, zone.width_mm), default=None)
+
+
+def _face(attachments: Attachments, row: dict[str, Any]) -> _Face | None:
+    features = attachments.features([row["face"]])
+    feature = features[0] if features else None
+    if not isinstance(feature, Plane):
+        return None
+    circles = [edge for edge in row["face"]["edges"] if edge["kind"] == "circle"]
+    bounding = [arc.id for arc in attachments.circles_on(circles)]
+    zone = SurfaceZone(row["tolerance"], float(row["width_mm"]), bool(row["places"]))
+    return _Face(feature.normal, frozenset([*feature.edges, *bounding]), zone)

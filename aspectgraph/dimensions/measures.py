@@ -19,14 +19,15 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from aspectgraph.dimensions.choice import Sight, arc_order
 from aspectgraph.dimensions.features import (
     Attachments,
     Axis,
     Feature,
     FloatArray,
     Plane,
+    Sight,
     StraightLine,
+    arc_order,
     parallel,
     perpendicular,
 )

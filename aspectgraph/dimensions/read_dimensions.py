@@ -9,13 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from aspectgraph.dimensions.choice import Sight
-from aspectgraph.dimensions.features import Attachments, Feature, describe_shape
+from aspectgraph.dimensions.features import (
+    Attachments,
+    Feature,
+    Sight,
+    SurfaceZones,
+    describe_shape,
+)
 from aspectgraph.dimensions.measures import Measure, Measurer
 from aspectgraph.dimensions.records import ModelDimension, Way, unique_names
-from aspectgraph.dimensions.stated_classes import is_in_hole, resolve_stated_class
-from aspectgraph.dimensions.statements import DIGITS, Statement, deviations, read_statements
-from aspectgraph.dimensions.surface_zones import SurfaceZones
+from aspectgraph.dimensions.tolerances import (
+    DIGITS,
+    Statement,
+    deviations,
+    is_in_hole,
+    read_statements,
+    resolve_stated_class,
+)
 from aspectgraph.exceptions import ReadError
 from aspectgraph.phases import phase
 from aspectgraph.read.limits import ReadLimits

@@ -4,8 +4,7 @@ A cell thinner than the least width neither joins nor parts domains; its volume 
 """
 
 from aspectgraph.domains.carve import carve, is_inside, surface_facets
-from aspectgraph.domains.find_domains import Domain, Domains, find_domains
-from aspectgraph.domains.width import Ruler, largest_extent
+from aspectgraph.domains.find_domains import Domain, Domains, Ruler, find_domains, largest_extent
 
 __all__ = [
     "Domain",

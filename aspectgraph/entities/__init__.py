@@ -4,9 +4,9 @@ Every entity is an edge, or a chain of collinear edges, that is sharp and belong
 circular edge, closed (a rim) or open (an arc), with the circle they stand for. None is named twice.
 """
 
+from aspectgraph.entities.entity import Entity, resolve_entities
 from aspectgraph.entities.entity_files import read_entities
 from aspectgraph.entities.entity_rules import select_entities
-from aspectgraph.entities.straight_edges import Entity, resolve_entities
 
 __all__ = [
     "Entity",

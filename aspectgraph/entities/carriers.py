@@ -20,6 +20,7 @@ from aspectgraph.solid.rims import Arc, reference_direction
 if TYPE_CHECKING:
     from aspectgraph.solid.solid import Solid
 
+
 FloatArray = npt.NDArray[np.float64]
 
 PARAMETERS = 3

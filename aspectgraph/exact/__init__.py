@@ -4,8 +4,7 @@ No sign computed here depends on rounding. A copy of the part that was turned, m
 gets the same integers.
 """
 
-from aspectgraph.exact.canonical_axes import own_frame
-from aspectgraph.exact.canonical_order import Listing, list_solid
+from aspectgraph.exact.canonical import Listing, list_solid, own_frame, resolving_grid
 from aspectgraph.exact.grid import Grid, as_queries, turned
 from aspectgraph.exact.planes import (
     face_planes,
@@ -16,7 +15,6 @@ from aspectgraph.exact.planes import (
     side_of,
 )
 from aspectgraph.exact.predicates import meet, sign_at_point, sign_at_vertex
-from aspectgraph.exact.small_details import resolving_grid
 
 __all__ = [
     "Grid",

@@ -11,7 +11,7 @@ import numpy as np
 
 from aspectgraph.exact.grid import Grid
 from aspectgraph.exceptions import SolidError
-from compiled.decorators import entry_kernel, kernel_without_refcounts
+from ground.decorators import entry_kernel, kernel_without_refcounts
 
 
 @entry_kernel

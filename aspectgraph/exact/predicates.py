@@ -19,7 +19,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from compiled.decorators import kernel_without_refcounts
+from ground.decorators import kernel_without_refcounts
 
 POINT_BITS = 20
 LIMBS = 4

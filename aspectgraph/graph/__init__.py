@@ -4,11 +4,17 @@ Every domain's list was confirmed by rays, and doubts were settled exactly. A gr
 the same.
 """
 
-from aspectgraph.graph.aspect_graph import EntityAspectGraph, build_aspect_graph, graph_of
+from aspectgraph.graph.aspect_graph import (
+    EntityAspectGraph,
+    JointEstimate,
+    JointForecast,
+    PartitionSurface,
+    build_aspect_graph,
+    estimate_graph,
+    graph_of,
+)
 from aspectgraph.graph.complete_graph import complete_aspect_graph
 from aspectgraph.graph.graphml import read_graphml, write_graphml
-from aspectgraph.graph.joint_memory import JointEstimate, JointForecast, estimate_graph
-from aspectgraph.graph.partition_surfaces import PartitionSurface
 
 __all__ = [
     "EntityAspectGraph",

@@ -2,36 +2,497 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from importlib import import_module
+from math import inf
 from os import PathLike
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.cells.arrays import Complex, cut_further
+from aspectgraph.cells.arrays import Complex, cut_further, locate, measured, tree_of
 from aspectgraph.cells.cell_set import CellSet
-from aspectgraph.cells.crop import at_limits, crop
-from aspectgraph.cells.measure import measured
-from aspectgraph.cells.point_location import locate, tree_of
-from aspectgraph.cells.simplify import n_leaves
-from aspectgraph.cells.split import leaves
+from aspectgraph.cells.split import at_limits, crop, leaves, n_leaves
 from aspectgraph.domains.carve import carve, surface_facets
-from aspectgraph.domains.find_domains import Domain, Domains, find_domains
-from aspectgraph.domains.width import Ruler, check_min_width, largest_extent
-from aspectgraph.entities.straight_edges import Entity
-from aspectgraph.exceptions import EntityError
-from aspectgraph.graph.curve_attributes import curve_attributes
-from aspectgraph.graph.joint_memory import JointForecast, JointMemory
-from aspectgraph.graph.partition_surfaces import Provenance
-from aspectgraph.graph.ray_confirmation import confirm_nodes
+from aspectgraph.domains.find_domains import (
+    Domain,
+    Domains,
+    Ruler,
+    check_min_width,
+    find_domains,
+    largest_extent,
+)
+from aspectgraph.entities.entity import Entity
+from aspectgraph.exact.grid import Grid
+from aspectgraph.exceptions import EntityError, MemoryLimitError
+from aspectgraph.graph.complete_graph import confirm_nodes
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.overlay import overlay, share_planes
-from aspectgraph.visibility.scene import own_order
+from aspectgraph.visibility.casting import CONTRAST, EDGE_AND_END, VERTEX_AND_ENTITY
+from aspectgraph.visibility.entity_region import Region
+from aspectgraph.visibility.overlay import SharedPlanes, overlay, share_planes
+from aspectgraph.visibility.scene import Scene, own_order
 from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, compute_regions
+
+# What a graph says of entities that are rims, arcs or parts.
+
+
+def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[object, ...]]:
+    """Return the attributes of a graph that say which of its entities are rims, arcs or parts; none if all are edges.
+
+    Parameters
+    ----------
+    entities : collection of Entity
+        Those of the graph.
+
+    Returns
+    -------
+    dict
+        ``"kinds"`` of the entities, and ``"circles"``: centre, axis and radius of each, in mm; of an edge nothing.
+        If there are parts, ``"parts"``: the text of each, such as ``17[0:1/4]``; of a whole entity nothing.
+    """
+    attributes: dict[str, tuple[object, ...]] = {}
+    if any(entity.part is not None for entity in entities):
+        attributes["parts"] = tuple("" if e.part is None else str(e.part) for e in entities)
+    if all(entity.kind == "edge" for entity in entities):
+        return attributes
+    circles = [entity.circle for entity in entities]
+    rows = [
+        () if c is None else (*map(float, (*c.centre, *c.axis)), float(c.radius_mm))
+        for c in circles
+    ]
+    kinds = tuple(entity.kind for entity in entities)
+    return {"kinds": kinds, "circles": tuple(rows), **attributes}
+
+
+# Partition surfaces: the planes that bound viewing domains, and where they come from (paper
+# section 3.4).
+
+
+@dataclass(frozen=True)
+class PartitionSurface:
+    """A plane across which one entity appears or disappears.
+
+    Attributes
+    ----------
+    type : str
+        ``"A"``: the plane of a face next to the entity. ``"B"``: a plane through the entity and a
+        vertex, or through an end of the entity and another edge. ``"L"``, for lamps: a plane
+        through the entity on which its contrast is the required one.
+    entity : str
+        Name of the entity.
+    vertices, edges, faces : tuple of int
+        Elements of the solid that span the plane, by number. For type A, this is a face. For type
+        B, it is an edge and an end of the entity, or a vertex and the entity's edges, or a face in
+        the same plane. For type L, it is the entity's edges and the brighter face. For a rim or
+        arc, the face is next to one of its chords, and end and edge are those of a chord. An end of
+        a stretch inside its edge is no vertex, so the edge of such a plane stands alone.
+    plane : tuple of float
+        (a, b, c, d) with unit normal, a·x + b·y + c·z = d in mm; `Cell.half_spaces` have the opposite d.
+    """
+
+    type: str
+    entity: str
+    vertices: tuple[int, ...]
+    edges: tuple[int, ...]
+    faces: tuple[int, ...]
+    plane: tuple[float, float, float, float]
+
+
+class Provenance:
+    """Looks up which surfaces a shared plane stands for.
+
+    Parameters
+    ----------
+    solid, scene, grid
+        The solid, and itself on its grid.
+    entities : sequence of Entity
+    regions : sequence of Region
+        Region of each entity.
+    shared : SharedPlanes
+        Their planes.
+    """
+
+    def __init__(
+        self,
+        solid: Solid,
+        scene: Scene,
+        grid: Grid,
+        entities: Sequence[Entity],
+        regions: Sequence[Region],
+        shared: SharedPlanes,
+    ) -> None:
+        self._solid = solid
+        self._scene = scene
+        self._in_mm = grid.planes_to_mm(shared.planes)
+        self._entities = entities
+        self._regions = regions
+        self._shared = shared
+        self._edge_of_pair = {frozenset(edge.vertices): edge.id for edge in solid.edges}
+        self._rows = [
+            {int(n): row for row, n in reversed(list(enumerate(number)))}
+            for number in shared.number
+        ]
+
+    def surfaces(
+        self, planes: Iterable[int], changed: Iterable[int]
+    ) -> tuple[PartitionSurface, ...]:
+        """Surfaces on the given shared planes for the entities (by position) that change across them."""
+        found = []
+        for k in changed:
+            for plane in planes:
+                row = self._rows[k].get(plane)
+                if row is not None and self._regions[k].origin[row, 0] >= 0:
+                    found.append(self._surface(k, row, plane))
+        return tuple(found)
+
+    def _surface(self, k: int, row: int, plane: int) -> PartitionSurface:
+        entity = self._entities[k]
+        kind, *numbers = self._regions[k].origin[row].tolist()
+        next_to = tuple(
+            f
+            for edge_id in entity.edge_ids
+            for f in self._solid.edges[edge_id].faces
+            if self._same_plane(
+                self._scene.planes[self._scene.plane_of_face[f]], self._shared.planes[plane]
+            )
+        )
+        vertices: tuple[int, ...] = ()
+        edges: tuple[int, ...] = ()
+        faces: tuple[int, ...] = next_to
+        if not next_to:
+            if kind == EDGE_AND_END:
+                edge = self._edge_of_pair.get(frozenset(numbers[:2]))
+                edges = () if edge is None else (edge,)
+                ends = numbers[2:] if edges else numbers
+                # an end of a stretch is no vertex
+                vertices = tuple(v for v in ends if v < len(self._solid.vertices))
+            elif kind == VERTEX_AND_ENTITY:
+                vertices = (numbers[0],)
+                edges = self._spanning(entity, numbers[1:])
+            elif kind == CONTRAST:
+                edges = self._spanning(entity, numbers[:2])
+                faces = (numbers[2],)
+            else:
+                faces = (numbers[0],)
+        in_mm = tuple(self._in_mm[plane].tolist())
+        kind_of = "A" if next_to else "B"
+        if kind == CONTRAST and not next_to:
+            kind_of = "L"
+        return PartitionSurface(kind_of, entity.name, vertices, edges, faces, in_mm)
+
+    def _spanning(self, entity: Entity, ends: list[int]) -> tuple[int, ...]:
+        """The edges of an entity between two of its vertices: all of an edge or chain, one chord of a rim or arc."""
+        chord = self._edge_of_pair.get(frozenset(ends))
+        return entity.edge_ids if entity.kind == "edge" or chord is None else (chord,)
+
+    @staticmethod
+    def _same_plane(plane: np.ndarray, other: np.ndarray) -> bool:
+        return bool((plane == other).all() or (plane == -other).all())
+
+
+# Memory of a joint graph: about how much it takes, told before the work, and looked at while it
+# grows.
+#
+# The cells of a joint graph grow faster than the number of its entities, and how fast depends on
+# the part. So what is known before is an estimate, from the cells of the single regions, that may
+# err by `ERROR` either way; what the cells hold while they grow is counted. A graph is refused
+# before the work only if the estimate is too large by more than its error, and before all regions
+# are there only if the first of them leave no doubt.
+
+
+try:
+    import resource
+except ImportError:  # not on Windows
+    resource = None  # type: ignore[assignment]
+
+# Bytes and seconds of a graph for (cells of all regions)^_POWER; how many times as much as the overlay's cells it takes
+# in the end; and the factor by which the estimate may err. With 10, 20 and 60 edges of nist_ctc_01 the memory was 1.56,
+# 1.37 and 0.88 of the estimate (the last by hand, the others by `benchmarks/engine/joint_memory.py`). No other part is
+# known.
+_BYTES = 5.0
+_SECONDS = 2.5e-7
+_POWER = 2.0
+_OF_OVERLAY = 4.0
+ERROR = 3.0
+
+# regions from which the cells of all are guessed: at least so many, and such a share; the guess may err by this besides
+_FIRST = 10
+_FIRST_SHARE = 0.05
+_FIRST_ERROR = 2.0
+
+_GROUP = Path("/sys/fs/cgroup")
+
+_ADVICE = (
+    "Ask for fewer entities, or for the regions only: compute_regions answers the same questions, "
+    "and a plan needs no joint graph"
+)
+_GIB = 2**30
+
+
+class JointEstimate(NamedTuple):
+    """Estimated memory and time of a joint graph.
+
+    Attributes
+    ----------
+    memory_bytes : float
+        Largest memory of the graph, in addition to that of the process, bytes.
+    seconds : float
+        Approximate time in seconds. A busy machine took four to five times as long.
+    """
+
+    memory_bytes: float
+    seconds: float
+
+
+def estimate_joint_graph(regions: Sequence[Region]) -> JointEstimate:
+    """Return about what the joint graph of regions costs."""
+    return _cost(sum(region.n_leaves for region in regions))
+
+
+def estimate_graph(regions: VisibilityRegions, names: Sequence[str] | None = None) -> JointEstimate:
+    """Estimate memory and time of `graph_of`, before you call it.
+
+    Parameters
+    ----------
+    regions : VisibilityRegions
+        From `compute_regions`.
+    names : sequence of str, optional
+        Names of the entities. Default: all.
+
+    Returns
+    -------
+    JointEstimate
+        ``memory_bytes`` and ``seconds``. The real values may differ by a factor of three, more on a
+        busy machine.
+
+    Examples
+    --------
+    >>> from aspectgraph import compute_regions, estimate_graph, read_solid
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> regions = compute_regions(block, {"rim": 17, "depth": 8})
+    >>> estimate_graph(regions, ["rim"]).memory_bytes < estimate_graph(regions).memory_bytes < 1e9
+    True
+    """
+    chosen = regions.check_names(regions.entity_names if names is None else names)
+    return estimate_joint_graph([regions._regions[name] for name in chosen])
+
+
+def _cost(cells: float) -> JointEstimate:
+    growth = float(cells) ** _POWER
+    return JointEstimate(_BYTES * growth, _SECONDS * growth)
+
+
+class JointForecast:
+    """Ends the computation of regions once their joint graph certainly exceeds the memory.
+
+    Pass it to `compute_regions` as ``kept``. It stores no regions.
+
+    Parameters
+    ----------
+    limit_bytes : float, optional
+        Largest memory of the graph, in bytes. Default: the free memory.
+
+    Raises
+    ------
+    MemoryLimitError
+        If the limit is not a positive number, or in `put`, if the graph cannot fit.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import JointForecast, compute_regions
+    >>> regions = compute_regions(box, {"top": 1, "side": 2}, kept=JointForecast(limit_bytes=2**30))
+    >>> regions.entity_names
+    ('top', 'side')
+    """
+
+    def __init__(self, limit_bytes: float | None = None) -> None:
+        self.limit, self.whose = _limit(limit_bytes)
+        self._total = 0
+        self._known = 0
+        self._cells = 0
+
+    def begin(self, solid: Solid, box_mm: np.ndarray, entities: Mapping[str, Entity]) -> None:
+        """Start with the number of entities.
+
+        Parameters
+        ----------
+        solid : Solid
+            The part.
+        box_mm : array (2, 3)
+            The workspace.
+        entities : mapping of str to Entity
+            All of them.
+        """
+        self._total = len(entities)
+        self._known = 0
+        self._cells = 0
+
+    def get(self, name: str) -> None:
+        """Return None, because it stores no regions.
+
+        Parameters
+        ----------
+        name : str
+            Of an entity.
+        """
+
+    def put(self, name: str, region: Region) -> None:
+        """Count the cells of a region.
+
+        Parameters
+        ----------
+        name : str
+            Of its entity.
+        region : Region
+            Where it is observable.
+
+        Raises
+        ------
+        MemoryLimitError
+            If the graph cannot fit.
+        """
+        self._known = self._known + 1
+        self._cells = self._cells + region.n_leaves
+        if self._known < max(_FIRST, _FIRST_SHARE * self._total) or self._known == self._total:
+            return
+        about = _cost(self._cells * self._total / self._known).memory_bytes
+        if about > _FIRST_ERROR * ERROR * self.limit:
+            got = f"about {in_gib(about)}, estimated from the first {self._known} regions"
+            raise _refusal(self._total, self.whose, self.limit, got)
+
+
+class JointMemory:
+    """Ends the work on a joint graph that does not fit; see `overlay`, which it watches.
+
+    Parameters
+    ----------
+    regions : sequence of Region
+        Of the entities.
+    limit_bytes : float, optional
+        Largest memory of the graph, in bytes. Default: the free memory.
+    progress : callable, optional
+        ``progress(done, total, "joint graph")``.
+
+    Raises
+    ------
+    MemoryLimitError
+        If the limit is no positive number, or the estimate is beyond it by more than its error.
+    """
+
+    def __init__(
+        self, regions: Sequence[Region], limit_bytes: float | None, progress: Progress | None = None
+    ) -> None:
+        self.total = len(regions)
+        self.progress = progress
+        self.limit, self.whose = _limit(limit_bytes)
+        about = estimate_joint_graph(regions)
+        if about.memory_bytes > ERROR * self.limit:
+            raise self._refused(f"about {in_gib(about.memory_bytes)}, estimated before the work")
+
+    def __call__(self, done: int, held: int) -> None:
+        """Look at what the cells hold after some regions."""
+        if self.progress is not None:
+            self.progress(done, self.total, "joint graph")
+        if _OF_OVERLAY * held > self.limit:
+            so_far = f"about {in_gib(_OF_OVERLAY * held)} after {done} of {self.total} entities"
+            raise self._refused(so_far if done == self.total else f"{so_far}, and more to come")
+
+    def refused(self, error: MemoryError) -> MemoryLimitError:
+        """Return the error to raise in place of one that came on the way."""
+        if isinstance(error, MemoryLimitError):
+            if error.hint:
+                return error
+            # the room of the cells has a limit, too, which is not the memory
+            what = f"the joint graph of {self.total} entities cannot be built: {error}"
+            refusal = MemoryLimitError(what)
+            refusal.hint = _ADVICE
+            return refusal
+        return self._refused(
+            f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})"
+        )
+
+    def _refused(self, got: str) -> MemoryLimitError:
+        return _refusal(self.total, self.whose, self.limit, got)
+
+
+def _refusal(total: int, whose: str, limit: float, got: str) -> MemoryLimitError:
+    return MemoryLimitError.of_rule(
+        "",
+        f"the joint graph of {total} entities must fit {whose}, {in_gib(limit)}",
+        got,
+        hint=_ADVICE,
+        mentions=("memory_limit_bytes",),
+    )
+
+
+def in_gib(memory_bytes: float) -> str:
+    """Return an amount of memory for people."""
+    return f"{memory_bytes / _GIB:.2g} GiB"
+
+
+def _limit(limit_bytes: float | None) -> tuple[float, str]:
+    """Return what a graph may take, and the words for it."""
+    if limit_bytes is None:
+        return free_bytes(), "the memory that is free"
+    if not limit_bytes > 0:
+        raise MemoryLimitError.of_rule(
+            "memory_limit_bytes", "must be a positive number of bytes", str(limit_bytes)
+        )
+    return float(limit_bytes), "memory_limit_bytes"
+
+
+def free_bytes() -> float:
+    """Return the memory that is left: of the machine, its container and the process; infinity where none tells."""
+    return min(_left_of_machine(), _left_of_container(), _left_of_process())
+
+
+def _left_of_machine() -> float:
+    return _told_by("/proc/meminfo", "MemAvailable")
+
+
+def _left_of_container() -> float:
+    """Return what the control group of a container leaves; what files only passed through can be had again."""
+    try:
+        most, taken = (
+            float(_GROUP.joinpath(name).read_text("ascii"))
+            for name in ("memory.max", "memory.current")
+        )
+        stated = dict(
+            line.split() for line in _GROUP.joinpath("memory.stat").read_text("ascii").splitlines()
+        )
+        return max(most - taken + float(stated["inactive_file"]), 0.0)
+    except (OSError, ValueError, KeyError):
+        # there is none, or its limit is "max"
+        return inf
+
+
+def _left_of_process() -> float:
+    """Return what ``ulimit -v`` leaves."""
+    if resource is None:
+        return inf
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    taken = _told_by("/proc/self/status", "VmSize")
+    return inf if most == resource.RLIM_INFINITY or taken == inf else max(most - taken, 0.0)
+
+
+def _told_by(file: str, name: str) -> float:
+    """Return an amount of memory in a file of the kernel; infinity where there is none."""
+    try:
+        with open(file, encoding="ascii", errors="replace") as lines:
+            told = dict(line.split(":", 1) for line in lines if ":" in line)
+        return 1024.0 * float(told[name].split()[0])
+    except (OSError, KeyError, ValueError):
+        return inf
+
 
 # cells to reserve room for at first, where the part is cut out of the joint cells, per cell of these
 # once the regions are joined: cut, found, described

@@ -34,10 +34,11 @@ import numpy as np
 
 from aspectgraph.exceptions import GraphMLError
 from aspectgraph.files import replacing, up_to_limit
-from aspectgraph.graph.partition_surfaces import PartitionSurface
+from aspectgraph.graph.aspect_graph import PartitionSurface
 
 if TYPE_CHECKING:
     from aspectgraph.graph.aspect_graph import EntityAspectGraph
+
 
 LABEL = "label"
 """Attribute written for the eyes only."""

@@ -4,9 +4,16 @@ Matt faces of one albedo, point lamps, no light from other faces. Then the light
 the lamp as viewpoint, without one wedge through the edge's line: planes only, and all exact, as for viewpoints.
 """
 
-from aspectgraph.light.contrast import check_contrast, check_lamps, contrast, silhouettes_from
 from aspectgraph.light.light_graph import LightGraph, build_light_graph, light_graph_of
-from aspectgraph.light.light_regions import LightRegions, compute_light, light_region
+from aspectgraph.light.light_regions import (
+    LightRegions,
+    check_contrast,
+    check_lamps,
+    compute_light,
+    contrast,
+    light_region,
+    silhouettes_from,
+)
 
 __all__ = [
     "LightGraph",

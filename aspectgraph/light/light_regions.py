@@ -5,28 +5,372 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from fractions import Fraction
 from functools import partial
+from math import isqrt
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.cells.cell_set import CellSet
-from aspectgraph.entities.straight_edges import Entity
+from aspectgraph.entities.entity import Entity, resolve_entities
 from aspectgraph.exact.grid import Grid
-from aspectgraph.light.contrast import NONE, check_contrast, check_lamps, face_contrast
-from aspectgraph.light.wedges import light_sets
+from aspectgraph.exact.planes import plane_through
+from aspectgraph.exceptions import LightError
+from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.deadline import check_deadline
+from aspectgraph.visibility.blocked_sets import blockers
+from aspectgraph.visibility.casting import CONTRAST, FACE, Blockers, united
 from aspectgraph.visibility.entity_region import Region, carved_region
-from aspectgraph.visibility.scene import Scene
-from aspectgraph.visibility.united_sets import Blockers
+from aspectgraph.visibility.scene import Scene, check_deadline, chords, line_ends
 from aspectgraph.visibility.visibility_regions import (
     Progress,
     VisibilityRegions,
     laid_out,
     regions_of,
 )
+
+# Contrast of an edge between the two faces next to it, under a lamp at a point.
+#
+# Notation -------- p        the lamp; x  any point of the edge n₁, n₂   outward unit normals of
+# the two faces I        irradiance of a face at the edge, n·(p − x) / |p − x|³ in front of it, 0
+# behind it (Lambert 1760) contrast (I₁ − I₂) / (I₁ + I₂), in [−1, 1]. The distance cancels, so it
+# is the same for every point of the edge.
+
+
+# rays are float32: a lamp so little inside, as a share of the part's diagonal, may lie on the surface
+_ON_SURFACE = 1e-5
+
+NONE: Mapping[int, int] = MappingProxyType({})
+"""No silhouettes: all edges are creases."""
+
+
+def contrast(solid: Solid, edge: int | Entity, lamps: ArrayLike) -> np.ndarray:
+    """Return the contrast (I₁ − I₂) / (I₁ + I₂) of an edge under lamps, without shadows.
+
+    Both faces are matt, of one albedo, and lit by the lamp alone. `LightRegions.showing` also
+    checks whether the lamp lights the whole edge.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    edge : int or Entity
+        Edge id, or an entity. For the edges of a chain, rim or arc, the result is the value nearest
+        to 0.
+    lamps : array_like, shape (n, 3)
+        Positions of the lamps in mm.
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        In [-1, 1]. It is positive where ``faces[0]`` of the edge is brighter, and 0 where both
+        faces are dark.
+
+    Raises
+    ------
+    EntityError
+        If there is no such edge, or it is not sharp or straight.
+    LightError
+        If a lamp is not finite or lies inside the part.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import contrast, resolve_entities
+    >>> edge = resolve_entities(box, {"top": [[0, 0, 20], [40, 0, 20]]})["top"]
+    >>> abs(contrast(box, edge, [[20, -100, 120], [20, -200, 120]])).round(3).tolist()
+    [0.0, 0.333]
+    """
+    entity = edge if isinstance(edge, Entity) else resolve_entities(solid, [edge])[f"e{edge}"]
+    return face_contrast(solid, entity, check_lamps(solid, lamps))
+
+
+def silhouettes_from(solid: Solid, entity: Entity, viewpoint: ArrayLike) -> dict[int, int]:
+    """Return the edges of an entity that are silhouettes from a viewpoint: those of which it sees one face only.
+
+    The others are creases: both faces are seen, and their shading decides. A silhouette shows against what is behind
+    it, where the seen face is lit.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    entity : Entity
+        Observable from there.
+    viewpoint : array_like, shape (3,)
+        In mm.
+
+    Returns
+    -------
+    dict of int to int
+        Edge id to the number of the face that is seen.
+    """
+    found = {}
+    for edge in (solid.edges[i] for i in entity.edge_ids):
+        towards = np.asarray(viewpoint, float) - solid.vertices[edge.vertices[0]]
+        heights = solid.normals[list(edge.faces)] @ towards
+        if heights.min() <= 0.0:
+            found[edge.id] = edge.faces[int(heights.argmax())]
+    return found
+
+
+def face_contrast(
+    solid: Solid, entity: Entity, lamps: np.ndarray, silhouettes: Mapping[int, int] = NONE
+) -> np.ndarray:
+    """Return the contrast (n,) of an entity under lamps (n, 3) in mm that were checked; see `contrast`.
+
+    That of a silhouette is against a dark ground: 1 where the face that is seen is lit, else 0.
+    """
+    edges = [solid.edges[i] for i in entity.edge_ids]
+    start = solid.vertices[[edge.vertices[0] for edge in edges]]
+    normals = solid.normals[[edge.faces for edge in edges]]
+    irradiance = np.maximum(np.einsum("efk,nek->nef", normals, lamps[:, None] - start), 0.0)
+    total = irradiance.sum(axis=2)
+    values = np.subtract(*np.moveaxis(irradiance, 2, 0)) / np.where(total > 0.0, total, 1.0)
+    for k, edge in enumerate(edges):
+        if edge.id in silhouettes:
+            values[:, k] = irradiance[:, k, edge.faces.index(silhouettes[edge.id])] > 0.0
+    return values[np.arange(len(lamps)), np.abs(values).argmin(axis=1)]
+
+
+def check_contrast(value: float) -> float:
+    """Return a least contrast as a float.
+
+    Parameters
+    ----------
+    value : float
+        Share of (I₁ + I₂), strictly between 0 and 1.
+
+    Returns
+    -------
+    float
+        The same.
+
+    Raises
+    ------
+    LightError
+        If it is not strictly between 0 and 1.
+    """
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | np.number)
+        or not 0.0 < value < 1.0
+    ):
+        raise LightError.of_rule("contrast", "must lie strictly between 0 and 1", repr(value))
+    return float(value)
+
+
+def check_lamps(solid: Solid, lamps: ArrayLike) -> np.ndarray:
+    """Return places of lamps as (n, 3) float64, all finite and outside the part.
+
+    Raises
+    ------
+    LightError
+        If a place is not finite or lies inside the part; the message names the first.
+    """
+    try:
+        places = np.asarray(lamps, float)
+    except (TypeError, ValueError) as error:
+        raise LightError.of_rule(
+            "lamps", "must be places, shape (n, 3), in mm", repr(lamps)
+        ) from error
+    places = places[None] if places.shape == (3,) else places
+    if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
+        raise LightError.of_rule(
+            "lamps", "must be finite places, shape (n, 3), in mm", str(places.tolist())
+        )
+    low, high = solid.bounds
+    near = np.flatnonzero(((places > low) & (places < high)).all(axis=1))
+    depth = (
+        -RayScene(solid.vertices, solid.triangles).signed_distance(places[near])
+        if len(near)
+        else np.empty(0)
+    )
+    inside = near[depth > _ON_SURFACE * float(np.linalg.norm(high - low))]
+    if len(inside):
+        raise LightError.of_rule(
+            "lamps", "must lie outside the part", f"{places[inside[0]].tolist()} mm inside it"
+        )
+    return places
+
+
+# The wedge of lamp positions around the bisector of an edge's two faces from which its contrast
+# is too small.
+#
+# For p - x = v and a least contrast c, the contrast is below c while a face is lit exactly where
+#
+# [(1 - c) n₁ - (1 + c) n₂]·v < 0  and  [(1 - c) n₂ - (1 + c) n₁]·v < 0.
+#
+# Both together imply n₁·v > 0 and n₂·v > 0: with k = (1 + c) / (1 - c) > 1 they say n₁·v < k n₂·v
+# and n₂·v < k n₁·v, so n₁·v < k² n₁·v, which is wrong unless n₁·v > 0; likewise for n₂. So the
+# wedge is one convex set, bounded by two planes through the edge's line, and is blocked like the
+# shadow of an occluder.
+#
+# On the grid, face normals are integer triples N of length |N|, and the first plane is q N₁ - p
+# N₂ with p / q for k |N₁| / |N₂|. Where that ratio is rational with terms up to 2²⁰, as between
+# faces along the axes for a contrast of few digits, p / q is that ratio and the plane is exact.
+# Else the larger of p / q and q / p is the nearest such fraction; or, where the coefficients
+# leave no room or snapping displaced the edge from its face's plane, the plane goes through the
+# edge's ends and the nearest grid point 2²⁰ steps away. It then leans by less than 10⁻⁶ rad from
+# where it should, on a grid of equal steps, and always holds the ends exactly. Whatever plane was
+# taken, everything after is decided exactly by its integers.
+
+
+_REACH_BITS = 20
+# least room that exact signs need, see `predicates`
+_COEFFICIENT_BITS = 42
+_OFFSET_BITS = 62
+
+
+def light_sets(
+    scene: Scene,
+    grid: Grid,
+    solid: Solid,
+    entity: Entity,
+    contrast: float,
+    silhouettes: Mapping[int, int] = NONE,
+) -> Blockers:
+    """Return the sets of lamp positions from which an entity is not lit as a whole or has too little contrast.
+
+    Parameters
+    ----------
+    scene, grid, solid
+        The solid on its grid, the grid, and itself.
+    entity : Entity
+        A rim or arc has as many wedges as chords, each with the flat faces next to it.
+    contrast : float
+        Least contrast, strictly between 0 and 1.
+    silhouettes : mapping of int to int
+        Edges of the entity that are seen as silhouettes, and the face that is seen: it must be lit, no more.
+    """
+    sets = [blockers(scene, solid, entity)]
+    for chord in chords(entity):
+        sets += _wedges(scene, grid, solid, chord, contrast, silhouettes)
+        sets += [
+            _behind(scene, silhouettes[edge_id])
+            for edge_id in chord.edge_ids
+            if edge_id in silhouettes
+        ]
+    return united(sets)
+
+
+def _behind(scene: Scene, face: int) -> Blockers:
+    """Everything behind a face."""
+    number = scene.plane_of_face[face]
+    return Blockers(
+        np.array([0, 1], np.int32),
+        np.zeros(1, np.int32),
+        np.array([-scene.side_of_face[face]], np.int8),
+        scene.planes[[number]],
+        np.array([[FACE, face, -1, -1]], np.int32),
+    )
+
+
+def _wedges(
+    scene: Scene,
+    grid: Grid,
+    solid: Solid,
+    chord: Entity,
+    contrast: float,
+    silhouettes: Mapping[int, int],
+) -> list[Blockers]:
+    """One set for each pair of face planes next to a straight entity that is seen as a crease."""
+    ends = line_ends(scene, solid, chord)
+    found: dict[frozenset[int], Blockers] = {}
+    for edge_id in (e for e in chord.edge_ids if e not in silhouettes):
+        one, other = solid.edges[edge_id].faces
+        pair = frozenset((int(scene.plane_of_face[one]), int(scene.plane_of_face[other])))
+        if pair not in found:
+            planes = [
+                contrast_plane(scene, grid, ends, (f, g), contrast)
+                for f, g in ((one, other), (other, one))
+            ]
+            origin = [[CONTRAST, *ends, f] for f in (one, other)]
+            found[pair] = Blockers(
+                np.array([0, 2], np.int32),
+                np.array([0, 1], np.int32),
+                np.array([-1, -1], np.int8),
+                np.array(planes, np.int64),
+                np.array(origin, np.int32),
+            )
+    return list(found.values())
+
+
+def contrast_plane(
+    scene: Scene, grid: Grid, ends: tuple[int, int], faces: tuple[int, int], contrast: float
+) -> np.ndarray:
+    """Return the plane (a, b, c, d) through an edge where its first face has just the contrast, positive side bright.
+
+    Parameters
+    ----------
+    scene, grid
+        The solid on its grid, and the grid.
+    ends : tuple of int
+        Vertices of the edge.
+    faces : tuple of int
+        Brighter and darker face.
+    contrast : float
+        Least contrast.
+    """
+    # Python integers, which do not overflow
+    one, other = (
+        [int(c) * int(scene.side_of_face[f]) for c in scene.planes[scene.plane_of_face[f]]]
+        for f in faces
+    )
+    asked = Fraction(repr(contrast))
+    ratio = (1 + asked) / (1 - asked) * _length_ratio(one[:3], other[:3], grid.scale)
+    # of the larger of ratio and reciprocal, so that the error is relative
+    if ratio < 1:
+        ratio = 1 / (1 / ratio).limit_denominator(1 << _REACH_BITS)
+    else:
+        ratio = ratio.limit_denominator(1 << _REACH_BITS)
+    points = [[int(x) for x in scene.points[v]] for v in ends]
+    if all(
+        sum(a * x for a, x in zip(plane, p, strict=False)) == plane[3]
+        for plane in (one, other)
+        for p in points
+    ):
+        combined = [
+            ratio.denominator * a - ratio.numerator * b for a, b in zip(one, other, strict=True)
+        ]
+        divisor = int(np.gcd.reduce([abs(c) for c in combined[:3]]))
+        combined = [c // divisor for c in combined]
+        if (
+            max(map(abs, combined[:3])) < 1 << _COEFFICIENT_BITS
+            and abs(combined[3]) < 1 << _OFFSET_BITS
+        ):
+            return np.array(combined, np.int64)
+    return _through_ends(scene.points[list(ends)], (one, other), float(ratio), grid.scale)
+
+
+def _length_ratio(one: list[int], other: list[int], scale: np.ndarray) -> Fraction:
+    """|N₁| / |N₂| of two plane normals, exact where it is rational and the grid's steps are equal."""
+    if (scale == 1.0).all():
+        square = Fraction(sum(c * c for c in one), sum(c * c for c in other))
+        root = Fraction(isqrt(square.numerator), isqrt(square.denominator))
+        if root * root == square:
+            return root
+    lengths = [float(np.linalg.norm(np.array(normal, float) / scale)) for normal in (one, other)]
+    return Fraction(lengths[0] / lengths[1])
+
+
+def _through_ends(
+    ends: np.ndarray, planes: tuple[list[int], list[int]], ratio: float, scale: np.ndarray
+) -> np.ndarray:
+    """Return the plane through both ends and the grid point nearest to where the exact one is, far from the edge."""
+    one, other = (np.array(plane[:3], float) / scale for plane in planes)
+    normal = one - ratio * other
+    across = np.cross((ends[1] - ends[0]) * scale, normal / np.abs(normal).max()) / scale
+    away = np.rint(across / np.abs(across).max() * (1 << _REACH_BITS)).astype(np.int64)
+    plane = plane_through(ends[0], ends[1], ends[0] + away)
+    return plane if (plane[:3] / scale) @ normal > 0 else -plane
+
 
 _Task = tuple[Entity, Mapping[int, int]]
 

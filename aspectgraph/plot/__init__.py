@@ -4,12 +4,10 @@ They are drawn in doubles and decide nothing. matplotlib and plotly are imported
 """
 
 from aspectgraph.plot.clip import domain_facets
-from aspectgraph.plot.edge_ids import edge_figure, write_edge_picture
 from aspectgraph.plot.graph_plot import GraphDrawing, plot_graph
-from aspectgraph.plot.section import SectionDrawing, plot_section
-from aspectgraph.plot.solid_view import plot_domains, plot_solid
-from aspectgraph.plot.style import is_feature
+from aspectgraph.plot.picker import edge_figure, write_edge_picture
 from aspectgraph.plot.traces import (
+    is_feature,
     line_trace,
     part_traces,
     point_text,
@@ -17,6 +15,7 @@ from aspectgraph.plot.traces import (
     surface_trace,
     xyz,
 )
+from aspectgraph.plot.views import SectionDrawing, plot_domains, plot_section, plot_solid
 
 __all__ = [
     "GraphDrawing",

@@ -3,11 +3,9 @@
 Every repair is noted in the solid, nothing is guessed: what cannot be read as a closed surface is refused.
 """
 
-from aspectgraph.read.join_faces import assemble
-from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.join_faces import Tessellation, assemble
+from aspectgraph.read.limits import ReadLimits, SolidChoice
 from aspectgraph.read.part_file import read_solid
-from aspectgraph.read.solid_choice import SolidChoice
-from aspectgraph.read.tessellation import Tessellation
 
 __all__ = [
     "ReadLimits",

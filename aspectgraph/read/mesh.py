@@ -13,27 +13,240 @@ What is done, in this order
 
 from __future__ import annotations
 
+import heapq
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from aspectgraph.exceptions import OrientationError, ReadError
 from aspectgraph.phases import phase
-from aspectgraph.read.coplanar import find_twins
 from aspectgraph.read.glb import parse_glb
-from aspectgraph.read.join_faces import assemble
+from aspectgraph.read.join_faces import Tessellation, assemble, find_twins
 from aspectgraph.read.limits import ReadLimits, more_of
-from aspectgraph.read.obj_off import parse_obj, parse_off
-from aspectgraph.read.ply import parse_ply
-from aspectgraph.read.repair import drop_repetitions, drop_thin, is_closed, turn_thin, weld
-from aspectgraph.read.stl import parse_stl
-from aspectgraph.read.tessellation import Tessellation
-from aspectgraph.solid.checks import check_vertices, default_planarity_mm, face_area_vectors
-from aspectgraph.solid.face_loops import FaceLoops
-from aspectgraph.solid.shells import face_outwards
+from aspectgraph.read.mesh_formats import parse_obj, parse_off, parse_ply, parse_stl
+from aspectgraph.solid.checks import (
+    check_vertices,
+    default_planarity_mm,
+    face_area_vectors,
+    face_outwards,
+)
 from aspectgraph.solid.solid import Solid
-from aspectgraph.solid.topology import describe_edge, label_shells, pair_edges
-from aspectgraph.solid.triangulate import triangulate_faces
+from aspectgraph.solid.topology import (
+    FaceLoops,
+    describe_edge,
+    label_shells,
+    pair_edges,
+    triangulate_faces,
+)
+
+# Facets without area taken out of a closed surface, without moving a vertex.
+#
+# A facet whose corners lie on one line has its middle corner on its longest side. The facet on
+# the other side of that side passes the corner by. Turning the side (an edge flip) makes it end
+# at the corner, and the facet without area is gone; the surface is the same. Longest facets go
+# first: where two without area are neighbours, the side turned is then the longest of both, and
+# it becomes shorter.
+
+
+_MOST_TURNS = 50
+"""Turns tried for every facet without area, before what is left is left as it is."""
+
+
+def turn_thin(
+    vertices: np.ndarray, triangles: np.ndarray, width_mm: float, notes: list[str]
+) -> np.ndarray:
+    """Take out the facets no wider than `width_mm` by turning their longest sides; note how many.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+        In mm.
+    triangles : ndarray of int, shape (t, 3)
+        Closed and oriented.
+    width_mm : float
+        Facets no wider have no area; the surface moves by no more than this.
+    notes : list of str
+        Gets a line if anything was done.
+
+    Returns
+    -------
+    ndarray of int, shape (t', 3)
+        Closed and oriented, with the same vertices in use. A facet whose middle corner is as close as `width_mm` to
+        another one stays, and so does one whose turn would join two vertices a second time.
+    """
+    n_thin = _count_thin(vertices, triangles, width_mm)
+    if not n_thin:
+        return triangles
+    surface = _Turner(vertices, triangles, width_mm)
+    for _ in range(_MOST_TURNS * n_thin):
+        if not surface.turn_next():
+            break
+    left = surface.rows()
+    n_gone = n_thin - _count_thin(vertices, left, width_mm)
+    if n_gone:
+        notes.append(f"took out {n_gone} facets without area by turning their longest sides")
+    return left
+
+
+def _count_thin(vertices: np.ndarray, triangles: np.ndarray, width_mm: float) -> int:
+    return int((_widths(vertices, triangles)[0] <= width_mm).sum())
+
+
+def _widths(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the heights of triangles over their longest sides, and these, in mm."""
+    corners = vertices[triangles]
+    doubled_area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    return np.divide(doubled_area, longest, out=np.zeros_like(longest), where=longest > 0), longest
+
+
+class _Turner:
+    """State of `turn_thin`: the triangles, their directed sides, and the thin ones in order."""
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, width_mm: float) -> None:
+        self.vertices = vertices
+        self.width_mm = width_mm
+        self.triangles: list[tuple[int, int, int]] = [tuple(row) for row in triangles.tolist()]
+        self.side = {pair: t for t, row in enumerate(self.triangles) for pair in _sides(row)}
+        self.queue: list[tuple[float, int, tuple[int, int, int]]] = []
+        self._note_thin(range(len(self.triangles)))
+
+    def rows(self) -> np.ndarray:
+        """Return the triangles as an array."""
+        return np.array(self.triangles, dtype=np.int64).reshape(-1, 3)
+
+    def turn_next(self) -> bool:
+        """Turn the longest side of the next thin triangle, if it may be; return whether there was one."""
+        if not self.queue:
+            return False
+        _, t, row = heapq.heappop(self.queue)
+        if self.triangles[t] != row:
+            return True
+        p, q, apex = self._longest_side(row)
+        across = self.side[q, p]
+        far = next(v for v in self.triangles[across] if v not in (p, q))
+        joined = far == apex or (far, apex) in self.side or (apex, far) in self.side
+        if joined or not self._between(p, q, apex):
+            return True
+        for pair in (*_sides(row), *_sides(self.triangles[across])):
+            del self.side[pair]
+        for k, new in ((t, (p, far, apex)), (across, (far, q, apex))):
+            self.triangles[k] = new
+            self.side.update(dict.fromkeys(_sides(new), k))
+        self._note_thin((t, across))
+        return True
+
+    def _note_thin(self, which: Iterable[int]) -> None:
+        index = np.array(list(which), dtype=np.int64)
+        width, length = _widths(
+            self.vertices, np.array([self.triangles[t] for t in index.tolist()])
+        )
+        for t, size in zip(
+            index[width <= self.width_mm].tolist(), length[width <= self.width_mm], strict=True
+        ):
+            heapq.heappush(self.queue, (-float(size), t, self.triangles[t]))
+
+    def _longest_side(self, row: tuple[int, int, int]) -> tuple[int, int, int]:
+        sizes = [float(np.linalg.norm(self.vertices[b] - self.vertices[a])) for a, b in _sides(row)]
+        k = int(np.argmax(sizes))
+        return row[k], row[(k + 1) % 3], row[(k + 2) % 3]
+
+    def _between(self, p: int, q: int, apex: int) -> bool:
+        """Return whether a vertex lies between two others, and not at one of them."""
+        start, end, middle = self.vertices[[p, q, apex]]
+        return bool(
+            min(np.linalg.norm(middle - start), np.linalg.norm(middle - end)) > self.width_mm
+        )
+
+
+def _sides(row: tuple[int, int, int]) -> tuple[tuple[int, int], ...]:
+    a, b, c = row
+    return (a, b), (b, c), (c, a)
+
+
+# Vertices made one, and facets that say nothing dropped.
+
+
+def weld(vertices: np.ndarray, distance_mm: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Merge vertices that are equal or, if a distance is given, linked by steps no longer than it.
+
+    Returns
+    -------
+    vertices : ndarray, shape (m, 3)
+        In order of first appearance; of merged ones the first stays where it is.
+    new : ndarray of int, shape (n,)
+        The new index of every old vertex.
+    """
+    if distance_mm > 0:
+        pairs = cKDTree(vertices).query_pairs(distance_mm, output_type="ndarray")
+        n = len(vertices)
+        links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+        label = connected_components(links, directed=False)[1]
+    else:
+        label = _label_rows(vertices)
+    _, first = np.unique(label, return_index=True)
+    order = np.argsort(first)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[order] = np.arange(len(first))
+    return vertices[first[order]], rank[label]
+
+
+def _label_rows(rows: np.ndarray) -> np.ndarray:
+    """Number the rows of an array, equal ones alike."""
+    order = np.lexsort(rows.T)
+    ordered = rows[order]
+    label = np.zeros(len(rows), dtype=np.int64)
+    label[order[1:]] = np.cumsum((ordered[1:] != ordered[:-1]).any(axis=1))
+    return label
+
+
+def is_closed(triangles: np.ndarray) -> bool:
+    """Return whether every edge, whichever way it runs, has exactly two triangles."""
+    if not len(triangles):
+        return False
+    start = triangles.ravel()
+    end = np.roll(triangles, -1, axis=1).ravel()
+    key = np.minimum(start, end) * (int(triangles.max()) + 1) + np.maximum(start, end)
+    return bool((np.unique(key, return_counts=True)[1] == 2).all())
+
+
+def drop_repetitions(triangles: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Drop triangles that use a vertex twice, and all but the first of equal ones; note how many."""
+    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    if not whole.all():
+        notes.append(f"dropped {int((~whole).sum())} facets that use a vertex twice")
+        triangles = triangles[whole]
+    if not len(triangles):
+        return triangles
+    turn = np.argmin(triangles, axis=1)[:, None] + np.arange(3)
+    canonical = np.take_along_axis(triangles, turn % 3, axis=1)
+    first = np.unique(_label_rows(canonical), return_index=True)[1]
+    first.sort()
+    if len(first) < len(triangles):
+        notes.append(f"dropped {len(triangles) - len(first)} repeated facets")
+    return triangles[first]
+
+
+def drop_thin(
+    vertices: np.ndarray, triangles: np.ndarray, width_mm: float, notes: list[str]
+) -> np.ndarray:
+    """Drop triangles no wider than `width_mm`; note how many."""
+    corners = vertices[triangles]
+    doubled_area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    thin = doubled_area <= width_mm * longest
+    if thin.any():
+        notes.append(f"dropped {int(thin.sum())} facets without area")
+    return triangles[~thin]
+
 
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "inch": 25.4, "ft": 304.8}
 """Millimetres in one of each unit."""

@@ -5,25 +5,38 @@ direction, faces are planar and have an area, shells face outwards, and the surf
 What breaks a rule is refused with its place.
 """
 
-from aspectgraph.solid.checks import check_vertices, default_planarity_mm, face_area_vectors
-from aspectgraph.solid.circles import Circle, CircularEdge, fit_circle
-from aspectgraph.solid.edge_ends import CORNER_DEG, EdgeEnd
-from aspectgraph.solid.places import describe_point
+from aspectgraph.solid.checks import (
+    check_vertices,
+    default_planarity_mm,
+    face_area_vectors,
+    face_outwards,
+    segment_distance,
+    side_distances,
+)
 from aspectgraph.solid.ray_scene import RayScene
-from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim
-from aspectgraph.solid.self_contact import segment_distance, side_distances
-from aspectgraph.solid.shells import face_outwards
+from aspectgraph.solid.rims import (
+    CORNER_DEG,
+    SHARP_DEG,
+    Arc,
+    Circle,
+    CircularEdge,
+    EdgeEnd,
+    Rim,
+    fit_circle,
+)
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import (
     Edge,
     Face,
     check_fans,
     describe_edge,
+    describe_point,
     label_shells,
+    newell_area_vector,
     pair_edges,
     signed_dihedrals_deg,
+    triangulate_face,
 )
-from aspectgraph.solid.triangulate import newell_area_vector, triangulate_face
 
 __all__ = [
     "CORNER_DEG",

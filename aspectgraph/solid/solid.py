@@ -16,7 +16,7 @@ from functools import cached_property
 from importlib import import_module
 from itertools import starmap
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,33 +25,60 @@ from aspectgraph.exceptions import SolidError
 from aspectgraph.phases import phase
 from aspectgraph.solid.checks import (
     check_areas,
+    check_contacts,
     check_indices,
     check_planarity,
+    check_shells,
     check_vertices,
     default_planarity_mm,
     face_area_vectors,
 )
-from aspectgraph.solid.circles import CircularEdge
-from aspectgraph.solid.edge_ends import EdgeEnd, edges_at_vertices, find_edge_ends
-from aspectgraph.solid.face_loops import FaceLoops
-from aspectgraph.solid.file_solids import FileSolids
-from aspectgraph.solid.rims import SHARP_DEG, Arc, Rim, find_arcs
-from aspectgraph.solid.self_contact import check_contacts
-from aspectgraph.solid.shells import check_shells
+from aspectgraph.solid.rims import (
+    SHARP_DEG,
+    Arc,
+    CircularEdge,
+    EdgeEnd,
+    Rim,
+    edges_at_vertices,
+    find_arcs,
+    find_edge_ends,
+)
 from aspectgraph.solid.topology import (
     Edge,
     Face,
+    FaceLoops,
     as_face,
     check_fans,
     is_index,
     label_shells,
     pair_edges,
     signed_dihedrals_deg,
+    signed_volume,
+    triangulate_faces,
 )
-from aspectgraph.solid.triangulate import signed_volume, triangulate_faces
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
+
+
+# Which solids of a file a `Solid` was read from.
+
+
+class FileSolids(NamedTuple):
+    """Solids of a STEP file, by their numbers.
+
+    Attributes
+    ----------
+    measured : tuple of int
+        Solids whose edges can be entities, counted from 0 in the order of the file.
+    occluders : tuple of int
+        Solids that only stand in the way.
+    """
+
+    measured: tuple[int, ...]
+    occluders: tuple[int, ...]
+
+
 # characters of a wrong argument that an error repeats
 _LONGEST = 40
 

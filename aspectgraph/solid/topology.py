@@ -9,17 +9,179 @@ surface every directed edge is traversed exactly once, and so is its reverse, by
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from itertools import chain
+from typing import Any, Protocol
 
 import numpy as np
+import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, OrientationError, SolidError
-from aspectgraph.solid.face_loops import FaceLoops
-from aspectgraph.solid.places import describe_point
+
+# The loops of all faces as arrays: what holds for every face is computed for all of them at once.
+#
+# Notation -------- Half-edge h is a directed edge of a loop. Half-edges are numbered face by
+# face, loop by loop, and along each loop, outer loops first.
+
+
+class _LoopedFace(Protocol):
+    """What this module needs to know of a `Face`."""
+
+    @property
+    def loops(self) -> tuple[tuple[int, ...], ...]:
+        """All loops, the outer one first."""
+
+
+class FaceLoops:
+    """Loops of faces.
+
+    Parameters
+    ----------
+    start : ndarray of int, shape (h,)
+        The vertex where each half-edge starts.
+    size : ndarray of int, shape (l,)
+        The number of half-edges of each loop.
+    loop_face : ndarray of int, shape (l,)
+        The face of each loop, in rising order; every face has a loop.
+
+    Attributes
+    ----------
+    start, size, loop_face
+        As given.
+    """
+
+    def __init__(self, start: np.ndarray, size: np.ndarray, loop_face: np.ndarray) -> None:
+        self.start = start
+        self.size = size
+        self.loop_face = loop_face
+
+    @classmethod
+    def of(cls, faces: Sequence[_LoopedFace] | FaceLoops) -> FaceLoops:
+        """Return the loops of faces; loops are returned as they are."""
+        if isinstance(faces, FaceLoops):
+            return faces
+        return cls.of_cycles([face.loops for face in faces])
+
+    @classmethod
+    def of_cycles(cls, cycles: Sequence[Sequence[Sequence[int]]]) -> FaceLoops:
+        """Return the loops of faces, each given as its loops of vertex indices."""
+        loops = list(chain.from_iterable(cycles))
+        size = _integers(map(len, loops))
+        n_loops = _integers(map(len, cycles))
+        start = _integers(chain.from_iterable(loops))
+        return cls(start, size, np.repeat(np.arange(len(n_loops)), n_loops))
+
+    @classmethod
+    def of_triangles(cls, triangles: np.ndarray) -> FaceLoops:
+        """Return the loops of triangles, shape (t, 3)."""
+        n = len(triangles)
+        return cls(triangles.astype(np.int64).ravel(), np.full(n, 3), np.arange(n))
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        """The first half-edge of each loop, shape (l,)."""
+        return np.cumsum(self.size) - self.size
+
+    @cached_property
+    def following(self) -> np.ndarray:
+        """The next half-edge of the same loop, shape (h,)."""
+        following = np.arange(1, len(self.start) + 1)
+        following[self.first + self.size - 1] = self.first
+        return following
+
+    @cached_property
+    def preceding(self) -> np.ndarray:
+        """The half-edge before, of the same loop, shape (h,)."""
+        preceding = np.arange(-1, len(self.start) - 1)
+        preceding[self.first] = self.first + self.size - 1
+        return preceding
+
+    @cached_property
+    def end(self) -> np.ndarray:
+        """The vertex where each half-edge ends, shape (h,)."""
+        return self.start[self.following]
+
+    @cached_property
+    def face(self) -> np.ndarray:
+        """The face of each half-edge, shape (h,)."""
+        return np.repeat(self.loop_face, self.size)
+
+    @cached_property
+    def outer(self) -> np.ndarray:
+        """The outer loop of each face, shape (f,)."""
+        return np.flatnonzero(np.diff(self.loop_face, prepend=-1))
+
+    @cached_property
+    def n_loops(self) -> np.ndarray:
+        """The number of loops of each face, shape (f,)."""
+        return np.bincount(self.loop_face)
+
+    @cached_property
+    def is_triangle(self) -> np.ndarray:
+        """Which faces are triangles without holes, shape (f,)."""
+        return (self.n_loops == 1) & (self.size[self.outer] == 3)
+
+    @cached_property
+    def groups(self) -> tuple[np.ndarray, np.ndarray]:
+        """Half-edges sorted by the two vertices they join, lower ones first, and where each group begins."""
+        low = np.minimum(self.start, self.end)
+        high = np.maximum(self.start, self.end)
+        key = low * (int(high.max(initial=0)) + 1) + high
+        order = np.argsort(key, kind="stable")
+        return order, np.flatnonzero(np.diff(key[order], prepend=-1))
+
+    @cached_property
+    def twin(self) -> np.ndarray:
+        """The half-edge on the other side, shape (h,); for loops whose edges pair up."""
+        order = self.groups[0]
+        twin = np.empty_like(order)
+        twin[order[0::2]] = order[1::2]
+        twin[order[1::2]] = order[0::2]
+        return twin
+
+    def only(self, chosen: np.ndarray) -> FaceLoops:
+        """Return the loops of some faces, numbered anew; `chosen` says which, shape (f,)."""
+        number = np.cumsum(chosen) - 1
+        which = chosen[self.loop_face]
+        return FaceLoops(
+            self.start[chosen[self.face]], self.size[which], number[self.loop_face[which]]
+        )
+
+    def loops_of(self, face: int) -> list[tuple[int, ...]]:
+        """Return the loops of one face, the outer one first."""
+        loop = int(self.outer[face])
+        return [
+            tuple(self.start[self.first[k] : self.first[k] + self.size[k]].tolist())
+            for k in range(loop, loop + int(self.n_loops[face]))
+        ]
+
+    def by_size(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Go through the loops, those of one size k at a time.
+
+        Yields
+        ------
+        tuple of ndarray of int, shapes (m,) and (m, k)
+            The loops, and their half-edges.
+        """
+        for k in np.unique(self.size).tolist():
+            which = np.flatnonzero(self.size == k)
+            yield which, self.first[which][:, None] + np.arange(k)
+
+
+def _integers(values: Iterable[int]) -> np.ndarray:
+    return np.fromiter(values, dtype=np.int64)
+
+
+# Places in words, for messages.
+
+
+def describe_point(point: Iterable[float]) -> str:
+    """Return a point as text for a message, in millimetres."""
+    return "(" + ", ".join(f"{float(c):.6g}" for c in point) + ")"
 
 
 @dataclass(frozen=True)
@@ -342,3 +504,175 @@ def signed_dihedrals_deg(
     along /= length
     sine = np.einsum("ij,ij->i", np.cross(before, after), along)
     return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", before, after)))
+
+
+# Triangles of planar faces with holes, using the faces' own vertices only.
+
+
+def newell_area_vector(points: np.ndarray) -> np.ndarray:
+    """Return the area vector of closed polygons: its length is the area, its direction the normal.
+
+    Parameters
+    ----------
+    points : ndarray, shape (..., k, 3)
+        The loops, in mm.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        In mm².
+    """
+    local = points - points[..., :1, :]
+    return 0.5 * np.cross(local, np.roll(local, -1, axis=-2)).sum(axis=-2)
+
+
+def triangulate_face(
+    vertices: np.ndarray, face: Face, normal: np.ndarray, name: str = "face"
+) -> np.ndarray:
+    """Cut a face into triangles, counter-clockwise seen from outside.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+        All vertices, in mm.
+    face : Face
+        The face; collinear vertices in its loops are kept.
+    normal : ndarray, shape (3,)
+        Its outward unit normal.
+    name : str
+        How a message calls the face.
+
+    Returns
+    -------
+    ndarray of int32, shape (m, 3)
+        Vertex indices. Guarantee: every directed edge of the loops is a side of exactly one triangle and every other
+        side is shared by two, so the triangles of neighbouring faces meet edge to edge.
+
+    Raises
+    ------
+    SolidError
+        The loops cross, or a hole is not inside the outer loop.
+    """
+    loops = FaceLoops.of([face])
+    return triangulate_faces(vertices, loops, normal[None], lambda _: name)[0]
+
+
+def triangulate_faces(
+    vertices: np.ndarray,
+    loops: FaceLoops,
+    normals: np.ndarray,
+    name: Callable[[int], str] = "face {}".format,
+) -> tuple[np.ndarray, ...]:
+    """Cut faces into triangles; see `triangulate_face`.
+
+    Parameters
+    ----------
+    vertices : ndarray, shape (n, 3)
+        All vertices, in mm.
+    loops : FaceLoops
+        The loops of the faces.
+    normals : ndarray, shape (f, 3)
+        Their outward unit normals.
+    name : callable
+        Returns how a message calls a face.
+
+    Returns
+    -------
+    tuple of ndarray of int32, shape (m, 3)
+        The triangles of each face.
+
+    Raises
+    ------
+    SolidError
+        The loops of a face cross, or a hole is not inside the outer loop.
+    """
+    whole = np.flatnonzero(loops.is_triangle)
+    first = loops.first[loops.outer[whole]]
+    rows = loops.start[first[:, None] + np.arange(3)].astype(np.int32)
+    if len(whole) == len(normals):
+        return tuple(rows[:, None])
+    cut: list[np.ndarray] = [rows[:0]] * len(normals)
+    for face, row in zip(whole.tolist(), rows[:, None], strict=True):
+        cut[face] = row
+    others = np.flatnonzero(~loops.is_triangle)
+    for face, triangles in zip(
+        others.tolist(), _cut_polygons(vertices, loops, normals, others, name), strict=True
+    ):
+        cut[face] = triangles
+    return tuple(cut)
+
+
+def _cut_polygons(
+    vertices: np.ndarray,
+    loops: FaceLoops,
+    normals: np.ndarray,
+    faces: np.ndarray,
+    name: Callable[[int], str],
+) -> list[np.ndarray]:
+    """Return the triangles of faces that are more than one."""
+    rank = np.full(len(normals), -1)
+    rank[faces] = np.arange(len(faces))
+    half_edges = np.flatnonzero(rank[loops.face] >= 0)
+    of_face = rank[loops.face[half_edges]]
+    corners = loops.start[half_edges]
+    # Dropping one coordinate keeps the others bit for bit, so corners are recognised by their coordinates afterwards.
+    flat = vertices[corners[:, None], _projection_axes(normals[faces])[of_face]]
+    which = rank[loops.loop_face] >= 0
+    ring = np.repeat(np.arange(int(which.sum())), loops.size[which])
+    polygons = shapely.polygons(
+        shapely.linearrings(flat, indices=ring), indices=rank[loops.loop_face[which]]
+    )
+    crossed = np.flatnonzero(~shapely.is_valid(polygons))
+    # of several faces that are wrong the first is named
+    n_sound = int(crossed[0]) if len(crossed) else len(faces)
+    parts = shapely.constrained_delaunay_triangles(polygons[:n_sound])
+    points, owner = shapely.get_coordinates(parts, return_index=True)
+    rings = points.reshape(-1, 4, 2)[:, :3]
+    owner = owner[::4]
+    area = _signed_areas(rings)
+    rings[area < 0] = rings[area < 0][:, ::-1]
+    places = zip(of_face.tolist(), *flat.T.tolist(), strict=True)
+    index = dict(zip(places, corners.tolist(), strict=True))
+    # a hole that touches another loop in a vertex is joined to it there, and two triangles fewer are needed
+    n_places = np.bincount(np.fromiter((key[0] for key in index), dtype=np.int64))
+    n_corners = np.bincount(of_face)
+    n_loops = loops.n_loops[faces]
+    n_expected = (2 * n_places - n_corners + 2 * n_loops - 4)[:n_sound]
+    covered = np.bincount(owner, np.abs(area), minlength=n_sound)
+    one_region = np.isclose(covered, shapely.area(polygons[:n_sound]), rtol=1e-9)
+    n_triangles = np.bincount(owner, minlength=n_sound)
+    wrong = np.flatnonzero((n_triangles != n_expected) | ~one_region)
+    if len(wrong):
+        raise SolidError(
+            f"the loops of a face must bound one region. Got {name(int(faces[wrong[0]]))} "
+            f"with {n_loops[wrong[0]]} loops."
+        )
+    if len(crossed):
+        raise SolidError(
+            f"the loops of a face must not cross. Got {name(int(faces[n_sound]))}: "
+            f"{shapely.is_valid_reason(polygons[n_sound])}."
+        )
+    keys = zip(np.repeat(owner, 3).tolist(), *rings.reshape(-1, 2).T.tolist(), strict=True)
+    triangles = np.array([index[key] for key in keys], dtype=np.int32).reshape(-1, 3)
+    return np.split(triangles, np.cumsum(n_triangles)[:-1])
+
+
+def _projection_axes(normals: np.ndarray) -> np.ndarray:
+    """Return the two axes to keep, in the order that leaves a loop about a normal counter-clockwise, shape (f, 2)."""
+    drop = np.argmax(np.abs(normals), axis=1)
+    keep = np.stack([(drop + 1) % 3, (drop + 2) % 3], axis=1)
+    upwards = np.take_along_axis(normals, drop[:, None], axis=1) > 0
+    return np.where(upwards, keep, keep[:, ::-1])
+
+
+def _signed_areas(rings: np.ndarray) -> np.ndarray:
+    a = rings[:, 1] - rings[:, 0]
+    b = rings[:, 2] - rings[:, 0]
+    return 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def signed_volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
+    """Return the volume enclosed by closed triangles in mm³, positive if they face outwards."""
+    local = vertices - vertices.mean(axis=0)
+    a, b, c = (local[triangles[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)

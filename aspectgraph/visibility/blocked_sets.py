@@ -23,21 +23,330 @@ re-entrant one.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from aspectgraph.exact.planes import side_of
+from aspectgraph.exact.planes import plane_through, side_of
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.casting import Jobs, cast_all, in_the_way
-from aspectgraph.visibility.deadline import check_deadline
-from aspectgraph.visibility.free_discs import free_disc
-from aspectgraph.visibility.scene import Scene, chords, end_resolution, entity_ends, line_ends
-from aspectgraph.visibility.united_sets import Blockers, united
-from compiled.decorators import entry_kernel
+from aspectgraph.visibility.casting import Blockers, Jobs, cast_all, in_the_way, united
+from aspectgraph.visibility.scene import (
+    Scene,
+    check_deadline,
+    chords,
+    end_resolution,
+    entity_ends,
+    line_ends,
+)
+from ground.decorators import entry_kernel
 
 if TYPE_CHECKING:
-    from aspectgraph.entities.straight_edges import Entity
+    from aspectgraph.entities.entity import Entity
+
+
+# Free discs: rims that can be seen as one flat polygon instead of chord by chord.
+#
+# Notation -------- D    the convex polygon of a rim's chords, Pi its plane Q    the pyramid from
+# a viewpoint v to D; its sides are the triangles of v and the chords O    a piece of surface,
+# B(O, D) its blocked set {q + t (q - p) : q in O, p in D, t >= 0}
+#
+# D is *free* if its relative interior meets no interior of the solid: the opening of a hole, the
+# floor of a blind one. A shell of the surface is *certified* for viewpoints on one side of Pi if
+# it has a vertex on the other side, or one on Pi outside D.
+#
+# Guarantee (docs/mathematics/visibility.md, section 5): for a free disc and a piece O of a shell
+# that is certified for a generic viewpoint in B(O, D), some chord is not observable from it. For
+# the material behind O has a vertex that Q does not hold, and cannot leave Q through D, so it
+# crosses the triangle of a chord. One convex set thus does the work of one for every chord.
+#
+# Where snapping displaced vertices, a vertex within the resolution of Pi counts as on it, as
+# everywhere. From a viewpoint so near Pi that the corners do not look convex, B(O, D) may then
+# hide more than the chords' sets, never less.
+
+
+_Point = tuple[int, int]
+
+
+class Disc(NamedTuple):
+    """A free disc.
+
+    Attributes
+    ----------
+    corners : ndarray of int64, shape (m,)
+        Vertex numbers of D, in order around it.
+    plane : ndarray of int64, shape (4,)
+        Its plane.
+    certified : ndarray of bool, shape (shells, 2)
+        Which shells of the surface are, for viewpoints on its positive and on its negative side.
+    """
+
+    corners: np.ndarray
+    plane: np.ndarray
+    certified: np.ndarray
+
+
+def free_disc(scene: Scene, solid: Solid, entity: Entity) -> Disc | None:
+    """Return the disc of a rim, or None if it is not flat, not convex, or not known to be free."""
+    corners = _corners(solid, entity)
+    if corners is None:
+        return None
+    plane = _common_plane(scene, solid, entity, corners)
+    if plane is None:
+        return None
+    axis = int(np.abs(plane[:3]).argmax())
+    flat = np.delete(scene.points, axis, axis=1)
+    outline = _counter_clockwise([(x, y) for x, y in flat[corners].tolist()])
+    if outline is None:
+        return None
+    heights = _heights(scene, plane)
+    shape = _Shape(scene, solid, plane, heights, flat, outline)
+    if not shape.is_free(entity.edge_ids, corners):
+        return None
+    return Disc(corners, plane, shape.certified())
+
+
+def _corners(solid: Solid, entity: Entity) -> np.ndarray | None:
+    """Vertex numbers of a rim's chords in order; None where they do not close."""
+    edges = [solid.edges[edge_id].vertices for edge_id in entity.edge_ids]
+    if entity.kind != "rim" or len(edges) < 3:
+        return None
+    corners: list[int] = []
+    for one, other in zip(edges, [*edges[1:], edges[0]], strict=True):
+        common = set(one) & set(other)
+        if len(common) != 1:
+            return None
+        corners += common
+    return np.array(corners) if len(set(corners)) == len(corners) else None
+
+
+def _common_plane(
+    scene: Scene, solid: Solid, entity: Entity, corners: np.ndarray
+) -> np.ndarray | None:
+    """A plane that all corners are on: exactly, or else to within the resolution, if possible that of a face."""
+    points = scene.points[corners]
+    third = len(points) // 3
+    plane = plane_through(points[0], points[third], points[2 * third])
+    if not plane.any():
+        return None
+    if (points @ plane[:3] == plane[3]).all():
+        return np.asarray(plane)
+    next_to = solid.edges[entity.edge_ids[0]].faces
+    candidates = [scene.planes[scene.plane_of_face[face]] for face in next_to]
+    for candidate in [*candidates, plane]:
+        if not _heights(scene, candidate)[corners].any():
+            return np.asarray(candidate)
+    return None
+
+
+def _heights(scene: Scene, plane: np.ndarray) -> np.ndarray:
+    """Heights of all vertices over a plane, in multiples of a step: 0 within the resolution."""
+    heights = scene.points @ plane[:3] - plane[3]
+    if scene.resolution > 0.0:
+        length = np.sqrt((plane[:3].astype(float) ** 2).sum())
+        heights[np.abs(heights) <= scene.resolution * length] = 0
+    return np.asarray(heights)
+
+
+def _counter_clockwise(outline: list[_Point]) -> list[_Point] | None:
+    """A polygon in counter-clockwise order; None if it is not convex."""
+    for polygon in (outline, outline[::-1]):
+        sides = list(pairwise([*polygon, polygon[0]]))
+        if all(_turn(*side, p) >= 0 for side in sides for p in polygon):
+            return polygon
+    return None
+
+
+def _turn(a: _Point, b: _Point, p: _Point) -> int:
+    """Twice the area of the triangle a, b, p: positive where p is to the left of a to b."""
+    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+
+
+@lru_cache(maxsize=1)
+def _edge_ends(solid: Solid) -> np.ndarray:
+    """Vertices of all edges, (n, 2): made once for all rims of a part."""
+    return np.array([edge.vertices for edge in solid.edges])
+
+
+def _length(vector: Sequence[int]) -> float:
+    return math.sqrt(sum(x * x for x in vector))
+
+
+class _Shape:
+    """The surface around a disc, with exact integers throughout.
+
+    Parameters
+    ----------
+    scene, solid
+        The solid on its grid, and itself.
+    plane : ndarray of int64, shape (4,)
+        That of the disc.
+    heights : ndarray of int64, shape (n,)
+        Of all vertices over it, in multiples of a step.
+    flat : ndarray of int64, shape (n, 2)
+        All vertices without the coordinate that the plane is farthest across.
+    outline : list of (int, int)
+        Corners of the disc in the same view, counter-clockwise.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        solid: Solid,
+        plane: np.ndarray,
+        heights: np.ndarray,
+        flat: np.ndarray,
+        outline: list[_Point],
+    ) -> None:
+        self._scene = scene
+        self._solid = solid
+        self._plane = plane
+        self._heights = heights
+        self._flat = flat
+        self._outline = outline
+        self._sides = list(pairwise([*outline, outline[0]]))
+        box = np.array(outline)
+        self._size = _length(np.ptp(box, axis=0).tolist())
+        self._low = box.min(axis=0)
+        self._high = box.max(axis=0)
+
+    def is_free(self, chords: Sequence[int], corners: np.ndarray) -> bool:
+        """Whether no interior of the solid meets the disc's relative interior.
+
+        The part of D inside the solid is open in D. If it is neither empty nor all of D, its boundary runs along a face
+        that crosses the plane, or along an edge in it that has the solid on one side. At a chord, it does not begin.
+        """
+        return (
+            not any(self._begins_inside(edge_id, corners) for edge_id in chords)
+            and not self._is_crossed()
+            and not any(self._parts(edge_id) for edge_id in self._edges_within(set(chords)))
+        )
+
+    def certified(self) -> np.ndarray:
+        """Which shells are certified for which side; see `Disc`."""
+        shells = self._solid.face_shell
+        result = np.zeros((self._solid.n_shells, 2), bool)
+        pieces = self._scene.pieces
+        shell_of = np.repeat(shells[pieces.face], np.diff(pieces.first))
+        for shell in range(len(result)):
+            own = np.unique(pieces.vertices[shell_of == shell])
+            heights = self._heights[own]
+            beside = any(
+                self._is_outside((x, y)) for x, y in self._flat[own[heights == 0]].tolist()
+            )
+            result[shell] = beside or (heights < 0).any(), beside or (heights > 0).any()
+        return result
+
+    def _is_outside(self, p: _Point) -> bool:
+        return any(_turn(a, b, p) < 0 for a, b in self._sides)
+
+    def _begins_inside(self, edge_id: int, corners: np.ndarray) -> bool:
+        """Whether the disc runs into the solid from a chord."""
+        a, b = self._solid.edges[edge_id].vertices
+        start, end = (tuple(p) for p in self._flat[[a, b]].tolist())
+        inner = max(corners.tolist(), key=lambda v: abs(_turn(start, end, tuple(self._flat[v]))))
+        towards = [int(x) for x in self._scene.points[inner] - self._scene.points[a]]
+        return self._is_inward(edge_id, towards)
+
+    def _is_inward(self, edge_id: int, direction: Sequence[int]) -> bool:
+        """Whether a direction from an edge leads into the solid, strictly."""
+        edge = self._solid.edges[edge_id]
+        behind = []
+        for face in edge.faces:
+            normal = self._scene.planes[self._scene.plane_of_face[face], :3].tolist()
+            along = sum(n * d for n, d in zip(normal, direction, strict=True))
+            if abs(along) * self._size <= self._scene.resolution * _length(normal) * _length(
+                direction
+            ):
+                along = 0
+            behind.append(along * int(self._scene.side_of_face[face]) < 0)
+        return all(behind) if edge.dihedral_deg > 0 else any(behind)
+
+    def _is_crossed(self) -> bool:
+        """Whether a face that has vertices on both sides of the plane meets the disc's relative interior."""
+        pieces = self._scene.pieces
+        height = self._heights[pieces.vertices]
+        starts = pieces.first[:-1]
+        low = np.minimum.reduceat(height, starts)
+        high = np.maximum.reduceat(height, starts)
+        face_low = np.zeros(len(self._solid.faces), np.int64)
+        face_high = np.zeros(len(self._solid.faces), np.int64)
+        np.minimum.at(face_low, pieces.face, low)
+        np.maximum.at(face_high, pieces.face, high)
+        both = (face_low[pieces.face] < 0) & (face_high[pieces.face] > 0)
+        flat = self._flat[pieces.vertices]
+        near = (np.minimum.reduceat(flat, starts) < self._high).all(axis=1) & (
+            np.maximum.reduceat(flat, starts) > self._low
+        ).all(axis=1)
+        candidates = np.flatnonzero(both & near & (low <= 0) & (high >= 0))
+        return any(self._meets(piece) for piece in candidates.tolist())
+
+    def _meets(self, piece: int) -> bool:
+        """Whether the part of a piece in the plane, a segment, meets the disc's relative interior."""
+        pieces = self._scene.pieces
+        loop = pieces.vertices[pieces.first[piece] : pieces.first[piece + 1]]
+        places = [tuple(p) for p in self._flat[loop].tolist()]
+        heights = self._heights[loop].tolist()
+        ends = [(x, y, 1) for (x, y), height in zip(places, heights, strict=True) if height == 0]
+        for k, height in enumerate(heights):
+            if height * heights[k - 1] < 0:
+                weights = abs(heights[k - 1]), abs(height)
+                x, y = places[k]
+                u, v = places[k - 1]
+                ends.append(
+                    (
+                        x * weights[0] + u * weights[1],
+                        y * weights[0] + v * weights[1],
+                        sum(weights),
+                    )
+                )
+        return self._crosses(ends)
+
+    def _crosses(self, ends: Sequence[tuple[int, int, int]]) -> bool:
+        """Whether the hull of points (x, y, w), x/w and y/w in the view and all on a line, meets the open outline.
+
+        Two convex sets in a plane are apart if a line along a side of one of them parts them.
+        """
+        for a, b in self._sides:
+            if all(
+                (b[0] - a[0]) * (y - a[1] * w) - (b[1] - a[1]) * (x - a[0] * w) <= 0
+                for x, y, w in ends
+            ):
+                return False
+        (x, y, w) = ends[0]
+        for u, v, s in ends[1:]:
+            run = u * w - x * s, v * w - y * s
+            if run != (0, 0):
+                turns = [run[0] * (q * w - y) - run[1] * (p * w - x) for p, q in self._outline]
+                return min(turns) < 0 < max(turns)
+        return True
+
+    def _edges_within(self, chords: set[int]) -> list[int]:
+        """Edges in the plane, other than the chords, that meet the disc's relative interior."""
+        ends = _edge_ends(self._solid)
+        in_plane = np.flatnonzero((self._heights == 0)[ends].all(axis=1))
+        flat = self._flat[ends[in_plane]]
+        near = (flat.min(axis=1) < self._high).all(axis=1) & (flat.max(axis=1) > self._low).all(
+            axis=1
+        )
+        return [
+            edge_id
+            for edge_id, pair in zip(in_plane[near].tolist(), flat[near].tolist(), strict=True)
+            if edge_id not in chords and self._crosses([(x, y, 1) for x, y in pair])
+        ]
+
+    def _parts(self, edge_id: int) -> bool:
+        """Whether the solid is in the plane next to an edge there, on either side of the edge."""
+        a, b = self._solid.edges[edge_id].vertices
+        run = [int(x) for x in self._scene.points[b] - self._scene.points[a]]
+        up = self._plane[:3].tolist()
+        across = [
+            up[(k + 1) % 3] * run[(k + 2) % 3] - up[(k + 2) % 3] * run[(k + 1) % 3]
+            for k in range(3)
+        ]
+        return self._is_inward(edge_id, across) or self._is_inward(edge_id, [-x for x in across])
 
 
 class Unblocked(Protocol):

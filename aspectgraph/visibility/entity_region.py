@@ -23,22 +23,22 @@ from aspectgraph.cells.arrays import (
     POSITIVE,
     SIGN_PLANE,
     Complex,
+    Tree,
     add_box,
     allocate,
+    tree_of,
     with_room,
 )
-from aspectgraph.cells.point_location import Tree, tree_of
-from aspectgraph.cells.simplify import n_leaves, simplify
-from aspectgraph.cells.split import cell_side, split_cell, vertex_sign
+from aspectgraph.cells.split import cell_side, n_leaves, simplify, split_cell, vertex_sign
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.blocked_sets import blockers, wedge_blockers
-from aspectgraph.visibility.deadline import check_deadline
-from aspectgraph.visibility.scene import Scene
-from aspectgraph.visibility.united_sets import Blockers
-from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts
+from aspectgraph.visibility.casting import Blockers
+from aspectgraph.visibility.scene import Scene, check_deadline
+from ground.decorators import entry_kernel, kernel, kernel_without_refcounts
 
 if TYPE_CHECKING:
-    from aspectgraph.entities.straight_edges import Entity
+    from aspectgraph.entities.entity import Entity
+
 
 _BOX = np.arange(6)
 # cells from which simplifying pays, and cells to reserve room for at first

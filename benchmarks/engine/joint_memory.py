@@ -1,4 +1,4 @@
-"""Memory and time of joint graphs, beside the estimate that `aspectgraph.graph.joint_memory` gives before the work.
+"""Memory and time of joint graphs, beside the estimate that `aspectgraph.graph.aspect_graph` gives before the work.
 
 ``python benchmarks/engine/joint_memory.py PART [PART ...] --edges 10 20 40``
 
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from aspectgraph import VisibilityRegions, compute_regions, graph_of, read_solid
-from aspectgraph.graph.joint_memory import estimate_joint_graph
+from aspectgraph.graph.aspect_graph import estimate_joint_graph
 
 _MIB = 2**20
 _HEADER = (

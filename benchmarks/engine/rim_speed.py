@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT / "tests" / "aspectgraph" / "helpers"))
 from rimmed_solids import PITCH, PlateBuilder  # noqa: E402
 
 from aspectgraph import Solid, read_solid  # noqa: E402
-from aspectgraph.cells.point_location import holds  # noqa: E402
+from aspectgraph.cells.arrays import holds  # noqa: E402
 from aspectgraph.visibility import blocked_sets  # noqa: E402
 from aspectgraph.visibility.entity_region import observable_region  # noqa: E402
 from aspectgraph.visibility.visibility_regions import laid_out  # noqa: E402

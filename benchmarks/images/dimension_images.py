@@ -35,9 +35,9 @@ from scipy.stats import binomtest
 from aspectgraph import compute_regions, read_dimensions, read_solid
 from errors.measurands import Circle, Localisation, MeasurandModel
 from planner import Camera, PoseUncertainty, look_at
-from planner.wanted import Dimension
-from planner.wanted.planned import PlannedDimension, targets_of
-from planner.wanted.resolve import resolve_wanted
+from planner.request.dimension import Dimension
+from planner.request.planned import PlannedDimension, targets_of
+from planner.request.resolve import resolve_wanted
 
 POINTS = 16
 WEAK = 5.0  # grey levels

@@ -37,8 +37,8 @@ from seen_lines import CORNER_DEG, NEAR_PX, Arm, Lines, angle_deg
 
 from aspectgraph import Solid, read_solid, resolve_entities
 from planner import InspectionPlan, read_plan
-from planner.request.objective import Objective
-from planner.wanted.models import Means
+from planner.request.models import Means
+from planner.request.request import Objective
 
 ACCURACIES = (0.98, 0.99, 0.995)
 AROUND_PX = 40.0

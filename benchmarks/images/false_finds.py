@@ -23,13 +23,12 @@ from part_images import DeviatingPart, Optics, PartImages
 from rendered_images import Renderer
 
 from aspectgraph import read_solid
-from errors.measurands.localisation import FLOOR_PX
+from errors.measurands.geometry import FLOOR_PX
 from planner import read_plan
-from planner.measuring.image.picture import Picture
-from planner.measuring.part_model import PartModel
-from planner.measuring.poses.register import bias_of
-from planner.measuring.poses.restated import register_as_shown
-from planner.measuring.poses.task import NotRegisteredError
+from planner.measuring.images import Picture
+from planner.measuring.register import bias_of, register_as_shown
+from planner.measuring.samples import PartModel
+from planner.measuring.task import NotRegisteredError
 
 SCALES = (1, 1, 1, 2, 4, 8, 16, 32, 64)
 OFF_PX = 1.0

@@ -25,14 +25,7 @@ from rendered_images import Lamp, Renderer, found_points
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import read_solid
-from planner import (
-    Localisation,
-    MeasureOptions,
-    Measurer,
-    PoseUncertainty,
-    Registration,
-    read_plan,
-)
+from planner import Localisation, MeasureOptions, Measurer, PoseUncertainty, Registration, read_plan
 
 METHODS = ("planned", "own edges", "given")
 

@@ -29,7 +29,7 @@ from rendered_images import Lamp, Renderer
 
 from aspectgraph import read_solid
 from planner import Localisation, MeasureOptions, Measurer, Registration, read_plan
-from planner.measuring.image.image_files import shots_of
+from planner.measuring.images import shots_of
 
 # lamps of which the weakest tenth of points has at least this share of the best lamp's step are drawn from
 GOOD_LAMP = 0.6

@@ -30,7 +30,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "errors" / "measura
 from dimension_examples import EXAMPLES, PITCH, F, correlated, geometry_of, isotropic
 from measured_exactly import displacements, measure, points_of, random_view
 
-from errors.measurands import Localisation, MeasurandModel, measurand
+from errors.measurands import Localisation, MeasurandModel
+from errors.measurands.measurand import measurand
 
 ROTATIONS = (0.003, 0.01, 0.03, 0.055)
 LIMITS = (0.002, 0.002, 0.006, 0.012)

@@ -43,14 +43,14 @@ from planners import PLANNERS
 
 from aspectgraph import compute_regions, read_entities, read_solid
 from planner import Camera, InspectionPlan, PoseUncertainty
-from planner.columns.judge import Judge
-from planner.columns.realise_column import joint_counts
 from planner.detectability.conditions import NOT_ASKED
-from planner.identity.resolve_request import Promise
 from planner.inspection import plan_by_options
-from planner.inspection_options import InspectionOptions
+from planner.options import InspectionOptions
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
+from planner.resolve_request import Promise
+from planner.search.judge import Judge
+from planner.search.realise_column import joint_counts
 
 PROBABILITY = 0.9
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.2, rotation_rad=0.002)

@@ -22,8 +22,8 @@ from anytime import CASES, PROBABILITY, UNCERTAINTY, judge_of
 from witness_table import processor_seconds
 
 from planner import Effort
-from planner.identity.resolve_request import Promise
 from planner.inspection import plan_by_options
+from planner.resolve_request import Promise
 
 
 def planned(name: str, folder: Path, effort: str, jobs: int) -> str:

@@ -17,9 +17,9 @@ from anytime import CASES, PROBABILITY, UNCERTAINTY, Case, judge_of
 from planners import PLANNERS
 from scipy.spatial.transform import Rotation
 
-from planner.columns.judge import Judge
 from planner.detectability.conditions import NOT_ASKED, USUAL, Detectability
 from planner.request.request import Request
+from planner.search.judge import Judge
 
 # standard deviations of the poses drawn, mm and rad
 SHIFT_MM = 1.0

@@ -18,15 +18,15 @@ from dataclasses import replace
 import numpy as np
 
 from planner import read_plan
+from planner.app.definitions import build_parser
+from planner.app.job import read_job
 from planner.callbacks import Deadline
-from planner.cli.job import read_job
-from planner.cli.main import build_parser
-from planner.columns.centre_column import centre_setting
-from planner.columns.judge import Judge
 from planner.executors import Shared
-from planner.identity.resolve_request import Promise, resolve_request
 from planner.inspection import _request
-from planner.setting.centre import least_share
+from planner.resolve_request import Promise, resolve_request
+from planner.search.evolution import least_share
+from planner.search.judge import Judge
+from planner.search.realise_column import centre_setting
 from planner.verify.p_all import DisplacedChecks
 
 

@@ -28,12 +28,10 @@ from scipy.optimize import differential_evolution, minimize
 from planner import Search
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import position_margin_mm
-from planner.request.objective import Objective
-from planner.setting.first_poses import draw_start
-from planner.setting.pose_bits import PoseEncoding
-from planner.setting.pose_search import search_pose
-from planner.setting.viewpoint_sampling import ViewpointSampler
-from planner.wanted.models import Means
+from planner.request.models import Means
+from planner.request.request import Objective
+from planner.search.first_poses import PoseEncoding, ViewpointSampler, draw_start
+from planner.search.plan_setting import search_pose
 
 _TRIES_PER_EVALUATION = 20
 _STEP = 1e-4

@@ -103,7 +103,7 @@ def _run(arguments: list[str]) -> tuple[float, float, float]:
     command = [
         sys.executable,
         "-c",
-        "import sys; from planner.cli import start; sys.exit(start())",
+        "import sys; from planner.app import start; sys.exit(start())",
         *arguments,
     ]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)

@@ -18,7 +18,7 @@ import tempfile
 import time
 from pathlib import Path
 
-_COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
+_COMMAND = "import sys; from planner.app import start; sys.exit(start())"
 _REQUEST = ["--camera", "basler-acA2440-20gm-8mm", "--select", "length > 12", "--accuracy", "0.95"]
 _REQUEST += [
     "--sigma-mm",

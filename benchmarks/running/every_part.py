@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aspectgraph.read.part_file import MESH_SUFFIXES
-from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 
 STEP_SUFFIXES = (".step", ".stp")
 FOLDERS = "ASPECTGRAPH_PARTS"
@@ -36,7 +36,7 @@ resolution = [2448, 2048]
 f_number = 8.0
 focus_distance_mm = 250.0
 """
-PROGRAM = "import sys; from planner.cli.main import main; sys.exit(main())"
+PROGRAM = "import sys; from planner.app.main import main; sys.exit(main())"
 ROW = "{:<38} {:<11} {:>9} {:>9} {:>5} {:>8}  {}"
 
 

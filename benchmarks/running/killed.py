@@ -29,7 +29,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-_COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
+_COMMAND = "import sys; from planner.app import start; sys.exit(start())"
 _EXAMPLES = Path(__file__).parents[2] / "examples"
 _STATE = "planning-state.json"
 _REGIONS = "planning-regions"

@@ -155,7 +155,7 @@ def main() -> int:
     source = (ROOT / options.module).read_text()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        for name in ("aspectgraph", "compiled", "errors", "ga", "planner", "tests", "examples"):
+        for name in ("aspectgraph", "ground", "errors", "ga", "planner", "tests", "examples"):
             shutil.copytree(
                 ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
             )

@@ -23,7 +23,7 @@ import numpy as np
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _PITCH_MM = 20.0
-_COMMAND = "import sys; from planner.cli.main import main; sys.exit(main())"
+_COMMAND = "import sys; from planner.app.main import main; sys.exit(main())"
 
 
 class Cost(NamedTuple):

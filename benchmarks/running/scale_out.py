@@ -28,7 +28,7 @@ from pathlib import Path
 
 from made_parts import write_parts
 
-_COMMAND = "import sys; from planner.cli import start; sys.exit(start())"
+_COMMAND = "import sys; from planner.app import start; sys.exit(start())"
 _REQUEST = [
     "--camera",
     "basler-acA2440-20gm-8mm",

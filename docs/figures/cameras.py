@@ -19,7 +19,7 @@ from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from aspectgraph import Solid, read_entities, read_solid
-from aspectgraph.plot.hidden_lines import ParallelView, view_axes
+from aspectgraph.plot.picker import ParallelView, view_axes
 from planner import Camera, Effort, InspectionPlan, PoseUncertainty, plan_inspection
 from planner.report.figure import color_of
 

@@ -5,8 +5,8 @@ uncertainty and its budget come out. What is found in the image is carried back 
 part, where lines and circles are fitted; a displaced pose moves all of it together.
 """
 
+import errors.measurands.kinds  # noqa: F401  registers them
 from errors.exceptions import MeasurandError
-from errors.measurands import kinds as _kinds  # noqa: F401  registers them
 from errors.measurands.conformity import (
     Decision,
     DecisionRule,
@@ -15,11 +15,9 @@ from errors.measurands.conformity import (
     decide,
     uncertainty_ratio,
 )
-from errors.measurands.geometry import Circle, Geometry, Line
-from errors.measurands.localisation import Localisation
-from errors.measurands.measurand import Measurand
+from errors.measurands.geometry import Circle, Geometry, Line, Localisation
+from errors.measurands.measurand import Measurand, kind, kinds, measurand
 from errors.measurands.measurand_model import MeasurandModel, Prediction
-from errors.measurands.registry import kind, kinds, measurand
 
 __all__ = [
     "Circle",

@@ -13,13 +13,13 @@ from errors.checks import (
     check_not_negative,
     check_pixel_pitch,
     check_positive,
+    covariance_root,
 )
-from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError, InvalidShapeError
 from errors.joint import quadratic_probability
 from errors.measurands.conformity import COVERAGE
 from errors.measurands.fitted import is_short
-from errors.measurands.localisation import Localisation
+from errors.measurands.geometry import Localisation
 from errors.measurands.measurand import Expansion, Image, Measurand
 from errors.registration.known_poses import KnownPoses
 

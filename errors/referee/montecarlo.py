@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv
 
-from compiled.cache import njit
 from errors.checks import (
     check_count,
     check_covariance,
@@ -25,10 +24,11 @@ from errors.checks import (
     check_pixel_pitch,
     check_positive,
     check_probability,
+    covariance_root,
 )
-from errors.covariance import covariance_root
 from errors.exceptions import InvalidParameterError
 from errors.formatting import frequency_text, interval_text
+from ground.loop_cache import njit
 
 # Draws held in memory at a time.
 _CHUNK = 1 << 16

@@ -18,10 +18,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compiled.cache import njit
-from errors.arrays import FloatArray
-from errors.checks import check_finite, check_pixel_pitch, check_positive
+from errors.checks import FloatArray, check_finite, check_pixel_pitch, check_positive
 from errors.exceptions import InvalidParameterError, InvalidShapeError
+from ground.loop_cache import njit
 
 DETECTORS = ("axes", "area")
 

@@ -17,11 +17,10 @@ from errors.checks import (
     check_endpoints,
     check_positive,
     check_probability,
+    covariance_root,
 )
-from errors.covariance import covariance_root
-from errors.displacement import displace
+from errors.displacement import displace, image_segment, project
 from errors.exceptions import InvalidShapeError
-from errors.projection import image_segment, project
 from errors.referee.montecarlo import MonteCarloEstimate, binomial_interval
 from errors.referee.pixels import measure_lengths
 

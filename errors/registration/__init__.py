@@ -4,16 +4,16 @@ Algebra without images. Rows say how far points were found off their prediction 
 prior says what is known of the unknowns beforehand.
 """
 
-from errors.registration.agreement import surprise
-from errors.registration.gauge import rests_on_prior, undetermined
-from errors.registration.known_poses import (
-    Imaging,
-    KnownPoses,
-    Stretches,
-    Values,
-    known_poses,
+from errors.registration.known_poses import Imaging, KnownPoses, Stretches, Values, known_poses
+from errors.registration.posterior import (
+    Posterior,
+    Rows,
+    bias_variance_of,
+    posterior,
+    rests_on_prior,
+    surprise,
+    undetermined,
 )
-from errors.registration.posterior import Posterior, Rows, bias_variance_of, posterior
 
 __all__ = [
     "Imaging",

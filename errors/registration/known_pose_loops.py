@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from compiled.cache import njit
+from ground.loop_cache import njit
 
 POSE = 6
 """Numbers of a camera's displacement."""

@@ -23,7 +23,113 @@ from numpy.typing import NDArray
 from errors.checks import check_finite, check_not_negative
 from errors.exceptions import CovarianceError, InvalidShapeError
 
+# Whether an estimate agrees with what was said of the unknowns before.
+#
+# Notation -------- m   estimate of the unknowns      P   their prior covariance      C   their
+# posterior covariance
+#
+# If the prior is right, m is normal with mean 0 and covariance P − C: what was learnt. In units
+# of the prior, this covariance has eigenvalues between 0 (nothing was learnt along a direction)
+# and 1.
+
+
 Array = NDArray[np.float64]
+
+LEARNT = 0.25
+"""Share of the prior's variance along a direction from which on the estimate says something of the prior."""
+
+
+def surprise(mean: Array, covariance: Array, prior: Array) -> tuple[float, int]:
+    """Return how much larger an estimate is than its prior lets expect.
+
+    Parameters
+    ----------
+    mean : array (n,)
+        The estimate.
+    covariance, prior : array (n, n)
+        Of the unknowns after and before; the prior is positive definite.
+
+    Returns
+    -------
+    (float, int)
+        Sum of squares along the directions that were learnt, each over its expected value; and their number. If the
+        prior is right, the sum has a chi-squared distribution with so many degrees of freedom. If true unknowns are s
+        times larger than stated, it is about s² times larger, or less.
+
+    Examples
+    --------
+    One unknown is stated to 1 and was measured to 0.1 as 5:
+
+    >>> import numpy as np
+    >>> total, n = surprise(np.array([5.0]), np.array([[0.01]]), np.eye(1))
+    >>> round(total, 2), n
+    (25.25, 1)
+    """
+    if not len(mean):
+        return 0.0, 0
+    inverse = np.linalg.inv(np.linalg.cholesky(prior))
+    learnt = np.eye(len(prior)) - inverse @ covariance @ inverse.T
+    values, vectors = np.linalg.eigh((learnt + learnt.T) / 2)
+    chosen = values >= LEARNT
+    along = vectors[:, chosen].T @ (inverse @ mean)
+    return float((along**2 / values[chosen]).sum()), int(chosen.sum())
+
+
+# What an image does not determine: directions of the unknowns of which the posterior knows as
+# little as the prior.
+
+
+RESTS_SHARE = 0.8
+"""A value rests on the prior if its standard deviation falls to no less than this share of it."""
+
+
+def undetermined(covariance: Array, prior: Array, share: float = RESTS_SHARE) -> Array:
+    """Return the directions of the unknowns that were learnt little about.
+
+    Parameters
+    ----------
+    covariance, prior : array (n, n)
+        Of the unknowns after and before; the prior is positive definite.
+    share : float
+        Least share of the prior's standard deviation that is left along a direction.
+
+    Returns
+    -------
+    array (k, n)
+        Directions, each one standard deviation of the prior long, those that were learnt least about first.
+    """
+    root = np.linalg.cholesky(prior)
+    inverse = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(inverse @ covariance @ inverse.T)
+    chosen = np.flatnonzero(values >= share**2)[::-1]
+    return np.asarray((root @ vectors[:, chosen]).T)
+
+
+def rests_on_prior(
+    covariance: Array, prior: Array, gradient: Array, standard_uncertainty: float
+) -> bool:
+    """Return whether a value is known from the prior rather than from the image.
+
+    Parameters
+    ----------
+    covariance, prior : array (n, n)
+        Of the unknowns after and before.
+    gradient : array (n,)
+        Of the value by the unknowns.
+    standard_uncertainty : float
+        Its whole u.
+
+    Returns
+    -------
+    bool
+        True if the unknowns are half of its variance or more, and their part of its standard deviation has fallen by
+        less than a fifth (`RESTS_SHARE`).
+    """
+    after = float(gradient @ covariance @ gradient)
+    before = float(gradient @ prior @ gradient)
+    if after < 0.5 * standard_uncertainty**2:
+        return False
+    return after >= RESTS_SHARE**2 * before
 
 
 class Rows(NamedTuple):

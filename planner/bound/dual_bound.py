@@ -13,21 +13,112 @@ for which every part of the space is to be searched again, are computed when tha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix
 
 from planner.bound.boxes.search import PROVEN, SPENT
 from planner.bound.pose_space import Found, PoseSpace
-from planner.bound.weights import SLACK, limit_for, relieved, spread_weights
-from planner.callbacks import NOBODY, Callbacks
-from planner.checkpoint import Checkpoint
+from planner.callbacks import NOBODY, Callbacks, Checkpoint
+from planner.cover.few_columns import mean_dual
+from planner.cover.set_cover import maximal_columns
 from planner.effort.bound import Sweeping
 from planner.effort.effort import NORMAL, Effort
+
+# Weights of entities for the linear bound, and what no pose may weigh.
+#
+# The weights are the mean of several optimal duals of the cover by these columns: a single one
+# rests on few entities, so that a box either holds one more of them or does not, where with the
+# mean every bit that it is smaller tells.
+
+
+# for rounding sums of weights
+SLACK = 1e-6
+
+
+def spread_weights(columns: NDArray[np.bool_], effort: Effort = NORMAL) -> NDArray[np.float64]:
+    """Return weights (e,) of entities, the heaviest of the columns (c, e) weighing 1; small ones are made 0."""
+    columns = columns[maximal_columns(columns)]
+    weighing = effort.bound.weighing
+    y = mean_dual(columns, weighing.bias, weighing.duals, effort.cover.relaxation)
+    y[y < weighing.least] = 0.0
+    return y / (columns @ y).max()
+
+
+def limit_for(y: NDArray[np.float64], target: int, effort: Effort = NORMAL) -> float:
+    """Return what no pose may weigh for weights y (e,) to prove so many settings, with some to spare."""
+    weighing = effort.bound.weighing
+    limit = float(y.sum()) / max(1, target - 1)
+    spare = min(weighing.spare * limit, weighing.spare_of_room * abs(limit - 1.0))
+    return limit - spare - SLACK
+
+
+def relieved(
+    y: NDArray[np.float64], sets: NDArray[np.bool_], limit: float, effort: Effort = NORMAL
+) -> NDArray[np.float64]:
+    """Return weights (e,) nowhere larger than y, such that none of the sets (s, e) weighs more than nearly a limit.
+
+    Their sum is the largest there is.
+    """
+    excess = sets @ y - effort.bound.weighing.less * limit
+    result = linprog(
+        np.ones(len(y)),
+        A_ub=csr_matrix(-sets[excess > 0.0].astype(float)),
+        b_ub=-excess[excess > 0.0],
+        bounds=np.stack([np.zeros(len(y)), y], axis=1),
+    )
+    return np.zeros_like(y) if result.x is None else np.clip(y - result.x, 0.0, y)
+
+
+# What is proven of all targets of a cover, and what that says of some of them.
+
+
+@dataclass(frozen=True, eq=False)
+class ProvenBound:
+    """How many settings some targets need at least.
+
+    Attributes
+    ----------
+    n : int
+        So many.
+    proof : str
+        What that rests on.
+    of : array of bool (k,)
+        The targets.
+    weights : array (k,) or None
+        Weights of targets of which no pose inspects more than 1 together, where the proof gives some.
+    """
+
+    n: int
+    proof: str
+    of: NDArray[np.bool_] = field(repr=False)
+    weights: NDArray[np.float64] | None = field(default=None, repr=False)
+
+    def for_some(self, kept: NDArray[np.bool_]) -> int:
+        """Return how many settings are needed for some targets (k,) at least.
+
+        A plan for these and one setting for each of the others is a plan for all, so the bound falls by the number of
+        those that are not kept. Or it is the sum of the weights of those that are: what holds for all sets of targets
+        that poses inspect holds without some of their members.
+        """
+        bounds = [self.n - int((self.of & ~kept).sum()), int(kept.any())]
+        if self.weights is not None:
+            bounds.append(math.ceil(math.fsum(self.weights[kept].tolist()) - SLACK))
+        return min(self.n, max(bounds))
+
+
+def of_all(weights: NDArray[np.float64], of: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return weights of some of the targets as weights of all, given which (k,) they are."""
+    found = np.zeros(len(of))
+    found[of] = weights
+    return found
 
 
 class _Parts:

@@ -4,13 +4,13 @@ Notation
 --------
 node       a box of positions (centre c, half sizes h) times a patch of viewing directions times an interval of rolls
 S(node)    its optimistic set: every entity that *may* be inspected by *some* pose of the node; where S contains two
-           entities that exclude each other (`planner.bound.excluded_pairs`), the node is split into two with the same
+           entities that exclude each other (`planner.bound.node_sets`), the node is split into two with the same
            poses, one without the first entity, one without all that it excludes
 y          weights of the entities, y >= 0
 
 Every pose lies in some leaf of the subdivision, so what it inspects is part of that leaf's S, and no plan has fewer
 settings than a cover by leaves' sets has columns. What a clique of entities that exclude each other proves
-(`planner.bound.cliques`) is known at once. For each larger number of settings, the leaves of a cover by fewer are
+(`planner.bound.lower_bound`) is known at once. For each larger number of settings, the leaves of a cover by fewer are
 split, some rounds long: quick where pairs that exclude each other decide. If nothing in any leaf's S weighs more than
 1, at least sum(y) settings are needed (linear programming duality), and only leaves of weight at least 1 - (K - sum(y))
 can be in a cover of K columns (reduced-cost fixing). Where this gets no further, weights alone go on: those of the
@@ -21,7 +21,7 @@ which are searched depth first and need no memory; what is visible together from
 
 S(node) uses necessary conditions only: visibility (the box meets a cell of the entity's region), distance and depth
 (focus), the rectangle of the sensor, the resolution, and the length of image without which quantization alone keeps
-the probability below the threshold (`planner.bound.least_image`). All slack that a node's size causes is added. So the
+the probability below the threshold (`planner.bound.pose_space`). All slack that a node's size causes is added. So the
 bound holds for any search.
 """
 
@@ -35,21 +35,60 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
-from planner.bound.boxes.cells import Cells, entity_cells
-from planner.bound.cliques import large_clique
+from planner.bound.boxes.view import Cells, entity_cells
 from planner.bound.dual_bound import LinearBound
-from planner.bound.excluded_pairs import find_conflicts
-from planner.bound.pose_space import PoseSpace
+from planner.bound.node_sets import find_conflicts
+from planner.bound.pose_space import PoseSpace, WitnessSets
 from planner.bound.pose_tree import PoseTree, TargetLeaves
-from planner.bound.witness_sets import WitnessSets
-from planner.callbacks import NOBODY, Callbacks
-from planner.checkpoint import Checkpoint
-from planner.cover.relaxation import fractional_cover
+from planner.callbacks import NOBODY, Callbacks, Checkpoint
+from planner.cover.few_columns import fractional_cover
 from planner.cover.set_cover import cover_within, distinct_rows, maximal_columns
 from planner.effort.bound import DualRounds, TreeGrowth
 from planner.effort.effort import NORMAL, Effort
 from planner.executors import Shared, in_order
 from planner.request.request import Request
+
+# Entities of which no two can be inspected together: a bound without any search.
+
+
+# greedy cliques from every entity, this many times
+_ROUNDS = 5
+# the first time by degree, then with so much chance in it
+_CHANCE = 1.5
+
+
+def large_clique(conflict: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Return entities that exclude each other pairwise, as many as a greedy search finds.
+
+    No setting inspects two of them, so each needs one of its own.
+
+    Parameters
+    ----------
+    conflict : array of bool (e, e)
+        Symmetric, false on the diagonal.
+
+    Returns
+    -------
+    array of int, ascending
+    """
+    conflict = np.asarray(conflict, dtype=bool)
+    rng = np.random.default_rng(0)
+    best = np.zeros(0, dtype=int)
+    for trial in range(_ROUNDS * len(conflict)):
+        clique = [trial % len(conflict)]
+        left = np.flatnonzero(conflict[trial % len(conflict)])
+        while len(left) and len(clique) + len(left) > len(best):
+            # the one that leaves most to choose from
+            leaves = conflict[np.ix_(left, left)].sum(axis=1) + _CHANCE * rng.random(len(left)) * (
+                trial >= len(conflict)
+            )
+            chosen = left[np.argmax(leaves)]
+            clique.append(int(chosen))
+            left = left[conflict[chosen, left]]
+        if len(clique) > len(best):
+            best = np.sort(clique)
+    return best
+
 
 # of what is told while the tree of poses grows
 _GROWING = "growing"

@@ -7,6 +7,7 @@ Boxes: `planner.bound.boxes.windows`. The search of one part: `planner.bound.box
 from __future__ import annotations
 
 import itertools
+import math
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -15,16 +16,198 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.bound.boxes.cells import Cells
+from errors import SegmentQuantization
 from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
-from planner.bound.boxes.view import HALF, LOOK, SPAN, TURN, Entities, SearchTask, Segments
+from planner.bound.boxes.view import (
+    HALF,
+    LOOK,
+    SPAN,
+    TURN,
+    Cells,
+    Entities,
+    Frustum,
+    SearchTask,
+    Segments,
+    View,
+)
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
-from planner.bound.segments import segments_of, view_of
-from planner.bound.witness_sets import WitnessSets
+from planner.camera.camera import Camera
 from planner.effort.effort import NORMAL, Effort
 from planner.executors import THREADS
-from planner.request.positions import AROUND
+from planner.request.reach import AROUND
 from planner.request.request import Request
+
+# How long the image of an item must be at least, whatever the pose and however small its
+# uncertainty.
+#
+# The measured length of an edge is wrong by x = q + e: q the quantization error of both ends, e
+# what the displaced pose causes, independent of it. It is measured accurately if x is in [L ln A,
+# L ln(2 - A)] (`errors.joint`), an interval of width 2h. The density of q is symmetric and falls
+# from the middle, so no interval of that width is more probable than [-h, h], and by averaging
+# over e (Anderson 1955)
+#
+# P <= P(|q| <= h),    h = L (ln(2 - A) - ln A) / 2.
+#
+# With the image in the direction t, q is r_x cos t T_1 + r_y sin t T_2, the T triangular on [-1,
+# 1]. So P >= p needs L >= min over t of the p-quantile of |q|, divided by (ln(2 - A) - ln A) / 2.
+
+
+_STEP = math.pi / 1800
+_DIRECTIONS = np.arange(901) * _STEP
+_BISECTIONS = 60
+# more than is needed: the steps in direction and the error of the probability are allowed for one by one
+_SAFETY = 0.99
+# of the probability that a request computes, 5e-5, and of the law here
+_PROBABILITY_ERROR = 6e-5
+
+
+def least_images_mm(request: Request) -> NDArray[np.float64]:
+    """Return the lengths on the sensor below which no image of an item's segment can satisfy a request.
+
+    Parameters
+    ----------
+    request : Request
+        The request, of k items.
+
+    Returns
+    -------
+    array (k,)
+        Lengths, mm; 0 asks for none.
+    """
+    quantile = _SAFETY * quantization_quantile(
+        request.camera.finest_pitch_mm, request.probability - _PROBABILITY_ERROR
+    )
+    shortest = request.constraints.min_length_mm
+    return np.array(
+        [target.least_image_mm(request.accuracy, quantile, shortest) for target in request.targets]
+    )
+
+
+def quantization_quantile(pixel_pitch_mm: tuple[float, float], probability: float) -> float:
+    """Return h, mm, such that in no direction a length's quantization error is within less than h so probably.
+
+    The exact law gives the least h of directions a step apart. From any direction up to 45 degrees to the next lower
+    one, or from any other to the next higher one, r_x cos t and r_y sin t grow by a factor of 1 + step at most. So does
+    |q| (Anderson 1955), and h between the directions is smaller by no more than that.
+    """
+    law = SegmentQuantization(_DIRECTIONS, pixel_pitch_mm)
+    low = np.zeros(len(_DIRECTIONS))
+    high = np.full(len(_DIRECTIONS), float(np.sum(pixel_pitch_mm)))
+    for _ in range(_BISECTIONS):
+        h = (low + high) / 2
+        enough = 2.0 * law.cdf(h) - 1.0 >= probability
+        low = np.where(enough, low, h)
+        high = np.where(enough, h, high)
+    return float(low.min()) / (1.0 + _STEP)
+
+
+# A request as the bound's loops take it: what the camera takes in, and two points of each item to
+# be in view.
+
+
+def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
+    """Return the tangents (2,) of the half angles of view, less a margin at the sides of the sensor.
+
+    Off centre or with distortion the view is as wide to the one side as it is to the other, wider one: more than the
+    camera takes in, so what is proven of it holds.
+    """
+    if not camera.is_centred:
+        left, top, right, bottom = camera.field(margin_px).outer
+        return np.maximum([max(-left, right), max(-top, bottom)], 0.0)
+    half = np.array(camera.sensor_size_mm) / 2 - margin_px * np.array(camera.pixel_pitch_mm)
+    return np.maximum(half, 0.0) / camera.image_distance_mm
+
+
+def frustum_of(request: Request) -> Frustum:
+    """Return what the camera of a request takes in; the depth of field may have no end.
+
+    The margin of focus that every setting keeps is taken from it, and not the reserve of ends off the axis.
+    """
+    near, far = request.camera.depth_of_field_mm
+    near = near + request.requirements.focus_margin_mm
+    far = far - request.requirements.focus_margin_mm
+    tan_x, tan_y = sensor_tangents(request.camera, request.requirements.border_px).tolist()
+    return Frustum(float(near), float(far), tan_x, tan_y, math.atan(math.hypot(tan_x, tan_y)))
+
+
+def view_of(request: Request) -> View:
+    """Return what the camera of a request takes in, no deeper than the workspace is wide."""
+    low, high = (np.asarray(corner, dtype=float) for corner in request.space.workspace)
+    near, far, tan_x, tan_y, _ = frustum_of(request)
+    # nothing is farther from a viewpoint in the workspace, which holds the part, than its corners are from each other
+    far = min(far, max(float(np.linalg.norm(high - low)), 1.01 * near))
+    middle = (near + far) / 2
+    corners = np.array(
+        [
+            [x * tan_x * z, y * tan_y * z, z - middle]
+            for x in (-1, 1)
+            for y in (-1, 1)
+            for z in (near, far)
+        ]
+    )
+    return View(near, far, middle, tan_x, tan_y, float(np.linalg.norm(corners, axis=1).max()))
+
+
+def segments_of(request: Request, entity_idx: NDArray[np.int_]) -> Segments:
+    """Return the segments of some items of a request, in their order."""
+    ends = np.ascontiguousarray(request.ends[entity_idx])
+    ratio = least_images_mm(request)[entity_idx] / request.camera.image_distance_mm
+    return Segments(ends, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), ratio)
+
+
+# From witnesses to targets in the proof: a target may be inspected where any of its witnesses may
+# be.
+#
+# The boxes of poses know witnesses only, each with its own region and its own points. A pose that
+# inspects targets inspects one witness of each. So nothing is lost if of the witnesses of one
+# target only one is counted at a pose: here they *exclude each other*, like entities of which no
+# pose inspects two. The weight of a set of witnesses that is counted so is at least that of the
+# targets, and a necessary condition is used for a target only if every witness implies it.
+
+
+class WitnessSets:
+    """Which target (k) each witness (w) belongs to.
+
+    Parameters
+    ----------
+    owner : array of int (w,)
+        The target of each witness, ascending; every target has one at least.
+    """
+
+    def __init__(self, owner: NDArray[np.int_]):
+        self.owner = np.asarray(owner)
+        self._first = np.flatnonzero(np.diff(self.owner, prepend=-1))
+        self.trivial = len(self._first) == len(self.owner)
+
+    @classmethod
+    def of(cls, request: Request) -> WitnessSets:
+        """Return the witnesses of a request."""
+        return cls(request.owner)
+
+    def of_columns(self, columns: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return columns (c, w) of witnesses for columns (c, k) of targets: all witnesses of what they hold."""
+        return np.asarray(columns)[:, self.owner]
+
+    def to_targets(self, sets: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return of which targets sets (n, w) hold a witness; (n, k)."""
+        if self.trivial or not len(sets):
+            return sets[:, self._first]
+        return np.asarray(np.logical_or.reduceat(sets, self._first, axis=1))
+
+    def one_each(self, conflict: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return pairs of witnesses (w, w) that exclude each other, with those of one target."""
+        same = self.owner[:, None] == self.owner
+        np.fill_diagonal(same, False)
+        return np.asarray(conflict | same)
+
+    def targets_apart(self, conflict: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which targets (k, k) exclude each other: by every pair of their witnesses."""
+        if self.trivial:
+            return conflict
+        rows = np.logical_and.reduceat(conflict, self._first, axis=0)
+        apart = np.array(np.logical_and.reduceat(rows, self._first, axis=1))
+        np.fill_diagonal(apart, False)
+        return apart
 
 
 class Found(NamedTuple):

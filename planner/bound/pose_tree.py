@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.bound.boxes.box_conditions import focus_reach
-from planner.bound.boxes.cells import Cells
+from planner.bound.boxes.conditions import focus_reach
+from planner.bound.boxes.view import Cells
 from planner.bound.node_sets import (
     Nodes,
     Pairs,
@@ -23,8 +23,7 @@ from planner.bound.node_sets import (
     consistent_weights,
     separate,
 )
-from planner.bound.segments import frustum_of, segments_of
-from planner.bound.witness_sets import WitnessSets
+from planner.bound.pose_space import WitnessSets, frustum_of, segments_of
 from planner.request.request import Request
 
 # nodes evaluated at a time; bounds the memory

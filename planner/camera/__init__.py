@@ -4,11 +4,10 @@ Lengths are millimetres, angles radians; poses map OpenCV camera coordinates to 
 an uncertainty that cannot be is refused when it is made.
 """
 
+from planner.camera.calibration import Distortion
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names
-from planner.camera.distortion import Distortion
-from planner.camera.pose import aim, cam_to_paper, look_at, moved, world_to_cam
-from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import PoseUncertainty, aim, cam_to_paper, look_at, moved, world_to_cam
 
 __all__ = [
     "Camera",

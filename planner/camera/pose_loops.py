@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from compiled.decorators import entry_kernel, kernel_without_refcounts
+from ground.decorators import entry_kernel, kernel_without_refcounts
 
 # squares of smaller numbers lose digits
 _TINY = 1e-150

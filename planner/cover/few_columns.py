@@ -7,13 +7,323 @@ a cover of realised ones, by exchange; and a cover by realised and optimistic co
 
 from __future__ import annotations
 
-import numpy as np
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
-from planner.cover.exchange_search import exchange_columns
-from planner.cover.relaxation import columns_of_covers, core_columns
-from planner.cover.set_cover import bound_columns, min_cover
-from planner.effort.cover import Covering
-from planner.effort.effort import NORMAL
+import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix
+
+from planner.cover.set_cover import (
+    bound_columns,
+    check_membership,
+    distinct_rows,
+    greedy_cover,
+    min_cover,
+)
+from planner.effort.effort import NORMAL, Covering, Relaxation
+from planner.executors import THREADS
+
+# The linear relaxation of the set cover and its dual: weights of entities, no column weighing
+# more than 1.
+#
+# Few columns bind, so the linear programs are solved by constraint generation: with some columns
+# at first, then with the heaviest of those that the weights break, too, until they break none.
+
+
+def fractional_cover(
+    membership: np.ndarray,
+    bias: np.ndarray | None = None,
+    guess: np.ndarray | None = None,
+    relaxation: Relaxation = NORMAL.cover.relaxation,
+) -> tuple[float, np.ndarray]:
+    """Solve the linear relaxation and its dual.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    bias : array_like, shape (e,), optional
+        Positive factors; the dual maximises the weights times these. Default: all 1, which gives the relaxation's
+        value.
+    guess : array_like, shape (e,), optional
+        Weights of a similar problem; they make it quicker.
+    relaxation : Relaxation
+        How it is solved.
+
+    Returns
+    -------
+    value : float
+        Sum of the weights; no cover has fewer than ``ceil(value)`` columns.
+    weights : ndarray, shape (e,)
+        The dual: non-negative weights of the entities, no column weighing more than 1.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    membership = check_membership(membership)
+    n_entities = membership.shape[1]
+    if n_entities == 0:
+        return 0.0, np.zeros(0)
+    bias = np.ones(n_entities) if bias is None else np.asarray(bias, dtype=float)
+    active = _first_columns(membership, relaxation, guess)
+    weights = _dual(membership, bias, active, relaxation)
+    weights /= max(1.0, float((membership @ weights).max()))
+    return float(weights.sum()), weights
+
+
+def mean_dual(
+    membership: np.ndarray, bias: float, n: int, relaxation: Relaxation = NORMAL.cover.relaxation
+) -> np.ndarray:
+    """Return the mean (e,) of several duals of the fractional cover, no column weighing more than 1.
+
+    A single one often rests on few entities, and gives nearly every column the same weight.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    bias : float
+        Every dual maximises the weights times random factors from 1 to this; with 1, their sum.
+    n : int
+        Number of duals.
+    relaxation : Relaxation
+        How each is solved.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    membership = check_membership(membership)
+    if membership.shape[1] == 0:
+        return np.zeros(0)
+    factors = 1.0 + (bias - 1.0) * np.random.default_rng(0).random((n, membership.shape[1]))
+    with ThreadPoolExecutor(THREADS) as pool:
+        # in a fixed number of shares, so that the result does not depend on the machine
+        weights = pool.map(
+            lambda k: _duals(membership, factors[k :: relaxation.shares], relaxation),
+            range(min(n, relaxation.shares)),
+        )
+        weights = np.mean(np.concatenate(list(weights)), axis=0)
+    return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
+
+
+def columns_of_covers(
+    membership: np.ndarray, size: int, relaxation: Relaxation = NORMAL.cover.relaxation
+) -> np.ndarray:
+    """Return the columns that a cover of at most so many may use (reduced-cost fixing).
+
+    With weights y that give no column more than 1, a cover with a column of weight 1 - r has at least sum(y) + r.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    size : int
+    relaxation : Relaxation
+        By how many duals columns are left out.
+
+    Returns
+    -------
+    ndarray of int, ascending
+        None if there is no such cover.
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    weights = _fixing_dual(membership, relaxation)
+    return np.flatnonzero(membership @ weights >= 1.0 - (size - float(weights.sum())) - 1e-6)
+
+
+def core_columns(
+    membership: np.ndarray, relaxation: Relaxation = NORMAL.cover.relaxation
+) -> np.ndarray:
+    """Return the columns worth looking at for a small cover; they contain every entity.
+
+    Those of least reduced cost (the core problem of large set covers; Caprara, Fischetti & Toth 1999). Integer
+    programming is much quicker on them. That the smallest cover is among them is likely, not proven.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+    relaxation : Relaxation
+        How many columns are worth looking at.
+
+    Returns
+    -------
+    ndarray of int, ascending
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    membership = check_membership(membership)
+    weight = membership @ _fixing_dual(membership, relaxation)
+    kept = weight >= 1.0 - relaxation.core_slack
+    # of an entity in none of them, the heaviest columns there are
+    for entity in np.flatnonzero(~membership[kept].any(axis=0)):
+        own = np.flatnonzero(membership[:, entity])
+        kept[own[np.argsort(-weight[own], kind="stable")[: relaxation.core_of_entity]]] = True
+    return np.flatnonzero(kept)
+
+
+def _fixing_dual(membership: np.ndarray, relaxation: Relaxation) -> np.ndarray:
+    """Return the weights (e,) that columns are left out by."""
+    return mean_dual(membership, relaxation.fixing_bias, relaxation.fixing_duals, relaxation)
+
+
+def _duals(membership: np.ndarray, factors: np.ndarray, relaxation: Relaxation) -> np.ndarray:
+    """Solve the dual for each row (f, e) of factors; the columns of one are those that the next one starts with."""
+    active = _first_columns(membership, relaxation)
+    return np.array([_dual(membership, factor, active, relaxation) for factor in factors])
+
+
+def _first_columns(
+    membership: np.ndarray, relaxation: Relaxation, guess: np.ndarray | None = None
+) -> np.ndarray:
+    """Return which columns (c,) to start with: the heaviest by a guess or the largest, and one for every entity."""
+    active = np.zeros(len(membership), dtype=bool)
+    heavy = membership.sum(axis=1) if guess is None else membership @ np.asarray(guess, dtype=float)
+    active[np.argsort(-heavy, kind="stable")[: relaxation.first_columns]] = True
+    active[np.argmax(membership, axis=0)] = True
+    return active
+
+
+def _dual(
+    membership: np.ndarray, bias: np.ndarray, active: np.ndarray, relaxation: Relaxation
+) -> np.ndarray:
+    """Return the dual (e,); ``active`` (c,) is changed to the columns it was solved with."""
+    while True:
+        result = linprog(
+            -bias,
+            A_ub=csr_matrix(membership[active].astype(float)),
+            b_ub=np.ones(int(active.sum())),
+            bounds=(0.0, 1.0),
+        )
+        weights = np.clip(result.x, 0.0, None)
+        weight = membership @ weights
+        broken = np.flatnonzero((weight > 1.0 + relaxation.broken) & ~active)
+        if not broken.size:
+            return weights
+        active[broken[np.argsort(-weight[broken], kind="stable")[: relaxation.more_columns]]] = True
+
+
+# Covers by exchange: a local search with weights, for pools too large for integer programming. It
+# proves nothing.
+#
+# A state is a given number of columns. Every step exchanges one of them for one that contains a
+# missing entity, such that the weight of what is missing is the least, and then adds to the
+# weights of what is missing still (row weighting; Gao, Weise & Li 2015,
+# https://doi.org/10.1016/j.ejor.2015.05.038). A state that misses little tells, too, what a
+# single column would have to contain to make it a cover.
+
+
+# steps for which a column that has left does not come back, and for which one that has come does not leave; below
+_LEFT = 6
+_CAME = 3
+
+
+class Exchange(NamedTuple):
+    """What a search by exchange came across.
+
+    Attributes
+    ----------
+    chosen : array of int
+        The columns of a state that misses the fewest entities.
+    missing : int
+        How many it misses; 0: they are a cover.
+    wanted : array of bool (w, e)
+        Distinct sets. Each contains one entity that a state with so few missing misses, and what one of its columns
+        alone contains: a column that contains the set could take that one's place, and one entity fewer were missing.
+    """
+
+    chosen: np.ndarray
+    missing: int
+    wanted: np.ndarray
+
+
+def exchange_columns(
+    membership: np.ndarray, size: int, *, steps: int, rng: int | np.random.Generator = 0
+) -> Exchange:
+    """Look for a cover of a given size, or for what would make one.
+
+    Parameters
+    ----------
+    membership : array_like of bool, shape (c, e)
+        ``membership[c, e]``: column c contains entity e.
+    size : int
+        Columns of the cover, one at least.
+    steps : int
+        Exchanges at most; fewer if a cover is found.
+    rng : int or numpy.random.Generator
+
+    Raises
+    ------
+    CoverError
+        If some entity is in no column.
+    """
+    membership = check_membership(membership)
+    rng = np.random.default_rng(rng)
+    # products of real numbers are much quicker than sums of Booleans
+    contains = membership.astype(float)
+    chosen = greedy_cover(membership)[:size]
+    weights = np.ones(membership.shape[1])
+    free_from = np.zeros(len(membership), dtype=int)
+    best = Exchange(chosen, membership.shape[1] + 1, membership[:0])
+    wanted: list[np.ndarray] = []
+    for step in range(steps + 1):
+        count = membership[chosen].sum(axis=0)
+        missing = np.flatnonzero(count == 0)
+        alone = membership[chosen] & (count == 1)
+        if len(missing) < best.missing:
+            best = best._replace(chosen=chosen.copy(), missing=len(missing))
+            wanted = []
+        if not missing.size or step == steps:
+            break
+        if len(missing) == best.missing:
+            wanted.append(_one_more(alone, missing))
+        weights[missing] += 1.0
+        comes = np.flatnonzero(membership[:, rng.choice(missing)])
+        comes = _free(comes, free_from[comes], step)
+        leaves = _free(np.arange(len(chosen)), free_from[chosen], step)
+        i, k = _least(alone[leaves], count == 0, contains[comes], weights, rng)
+        free_from[chosen[leaves[i]]] = step + rng.integers(2, _LEFT)
+        free_from[comes[k]] = step + rng.integers(1, _CAME)
+        chosen[leaves[i]] = comes[k]
+    if wanted:
+        sets = np.concatenate(wanted)
+        best = best._replace(wanted=sets[np.sort(distinct_rows(sets)[0])])
+    return best
+
+
+def _one_more(alone: np.ndarray, missing: np.ndarray) -> np.ndarray:
+    """Return what each column alone contains (k, e), together with each of the missing entities."""
+    sets = np.repeat(alone, len(missing), axis=0)
+    sets[np.arange(len(sets)), np.tile(missing, len(alone))] = True
+    return sets
+
+
+def _free(columns: np.ndarray, free_from: np.ndarray, step: int) -> np.ndarray:
+    """Return the columns that may take part in this step; all if none may."""
+    free = columns[free_from <= step]
+    return free if free.size else columns
+
+
+def _least(
+    alone: np.ndarray,
+    missing: np.ndarray,
+    contains: np.ndarray,
+    weights: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[int, int]:
+    """Return which of the chosen columns (k, e) to exchange for which other one (c, e); equal ones at random."""
+    to_cover = (alone | missing) * weights
+    left = to_cover.sum(axis=1)[:, None] - to_cover @ contains.T
+    least = np.argwhere(left <= left.min() + 0.5)
+    return tuple(least[rng.integers(len(least))])
 
 
 def few_columns(

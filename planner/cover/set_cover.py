@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
-from compiled.decorators import entry_kernel
+from ground.decorators import entry_kernel
 from planner.exceptions import CoverError
 
 # the preferences of all chosen columns together stay below this, so they can never outweigh one column

@@ -2,14 +2,225 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.edge_ends import CORNER_DEG
-from planner.detectability.arm_images import arm_images
-from planner.detectability.contours import OWN, SHARP, SHOWS, Contours, Meeting
+from aspectgraph.solid.rims import CORNER_DEG, edges_that_show
+from ground.decorators import entry_kernel, kernel_without_refcounts
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+
+# Lines that a part may show in an image: its sharp edges, and contours where curved faces turn
+# away.
+#
+# A *contour* is an edge that shows from a viewpoint: a sharp one, unless a face beside it hides
+# it there, or one between two facets of a curved surface, the one facing the camera and the other
+# not.
+
+
+# what an edge of the part is to an entity
+OTHER = 0
+OWN = 1
+CONNECTED = 2
+# bits of `Contours.kinds`
+SHARP = 1
+CONVEX = 2
+CURVED = 4
+# whether an edge shows, by its kind and how many of its faces turn to the camera: smooth ones where one turns away,
+# sharp ones where none does, and convex ones in both cases
+SHOWS = np.array(
+    [[0, not kind & SHARP or kind & CONVEX > 0, kind & SHARP > 0] for kind in range(8)], np.int64
+)
+
+
+class Contours(NamedTuple):
+    """Edges (m) of a part that may be contours.
+
+    Attributes
+    ----------
+    vertices : array (v, 3)
+        Corners of the part, mm.
+    ends : array of int (m, 2)
+        Vertex numbers.
+    planes : array (f, 4)
+        Unit normals and offsets of the part's faces: n·x > o in front.
+    faces : array of int (m, 2)
+        Their faces.
+    kinds : array of uint8 (m,)
+        Bits `SHARP`, `CONVEX` and `CURVED`, which are chords.
+    ids : array of int (m,)
+        Numbers in ``solid.edges``.
+    """
+
+    vertices: NDArray[np.float64]
+    ends: NDArray[np.int64]
+    planes: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    kinds: NDArray[np.uint8]
+    ids: NDArray[np.int64]
+
+
+def contours_of(solid: Solid) -> Contours:
+    """Return the edges of a part that may be contours from some viewpoint.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+
+    Returns
+    -------
+    Contours
+        Without the smooth edges of hollows, which are hidden wherever one of their faces turns away.
+    """
+    shows = edges_that_show(solid)
+    turns = np.array([edge.dihedral_deg for edge in solid.edges])
+    ids = np.flatnonzero(shows | (turns > 0))
+    edges = [solid.edges[i] for i in ids]
+    ends = np.array([edge.vertices for edge in edges], np.int64).reshape(-1, 2)
+    faces = np.array([edge.faces for edge in edges], np.int64).reshape(-1, 2)
+    vertices = np.ascontiguousarray(solid.vertices, np.float64)
+    normals = np.asarray(solid.normals, np.float64)
+    offsets = np.zeros(len(normals))
+    offsets[faces] = np.einsum("efk,ek->ef", normals[faces], vertices[ends[:, 0]])
+    curved = np.array([edge.curved for edge in edges], bool)
+    kinds = (
+        np.where(shows[ids], SHARP, 0)
+        | np.where(turns[ids] > 0, CONVEX, 0)
+        | np.where(curved, CURVED, 0)
+    )
+    planes = np.ascontiguousarray(np.column_stack([normals, offsets]))
+    return Contours(vertices, ends, planes, faces, kinds.astype(np.uint8), ids.astype(np.int64))
+
+
+Meeting = dict[int, list[int]]
+"""Vertex to the contours that end there."""
+
+
+def meeting(contours: Contours) -> Meeting:
+    """Return which contours end at which vertex."""
+    at: Meeting = {}
+    for e, (a, b) in enumerate(contours.ends.tolist()):
+        at.setdefault(a, []).append(e)
+        at.setdefault(b, []).append(e)
+    return at
+
+
+def relation_to(
+    contours: Contours, at: Meeting, edge_ids: Sequence[int], radius_mm: float
+) -> NDArray[np.uint8]:
+    """Return what each edge (m,) is to an entity: another one, its own, or connected to it at a vertex.
+
+    Connected are the edges that meet it, and of curves that meet it the next chords.
+
+    Parameters
+    ----------
+    contours : Contours
+        Of the part.
+    at : dict
+        See `meeting`.
+    edge_ids : sequence of int
+        Edges of the entity.
+    radius_mm : float
+        How far from the vertex chords still count as connected.
+    """
+    relation = np.full(len(contours.ids), OTHER, np.uint8)
+    own = np.isin(contours.ids, list(edge_ids))
+    for vertex in np.unique(contours.ends[own]).tolist():
+        distance = np.linalg.norm(contours.vertices - contours.vertices[vertex], axis=1)
+        reached = {vertex}
+        waiting = [vertex]
+        while waiting:
+            here = waiting.pop()
+            for e in at[here]:
+                if here != vertex and not contours.kinds[e] & CURVED:
+                    continue
+                relation[e] = CONNECTED
+                for other in contours.ends[e].tolist() if contours.kinds[e] & CURVED else ():
+                    if other not in reached and distance[other] <= radius_mm:
+                        reached.add(other)
+                        waiting.append(other)
+    relation[own] = OWN
+    return relation
+
+
+# Which lines at the ends of entities show in images, as far as their own two faces do not hide
+# them; compiled.
+
+
+# for dividing by a depth
+_TINY = 1e-9
+
+
+@entry_kernel(error_model="numpy")
+def arm_images(poses: Any, pairs: Any, scale: Any, lines: Any, arms: Any, found: Any) -> int:
+    """Write which arms show in images, in the order of pairs and arms; return how many there are.
+
+    Parameters
+    ----------
+    poses : array (n, 4, 4)
+        Cam2world.
+    pairs : array of int (p, 2)
+        Pose and entity.
+    scale : array (4,)
+        Pixels per unit of slope in x and y, and the principal point, px.
+    lines : tuple
+        `PartLines.compiled`.
+    arms : tuple
+        Where those of each entity begin (k + 1,), their contours (a,), corners, tips and other ends of the entities
+        (3, a, 3).
+    found : tuple
+        To be written: number of the pair and of the arm (q, 2), images in px and depths in mm of the three (3, q, 3).
+    """
+    first, contour, points = arms
+    numbers, images = found
+    planes = lines[2]
+    faces = lines[3]
+    kinds = lines[4]
+    count = 0
+    for p in range(len(pairs)):
+        pose = poses[pairs[p, 0]]
+        k = pairs[p, 1]
+        for a in range(first[k], first[k + 1]):
+            e = contour[a]
+            front = 0
+            for f in faces[e]:
+                side = (
+                    planes[0, f] * pose[0, 3]
+                    + planes[1, f] * pose[1, 3]
+                    + planes[2, f] * pose[2, 3]
+                )
+                front += side > planes[3, f]
+            if not SHOWS[kinds[e], front]:
+                continue
+            before = True
+            for i in range(3):
+                before &= _image(pose, scale, points[i, a], images[i, count])
+            if before:
+                numbers[count, 0] = p
+                numbers[count, 1] = a
+                count += 1
+    return count
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _image(pose: Any, scale: Any, point: Any, image: Any) -> bool:
+    """Write the image of a point in px, and its depth in mm; return whether it is in front of the camera."""
+    x = point[0] - pose[0, 3]
+    y = point[1] - pose[1, 3]
+    z = point[2] - pose[2, 3]
+    depth = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z
+    safe = max(depth, _TINY)
+    image[0] = (pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z) / safe * scale[0] + scale[2]
+    image[1] = (pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z) / safe * scale[1] + scale[3]
+    image[2] = depth
+    return depth > 0.0
+
 
 Array = NDArray[np.float64]
 
@@ -20,7 +231,6 @@ _ALONG = 0.5
 FITTED_PX = 28.0
 # blur shows a line much stronger than another one so far beside itself, px
 _BLURRED_PX = 1.5
-_TINY = 1e-9
 # for dividing by a tangent
 _LEAST_DEG = 1e-3
 

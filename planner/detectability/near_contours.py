@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from compiled.decorators import entry_kernel, kernel_without_refcounts
-from planner.detectability.contours import CONNECTED, OWN, SHOWS
+from ground.decorators import entry_kernel, kernel_without_refcounts
+from planner.detectability.corners import CONNECTED, OWN, SHOWS
 
 # points looked at on the piece of a contour that is near
 _SAMPLES = 12

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from aspectgraph.entities.straight_edges import Entity
+    from aspectgraph.entities.entity import Entity
     from aspectgraph.solid.ray_scene import RayScene
+
 
 Array = NDArray[np.float64]
 

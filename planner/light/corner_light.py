@@ -2,15 +2,17 @@
 
 Where a plan asks for corners, another visible line leaves each end of an edge at an angle. At least one such line per
 end must differ in brightness on its two sides where it leaves. Where it asks for separation, no border of a shadow may
-run beside the edge or that line (`planner.light.shadow_borders`). This is computed for lamps at given places, at points
+run beside the edge or that line (`planner.light.corner_light`). This is computed for lamps at given places, at points
 of each line with the shadows that rays find, and takes no part in proofs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import combinations, islice
+from math import comb
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +20,444 @@ from numpy.typing import NDArray
 from planner.detectability.conditions import Detectability
 from planner.detectability.corners import FITTED_PX
 from planner.detectability.image_check import ImageCheck
-from planner.light.background import SHARES, seen_beside
-from planner.light.shadow_borders import Beside, SeenLine, beside_lines
-from planner.light.together import LampSets, Sites
+from planner.light.background import SHARES, across, incidence, seen_beside, shadowed, shadowed_each
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
+    from aspectgraph.light import LightRegions
     from aspectgraph.solid.ray_scene import RayScene
-    from planner.light.demands import PlanToLight
+    from planner.light.demands import Pair, PlanToLight
+
+
+# Under which lamps a border of a shadow runs beside a line in the image, where a detector may
+# take it for the line.
+#
+# A line is found by the strongest grey step within some pixels of where it should be. A part that
+# casts a shadow onto the face beside an edge makes another step there, often a stronger one. So
+# the surface beside a line is looked at, by rays from the camera, at places up to as many pixels
+# away as other lines have to keep: on each side all places must be lit, or none. This is computed
+# for lamps at given places and takes no part in proofs.
+
 
 Array = NDArray[np.float64]
+
+# places on each side of a point of a line, as shares of how far the last one is: a shadow less than a pixel wide beside
+# a line moves its strongest step by as much as that
+_PLACES = np.array([0.07, 0.2, 0.4, 0.6, 0.8, 1.0])
+# the place that says which face is meant: nearer ones may be on a face that is seen from its edge
+_FACE = 1
+# a place on a face that is turned by more, or off the tangent plane by more, is beyond another line of the part
+_TURN_DEG = 20.0
+_ROUNDING = 1e-5
+
+
+class SeenLine(NamedTuple):
+    """A line in an image: from where it is seen, points of it (n, 3) and its direction (3,); mm."""
+
+    eye: Array
+    points: Array
+    along: Array
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Places on the surface beside lines.
+
+    Attributes
+    ----------
+    places, normals : array (n, 3)
+        In mm, and unit normals towards the camera.
+    strip : array of int (n,)
+        Number of the strip, from a point of a line to one side, in rising order; all its places are to be alike.
+    line : array of int (n,)
+        Number of the line, in rising order.
+    n_lines : int
+        Number of lines.
+    """
+
+    places: Array
+    normals: Array
+    strip: NDArray[np.int_]
+    line: NDArray[np.int_]
+    n_lines: int
+
+    def clear(self, scene: RayScene, lamps: Array, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return under which lamps (l, n_lines) no shadow ends beside a line; True where that is not wanted.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Of the part.
+        lamps : array (l, 3)
+            Places of lamps, mm.
+        wanted : array of bool (l, n_lines)
+            What is asked for.
+        """
+        is_clear = np.ones((len(lamps), self.n_lines), dtype=bool)
+        begin = np.searchsorted(self.line, np.arange(self.n_lines + 1))
+        for line in range(self.n_lines):
+            of_line = slice(begin[line], begin[line + 1])
+            rows = np.flatnonzero(wanted[:, line])
+            if rows.size and of_line.stop > of_line.start:
+                lit = self._lit(scene, lamps[rows], of_line)
+                starts = np.flatnonzero(np.diff(self.strip[of_line], prepend=-1))
+                least = np.logical_and.reduceat(lit, starts, axis=1)
+                most = np.logical_or.reduceat(lit, starts, axis=1)
+                is_clear[rows, line] = (least == most).all(axis=1)
+        return is_clear
+
+    def _lit(self, scene: RayScene, lamps: Array, of_line: slice) -> NDArray[np.bool_]:
+        places = self.places[of_line]
+        normals = self.normals[of_line]
+        lit = np.einsum("lpi,pi->lp", lamps[:, None] - places, normals) > 0
+        lamp, place = np.nonzero(lit)
+        lit[lamp, place] = ~shadowed_each(scene, places[place], lamps[lamp])
+        return lit
+
+
+def beside_lines(
+    scene: RayScene, lines: Sequence[SeenLine], reach_px: float, pixel_rad: float
+) -> Beside:
+    """Return places on the surface beside lines in images.
+
+    Parameters
+    ----------
+    scene : RayScene
+        Of the part.
+    lines : sequence of SeenLine
+        The lines.
+    reach_px : float
+        How far beside the line the last place is, px; without it there are none.
+    pixel_rad : float
+        Angle of a pixel.
+
+    Returns
+    -------
+    Beside
+        Of each strip those that are on the surface next to the line; without those in front of the ground.
+    """
+    strips_found: list[tuple[Array, Array, NDArray[np.int_]]] = []
+    owner: list[NDArray[np.int_]] = []
+    strips = 0
+    for number, line in enumerate(lines if reach_px > 0 else ()):
+        places, normals, strip = _strips(scene, line, reach_px * pixel_rad)
+        strips_found.append((places, normals, strip + strips))
+        owner.append(np.full(len(places), number))
+        strips += 2 * len(line.points)
+    if not strips_found:
+        return Beside(
+            np.empty((0, 3)), np.empty((0, 3)), np.empty(0, int), np.empty(0, int), len(lines)
+        )
+    places, normals, strip = (np.concatenate(parts) for parts in zip(*strips_found, strict=True))
+    return Beside(places, normals, strip, np.concatenate(owner), len(lines))
+
+
+def _strips(
+    scene: RayScene, line: SeenLine, reach_rad: float
+) -> tuple[Array, Array, NDArray[np.int_]]:
+    """Return places (n, 3), normals (n, 3) and strips (n,) beside a line."""
+    sight = line.points - line.eye
+    aside = across(sight, line.along) * np.linalg.norm(sight, axis=1, keepdims=True)
+    off = reach_rad * _PLACES
+    # (points, sides, places, 3)
+    rays = (
+        sight[:, None, None]
+        + np.array([1.0, -1.0])[:, None, None] * off[:, None] * aside[:, None, None]
+    )
+    hit = scene.cast(line.eye, rays)
+    t_hit = hit["t_hit"].astype(np.float64)
+    met = np.isfinite(t_hit)
+    places = line.eye + np.where(met, t_hit, 1.0)[..., None] * rays
+    normals = hit["primitive_normals"].astype(np.float64)
+    normals *= np.where((normals * rays).sum(axis=-1) > 0, -1.0, 1.0)[..., None]
+    first = normals[:, :, _FACE, None]
+    way = places - places[:, :, _FACE, None]
+    height = np.abs((way * first).sum(axis=-1))
+    distance = np.linalg.norm(way, axis=-1)
+    turn = np.radians(_TURN_DEG)
+    flat = (
+        height <= np.sin(turn) * distance + _ROUNDING * np.linalg.norm(sight, axis=1)[:, None, None]
+    )
+    same = met & met[:, :, _FACE, None] & flat & ((normals * first).sum(axis=-1) >= np.cos(turn))
+    strip = np.broadcast_to(np.arange(2 * len(sight)).reshape(-1, 2, 1), same.shape)
+    return places[same], normals[same], strip[same]
+
+
+# Lamps that are on at the same time: what a set of them makes show, and the fewest that show all
+# of a plan.
+#
+# Under several lamps, irradiances add up. The contrast of an edge is then the mean of those under
+# each lamp, weighted by how bright it makes the edge, so it changes along the edge and is no
+# wedge. It is computed at nine points of every edge, with the shadows that rays find, for lamps
+# of one strength: once with the fall of light with distance, once without, and the smaller one
+# counts.
+#
+# The mean is never larger than the largest of its parts. So an edge that no lamp gives the
+# contrast asked for cannot have it under all of them.
+
+
+Besides = Callable[[Array, NDArray[np.int_]], NDArray[np.bool_]]
+
+# sets that are tried, of one size after the other
+_MOST_SETS = 60_000
+# numbers (sets x sites) at a time
+_BLOCK = 4_000_000
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Places of faces (n, 3) with normals that light falls on, and which two of them are compared for which pair.
+
+    Attributes
+    ----------
+    points, normals : array (n, 3)
+        Places, mm, and outward unit normals.
+    compared : array of int (m, 2)
+        Numbers of the two sites; the second is -1 for the dark ground.
+    pair : array of int (m,)
+        For which pair, in rising order.
+    n_pairs : int
+        Number of pairs; those without a comparison show under any lamps.
+    """
+
+    points: Array
+    normals: Array
+    compared: NDArray[np.int_]
+    pair: NDArray[np.int_]
+    n_pairs: int
+
+
+def sites_of(light: LightRegions | None, pairs: Sequence[Pair]) -> Sites:
+    """Return what is compared so that pairs show: both faces of a crease, or what is beside a silhouette.
+
+    Parameters
+    ----------
+    light : LightRegions or None
+        Has the regions that the pairs name; None if they name none.
+    pairs : sequence of Pair
+        Of a plan.
+
+    Returns
+    -------
+    Sites
+        Every site once.
+    """
+    numbers: dict[bytes, int] = {}
+    places: list[Array] = []
+    compared = []
+    owner = []
+
+    def number(point: Array, normal: Array) -> int:
+        site = np.concatenate([point, normal])
+        known = numbers.setdefault(site.tobytes(), len(places))
+        if known == len(places):
+            places.append(site)
+        return known
+
+    for k, pair in enumerate(pairs):
+        both = (
+            [side for name in pair.regions for side in _sides(light, name)]
+            if light is not None
+            else []
+        )
+        both += [one.sides for one in pair.backdrops]
+        for one, other in both:
+            compared.append((number(*one), -1 if other is None else number(*other)))
+            owner.append(k)
+    sides = np.array(places).reshape(-1, 6)
+    return Sites(
+        sides[:, :3],
+        sides[:, 3:],
+        np.array(compared, int).reshape(-1, 2),
+        np.array(owner, int),
+        len(pairs),
+    )
+
+
+_Side = tuple[Array, Array]
+
+
+def _sides(light: LightRegions, name: str) -> Iterator[tuple[_Side, _Side | None]]:
+    solid = light.solid
+    silhouettes = light.silhouettes.get(name, {})
+    for edge in (solid.edges[i] for i in light.entities[name].edge_ids):
+        start, end = solid.vertices[list(edge.vertices)]
+        for point in start + SHARES[:, None] * (end - start):
+            if edge.id in silhouettes:
+                yield (point, solid.normals[silhouettes[edge.id]]), None
+            else:
+                one, other = edge.faces
+                yield (point, solid.normals[one]), (point, solid.normals[other])
+
+
+class LampSets:
+    """Sets of lamps, all on, over some places.
+
+    Parameters
+    ----------
+    scene : RayScene
+        Of the part.
+    sites : Sites
+        What is compared.
+    places : array (n, 3)
+        Of the lamps, mm.
+    offsets : array (k, 3)
+        Places of a lamp relative to where it should be, mm; each may be at any of them.
+    besides : callable, optional
+        ``besides(places, sets)`` returns which pairs (n, pairs) meet what else is asked of them.
+    """
+
+    def __init__(
+        self,
+        scene: RayScene,
+        sites: Sites,
+        places: Array,
+        offsets: Array,
+        besides: Besides | None = None,
+    ) -> None:
+        self._sites = sites
+        self.n = len(places)
+        self._places = places
+        self._besides = besides
+        # (with the fall of light and without, lamps, sites), at least and at most
+        self._low = self._high = np.stack(_irradiances(scene, sites, places + offsets[0]))
+        for off in offsets[1:]:
+            now = np.stack(_irradiances(scene, sites, places + off))
+            self._low = np.minimum(self._low, now)
+            self._high = np.maximum(self._high, now)
+        self.n_pairs = sites.n_pairs
+
+    def shown(self, sets: NDArray[np.int_]) -> tuple[Array, Array]:
+        """Return least contrast and step (n, pairs) under sets (n, size) of lamps that are on together.
+
+        The step is a share of the grey value of a face that all of them light frontally, falls of light aside.
+        """
+        n, size = sets.shape
+        contrast, step = np.ones((2, n, self.n_pairs))
+        block = max(1, _BLOCK // max(1, size * len(self._sites.compared)))
+        for first in range(0, n, block):
+            block_of_sets = slice(first, first + block)
+            contrast[block_of_sets], step[block_of_sets] = self._shown(sets[block_of_sets])
+        if self._besides is not None:
+            rows = np.flatnonzero((contrast > 0).any(axis=1))
+            contrast[rows] *= self._besides(self._places, sets[rows])
+        return contrast, step
+
+    def _shown(self, sets: NDArray[np.int_]) -> tuple[Array, Array]:
+        sites = self._sites
+        contrast, step = np.ones((2, len(sets), sites.n_pairs))
+        if not len(sites.compared):
+            return contrast, step
+        values = [_compared(low, high, sites.compared) for low, high in self._sums(sets)]
+        (falling, _), (even, steps) = values
+        same = falling * even > 0
+        least = np.where(same, np.minimum(np.abs(falling), np.abs(even)), 0.0)
+        owners, starts = np.unique(sites.pair, return_index=True)
+        contrast[:, owners] = np.minimum.reduceat(least, starts, axis=1)
+        step[:, owners] = np.minimum.reduceat(steps / sets.shape[1], starts, axis=1)
+        return contrast, step
+
+    def _sums(self, sets: NDArray[np.int_]) -> Iterator[tuple[Array, Array]]:
+        for low, high in zip(self._low, self._high, strict=True):
+            yield low[sets].sum(axis=1), high[sets].sum(axis=1)
+
+
+def _irradiances(scene: RayScene, sites: Sites, places: Array) -> tuple[Array, Array]:
+    """Return irradiances (lamps, sites) with the fall of light, and cosines without it; 0 in the shadow."""
+    cosine, falling = np.zeros((2, len(places), len(sites.points)))
+    for k, (point, normal) in enumerate(zip(sites.points, sites.normals, strict=True)):
+        cosine[:, k], distance = incidence(point, normal, places)
+        lit = np.flatnonzero(cosine[:, k])
+        cosine[lit[shadowed(scene, point, places[lit])], k] = 0.0
+        falling[:, k] = cosine[:, k] / distance**2
+    return falling, cosine
+
+
+def _compared(low: Array, high: Array, compared: NDArray[np.int_]) -> tuple[Array, Array]:
+    """Return contrasts (n, m), with a sign, and differences of two sites, both the nearest to 0 between the limits.
+
+    (a - b) / (a + b) rises with a and falls with b.
+    """
+    one, other = compared.T
+    dark = other < 0
+    a = low[:, one]
+    a_most = high[:, one]
+    b = np.where(dark, 0.0, low[:, other])
+    b_most = np.where(dark, 0.0, high[:, other])
+    brighter = a > b_most
+    darker = a_most < b
+    near = np.where(brighter, a - b_most, np.where(darker, a_most - b, 0.0))
+    total = np.where(brighter, a + b_most, a_most + b)
+    return near / np.where(total > 0, total, 1.0), np.abs(near)
+
+
+@dataclass(frozen=True)
+class Fewest:
+    """The fewest lamps that show the most.
+
+    Attributes
+    ----------
+    chosen : tuple of int
+        Numbers of the lamps.
+    contrast : array (pairs,)
+        0 for what they do not show.
+    listed : int
+        All sets of up to so many lamps were tried.
+    """
+
+    chosen: tuple[int, ...]
+    contrast: Array
+    listed: int
+
+
+def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
+    """Return the fewest lamps that make the most pairs show at once; among those, the ones with the largest step.
+
+    Sets of one size after the other are tried, all of them while there are few enough; after that, the best ones of a
+    size are made larger by each lamp in turn.
+
+    Parameters
+    ----------
+    sets : LampSets
+        The lamps.
+    least, least_step : float
+        Contrast and step that are needed to show.
+
+    Returns
+    -------
+    Fewest
+        The same for the same arguments.
+    """
+    n_pairs = sets.n_pairs
+    best = Fewest((), np.zeros(n_pairs), 0)
+    most = 0
+    listed = 0
+    wide: list[tuple[int, ...]] = [()]
+    for size in range(1, sets.n + 1):
+        if listed == size - 1 and comb(sets.n, size) <= _MOST_SETS:
+            tried = np.array(list(combinations(range(sets.n), size)))
+            listed = size
+        else:
+            larger = sorted(
+                {tuple(sorted((*some, k))) for some in wide for k in range(sets.n) if k not in some}
+            )
+            tried = np.array(list(islice(larger, _MOST_SETS)))
+        contrast, step = sets.shown(tried)
+        shows = (contrast >= least) & (step >= least_step)
+        n_shown = shows.sum(axis=1)
+        margin = np.where(shows, step, 1.0).min(axis=1, initial=1.0)
+        order = np.lexsort((-margin, -n_shown))
+        top = int(order[0])
+        if n_shown[top] > most:
+            most = int(n_shown[top])
+            best = Fewest(
+                tuple(map(int, tried[top])), np.where(shows[top], contrast[top], 0.0), listed
+            )
+        if most == n_pairs:
+            break
+        wide = [tuple(map(int, tried[i])) for i in order[: max(1, _MOST_SETS // (10 * sets.n))]]
+    return Fewest(best.chosen, best.contrast, listed)
+
 
 # a line is looked at from so near to the corner, px, to no farther than this share of it
 _FROM_PX = 4.0
@@ -174,7 +604,9 @@ def corners_of(
     for a, eye in zip(seen.arm.tolist(), eyes, strict=True):
         points = _points_of_arm(arms.corner[a], arms.tip[a], eye, pixel)
         sites.append(
-            _compared(solid, scene, int(image.contours.ids[arms.contour[a]]), points, eye, pixel)
+            _compared_of_corner_light(
+                solid, scene, int(image.contours.ids[arms.contour[a]]), points, eye, pixel
+            )
         )
         lines.append(SeenLine(eye, points, arms.tip[a] - arms.corner[a]))
     beside = beside_lines(scene, lines, separation, pixel)
@@ -213,7 +645,7 @@ def _points_of_arm(corner: Array, tip: Array, eye: Array, pixel_rad: float) -> A
     return np.asarray(corner + steps[:, None] * (tip - corner) / length)
 
 
-def _compared(
+def _compared_of_corner_light(
     solid: Solid, scene: RayScene, edge_id: int, points: Array, eye: Array, pixel_rad: float
 ) -> list[_Pair]:
     """Return what is compared at points of a line: both faces, or the seen one with what is behind."""

@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.entities.straight_edges import Entity, resolve_entities
+from aspectgraph.entities.entity import Entity, resolve_entities
 from aspectgraph.solid.rims import Arc, Rim
 from errors.measurands import Circle
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.light.background import Backdrop, backdrops
-from planner.wanted.planned import targets_of
+from planner.request.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.solid.ray_scene import RayScene
-    from planner.wanted.planned import PlannedTarget
+    from planner.request.planned import PlannedTarget
+
 
 Silhouettes = dict[int, int]
 # a circle of a plan is that of a rim if they differ by less than this share of the part's size

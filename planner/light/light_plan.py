@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from planner.camera.camera import Camera
+from planner.camera.imaging import image_of, tangents_of
+from planner.camera.pose import world_to_cam
+from planner.request.planned import targets_of
+
+if TYPE_CHECKING:
+    from aspectgraph.solid.ray_scene import RayScene
+    from planner.light.demands import PlanToLight
 
 
 class Exposure(NamedTuple):
@@ -207,3 +216,174 @@ class LightPlan:
         return self.to_dict() == other.to_dict()
 
     __hash__ = None  # type: ignore[assignment]
+
+
+# What to expose an image for: the brightest place beside the edges of its targets, for a matt
+# part of one albedo.
+
+
+Array = NDArray[np.float64]
+
+WHITE_SHARE = 0.8
+"""Share of white that the brightest place beside an edge should have."""
+
+_BESIDE_PX = 3.0
+# in eight directions
+_RING = _BESIDE_PX * np.array(
+    [(1, 0), (np.sqrt(0.5), np.sqrt(0.5)), (0, 1), (-np.sqrt(0.5), np.sqrt(0.5))]
+)
+_RING = np.concatenate([_RING, -_RING])
+# between the ends of an edge
+_ALONG = 17
+# of places whose light is the same to this share the first is named, on every machine
+_SAME = 1e-3
+# digits of a ratio
+_DIGITS = 3
+# rays to lamps start this far above a face, as a share of the way from the camera
+_LIFT = 1e-5
+
+
+def exposure(
+    scene: RayScene,
+    cam2world: Array,
+    camera: Camera,
+    points: Mapping[str, Array],
+    lamps: Array,
+) -> Exposure | None:
+    """Return what to expose an image for.
+
+    Parameters
+    ----------
+    scene : RayScene
+        Of the part.
+    cam2world : array (4, 4)
+        Pose of the camera.
+    camera : Camera
+        The camera.
+    points : mapping of str to array (n, 3)
+        Points on the edges of each target, mm.
+    lamps : array (k, 3)
+        The lamps that are on, mm.
+
+    Returns
+    -------
+    Exposure or None
+        None if no lamp lights any of it.
+    """
+    brightest: dict[str, tuple[float, Array]] = {}
+    dimmest: dict[str, float] = {}
+    for name, own in points.items():
+        pixels = beside(camera, cam2world, own)
+        light = irradiance(scene, cam2world, camera, pixels.reshape(-1, 2), lamps)
+        most = light.max(initial=0.0)
+        if not most > 0:
+            continue
+        at = int(np.argmax(light >= (1 - _SAME) * most))
+        brightest[name] = (float(most), pixels.reshape(-1, 2)[at])
+        # what hides an edge is not lit like it: half of its points are sure
+        dimmest[name] = float(np.median(light.reshape(pixels.shape[:2]).max(axis=1)))
+    if not brightest:
+        return None
+    most = max(value for value, _ in brightest.values())
+    target = next(name for name, (value, _) in brightest.items() if value >= (1 - _SAME) * most)
+    least = min(dimmest.values())
+    weakest = next(name for name, value in dimmest.items() if value <= (1 + _SAME) * least)
+    u, v = np.rint(brightest[target][1]).astype(int).tolist()
+    times = most / least if least > 0 else np.inf
+    return Exposure(target, (u, v), weakest, float(f"{times:.{_DIGITS}g}"))
+
+
+def beside(camera: Camera, cam2world: Array, points: Array) -> Array:
+    """Return pixels (n, 8, 2) around the images of points (m, 3), n <= m in front of the camera; of two, also between.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    cam2world : array (4, 4)
+        Its pose.
+    points : array (m, 3)
+        Points on edges, or the two ends of one, mm.
+    """
+    if len(points) == 2:
+        share = np.linspace(0.0, 1.0, _ALONG)[:, None]
+        points = (1 - share) * points[0] + share * points[1]
+    local = world_to_cam(points, cam2world)
+    local = local[local[:, 2] > 0]
+    return image_of(camera, local / local[:, 2:])[:, None] + _RING
+
+
+def with_exposures(light: LightPlan, plan: PlanToLight, scene: RayScene) -> LightPlan:
+    """Return lamps whose images say what to expose them for.
+
+    Parameters
+    ----------
+    light : LightPlan
+        The lamps.
+    plan : PlanToLight
+        The settings that they are for.
+    scene : RayScene
+        Of the part.
+    """
+    images = tuple(
+        tuple(replace(image, expose_for=exposure_of(image, light, plan, k, scene)) for image in own)
+        for k, own in enumerate(light.images)
+    )
+    return replace(light, images=images)
+
+
+def exposure_of(
+    image: LitImage, light: LightPlan, plan: PlanToLight, k: int, scene: RayScene
+) -> Exposure | None:
+    """Return what an image of the k-th setting is exposed for, None if no lamp lights any of it.
+
+    Parameters
+    ----------
+    image : LitImage
+        The image.
+    light : LightPlan
+        Its lamps.
+    plan : PlanToLight
+        Its plan.
+    k : int
+        Number of its setting, from 0.
+    scene : RayScene
+        Of the part.
+    """
+    setting = plan.settings[k]
+    targets = targets_of(plan.targets, setting)
+    points = {name: targets[name].points for name in image.contrast}
+    lamps = light.lamps[list(image.lamps)]
+    return exposure(scene, np.asarray(setting.cam2world), plan.camera, points, lamps)
+
+
+def irradiance(
+    scene: RayScene, cam2world: Array, camera: Camera, pixels: Array, lamps: Array
+) -> Array:
+    """Return the light (n,) on what pixels show: cosine over squared distance of all lamps, 1/mm².
+
+    It is 0 off the part and off the sensor.
+    """
+    tangents = tangents_of(camera, pixels)
+    right, down, forward = cam2world[:3, :3].T
+    rays = tangents[:, :1] * right + tangents[:, 1:] * down + forward
+    last = np.array(camera.resolution) - 1
+    seen = ((pixels >= 0) & (pixels <= last)).all(axis=1)
+    eye = cam2world[:3, 3]
+    hit = scene.cast(eye, rays)
+    depth = hit["t_hit"].astype(np.float64)
+    met = seen & np.isfinite(depth) & np.isfinite(rays).all(axis=1)
+    rays = rays[met]
+    places = eye + depth[met, None] * rays
+    normals = hit["primitive_normals"][met].astype(np.float64)
+    normals *= np.where((normals * rays).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+    places += _LIFT * depth[met, None] * normals
+    total = np.zeros(len(places))
+    for lamp in np.atleast_2d(lamps):
+        way = lamp - places
+        distance = np.linalg.norm(way, axis=1)
+        cosine = np.maximum((normals * way).sum(axis=1) / distance, 0.0)
+        total += np.where(scene.blocked(places, way), 0.0, cosine / distance**2)
+    light = np.zeros(len(pixels))
+    light[met] = total
+    return light

@@ -4,23 +4,40 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.carriers import PARAMETERS
-from errors.measurands import Measurand
+from errors.measurands import (
+    Decision,
+    DecisionRule,
+    Line,
+    Measurand,
+    conformance_probability,
+    decide,
+)
 from errors.measurands.conformity import COVERAGE
 from errors.measurands.fitted import Frame
 from errors.registration import rests_on_prior
-from planner.measuring.entity_scan import EntityScan
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
+from planner.measuring.entity_scan import (
+    TOLERATED,
+    EntityScan,
+    drawn_uncertainty,
+    entity_samples,
+    scan_entity,
+)
 from planner.measuring.fit import CORRELATION_PX, carried_back, fit_entities, uneven_px
-from planner.measuring.image.scans import STATE_TEXTS, State
-from planner.measuring.monte_carlo import TOLERATED, drawn_uncertainty
-from planner.measuring.part_model import POSE, PartModel
-from planner.measuring.poses.registered import Registered, displaced
+from planner.measuring.images import Picture
+from planner.measuring.registered import Registered, displaced
+from planner.measuring.samples import POSE, PartEdge, PartModel
+from planner.measuring.scans import STATE_TEXTS, State
+from planner.request.planned import PlannedTarget
 
 Array = NDArray[np.float64]
 
@@ -63,7 +80,7 @@ class Reading:
     gradient : array (n,)
         Of the value by the unknowns of the image.
     drawn_uncertainty : float
-        U by drawing instead of derivatives, see `planner.measuring.monte_carlo`.
+        U by drawing instead of derivatives, see `planner.measuring.entity_scan`.
     notes : tuple of str
         What the user should know.
     """
@@ -251,3 +268,397 @@ def covariance_of(readings: Mapping[str, Reading], covariance: Array) -> Array:
     """Return the covariance (n, n) of readings of one image by what they have in common: pose and surfaces."""
     gradients = np.array([one.gradient for one in readings.values()])
     return np.asarray(gradients @ covariance @ gradients.T)
+
+
+# Results: the readings of one target merged, its expanded uncertainty, and the decision.
+
+
+CONSISTENT = 0.99
+"""Readings of one target that differ more than with this probability are said to disagree."""
+
+# errors that readings from several images have in common
+_COMMON = ("surfaces", "localisation floor")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One target, measured.
+
+    Attributes
+    ----------
+    name, kind, unit : str
+        The target.
+    nominal : float
+        Nominal value, mm (angles: degrees), as everything here.
+    tolerance : (float, float) or None
+        Lower and upper deviation that the drawing allows.
+    value : float
+        Measured value; nan if it was not measured.
+    standard_uncertainty : float
+        Its u.
+    decision : Decision
+        What it says of the part.
+    conformance_probability : float
+        Probability that the part is within its tolerance; nan without value or tolerance.
+    reason : str
+        Why it was not measured; empty if it was.
+    readings : tuple of Reading
+        In the order of the images.
+    notes : tuple of str
+        What the user should know.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    nominal: float
+    tolerance: tuple[float, float] | None
+    value: float
+    standard_uncertainty: float
+    decision: Decision
+    conformance_probability: float
+    reason: str
+    readings: tuple[Reading, ...]
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def measured(self) -> bool:
+        """Whether it has a value."""
+        return not self.reason
+
+    @property
+    def deviation(self) -> float:
+        """Measured value minus nominal value."""
+        return self.value - self.nominal
+
+    @property
+    def expanded_uncertainty(self) -> float:
+        """U, two standard uncertainties."""
+        return COVERAGE * self.standard_uncertainty
+
+    @property
+    def budget(self) -> dict[str, float]:
+        """Variance by source of the reading with the smallest uncertainty; empty if none was measured."""
+        measured = [one for one in self.readings if one.measured]
+        if not measured:
+            return {}
+        return min(measured, key=lambda one: one.standard_uncertainty).budget
+
+
+def merged(
+    name: str,
+    target: PlannedTarget,
+    readings: Sequence[Reading],
+    rule: DecisionRule,
+    missing: str = "",
+) -> Result:
+    """Return the result of a target.
+
+    Readings are weighted by their variances. What pose and single points do is independent between images. The
+    deviations of surfaces and the floor of the localisation are common, and do not average out.
+
+    Parameters
+    ----------
+    name : str
+        The target's name.
+    target : PlannedTarget
+        The target.
+    readings : sequence of Reading
+        Its readings.
+    rule : DecisionRule
+        How it is decided.
+    missing : str
+        Why there is no reading at all.
+    """
+    known = (name, target.kind, target.unit, target.nominal, target.tolerance)
+    good = [one for one in readings if one.measured]
+    if not good:
+        reason = missing or "; ".join(dict.fromkeys(f"{r.image}: {r.reason}" for r in readings))
+        nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
+        return Result(*known, *nothing, reason or "no image shows it", tuple(readings))
+    value, u, notes = _weighted(good)
+    notes += tuple(dict.fromkeys(note for one in good for note in one.notes))
+    deviation = value - target.nominal
+    decision = decide(deviation, u, target.tolerance, rule)
+    probability = math.nan
+    if target.tolerance is not None:
+        probability = conformance_probability(deviation, u, target.tolerance)
+    return Result(*known, value, u, decision, probability, "", tuple(readings), notes)
+
+
+def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...]]:
+    """Return the weighted mean of readings, its standard uncertainty, and notes."""
+    if len(readings) == 1:
+        return readings[0].value, readings[0].standard_uncertainty, ()
+    inverse = [1 / max(one.standard_uncertainty, 1e-12) ** 2 for one in readings]
+    weights = [one / math.fsum(inverse) for one in inverse]
+    value = math.fsum(w * one.value for w, one in zip(weights, readings, strict=True))
+    common = math.fsum(
+        w * math.sqrt(math.fsum(one.budget[source] for source in _COMMON))
+        for w, one in zip(weights, readings, strict=True)
+    )
+    own = math.fsum(
+        w**2 * (one.standard_uncertainty**2 - math.fsum(one.budget[s] for s in _COMMON))
+        for w, one in zip(weights, readings, strict=True)
+    )
+    u = math.sqrt(max(common**2 + own, 0.0))
+    spread = math.fsum(
+        (one.value - value) ** 2 * i for one, i in zip(readings, inverse, strict=True)
+    )
+    freedoms = len(readings) - 1
+    if spread <= chi_squared.ppf(CONSISTENT, freedoms):
+        return value, u, ()
+    note = f"{len(readings)} readings disagree: u is enlarged by their spread"
+    return value, u * math.sqrt(spread / freedoms), (note,)
+
+
+# The length of an edge in an image: its line and a line that leaves each of its ends, intersected
+# at the corners.
+#
+# The value is the plan's: the nominal length times the length of the image over that at the
+# registered pose. Lines are fitted in planes through them that face the camera, so that every
+# edge is seen across; corners are intersected in the image of a lens without distortion.
+
+
+LEAST_ANGLE_DEG = 20.0
+"""A corner is where another line leaves an edge at this angle at least, in the image."""
+ARM_SHARE = 0.5
+"""Share of the samples of such a line that must be found."""
+ARM_PX = 200.0
+"""Such a line is used up to this distance from the corner."""
+
+_LENGTH_STEP = 1e-4
+# mm and rad
+_UNKNOWN_STEPS = np.array([1e-3] * 3 + [1e-5] * 3 + [1e-3] * 6)
+
+
+def read_length(
+    where: tuple[str, str, int],
+    measurand: Measurand,
+    edge: PartEdge,
+    picture: Picture,
+    registered: Registered,
+    model: PartModel,
+    how: tuple[float, float, float],
+) -> Reading:
+    """Return the reading of an edge's length.
+
+    Parameters
+    ----------
+    where : (str, str, int)
+        Names of target and image, and number of the setting.
+    measurand : Measurand
+        The length.
+    edge : PartEdge
+        The edge.
+    picture : Picture
+        The image.
+    registered : Registered
+        Its pose.
+    model : PartModel
+        The part.
+    how : (float, float, float)
+        How far from their predictions lines are searched, px; share of the edge that must be found; error that all
+        points of a line have in common, px.
+    """
+    half_px, coverage, floor_px = how
+    own = _scan(model, edge, picture, registered, (half_px, coverage, None))
+    scans = [own]
+    reasons = [own.reason]
+    for end in _ends(edge):
+        arm = _arm(model, edge, end, picture, registered, half_px)
+        reasons.append("" if arm else "no line that leaves a corner was found")
+        scans += [arm] if arm else []
+    counts = counts_of(scans)
+    points = tuple(scan.points for scan in scans)
+    reason = next(filter(None, reasons), "")
+    if reason:
+        return Reading(
+            *where, reason=reason, found_share=own.found_share, counts=counts, points=points
+        )
+    fitted = np.concatenate([scan.fit.fitted for scan in scans if scan.fit is not None])
+    planned = _planned_ends(model, edge, registered, picture.camera, np.zeros(POSE + 6))
+
+    def value(parameters: Array) -> float:
+        corners = _corners(scans, parameters, registered, picture.camera)
+        pitch = np.array(picture.camera.pixel_pitch_mm)
+        return float(measurand.image_value(corners[None] * pitch, planned * pitch)[0])
+
+    random, floor = _localisation(value, fitted, scans, floor_px)
+    length = measurand.nominal + value(fitted)
+    unknowns, slopes = _by_unknowns(model, edge, registered, picture.camera, length)
+    gradient = np.zeros(model.n_unknowns)
+    np.add.at(gradient, unknowns, slopes)
+    budget = budget_of(gradient, registered.covariance, random, floor)
+    return Reading(
+        *where,
+        value=length,
+        standard_uncertainty=math.sqrt(max(math.fsum(budget.values()), 0.0)),
+        budget=budget,
+        found_share=own.found_share,
+        rms_px=_rms(own),
+        counts=counts,
+        points=points,
+        gradient=gradient,
+    )
+
+
+def _ends(edge: PartEdge) -> tuple[Array, Array]:
+    line = edge.geometry
+    assert isinstance(line, Line)
+    return line.p, line.q
+
+
+def _facing(edge: PartEdge, registered: Registered) -> Frame:
+    """Return the plane through an edge that faces the camera."""
+    line = edge.geometry
+    assert isinstance(line, Line)
+    view = line.middle - registered.cam2world[:3, 3]
+    across = np.cross(view, line.direction)
+    return Frame(line.middle, line.direction, across / np.linalg.norm(across))
+
+
+def _scan(
+    model: PartModel,
+    edge: PartEdge,
+    picture: Picture,
+    registered: Registered,
+    how: tuple[float, float, Array | None],
+) -> EntityScan:
+    """Scan a line; near a point only, if one is given."""
+    half_px, coverage, near = how
+    samples = entity_samples(model, [edge], registered, picture.camera, half_px)
+    if near is not None and len(samples.edge):
+        pose = registered.cam2world
+        places = _images(samples.points, pose, picture.camera)
+        close = np.linalg.norm(places - _images(near[None], pose, picture.camera), axis=1) <= ARM_PX
+        samples = samples.chosen(close)
+    return scan_entity(
+        model,
+        edge,
+        _facing(edge, registered),
+        samples,
+        picture,
+        registered,
+        half_px=half_px,
+        coverage=coverage,
+    )
+
+
+def _arm(
+    model: PartModel,
+    edge: PartEdge,
+    end: Array,
+    picture: Picture,
+    registered: Registered,
+    half_px: float,
+) -> EntityScan | None:
+    """Return the line that leaves an end of an edge and is found best; None if there is none."""
+    best = None
+    share = 0.0
+    along = _image_way(edge, end, registered, picture.camera)
+    for other in model.leaving(edge, end):
+        way = _image_way(other, end, registered, picture.camera)
+        sine = abs(float(along[0] * way[1] - along[1] * way[0]))
+        if sine < math.sin(math.radians(LEAST_ANGLE_DEG)):
+            continue
+        scan = _scan(model, other, picture, registered, (half_px, ARM_SHARE, end))
+        worth = sine * scan.n_found
+        if scan.fit is not None and worth > share:
+            best = scan
+            share = worth
+    return best
+
+
+def _image_way(edge: PartEdge, end: Array, registered: Registered, camera: Camera) -> Array:
+    """Return the unit vector along an edge in the image, away from one of its ends."""
+    p, q = _ends(edge)
+    other = q if np.linalg.norm(p - end) < np.linalg.norm(q - end) else p
+    images = _images(np.array([end, end + 1e-3 * (other - end)]), registered.cam2world, camera)
+    way = images[1] - images[0]
+    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))
+
+
+def _images(points: Array, pose: Array, camera: Camera) -> Array:
+    """Return images (n, 2) in px of a lens without distortion."""
+    local = world_to_cam(points, pose)
+    return np.asarray((local / local[:, 2:] @ camera.matrix.T)[:, :2])
+
+
+def _corners(
+    scans: Sequence[EntityScan], parameters: Array, registered: Registered, camera: Camera
+) -> Array:
+    """Return both corners (2, 2), px: the edge's line with that of each arm."""
+    lines = []
+    for k, scan in enumerate(scans):
+        frame = _facing(scan.edge, registered)
+        offset, slope = parameters[2 * k : 2 * k + 2]
+        line = scan.edge.geometry
+        assert isinstance(line, Line)
+        at = np.array([-0.5, 0.5]) * line.length
+        points = frame.origin + at[:, None] * frame.x + (offset + slope * at)[:, None] * frame.y
+        # a line that deviates lies in the plane of its estimate
+        lift = _lift(scan, frame)
+        images = _images(points + lift, registered.cam2world, camera)
+        lines.append(np.cross(np.append(images[0], 1.0), np.append(images[1], 1.0)))
+    corners = [np.cross(lines[0], arm) for arm in lines[1:]]
+    return np.array([corner[:2] / corner[2] for corner in corners])
+
+
+def _lift(scan: EntityScan, frame: Frame) -> Array:
+    """Return how far the planes of a line's points lie off its frame, mm; the mean, along the normal."""
+    normal = np.cross(frame.x, frame.y)
+    return np.asarray(float(((scan.origins - frame.origin) @ normal).mean()) * normal)
+
+
+def _planned_ends(
+    model: PartModel, edge: PartEdge, registered: Registered, camera: Camera, move: Array
+) -> Array:
+    """Return the images of an edge's ends (2, 2) at the registered pose and surfaces, displaced by a move (12,)."""
+    ends = np.array(_ends(edge))
+    places = registered.moved(model, edge, ends) + model.displacement(edge, ends) @ move[POSE:]
+    return _images(places, displaced(registered.cam2world, move[:POSE])[0], camera)
+
+
+def _by_unknowns(
+    model: PartModel, edge: PartEdge, registered: Registered, camera: Camera, length: float
+) -> tuple[NDArray[np.int64], Array]:
+    """Return the unknowns that move the length that is compared with, and the value's derivatives by them."""
+    pitch = np.array(camera.pixel_pitch_mm)
+
+    def compared(move: Array) -> float:
+        ends = _planned_ends(model, edge, registered, camera, move) * pitch
+        return float(np.linalg.norm(ends[1] - ends[0]))
+
+    before = compared(np.zeros(len(_UNKNOWN_STEPS)))
+    steps = np.diag(_UNKNOWN_STEPS)
+    slopes = np.array([compared(step) - compared(-step) for step in steps]) / (2 * _UNKNOWN_STEPS)
+    unknowns = np.concatenate([np.arange(POSE), model.unknowns_of(edge)])
+    return unknowns, -length / before * slopes
+
+
+def _localisation(
+    value: Callable[[Array], float], fitted: Array, scans: Sequence[EntityScan], floor_px: float
+) -> tuple[float, float]:
+    """Return the variances of the value by single points and by the floor of each line."""
+    slopes = np.empty(len(fitted))
+    for i in range(len(fitted)):
+        step = np.zeros(len(fitted))
+        step[i] = _LENGTH_STEP
+        slopes[i] = (value(fitted + step) - value(fitted - step)) / (2 * _LENGTH_STEP)
+    random = 0.0
+    floor = 0.0
+    for k, scan in enumerate(scans):
+        own = slopes[2 * k : 2 * k + 2]
+        assert scan.fit is not None
+        alike = max(1.0, CORRELATION_PX / scan.spacing_px)
+        random += _rms(scan) ** 2 * alike * float(own @ scan.fit.covariance @ own)
+        residual = scan.points["residual_px"][scan.points["state"] == 0]
+        common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
+        floor += common_px**2 * float(((own @ scan.fit.common) ** 2).sum())
+    return random, floor
+
+
+def _rms(scan: EntityScan) -> float:
+    residual = scan.points["residual_px"][scan.points["state"] == 0]
+    return math.sqrt(float((residual**2).sum()) / max(len(residual) - 2, 1))

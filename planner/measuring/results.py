@@ -5,24 +5,290 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+import re
+import uuid
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.entities.spreadsheet_text import csv_text
-from errors.measurands import Decision, DecisionRule
+from aspectgraph.entities.entity_files import csv_text
+from errors.measurands import Decision as Decision
+from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands.conformity import COVERAGE
 from planner.files import write_text
-from planner.measuring.image.picture import Picture
-from planner.measuring.merge import Result
-from planner.measuring.poses.registered import Registered
-from planner.measuring.qif import qif_text
-from planner.measuring.reading import SOURCES, Reading
+from planner.measuring.images import Picture
+from planner.measuring.reading import SOURCES, Reading, Result
+from planner.measuring.registered import Registered
+
+# Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
+# XML.
+#
+# Characteristics are identified by a UUID of the part's shape and the target's name. So the files
+# of many parts of one plan name the same characteristics. Features are not written: an image
+# shows edges, and QIF's features are surfaces.
+
+
+NAMESPACE = "http://qifstandards.org/xsd/qif3"
+
+STATUSES = {
+    Decision.CONFORMS: "PASS",
+    Decision.DOES_NOT_CONFORM: "FAIL",
+    Decision.UNDECIDED: "INDETERMINATE",
+    Decision.NOT_MEASURED: "NOT_ANALYZED",
+    Decision.NO_TOLERANCE: "UNDEFINED",
+}
+"""Statuses of characteristics by decision."""
+CHARACTERISTICS = {
+    "diameter": "Diameter",
+    "radius": "Radius",
+    "length": "Length",
+    "distance": "DistanceBetween",
+    "centre_distance": "DistanceBetween",
+    "centre_to_edge": "DistanceBetween",
+    "angle": "AngleBetween",
+}
+"""Characteristics of QIF by kind of target."""
+
+# UUIDs of names below this one are the program's own
+_OWN = uuid.UUID("6f1c3f0e-6f3b-5a53-9d5b-1e3f0a3b7c11")
+_STANDARDS = {
+    "iso14253-1": ("14253-1", "2017"),
+    # what ISO publishes of JCGM 106, which knows the other rules
+    "simple": ("IEC Guide 98-4", "2012"),
+    "guard U": ("IEC Guide 98-4", "2012"),
+}
+_DEGREE = "0.0174532925199433"
+# of mm and degrees. With six digits before the point there are 16, as many as every reader of XML must know
+_DECIMALS = 10
+# XML 1.0 has no way to write these
+_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+class Measured(Protocol):
+    """What is written of a measured part, see `planner.measuring.results.MeasurementResults`."""
+
+    @property
+    def rule(self) -> DecisionRule:
+        """How it was decided."""
+
+    @property
+    def serial(self) -> str:
+        """Name of the part."""
+
+    @property
+    def source(self) -> Mapping[str, Any]:
+        """What it was measured from."""
+
+    @property
+    def conforms(self) -> bool:
+        """Whether everything conforms."""
+
+    def __iter__(self) -> Iterator[Result]:
+        """Go through the results."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values."""
+
+
+class _Ids:
+    """Numbers of the document's elements, from 1."""
+
+    def __init__(self) -> None:
+        self.last = 0
+
+    def next(self) -> str:
+        """Return a new one."""
+        self.last += 1
+        return str(self.last)
+
+
+def qif_text(results: Measured) -> str:
+    """Return results as a document of QIF 3.0.
+
+    Parameters
+    ----------
+    results : MeasurementResults
+        The results of one part.
+
+    Returns
+    -------
+    str
+        XML. The same results give the same text: it has no date, and its UUID is that of what it was measured from.
+    """
+    ids = _Ids()
+    root = ET.Element("QIFDocument", {"xmlns": NAMESPACE, "idMax": "0", "versionQIF": "3.0.0"})
+    _add(root, "QPId", _uuid(json.dumps(results.to_dict(), sort_keys=True)))
+    _header(root, results)
+    standard = ids.next()
+    _standards(root, standard, results.rule.name)
+    _units(root)
+    items = _characteristics(root, results, standard, ids)
+    _results(root, results, items, ids)
+    root.set("idMax", str(ids.last))
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _header(root: ET.Element, results: Measured) -> None:
+    header = _add(root, "Header")
+    application = _add(header, "Application")
+    _add(application, "Name", f"aspectgraph {results.source.get('program', 'unknown')}")
+    part = results.source.get("part")
+    _add(header, "Description", f"{part or 'part'}; decisions by {results.rule}; u is combined")
+    _add(header, "Scope", "Results")
+
+
+def _standards(root: ET.Element, number: str, rule: str) -> None:
+    """Write by which standard it was decided."""
+    designator, year = _STANDARDS[rule]
+    standard = _add(_list(root, "StandardsDefinitions", 1), "Standard", id=number)
+    _add(_add(standard, "Organization"), "StandardsOrganizationEnum", "ISO")
+    _add(standard, "Designator", designator)
+    _add(standard, "Year", year)
+
+
+def _units(root: ET.Element) -> None:
+    units = _add(_add(root, "FileUnits"), "PrimaryUnits")
+    for element, si_name, name, factor in (
+        ("AngularUnit", "radian", "degree", _DEGREE),
+        ("LinearUnit", "meter", "mm", "0.001"),
+    ):
+        unit = _add(units, element)
+        _add(unit, "SIUnitName", si_name)
+        _add(unit, "UnitName", name)
+        _add(_add(unit, "UnitConversion"), "Factor", factor)
+
+
+def _characteristics(root: ET.Element, results: Measured, standard: str, ids: _Ids) -> list[str]:
+    """Write definition, nominal and item of each target; return the ids of the items."""
+    lists = _add(root, "Characteristics")
+    _add(lists, "FormalStandardId", standard)
+    every = list(results)
+    definitions = [ids.next() for _ in every]
+    nominals = [ids.next() for _ in every]
+    items = [ids.next() for _ in every]
+    parent = _list(lists, "CharacteristicDefinitions", len(every))
+    for one, number in zip(every, definitions, strict=True):
+        _definition(_add(parent, f"{_characteristic(one)}Definition", id=number), one)
+    parent = _list(lists, "CharacteristicNominals", len(every))
+    for one, number, definition in zip(every, nominals, definitions, strict=True):
+        element = _add(parent, f"{_characteristic(one)}Nominal", id=number)
+        _add(element, "CharacteristicDefinitionId", definition)
+        _add(element, "Name", one.name)
+        _add(element, "TargetValue", _decimal(one.nominal))
+        if "Between" in element.tag:
+            _add(element, "AnalysisMode", "THREEDIMENSIONAL")
+    parent = _list(lists, "CharacteristicItems", len(every))
+    digest = str(results.source.get("part_digest", ""))
+    for one, number, nominal in zip(every, items, nominals, strict=True):
+        element = _add(parent, f"{_characteristic(one)}Item", id=number)
+        _add(element, "Name", one.name)
+        designator = _add(element, "CharacteristicDesignator")
+        _add(designator, "Designator", one.name)
+        _add(designator, "UUID", _uuid(f"{digest} {one.name}"))
+        _add(element, "CharacteristicNominalId", nominal)
+    return items
+
+
+def _definition(element: ET.Element, one: Result) -> None:
+    if one.tolerance is None:
+        _add(element, "NonTolerance", "MEASURED")
+        return
+    lower, upper = one.tolerance
+    tolerance = _add(element, "Tolerance")
+    _add(tolerance, "MaxValue", _decimal(upper))
+    _add(tolerance, "MinValue", _decimal(lower))
+    _add(tolerance, "DefinedAsLimit", "false")
+
+
+def _results(root: ET.Element, results: Measured, items: Sequence[str], ids: _Ids) -> None:
+    """Write the measurements of all characteristics, and the status of the part."""
+    parent = _add(root, "Results")
+    sets = _list(parent, "MeasurementResultsSet", 1)
+    measured = _add(sets, "MeasurementResults", id=ids.next())
+    part = ids.next()
+    images = results.source.get("images", {})
+    if images:
+        files = _list(measured, "ExternalFileReferences", len(images))
+        for name, digest in images.items():
+            file = _add(files, "ExternalFileReference")
+            _add(file, "URI", name)
+            _add(_add(file, "FileSpec"), "OtherFileSpec", "image")
+            _add(file, "Description", f"SHA-256 {digest}")
+    lists = _add(measured, "MeasuredCharacteristics")
+    parent_list = _list(lists, "CharacteristicMeasurements", len(items))
+    for one, item in zip(results, items, strict=True):
+        element = _add(parent_list, f"{_characteristic(one)}Measurement", id=ids.next())
+        _measurement(element, one, item, part)
+    status = _part_status(results)
+    _add(_add(measured, "InspectionStatus"), "InspectionStatusEnum", status)
+    _add(_list(measured, "ActualComponentIds", 1), "Id", part)
+    components = _list(_list(parent, "ActualComponentSets", 1), "ActualComponentSet", 1)
+    component = _add(components, "ActualComponent", id=part)
+    if results.serial:
+        _add(component, "SerialNumber", results.serial)
+    _add(_add(component, "Status"), "InspectionStatusEnum", status)
+
+
+def _measurement(element: ET.Element, one: Result, item: str, part: str) -> None:
+    notes = [one.reason] if one.reason else list(one.notes)
+    if notes:
+        attributes = _list(element, "Attributes", 1)
+        name = "reason" if one.reason else "note"
+        _add(attributes, "AttributeStr", name=name, value=_plain("; ".join(notes)))
+    _add(_add(element, "Status"), "CharacteristicStatusEnum", STATUSES[one.decision])
+    _add(element, "CharacteristicItemId", item)
+    _add(element, "ActualComponentId", part)
+    if one.measured:
+        # the schema has either both or none
+        accuracy = {"combinedUncertainty": _decimal(one.standard_uncertainty), "meanError": "0"}
+        _add(element, "Value", _decimal(one.value), **accuracy)
+
+
+def _part_status(results: Measured) -> str:
+    """Return PASS if all conforms, FAIL if something certainly does not, otherwise UNDEFINED."""
+    if any(one.decision is Decision.DOES_NOT_CONFORM for one in results):
+        return "FAIL"
+    decided = any(one.decision is Decision.CONFORMS for one in results)
+    return "PASS" if results.conforms and decided else "UNDEFINED"
+
+
+def _characteristic(one: Result) -> str:
+    return f"{CHARACTERISTICS[one.kind]}Characteristic"
+
+
+def _add(parent: ET.Element, tag: str, text: str = "", **attributes: str) -> ET.Element:
+    element = ET.SubElement(parent, tag, attributes)
+    if text:
+        element.text = _plain(text)
+    return element
+
+
+def _list(parent: ET.Element, tag: str, count: int) -> ET.Element:
+    """Add a list, which states its length."""
+    return _add(parent, tag, n=str(count))
+
+
+def _plain(text: str) -> str:
+    """Return text with what XML cannot hold replaced."""
+    return _FORBIDDEN.sub("\ufffd", text)
+
+
+def _decimal(value: float) -> str:
+    """Return a number without an exponent, which a decimal of XML does not have, and with few digits."""
+    whole, _, decimals = f"{value:.{_DECIMALS}f}".partition(".")
+    return f"{whole}.{decimals.rstrip('0') or '0'}"
+
+
+def _uuid(name: str) -> str:
+    return str(uuid.uuid5(_OWN, _plain(name)))
+
 
 FORMAT = "aspectgraph-results"
 VERSION = 1

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.traces import (
@@ -19,20 +21,281 @@ from aspectgraph.plot.traces import (
     xyz,
 )
 from errors.formatting import probability_text
-from planner.progress.time_left import TimeLeft
-from planner.report.outlines import polylines
-from planner.report.views import EVERYTHING, SceneFrame, box_around, plan_views
-from planner.request.target_space import TargetSpace
+from errors.measurands import Circle, Geometry
+from planner.camera.pose import world_to_cam
+from planner.progress import TimeLeft
+from planner.request.planned import targets_of
+from planner.request.reach import TargetSpace
+from planner.sensor_setting import SensorSetting
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-    from aspectgraph import Solid
+    from aspectgraph import Arc, Solid
     from planner.camera.camera import Camera
     from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
-    from planner.request.space import Space
-from planner.setting.sensor_setting import SensorSetting
+    from planner.request.reach import Space
+
+
+# Views of the 3-D figure: everything at first, the part, and what each setting's camera sees.
+#
+# Plotly's scene is a box about the origin whose sides are the aspect ratios; its camera looks
+# from `eye` to `centre` with a field of 45 degrees from top to bottom.
+
+
+_Array = NDArray[np.float64]
+
+_TANGENT = math.tan(math.radians(22.5))
+# share of the picture's height that what is shown may take
+_FILLED = 0.86
+_DIAGONAL = 2.0
+EVERYTHING = (1.1, -1.3, 0.75)
+"""Direction from which everything is shown at first."""
+
+
+@dataclass(frozen=True)
+class SceneFrame:
+    """How points of the part's frame lie in the scene.
+
+    Attributes
+    ----------
+    box : ndarray, shape (2, 3)
+        Corners of what is shown, mm.
+    """
+
+    box: _Array
+
+    @property
+    def per_mm(self) -> float:
+        """Units of the scene to the mm."""
+        return float(_DIAGONAL / np.linalg.norm(self.box[1] - self.box[0]))
+
+    @property
+    def layout(self) -> dict[str, Any]:
+        """Ranges and aspect of plotly's scene."""
+        axes = {f"{name}axis": {"range": self.box[:, i].tolist()} for i, name in enumerate("xyz")}
+        sides = (self.per_mm * (self.box[1] - self.box[0])).tolist()
+        return {**axes, "aspectmode": "manual", "aspectratio": dict(zip("xyz", sides, strict=True))}
+
+    def placed(self, points: Any) -> _Array:
+        """Return points (n, 3) in mm as the scene has them."""
+        return np.asarray(
+            self.per_mm * (np.asarray(points, dtype=np.float64) - self.box.mean(axis=0))
+        )
+
+    def camera(
+        self, points: Any, direction: Sequence[float] | _Array, up: Sequence[float] | _Array
+    ) -> dict[str, Any]:
+        """Return plotly's camera that shows points (n, 3), mm, as large as the picture's height allows.
+
+        `direction` leads from them towards the viewer.
+        """
+        placed = self.placed(points)
+        towards = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
+        right = np.cross(up, towards)
+        if np.linalg.norm(right) < 1e-9:
+            right = np.cross([0.0, 1.0, 0.0], towards)
+        right /= np.linalg.norm(right)
+        axes = np.array([right, np.cross(towards, right), towards])
+        inside = placed @ axes.T
+        centre = (inside.min(axis=0) + inside.max(axis=0)) / 2
+        aside = np.abs(inside - centre)[:, :2].max(axis=1)
+        distance = float((inside[:, 2] - centre[2] + aside / (_TANGENT * _FILLED)).max())
+        middle = centre @ axes
+        eye = middle + distance * towards
+        return {key: dict(zip("xyz", v.tolist(), strict=True)) for key, v in
+                (("eye", eye), ("center", middle), ("up", axes[1]))}  # fmt: skip
+
+    def eye_of(self, setting: SensorSetting, camera: Camera, depth: float) -> dict[str, Any]:
+        """Return plotly's camera that stands where a setting's camera does, and looks along its axis.
+
+        ``field`` holds the tangents of the largest angles to the axis that the sensor sees, across (x) and upwards (y):
+        the page sets the field of plotly's camera to these. The page cannot draw the lens distortion.
+
+        Parameters
+        ----------
+        setting : SensorSetting
+            Gives the pose.
+        camera : Camera
+            Gives the field.
+        depth : float
+            Where the axis meets what is measured, mm; the view turns about this point.
+        """
+        rotation = setting.cam2world[:3, :3]
+        ahead = setting.position + depth * rotation[:, 2]
+        eye, centre = self.placed([setting.position, ahead])
+        left, top, right, bottom = camera.field().outer
+        lines = (("eye", eye), ("center", centre), ("up", -rotation[:, 1]))
+        view: dict[str, Any] = {key: dict(zip("xyz", v.tolist(), strict=True)) for key, v in lines}
+        view["field"] = {"x": max(-left, right), "y": max(-top, bottom)}
+        return view
+
+
+def plan_views(
+    plan: InspectionPlan, frame: SceneFrame, part: _Array, shown: _Array
+) -> dict[str, dict[str, Any]]:
+    """Return plotly's cameras by name: ``everything``, ``part`` and ``setting-1`` and so on.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives the settings.
+    frame : SceneFrame
+        How the scene is laid out.
+    part : ndarray, shape (n, 3)
+        Points around the part, mm.
+    shown : ndarray, shape (n, 3)
+        Points around everything, mm.
+    """
+    views = {
+        "everything": frame.camera(shown, EVERYTHING, (0, 0, 1)),
+        "part": frame.camera(part, EVERYTHING, (0, 0, 1)),
+    }
+    for k, setting in enumerate(plan.settings, start=1):
+        measured = np.concatenate([np.asarray(plan.entities[name]) for name in setting.entities])
+        depth = float(world_to_cam(measured, setting.cam2world)[:, 2].mean())
+        views[f"setting-{k}"] = frame.eye_of(setting, plan.camera, depth)
+    return views
+
+
+def box_around(points: _Array, limits: _Array, air: float = 0.08) -> _Array:
+    """Return the box (2, 3) around points with some air, which is cut off at the limits; points never are."""
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    more = air * float(np.linalg.norm(high - low))
+    return np.array(
+        [
+            np.minimum(low, np.maximum(low - more, limits[0])),
+            np.maximum(high, np.minimum(high + more, limits[1])),
+        ]
+    )
+
+
+def view_buttons(views: Mapping[str, Any]) -> str:
+    """Return a button for each view."""
+    labels = {"everything": "Everything", "part": "Part"}
+    return "".join(
+        f'<button data-view="{name}">{labels.get(name, name.replace("setting-", "As setting ") + " sees it")}</button>'
+        for name in views
+    )
+
+
+# Lines of pictures: edges of the part, its circles, and the lines and circles that a plan
+# measures.
+
+
+_PARTS_OF_CIRCLE = 96
+
+
+def polylines(
+    plan: InspectionPlan, name: str, setting: SensorSetting | None = None
+) -> list[NDArray[np.float64]]:
+    """Return one polyline (n, 3) per edge, line or circle of what is measured, mm.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    name : str
+        One of its entities or dimensions.
+    setting : SensorSetting, optional
+        Measures it. Default: the first that does.
+
+    Returns
+    -------
+    list of array (n, 3)
+        Two points of a line, a fine polygon of a circle or arc.
+    """
+    if setting is None:
+        setting = next((one for one in plan.settings if name in one.entities), None)
+    targets = plan.targets if setting is None else targets_of(plan.targets, setting)
+    return lines_of(targets[name].geometry)
+
+
+def lines_of(geometry: Iterable[Geometry]) -> list[NDArray[np.float64]]:
+    """Return one polyline (n, 3) per line or circle, mm.
+
+    Parameters
+    ----------
+    geometry : iterable of Line or Circle
+        What is measured.
+    """
+    found = []
+    for one in geometry:
+        if isinstance(one, Circle):
+            n = max(2, round(_PARTS_OF_CIRCLE * one.span_rad / (2 * np.pi)))
+            found.append(one.points(np.linspace(0.0, one.span_rad, n + 1)))
+        else:
+            found.append(np.array([one.p, one.q]))
+    return found
+
+
+def drawn(
+    plan: InspectionPlan, names: Iterable[str], setting: SensorSetting | None = None
+) -> dict[str, NDArray[np.float64]]:
+    """Return what a picture highlights by name: ends of an edge (2, 3), segments of a dimension (s, 2, 3), mm.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    names : iterable of str
+        Some of its entities and dimensions.
+    setting : SensorSetting, optional
+        Measures them. Default: of each the first that does.
+
+    Returns
+    -------
+    dict of str to array
+        In the order given.
+    """
+    found = {}
+    for name in names:
+        lines = polylines(plan, name, setting)
+        pairs = [np.stack([line[:-1], line[1:]], axis=1) for line in lines]
+        # the ends of an edge are marked
+        found[name] = lines[0] if plan.targets[name].in_image else np.concatenate(pairs)
+    return found
+
+
+def chord_circles(solid: Solid) -> dict[int, Arc]:
+    """Return the rim or arc of each chord, by the number of the edge in ``solid.edges``.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    """
+    number = {edge.id: k for k, edge in enumerate(solid.edges)}
+    curves = (*solid.rims(), *solid.arcs())
+    return {number[edge]: curve for curve in curves for edge in curve.edge_ids}
+
+
+def on_circle(
+    points_cam: NDArray[np.float64], circle: Arc, cam2world: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Move points along the radius of a circle onto it.
+
+    Parameters
+    ----------
+    points_cam : ndarray, shape (n, 3)
+        Points in the camera's frame, mm.
+    circle : Arc
+        A rim or arc of the part.
+    cam2world : ndarray, shape (4, 4)
+        Pose of the camera.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Points in the part's frame, mm.
+    """
+    from_centre = points_cam @ cam2world[:3, :3].T + cam2world[:3, 3] - circle.centre
+    across = from_centre - np.outer(from_centre @ circle.axis, circle.axis)
+    distance = np.linalg.norm(across, axis=1, keepdims=True)
+    return np.asarray(circle.centre + circle.radius_mm * across / np.maximum(distance, 1e-300))
+
 
 # after Okabe and Ito (2008), and Tol (2021): told apart with any colour vision
 COLORS = (

@@ -16,18 +16,26 @@ from errors.formatting import percent_text, probability_text
 from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
 from planner.progress import report
-from planner.report.arm_figure import arm_section
-from planner.report.attention import attention, not_inspected, reasons_section
-from planner.report.dimension_report import dimension_section, localisation_text
-from planner.report.figure import color_of, figure_views, plan_figure, scene_frame
-from planner.report.graph_picture import graph_picture
-from planner.report.setting_report import NO_PICTURES, settings_section, settings_table
-from planner.report.setting_table import may_be_unsharp
-from planner.report.summary.facts import facts, sigma_text
-from planner.report.summary.overview import overview
-from planner.report.summary.target_picker import target_picker
-from planner.report.tables import download, promise_name, results, robot
-from planner.report.views import view_buttons
+from planner.report.figure import color_of, figure_views, plan_figure, scene_frame, view_buttons
+from planner.report.graph_picture import arm_section, graph_picture
+from planner.report.overview import facts, overview, sigma_text, target_picker
+from planner.report.setting_report import (
+    NO_PICTURES,
+    dimension_section,
+    localisation_text,
+    settings_section,
+    settings_table,
+)
+from planner.report.tables import (
+    attention,
+    download,
+    may_be_unsharp,
+    not_inspected,
+    promise_name,
+    reasons_section,
+    results,
+    robot,
+)
 from planner.report.wording import (
     bound_sentence,
     calibration_rows,
@@ -44,19 +52,20 @@ from planner.report.wording import (
     unfinished_sentence,
     window_sentence,
 )
-from planner.rows.measured_rows import measured_rows
+from planner.request.planned import words_of
+from planner.rows import measured_rows
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
-from planner.wanted.planned import words_of
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph, Solid
     from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.progress import Progress
-    from planner.request.space import Space
-    from planner.robot import Cell
-    from planner.rows.measured_rows import Row
+    from planner.request.reach import Space
+    from planner.robotcell import Cell
+    from planner.rows import Row
     from planner.verify.simulate_plan import SimulationResult
+
 
 # what a page holds in the place of the graph and of notes until they are there
 _GRAPH = "<!-- aspect graph -->"

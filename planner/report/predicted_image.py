@@ -17,15 +17,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.plot.style import is_feature
+from aspectgraph.plot.traces import is_feature
 from aspectgraph.solid import RayScene
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, tangents_of
 from planner.camera.pose import world_to_cam
-from planner.report.outlines import chord_circles, on_circle
+from planner.report.figure import chord_circles, on_circle
 
 if TYPE_CHECKING:
     from aspectgraph import Arc, Solid
+
 
 _STEP_PX = 5.0
 _NEAREST_MM = 1.0

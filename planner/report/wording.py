@@ -11,12 +11,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from errors.formatting import percent_text
-from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import PoseUncertainty
 from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
+from planner.request.camera_limits import LEAST_SIGMAS
 from planner.request.defaults import corner_margin_px
-from planner.request.focus_reserve import LEAST_SIGMAS
-from planner.rows.measured_rows import line_warning, unshown_warning
+from planner.request.dimension_files import SURFACES_MM
+from planner.request.planned import words_of
+from planner.request.targets import OWN_EDGES
+from planner.rows import line_warning, unshown_warning
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -26,18 +29,14 @@ from planner.verify.simulate_setting import (
     TOLERATED,
     UNSTATED,
 )
-from planner.wanted.assumed import SURFACES_MM
-from planner.wanted.planned import words_of
-from planner.wanted.registered.record import OWN_EDGES
 
 if TYPE_CHECKING:
     from aspectgraph import JointEstimate
     from planner.camera.camera import Camera
     from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
-    from planner.verify.shown_images import ShownImages
-    from planner.verify.simulate_plan import SimulationResult
-    from planner.wanted.planned import PlannedDimension, PlannedTarget
+    from planner.request.planned import PlannedDimension, PlannedTarget
+    from planner.verify.simulate_plan import ShownImages, SimulationResult
 
 
 def count(n: int, singular: str, plural: str | None = None) -> str:

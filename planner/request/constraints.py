@@ -24,7 +24,7 @@ from planner.camera.pose import world_to_cam
 from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.detectability.image_check import MOST_PX, ImageCheck, edges_of, scanned_in
 from planner.exceptions import RequestError
-from planner.request.focus_reserve import NO_RESERVE, FocusReserve, probability_between
+from planner.request.camera_limits import NO_RESERVE, FocusReserve, probability_between
 from planner.request.image_constraints import (
     FIELD_OF_VIEW,
     FOCUS,
@@ -34,16 +34,20 @@ from planner.request.image_constraints import (
     image_slacks,
     least_slacks,
 )
-from planner.request.positions import (
+from planner.request.reach import (
     FEW,
+    PoseRegion,
+    Reach,
+    Space,
+    check_reach,
     clearance_slacks,
+    distance_to,
     enclosing_sphere,
+    reach_margin,
     visibility_slacks,
     workspace_slacks,
 )
-from planner.request.reach import PoseRegion, Reach, check_reach, distance_to, reach_margin
-from planner.request.space import Space
-from planner.wanted.targets import Target, edge_targets
+from planner.request.targets import Target, edge_targets
 
 # Open3D's distances are good to 1e-7 of the part's size; only what is surely farther is not asked for
 _SURELY = 1.001

@@ -10,10 +10,10 @@ import numpy as np
 
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_number
 from planner.camera.camera import Camera
-from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
 from planner.exceptions import RequestError
-from planner.request.necessary import focus_reach_mm
+from planner.request.camera_limits import focus_reach_mm
 
 if TYPE_CHECKING:
     from aspectgraph import Solid

@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compiled.decorators import entry_kernel, kernel
+from ground.decorators import entry_kernel, kernel
 from planner.camera.camera import Camera
-from planner.request.focus_reserve import NO_RESERVE, FocusReserve
+from planner.request.camera_limits import NO_RESERVE, FocusReserve
 
 RESOLUTION = slice(0, 1)
 FOCUS = slice(1, 5)

@@ -9,22 +9,86 @@ that is to be resumed tells regions apart by `reach_identity`; a region or calla
 from __future__ import annotations
 
 import hashlib
+import math
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import CodeType, FunctionType, MethodType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aspectgraph.solid import RayScene
 from planner.argument_kinds import POSITIVE, check_number
 from planner.exceptions import RequestError
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid
+    from aspectgraph import CellSet, Solid
+    from planner.request.targets import Target
+
+
+# Where entities are observable from, as far as a request asks for it.
+
+
+class Space(Protocol):
+    """Where entities are observable from: `VisibilityRegions` or `EntityAspectGraph` of the package `aspectgraph`.
+
+    Attributes
+    ----------
+    solid : Solid
+        The part.
+    workspace : array (2, 3)
+        Lowest and highest corner of where the camera may be, mm.
+    entities : mapping of str to Entity
+        The entities by name, in order; ``entity_names`` are their names.
+    """
+
+    @property
+    def solid(self) -> Solid:
+        """The part."""
+
+    @property
+    def workspace(self) -> np.ndarray:
+        """Corners of the box the camera may be in, (2, 3), mm."""
+
+    @property
+    def entities(self) -> Mapping[str, Any]:
+        """The entities by name."""
+
+    @property
+    def entity_names(self) -> tuple[str, ...]:
+        """Names of the entities, in order."""
+
+    def observable(self, points: np.ndarray, names: Sequence[str] | None = None) -> np.ndarray:
+        """Return which entities are observable from which viewpoints (n, 3); (n, k) bool."""
+
+    def covering_cells(self, names: Sequence[str]) -> CellSet:
+        """Return from where all named entities are observable, as convex cells."""
+
+
+def observable_where(
+    space: Space, points: np.ndarray, names: Sequence[str], wanted: np.ndarray
+) -> np.ndarray:
+    """Return which of the wanted pairs of viewpoints (n, 3) and entities hold; (n, k), False where it is not asked."""
+    if hasattr(space, "observable_where"):
+        return np.asarray(space.observable_where(points, names, wanted))
+    result = np.zeros(wanted.shape, dtype=bool)
+    for column in np.flatnonzero(wanted.any(axis=0)).tolist():
+        rows = np.flatnonzero(wanted[:, column])
+        result[rows, column] = space.observable(points[rows], [names[column]])[:, 0]
+    return result
+
+
+def cells_of(space: Space, names: Sequence[str]) -> CellSet:
+    """Return the covering cells of entities (`CellSet`) without leaving them in the space's memory.
+
+    A space remembers cells it was asked for. For a hundred entities those would be gigabytes, and no request here comes
+    twice.
+    """
+    return (space.subset(names) if hasattr(space, "subset") else space).covering_cells(names)
 
 
 class ReachRegion(Protocol):
@@ -358,3 +422,264 @@ def reach_margin(reach: Reach, positions: np.ndarray) -> np.ndarray:
             str(margin.shape),
         )
     return margin
+
+
+# Where targets are observable from: where all entities of any of their witnesses are.
+
+
+class Seen(NamedTuple):
+    """What must be seen of a target.
+
+    Attributes
+    ----------
+    witnesses : sequence of sequence of str
+        Names of entities; those of any witness suffice, together.
+    endpoints : array (2, 3)
+        Two points that are seen wherever the first witness is inspected, as an edge's ends are; mm.
+    """
+
+    witnesses: Sequence[Sequence[str]]
+    endpoints: NDArray[np.float64]
+
+    def is_entity(self, name: str) -> bool:
+        """Return whether this is one entity, of this name."""
+        return len(self.witnesses) == 1 and tuple(self.witnesses[0]) == (name,)
+
+
+class TargetSpace:
+    """The regions of targets, made of the regions of their entities.
+
+    Parameters
+    ----------
+    space : VisibilityRegions or EntityAspectGraph
+        Where the entities are observable from.
+    entities : mapping of str to Seen
+        What must be seen of each target, by its name.
+    """
+
+    def __init__(self, space: Space, entities: Mapping[str, Seen]):
+        self.space = space
+        self.entities = dict(entities)
+
+    @classmethod
+    def of(cls, space: Space, targets: Iterable[Target]) -> TargetSpace:
+        """Return where targets are observable from that were resolved on the part."""
+        return cls(
+            space,
+            {
+                target.name: Seen(
+                    [witness.entities for witness in target.witnesses],
+                    target.witnesses[0].ends,
+                )
+                for target in targets
+            },
+        )
+
+    @property
+    def solid(self) -> Solid:
+        """The part."""
+        return self.space.solid
+
+    @property
+    def workspace(self) -> NDArray[np.float64]:
+        """Lowest and highest corner of where the camera may be, mm; (2, 3)."""
+        return self.space.workspace
+
+    @property
+    def entity_names(self) -> tuple[str, ...]:
+        """Names of the targets, in order."""
+        return tuple(self.entities)
+
+    def observable(
+        self, points: NDArray[np.float64], names: Sequence[str] | None = None
+    ) -> NDArray[np.bool_]:
+        """Return which targets are observable from which viewpoints (n, 3); (n, k) bool."""
+        names = self.entity_names if names is None else names
+        wanted = self.entities_of(names)
+        column = {name: i for i, name in enumerate(wanted)}
+        seen = self.space.observable(points, wanted)
+        if all(self.entities[name].is_entity(name) for name in names):
+            return seen
+        result = np.zeros((len(seen), len(names)), dtype=bool)
+        for k, name in enumerate(names):
+            for witness in self.entities[name].witnesses:
+                result[:, k] |= seen[:, [column[entity] for entity in witness]].all(axis=1)
+        return result
+
+    def observable_where(
+        self, points: NDArray[np.float64], names: Sequence[str], wanted: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Return which wanted pairs of viewpoints (n, 3) and targets hold; (n, k), False where it is not asked."""
+        entities = self.entities_of(names)
+        if all(self.entities[name].is_entity(name) for name in names):
+            return observable_where(self.space, points, entities, wanted)
+        column = {name: i for i, name in enumerate(entities)}
+        asked = np.zeros((len(wanted), len(entities)), dtype=bool)
+        for k, name in enumerate(names):
+            for entity in self.entities_of([name]):
+                asked[:, column[entity]] |= wanted[:, k]
+        seen = observable_where(self.space, points, entities, asked)
+        result = np.zeros_like(wanted)
+        for k, name in enumerate(names):
+            for witness in self.entities[name].witnesses:
+                result[:, k] |= seen[:, [column[entity] for entity in witness]].all(axis=1)
+        return result & wanted
+
+    def covering_cells(self, names: Sequence[str]) -> CellSet:
+        """Return from where all named targets are observable, as convex cells; each has one witness."""
+        for name in names:
+            (_,) = self.entities[name].witnesses
+        return self.space.covering_cells(self.entities_of(names))
+
+    def entities_of(self, names: Sequence[str]) -> list[str]:
+        """Return the entities of targets, each once, in order."""
+        return list(
+            dict.fromkeys(
+                entity
+                for name in names
+                for witness in self.entities[name].witnesses
+                for entity in witness
+            )
+        )
+
+    def choosing(self, chosen: Mapping[str, int]) -> TargetSpace:
+        """Return the space in which some targets are observable by one of their witnesses only, given by number."""
+        return TargetSpace(
+            self.space,
+            {
+                name: seen._replace(witnesses=[seen.witnesses[chosen[name]]])
+                if name in chosen
+                else seen
+                for name, seen in self.entities.items()
+            },
+        )
+
+    def subset(self, names: Sequence[str]) -> TargetSpace:
+        """Return the space of some targets only; it remembers no cells of the whole."""
+        entities = self.entities_of(names)
+        space = self.space.subset(entities) if hasattr(self.space, "subset") else self.space
+        return TargetSpace(space, {name: self.entities[name] for name in names})
+
+
+def entity_space(space: Space) -> Space:
+    """Return the space of entities below a space of targets; a space of entities is itself."""
+    return space.space if isinstance(space, TargetSpace) else space
+
+
+# Where the front nodal point may be: which entities are visible from there, and how far part and
+# walls are.
+#
+# Positions (n, 3) are in the part's frame, mm; what is returned are slacks as
+# `planner.request.constraints` describes them.
+
+
+# the axes, and the diagonals of a cube: around a position, an entity must be visible in these directions
+_DIAGONALS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / math.sqrt(3)
+AROUND = np.vstack([np.eye(3), -np.eye(3), _DIAGONALS])
+_AND_HERE = np.vstack([np.zeros(3), AROUND])
+# up to so many poses, one question for them and the points around them is cheaper than two
+FEW = 40
+# pairs of viewpoint and entity that are asked for at a time
+_PAIRS = 10_000_000
+
+
+def visibility_slacks(
+    space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float = 0.0
+) -> np.ndarray:
+    """+1 where an entity is observable from a position and all around it, else -1; (n, k, 1).
+
+    All around it are 14 points at `radius_mm`: along the axes and the diagonals of the part's frame. Outside the
+    workspace nothing is observable.
+    """
+    if radius_mm > 0 and len(positions) <= FEW:
+        return np.where(
+            _observable_around(space, positions, names, radius_mm, _AND_HERE), 1.0, -1.0
+        )[..., None]
+    visible = _observable(space, positions, names)
+    rows = np.flatnonzero(visible.any(axis=1))
+    if radius_mm > 0 and rows.size:
+        visible[rows] &= _observable_around(space, positions[rows], names, radius_mm, AROUND)
+    return np.where(visible, 1.0, -1.0)[..., None]
+
+
+def _observable_around(
+    space: Space, positions: np.ndarray, names: Sequence[str], radius_mm: float, around: np.ndarray
+) -> np.ndarray:
+    """Return which entities are observable from all points around positions; (n, k)."""
+    # all points in one call: asking costs more than answering
+    eyes = positions[:, None] + radius_mm * around
+    visible = _observable(space, eyes.reshape(-1, 3), names).reshape(
+        len(positions), len(around), -1
+    )
+    return np.asarray(visible.all(axis=1))
+
+
+def _observable(space: Space, positions: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    low, high = (np.asarray(corner, dtype=float) for corner in space.workspace)
+    inside = ((positions >= low) & (positions <= high)).all(axis=-1)
+    visible = np.zeros((len(positions), len(names)), bool)
+    visible[inside] = space.observable(positions[inside], names)
+    return visible
+
+
+def visible_where(
+    space: Space,
+    positions: np.ndarray,
+    names: Sequence[str],
+    wanted: np.ndarray,
+    radius_mm: float = 0.0,
+) -> np.ndarray:
+    """Return which of the wanted pairs (n, k) are observable, also from all around, as `visibility_slacks` finds it."""
+    visible = _observable_where(space, positions, names, wanted)
+    rows = np.flatnonzero(visible.any(axis=1)) if radius_mm > 0 else np.zeros(0, np.intp)
+    # so many rows at a time, for the memory
+    size = max(1, _PAIRS // (len(AROUND) * max(1, len(names))))
+    for first in range(0, len(rows), size):
+        some = rows[first : first + size]
+        eyes = (positions[some, None] + radius_mm * AROUND).reshape(-1, 3)
+        asked = np.repeat(visible[some], len(AROUND), axis=0)
+        around = _observable_where(space, eyes, names, asked)
+        visible[some] = around.reshape(len(some), len(AROUND), -1).all(axis=1)
+    return visible
+
+
+def _observable_where(
+    space: Space, positions: np.ndarray, names: Sequence[str], wanted: np.ndarray
+) -> np.ndarray:
+    low, high = (np.asarray(corner, dtype=float) for corner in space.workspace)
+    inside = ((positions >= low) & (positions <= high)).all(axis=-1)
+    rows = np.flatnonzero(inside & wanted.any(axis=1))
+    visible = np.zeros(wanted.shape, bool)
+    visible[rows] = observable_where(space, positions[rows], names, wanted[rows])
+    return visible
+
+
+def clearance_slacks(
+    distance: Callable[[np.ndarray], np.ndarray], positions: np.ndarray, stand_off_mm: float
+) -> np.ndarray:
+    """Signed distance from the part less the stand-off, mm; (n, 1, 1). `distance` maps (n, 3) to (n,)."""
+    return (distance(positions) - stand_off_mm)[:, None, None]
+
+
+def workspace_slacks(workspace: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Distance from the six walls of the workspace box, mm, positive inside; (n, 1, 6)."""
+    low, high = (np.asarray(corner, dtype=float) for corner in workspace)
+    return np.concatenate([positions - low, high - positions], axis=-1)[:, None, :]
+
+
+def enclosing_sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return centre (3,) and radius of a sphere around points (m, 3), close to the smallest one.
+
+    The centre walks towards the farthest point by ever smaller steps (Bădoiu & Clarkson 2003); the best one is kept.
+    The radius is exact for that centre, so no point is ever outside.
+    """
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    best = centre
+    radius = np.inf
+    for step in range(2, 300):
+        distances = np.linalg.norm(points - centre, axis=-1)
+        if distances.max() < radius:
+            best = centre
+            radius = float(distances.max())
+        centre = centre + (points[np.argmax(distances)] - centre) / step
+    return best, radius

@@ -5,27 +5,235 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.formatting import probability_text
 from planner.argument_kinds import check_fraction
 from planner.camera.camera import Camera
-from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import PoseUncertainty
+from planner.exceptions import RequestError
+from planner.request.camera_limits import widest_view_mm
 from planner.request.constraints import Constraints, Requirements
-from planner.request.objective import Objective
-from planner.request.space import Space
-from planner.request.target_space import TargetSpace, entity_space
-from planner.request.witnesses import Witnesses, best_witnesses
-from planner.wanted.models import Means
-from planner.wanted.pose_knowledge import PoseKnowledge, knowledge_of
-from planner.wanted.registered.own_edges import OwnEdges
-from planner.wanted.targets import Target, edge_targets, witness_name
+from planner.request.models import Means, OwnEdges
+from planner.request.reach import Space, TargetSpace, entity_space
+from planner.request.targets import (
+    PREFERRED,
+    PoseKnowledge,
+    Target,
+    WitnessChoice,
+    edge_target,
+    edge_targets,
+    knowledge_of,
+    witness_name,
+)
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
-    from planner.wanted.planned import PlannedTarget
+    from planner.request.planned import PlannedTarget
+
+
+# The objective: how probable it is that every target is measured accurately from a pose.
+
+
+class Objective:
+    """Success probabilities of poses, and the fitness made of them.
+
+    Parameters
+    ----------
+    targets : sequence of Target
+        What is measured (k targets).
+    means : Means
+        With what, and how accurately.
+    kind : {"sum", "min"}
+        Fitness: the sum of the probabilities (the paper), or the smallest.
+
+    Raises
+    ------
+    RequestError
+        If the accuracy or the kind breaks its rule.
+    """
+
+    def __init__(self, targets: Sequence[Target], means: Means, kind: str = "sum"):
+        check_fraction("accuracy", means.accuracy)
+        if kind not in ("sum", "min"):
+            raise RequestError.of_rule("objective", "must be 'sum' or 'min'", repr(kind))
+        self.n_targets = len(targets)
+        self.means = means
+        self.kind = kind
+        # targets of one kind are evaluated together
+        self._models = []
+        for own in dict.fromkeys(type(target) for target in targets):
+            columns = [i for i, target in enumerate(targets) if type(target) is own]
+            self._models.append((columns, own.models([targets[i] for i in columns], means)))
+
+    @classmethod
+    def of_edges(cls, ends: np.ndarray, means: Means, kind: str = "sum") -> Objective:
+        """Return the objective of edges whose ends (k, 2, 3) are given, mm."""
+        return cls([edge_target(f"edge {i}", pair) for i, pair in enumerate(ends)], means, kind)
+
+    def probability(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return P (n, k) of poses (n, 4, 4); 0 for a target not wholly in front of the camera."""
+        wanted = np.ones((len(cam2world), self.n_targets), dtype=bool)
+        return self.probability_where(cam2world, wanted).reshape(wanted.shape)
+
+    def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """Return P of poses (n, 4, 4) for those targets that are wanted (n, k), one after the other, row by row."""
+        result = np.zeros(wanted.shape)
+        for columns, models in self._models:
+            own = np.zeros_like(wanted)
+            own[:, columns] = wanted[:, columns]
+            if own.any():
+                result[own] = models.probability_where(cam2world, own[:, columns])
+        return result[wanted]
+
+    @property
+    def highest(self) -> float:
+        """The fitness when every probability is 1."""
+        return float(self.n_targets) if self.kind == "sum" else 1.0
+
+    def fitness(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return the fitness (n,) of poses (n, 4, 4): eq 22, or the smallest probability."""
+        probability = self.probability(cam2world)
+        return probability.sum(axis=1) if self.kind == "sum" else probability.min(axis=1)
+
+
+# Which witness of a target a pose shows best, and why the others are not used.
+
+
+# what a constraint that is not met says of a witness
+_WHY = {
+    "visibility": "hidden",
+    "resolution_mm": "too short in the image",
+    "focus_mm": "out of focus",
+    "field_of_view_px": "outside the image",
+    "field_of_view_mm": "outside the image",
+    "separation_px": "another line is too near",
+    "corner_deg": "no corner at an end",
+}
+_OTHER = "a constraint is not met"
+
+
+class Witnesses(NamedTuple):
+    """The witnesses (w) of targets (k), each as a target of its own.
+
+    Attributes
+    ----------
+    constraints : Constraints
+        Of all witnesses.
+    objective : Objective
+        How surely each is measured.
+    owner : array of int (w,)
+        The target that each belongs to, ascending.
+    """
+
+    constraints: Constraints
+    objective: Objective
+    owner: NDArray[np.int_]
+
+
+class WitnessStates(NamedTuple):
+    """What a pose says of the witnesses (w) of a request.
+
+    Attributes
+    ----------
+    missed : array (w,)
+        How far the worst constraint is missed, as a share of its scale; 0 if all are met.
+    worst : list of str
+        That constraint.
+    probability : array (w,)
+        P where all are met, else 0.
+    """
+
+    missed: NDArray[np.float64]
+    worst: list[str]
+    probability: NDArray[np.float64]
+
+
+def choice_for(camera: Camera, most: int) -> WitnessChoice:
+    """Return which witnesses to offer to a camera.
+
+    Stretches are a quarter of the shorter side of its field, in focus.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    most : int
+        Witnesses of a dimension at most. With 1 it is the preferred one, of whole entities.
+    """
+    if most == 1:
+        return PREFERRED
+    across = min(camera.sensor_size_mm) * camera.focus_distance_mm / camera.image_distance_mm
+    return WitnessChoice(most, widest_view_mm(camera), across / 4)
+
+
+def best_witnesses(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> list[int]:
+    """Return which witness of each target a pose (4, 4) shows best.
+
+    Of those that meet all constraints it is the one with the largest P; of several, the first. If none meets them it
+    is the one that misses them by least.
+
+    Parameters
+    ----------
+    witnesses : Witnesses
+        Of all targets.
+    cam2world : array (4, 4)
+        The pose.
+
+    Returns
+    -------
+    list of int
+        Of each target, counted from 0 among its own.
+    """
+    states = _states(witnesses, cam2world)
+    found = []
+    for target in range(witnesses.owner[-1] + 1):
+        own = np.flatnonzero(witnesses.owner == target)
+        order = np.lexsort((np.arange(len(own)), -states.probability[own], states.missed[own]))
+        found.append(int(order[0]))
+    return found
+
+
+def witness_reasons(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> list[list[str]]:
+    """Return what keeps a pose from measuring targets by each of their witnesses; if nothing does, its P.
+
+    Parameters
+    ----------
+    witnesses : Witnesses
+        Of all targets.
+    cam2world : array (4, 4)
+        The pose.
+    """
+    states = _states(witnesses, cam2world)
+    texts = [
+        f"P = {probability_text(float(p))}" if missed == 0.0 else _WHY.get(name, _OTHER)
+        for missed, name, p in zip(states.missed, states.worst, states.probability, strict=True)
+    ]
+    return [
+        [texts[w] for w in np.flatnonzero(witnesses.owner == target)]
+        for target in range(witnesses.owner[-1] + 1)
+    ]
+
+
+def _states(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> WitnessStates:
+    pose = np.asarray(cam2world, dtype=np.float64)[None]
+    constraints, objective, owner = witnesses
+    n = len(owner)
+    missed = np.zeros(n)
+    worst = [""] * n
+    for name, margin in constraints.margins(pose).items():
+        short = np.maximum(-margin[0], 0.0) / constraints.scale(name)
+        for w in np.flatnonzero(np.broadcast_to(short, (n,)) > missed).tolist():
+            worst[w] = name
+        missed = np.maximum(missed, short)
+    probability = np.zeros(n)
+    met = missed == 0.0
+    if met.any():
+        probability[met] = objective.probability_where(pose, met[None])
+    return WitnessStates(missed, worst, probability)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +445,6 @@ class Request:
     @cached_property
     def measured(self) -> dict[str, PlannedTarget]:
         """What is measured, by name, as plans keep it and simulation draws it."""
-        from planner.wanted.planned import planned
+        from planner.request.planned import planned
 
         return {target.name: planned(target, self.means) for target in self.targets}

@@ -20,8 +20,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.request.camera_limits import NO_RESERVE
 from planner.request.constraints import Constraints, Requirements
-from planner.request.focus_reserve import NO_RESERVE
 from planner.request.request import Request
 from planner.verify.simulate_setting import (
     ValuePoses,

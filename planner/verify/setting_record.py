@@ -3,14 +3,218 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from errors.formatting import below_one
+from planner.camera.camera import Camera
+from planner.camera.imaging import image_of
+from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.detectability.conditions import asks_of_images
-from planner.detectability.search_window import search_window_px
 from planner.exceptions import PlanFileError
-from planner.records.schema import field_name, shown
-from planner.wanted.planned import targets_of
+from planner.plan_file import field_name, shown
+from planner.request.camera_limits import NO_RESERVE, FocusReserve, probability_share, rooms, shares
+from planner.request.planned import targets_of
+from planner.request.targets import means_at
+
+# How far from its prediction a line may be in the image: where a detector has to look for it.
+
+
+Array = NDArray[np.float64]
+
+SIGMAS = 3.0
+"""Half the width of a search window, in standard deviations of the image's shift."""
+
+# difference quotients of the lens's distortion
+_STEP = 1e-6
+
+
+def search_window_px(
+    cam2world: Array,
+    points: Array,
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    sigmas: float = SIGMAS,
+) -> float:
+    """Return within how many pixels of its prediction an image is found, if the pose is as uncertain as is said.
+
+    A camera moved by t and turned by φ, both in its own axes, images the point x at P(x − t − φ × x) to first order,
+    with the projection P(x) = (x/z, y/z). With its Jacobian J = [1/z, 0, −x/z²; 0, 1/z, −y/z²] the shift has the
+    covariance J [−1, [x]×] Σ [−1, [x]×]ᵀ Jᵀ, in units of slope; scale and distortion of the camera make it pixels. The
+    window is the largest standard deviation in any direction, at the point that moves farthest, times `sigmas`.
+
+    Parameters
+    ----------
+    cam2world : array (4, 4)
+        Planned pose.
+    points : array (n, 3)
+        Of an edge both ends; of other things points of all their entities. Part's frame, mm.
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        How far its real pose may be from the planned one.
+    sigmas : float
+        Standard deviations.
+
+    Returns
+    -------
+    float
+        Pixels, to either side.
+    """
+    local = world_to_cam(
+        np.asarray(points, dtype=np.float64), np.asarray(cam2world, dtype=np.float64)
+    )
+    x, y, z = np.moveaxis(local, -1, 0)
+    moved = np.zeros((len(local), 3, 6))
+    moved[:, :, :3] = -np.eye(3)
+    # −φ × x = x × φ
+    moved[:, 0, 4] = -z
+    moved[:, 0, 5] = y
+    moved[:, 1, 3] = z
+    moved[:, 1, 5] = -x
+    moved[:, 2, 3] = -y
+    moved[:, 2, 4] = x
+    projected = np.zeros((len(local), 2, 3))
+    projected[:, 0, 0] = projected[:, 1, 1] = 1.0 / z
+    projected[:, 0, 2] = -x / z**2
+    projected[:, 1, 2] = -y / z**2
+    jacobian = _pixels_per_slope(camera, local / z[:, None]) @ projected @ moved
+    covariance = jacobian @ pose_uncertainty.covariance @ np.swapaxes(jacobian, 1, 2)
+    return sigmas * float(np.sqrt(max(np.linalg.eigvalsh(covariance).max(), 0.0)))
+
+
+def _pixels_per_slope(camera: Camera, directions: Array) -> Array:
+    """Return how pixels change with the slopes x/z and y/z of directions (n, 3); (n, 2, 2)."""
+    if camera.distortion is None:
+        return np.broadcast_to(np.diag(np.diag(camera.matrix)[:2]), (len(directions), 2, 2))
+    columns = []
+    for axis in range(2):
+        step = np.zeros(3)
+        step[axis] = _STEP
+        columns.append(
+            (image_of(camera, directions + step) - image_of(camera, directions - step))
+            / (2 * _STEP)
+        )
+    return np.stack(columns, axis=-1)
+
+
+# How sure each dimension of a setting is measured, and what limits it: computed from the plan
+# alone.
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """How sure a dimension is measured from a setting.
+
+    Attributes
+    ----------
+    standard_uncertainty, expanded_uncertainty : float
+        u, and U with k = 2, mm (angles: degrees); of a short arc from quantiles, see `errors.measurands.Prediction`.
+    bias : float
+        Mean error, mm (angles: degrees).
+    budget : dict of str to float
+        Variance by "translation", "rotation", "localisation", "localisation_floor" and "surfaces", mm² (angles:
+        degrees²).
+    permitted_error_px : float or None
+        The permitted error times the image's scale d / (z r), with the mean depth z of the entities and the larger
+        pixel pitch r; None of an angle.
+    binding : str
+        What has the smallest share of its room left (`planner.request.camera_limits`): "probability", "focus" or
+        "field of view".
+    """
+
+    standard_uncertainty: float
+    expanded_uncertainty: float
+    bias: float
+    budget: dict[str, float]
+    permitted_error_px: float | None
+    binding: str
+
+
+def measurements(plan: Any, setting: Any) -> dict[str, Measurement]:
+    """Return how sure each dimension that a setting inspects is measured.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives dimensions, camera and pose uncertainty.
+    setting : Any
+        One of its settings.
+
+    Returns
+    -------
+    dict of str to Measurement
+        By name, in the setting's order; nothing of edges.
+    """
+    return {
+        name: _measurement(plan, setting, name)
+        for name in setting.entities
+        if name in plan.dimensions
+    }
+
+
+def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
+    """Return the same as plain values for a plan file.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    setting : Any
+        One of its settings.
+
+    Returns
+    -------
+    dict
+        Fields of each `Measurement` by name.
+    """
+    return {name: asdict(one) for name, one in measurements(plan, setting).items()}
+
+
+def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
+    target = targets_of(plan.targets, setting)[name]
+    described = target.describe(setting.cam2world, means_at(plan.means, setting, name))
+    points = world_to_cam(target.points, setting.cam2world)
+    margins = {
+        "probability": float(probability_share(setting.promise[name], plan.probability)),
+        **_image_shares(plan, points),
+    }
+    return Measurement(
+        described.standard_uncertainty,
+        described.expanded_uncertainty,
+        described.bias,
+        dict(described.budget),
+        target.permitted_error_px(setting.cam2world, plan.camera),
+        min(margins, key=lambda key: margins[key]),
+    )
+
+
+def _image_shares(plan: Any, points: NDArray[np.float64]) -> dict[str, float]:
+    """Return the shares of focus and field of view that are left for points (n, 3) in the camera frame."""
+    camera = plan.camera
+    need = plan.requirements
+    reserve = NO_RESERVE
+    if need.get("focus_sigmas", 0.0) > 0.0:
+        reserve = FocusReserve.of(camera, plan.pose_uncertainty)
+    room = rooms(camera, plan.workspace, need, reserve.on_axis_mm)
+    near, far = camera.depth_of_field_mm
+    depth = points[:, 2]
+    kept = np.maximum(reserve.margin_mm(points), need.get("focus_margin_mm", 0.0))
+    focus = np.minimum(depth - near, far - depth) - kept
+    pixels = image_of(camera, points / depth[:, None])
+    sides = np.minimum(pixels + 0.5, np.array(camera.resolution) - 0.5 - pixels)
+    border = need.get("field_margin_px", 0.0) + need.get("surround_px", 0.0)
+    margins = {"focus_mm": focus.min(), "field_of_view_px": sides.min() - border}
+    found = shares(margins, room)
+    return {
+        name: float(found[key])
+        for key, name in (("focus_mm", "focus"), ("field_of_view_px", "field of view"))
+        if key in found
+    }
+
 
 # a plan may be read on another machine, whose last digits differ
 _SAME = 1e-6
@@ -34,7 +238,7 @@ def search_windows_px(plan: Any, setting: Any) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        Three standard deviations of the image's shift by name, px, see `planner.detectability.search_window`.
+        Three standard deviations of the image's shift by name, px, see `planner.verify.setting_record`.
     """
     targets = targets_of(plan.targets, setting)
     return {
@@ -105,7 +309,7 @@ def check_settings(plan: Any, settings: Sequence[Mapping[str, Any]]) -> None:
 def _what_follows(plan: Any, setting: Any) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if plan.dimensions:
-        from planner.verify.measurements import measurements_dict
+        ...  # joined
 
         found["measurements"] = measurements_dict(plan, setting)
     if asks_of_images(plan.requirements):

@@ -2,28 +2,184 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from errors.formatting import below_one
+from errors.measurands.geometry import Geometry, Line
 from planner.argument_kinds import check_kinds
-from planner.progress import Progress, report
-from planner.verify.shown_images import ShownImages, count_shown
+from planner.camera.camera import Camera
+from planner.detectability.conditions import Detectability
+from planner.detectability.image_check import ImageCheck, Scanned
+from planner.exceptions import RequestError
+from planner.progress import Progress, TimeIsUpError, TimeLeft, report
+from planner.request.planned import PlannedLength, PlannedTarget, targets_of
 from planner.verify.simulate_setting import (
     CONTRADICTED,
     UNSTATED,
     VERDICTS,
+    Planned,
     SuccessRate,
+    displaced_poses,
     simulate_setting,
 )
-from planner.verify.simulated import Planned
-from planner.wanted.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
+
+
+# In how many images of displaced cameras targets of a plan meet the conditions for showing that
+# it was made with.
+#
+# A plan meets the conditions for showing at its planned poses. This counts how often they are met
+# from displaced poses, too: a line that is 5 px away in the planned image may be 4 px away in a
+# real one.
+
+
+MOST_POSES = 200
+"""Displaced poses per setting at most: each one takes rays for every line near an edge."""
+
+
+@dataclass(frozen=True)
+class ShownImages:
+    """How often targets meet the conditions for showing.
+
+    Attributes
+    ----------
+    counts : tuple of dict of str to int
+        Per setting, in how many images each target does.
+    n : int
+        Images, that is displaced poses, per setting.
+    """
+
+    counts: tuple[dict[str, int], ...]
+    n: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain Python values, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Field names and values.
+        """
+        return {"counts": [dict(one) for one in self.counts], "n": self.n}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> ShownImages:
+        """Build from the result of `to_dict`.
+
+        Parameters
+        ----------
+        data : mapping of str to value
+            The fields.
+
+        Returns
+        -------
+        ShownImages
+            Equal to the one written.
+        """
+        return cls(tuple(dict(one) for one in data["counts"]), data["n"])
+
+
+def count_shown(
+    plan: Planned, solid: Solid, n: int, seed: int | None, progress: Progress | None = None
+) -> ShownImages | None:
+    """Count in how many images of displaced cameras the edges of a plan meet the conditions for showing.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    n : int
+        Displaced poses per setting; at most `MOST_POSES` are drawn.
+    seed : int or None
+        With an integer, setting i uses the seed (seed, i, 1).
+    progress : callable, optional
+        ``progress(done, total, label)``.
+
+    Returns
+    -------
+    ShownImages or None
+        None if the plan asks for no such condition, or has no settings that measure edges.
+
+    Raises
+    ------
+    RequestError
+        If the part lacks an edge of the plan.
+    """
+    asked = {name: plan.requirements.get(name, 0.0) for name in ("separation_px", "min_corner_deg")}
+    edges_only = asked["separation_px"] == 0.0
+    measured = [
+        [name for name in one.entities if plan.targets[name].in_image or not edges_only]
+        for one in plan.settings
+    ]
+    if not any(asked.values()) or not any(measured):
+        return None
+    showing = Detectability(asked["separation_px"], 0.0, asked["min_corner_deg"])
+    counts = []
+    n = min(n, MOST_POSES)
+    for k, (setting, own) in enumerate(zip(plan.settings, measured, strict=True)):
+        rng = np.random.default_rng(None if seed is None else [seed, k, 1])
+        poses = displaced_poses(np.asarray(setting.cam2world), plan.pose_uncertainty, n, rng)
+        image = _image_check(solid, targets_of(plan.targets, setting), own, plan.camera, showing)
+        found = image.shown(poses, np.ones((n, len(own)), bool)).sum(axis=0)
+        counts.append(dict(zip(own, found.tolist(), strict=True)))
+        report(progress, k + 1, len(plan.settings), "displaced images")
+    return ShownImages(tuple(counts), n)
+
+
+def _image_check(
+    solid: Solid,
+    targets: Mapping[str, PlannedTarget],
+    names: list[str],
+    camera: Camera,
+    showing: Detectability,
+) -> ImageCheck:
+    """Return a check of what targets of a plan need in an image."""
+    edge_ids: list[tuple[int, ...] | None] = []
+    ends = np.zeros((len(names), 2, 3))
+    scanned: list[list[Scanned]] = []
+    for k, name in enumerate(names):
+        target = targets[name]
+        if isinstance(target, PlannedLength):
+            ends[k] = target.ends
+            edge_ids.append(_edges_of(solid, [target.ends]))
+            scanned.append([])
+        else:
+            edge_ids.append(None)
+            scanned.append(
+                [
+                    Scanned.of(_edges_of(solid, _names_of(entity, geometry)), geometry)
+                    for entity, geometry in zip(target.entities, target.geometry, strict=True)
+                ]
+            )
+    return ImageCheck(solid, edge_ids, ends, camera, showing, scanned)
+
+
+def _names_of(entity: str, geometry: Geometry) -> list[Any]:
+    """Return what may name an entity: its id, or the ends of an edge that was given by them."""
+    return [entity, (geometry.p, geometry.q)] if isinstance(geometry, Line) else [entity]
+
+
+def _edges_of(solid: Solid, names: Sequence[Any]) -> tuple[int, ...]:
+    """Return the edges of an entity, by the first of its names that the part knows."""
+    from aspectgraph import resolve_entities
+    from aspectgraph.exceptions import EntityError
+
+    for name in names:
+        try:
+            return tuple(resolve_entities(solid, {"entity": name})["entity"].edge_ids)
+        except EntityError as error:
+            unknown = error
+    raise RequestError(f"solid must be the plan's part. {unknown}") from unknown
+
 
 _CONFIDENCE = 0.99
 
@@ -166,7 +322,7 @@ def simulate_plan(
         ``progress(done, total, label)``.
     solid : Solid, optional
         The plan's part. With it, the simulation also counts the images of displaced cameras in
-        which edges meet the conditions on the image (`planner.verify.shown_images`).
+        which edges meet the conditions on the image (`planner.verify.simulate_plan`).
 
     Returns
     -------
@@ -207,3 +363,114 @@ def simulate_plan(
         report(progress, k + 1, len(plan.settings), "simulation")
     shown = None if solid is None else count_shown(plan, solid, n, seed, progress)
     return SimulationResult(tuple(rates), n, seed, _CONFIDENCE, shown)
+
+
+# A simulation that ends in time: with as many displaced poses as fit, or not at all.
+
+
+_LONGER = "A longer --time-limit"
+NOT_SIMULATED = (
+    f"The plan was not simulated: the time limit left no time. {_LONGER} simulates it, and so does "
+    "'aspectgraph simulate'."
+)
+NOT_COUNTED = (
+    "The images of displaced cameras were not checked: the time limit left no time. "
+    f"{_LONGER} checks them."
+)
+# poses that are tried to see how long one takes
+_TRIED = 400
+# fewer tell little about a probability of 0.9
+_FEWEST = 200
+# of the time that is left, for poses; the images of displaced cameras have the rest
+_SHARE = 0.7
+
+
+def simulate_in_time(
+    plan: Planned,
+    n: int,
+    seed: int,
+    progress: Progress | None,
+    solid: Solid,
+    time_left: TimeLeft,
+) -> tuple[SimulationResult | None, list[str]]:
+    """Simulate a plan with as many displaced poses as there is time for.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan to check.
+    n : int
+        Displaced poses per setting, if there is time for all.
+    seed : int
+        As `simulate_plan` takes it.
+    progress : callable or None
+        ``progress(done, total, label)``.
+    solid : Solid
+        The plan's part.
+    time_left : TimeLeft
+        The simulation ends by then.
+
+    Returns
+    -------
+    SimulationResult or None
+        None if there was no time for it.
+    list of str
+        Sentences on what was left out.
+    """
+    if time_left.seconds == float("inf"):
+        return simulate_plan(plan, n, rng=seed, progress=progress, solid=solid), []
+    fitting = _fitting(plan, n, seed, time_left.seconds)
+    if not fitting:
+        return None, [NOT_SIMULATED]
+
+    def shown(done: int, total: int, label: str) -> None:
+        report(progress, done, total, label)
+        if done < total:
+            time_left.check()
+
+    try:
+        found = simulate_plan(plan, fitting, rng=seed, progress=shown)
+    except TimeIsUpError:
+        return None, [NOT_SIMULATED]
+    notes = [] if fitting == n else [_fewer_sentence(fitting, n)]
+    try:
+        time_left.check()
+        return replace(found, shown=count_shown(plan, solid, fitting, seed, shown)), notes
+    except TimeIsUpError:
+        return found, [*notes, NOT_COUNTED]
+
+
+def _fewer_sentence(fitting: int, n: int) -> str:
+    return (
+        f"The simulation used {fitting} instead of {n} displaced poses per setting: the time limit left no time for "
+        f"more. {_LONGER} brings all."
+    )
+
+
+def _fitting(plan: Planned, n: int, seed: int, seconds: float) -> int:
+    """Return how many poses per setting there is time for; 0 for too few.
+
+    The setting with the most targets is simulated with some poses; the time grows with poses and targets.
+    """
+    sizes = [len(setting.entities) for setting in plan.settings]
+    if not sizes:
+        return n
+    most: Any = plan.settings[int(np.argmax(sizes))]
+    tried = min(n, _TRIED)
+    begun = time.monotonic()
+    simulate_setting(
+        most,
+        targets_of(plan.targets, most),
+        plan.camera,
+        plan.pose_uncertainty,
+        accuracy=plan.accuracy,
+        n=tried,
+        rng=np.random.default_rng(seed),
+    )
+    each = (time.monotonic() - begun) / tried / max(sizes) * sum(sizes)
+    fitting = int(_SHARE * seconds / max(each, 1e-12))
+    if fitting >= n:
+        return n
+    # in round numbers, unless there are few
+    fitting = fitting // 100 * 100
+    return fitting if fitting >= min(n, _FEWEST) else 0

@@ -5,9 +5,9 @@ import pytest
 from aspectgraph import EntityError, read_entities, read_solid
 from aspectgraph.files import DEEPEST, check_plain
 from planner import Camera, CameraError
-from planner.cli.light import read_lighting
+from planner.app.job import read_lighting
 from planner.exceptions import RequestError
-from planner.wanted.dimension_files import read_wanted
+from planner.request.dimension_files import read_wanted
 
 # twice what Python recurses; TOML readers take the square of that in time
 KEY = ".".join(["a"] * 2000)

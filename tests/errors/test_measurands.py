@@ -16,11 +16,9 @@ from errors.measurands import (
     MeasurandModel,
     acceptance_limits,
     kind,
-    kinds,
-    measurand,
     uncertainty_ratio,
 )
-from errors.measurands.registry import _KINDS
+from errors.measurands.measurand import _KINDS, kinds, measurand
 
 pytestmark = pytest.mark.uncompiled
 

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from ga.crossover import draw_cuts, exchange_tails, one_point
-from ga.mutation import flip_bits
-from ga.offspring import Breeding, breed
-from ga.selection import proportional_weights, roulette
+from ga.operators import (
+    Breeding,
+    breed,
+    draw_cuts,
+    exchange_tails,
+    flip_bits,
+    one_point,
+    proportional_weights,
+    roulette,
+)
 
 
 def rows(*strings):

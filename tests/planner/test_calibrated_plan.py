@@ -18,11 +18,10 @@ from planner import (
     predict,
     read_plan,
 )
-from planner.inspection_options import InspectionOptions
-from planner.verify.measure_dimension import measured_errors
-from planner.verify.simulate_setting import displaced_poses
-from planner.wanted.planned import PlannedDimension
-from planner.wanted.resolve import resolve_wanted
+from planner.options import InspectionOptions
+from planner.request.planned import PlannedDimension
+from planner.request.resolve import resolve_wanted
+from planner.verify.simulate_setting import displaced_poses, measured_errors
 
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 BOX = Solid(list(product((0, 40), (0, 30), (0, 20))), FACES, name="box")

@@ -15,23 +15,21 @@ from grid_box import EDGES, BoxSpace
 
 from aspectgraph import read_solid
 from planner import Camera, PoseUncertainty
-from planner.bound.boxes.cells import Cells
-from planner.bound.excluded_pairs import find_conflicts
+from planner.bound.boxes.view import Cells
 from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
+from planner.bound.node_sets import find_conflicts
 from planner.camera.pose import moved
-from planner.columns.candidates import price_poses
-from planner.columns.judge import Judge
-from planner.columns.outcome import Outcome
-from planner.columns.perturb import perturbed
-from planner.columns.pool import ColumnPool
-from planner.columns.realise_column import best_supported, without_contradicted
 from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import plan_inspection
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
 from planner.resume import PlanningState
-from planner.setting.pose_setting import setting_at
+from planner.search.candidates import price_poses
+from planner.search.judge import ColumnPool, Judge, perturbed
+from planner.search.plan_setting import setting_at
+from planner.search.realise_column import best_supported, without_contradicted
+from planner.sensor_setting import Outcome
 from planner.verify.simulate_plan import promises_too_much
 from planner.verify.simulate_setting import simulate_setting
 
@@ -131,10 +129,10 @@ def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("planner.steps.prove_bound.lower_bound", proof)
+    monkeypatch.setattr("planner.search.stages.lower_bound", proof)
     plan = plan_box(space, rng=3)
     with monkeypatch.context() as patch:
-        patch.setattr("planner.steps.stages.assembled", stop)
+        patch.setattr("planner.search.stages.assembled", stop)
         with pytest.raises(KeyboardInterrupt):
             plan_box(space, rng=3, state=state)
     assert plan_box(space, rng=3, state=state) == plan
@@ -163,8 +161,8 @@ def test_a_proof_that_goes_on_improves_the_columns_as_it_would_have(space, tmp_p
         price_poses(shared, pools, seed, *arguments, **options)
 
     seeds = []
-    monkeypatch.setattr("planner.steps.prove_bound.lower_bound", proof)
-    monkeypatch.setattr("planner.steps.prove_bound.price_poses", price)
+    monkeypatch.setattr("planner.search.stages.lower_bound", proof)
+    monkeypatch.setattr("planner.search.stages.price_poses", price)
     with pytest.raises(KeyboardInterrupt):
         plan_box(space, rng=3, state=state)
     stops += [False, False]
@@ -415,10 +413,10 @@ def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supporte
         "1": dict(zip(EDGES, [0, 0.02, 0], strict=False)),
     }
     monkeypatch.setattr(
-        "planner.columns.realise_column._excess", lambda _, setting, __: excess[setting.message]
+        "planner.search.realise_column._excess", lambda _, setting, __: excess[setting.message]
     )
-    monkeypatch.setattr("planner.columns.realise_column._near", lambda *given: iter(()))
-    monkeypatch.setattr("planner.columns.realise_column.shortfalls", lambda *given: {})
+    monkeypatch.setattr("planner.search.realise_column._near", lambda *given: iter(()))
+    monkeypatch.setattr("planner.search.realise_column.shortfalls", lambda *given: {})
     supported = [best_supported(judge, [setting], 0) for setting in settings]
     assert [one.entities for one in supported] == [{EDGES[2]}, {EDGES[0], EDGES[2]}]
     first, second = without_contradicted(judge.request, supported)

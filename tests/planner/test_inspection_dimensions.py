@@ -29,10 +29,10 @@ from planner import (
     predict,
     read_plan,
 )
-from planner.bound.least_image import least_images_mm
+from planner.bound.pose_space import least_images_mm
+from planner.request.reach import TargetSpace
 from planner.request.request import Request
-from planner.request.target_space import TargetSpace
-from planner.wanted.resolve import resolve_wanted
+from planner.request.resolve import resolve_wanted
 
 FINE = Localisation.gaussian(0.1)
 

@@ -23,7 +23,7 @@ from planner import (
     plan_inspection,
 )
 from planner.report.tables import arm
-from planner.steps.reached_settings import fewest_fixturings
+from planner.search.incumbents import fewest_fixturings
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

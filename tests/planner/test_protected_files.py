@@ -14,7 +14,7 @@ from aspectgraph import write_graphml
 from aspectgraph.files import check_replaceable
 from planner.exceptions import OutputError
 from planner.files import GRAPHML, PLAN, check_file_place, output_folder, staged_folder, write_text
-from planner.output.plan_folder import rescue, write_graph
+from planner.report.plan_folder import rescue, write_graph
 from planner.resume import PlanningState
 
 MARKED = "it is marked read-only"

@@ -13,16 +13,14 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import plan as plan_by_hand
 
 from planner import BoxRegion, Camera, MeshRegion, PoseUncertainty, SphereRegion, resume
-from planner.columns.outcome import Outcome
 from planner.effort.bound import BoundEffort, Division, TreeGrowth
-from planner.effort.cover import Covering
-from planner.effort.effort import Effort
+from planner.effort.effort import Covering, Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.inspection import plan_inspection
-from planner.records.packing import packed, unpacked
-from planner.records.plan_check import check_checkpoint
+from planner.plan_file import check_checkpoint, packed, unpacked
 from planner.request.reach import reach_identity
 from planner.resume import PlanningState, holds_plan
+from planner.sensor_setting import Outcome
 
 # a narrow field of view, so that column generation, sweeps of the proof and refutations all have something to do
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -125,11 +123,11 @@ def test_candidate_poses_are_not_drawn_again(space, whole, tmp_path, monkeypatch
 
     path = tmp_path / "state.json"
     with monkeypatch.context() as patch:
-        patch.setattr("planner.steps.find_columns.price_poses", stop)
+        patch.setattr("planner.search.stages.price_poses", stop)
         with pytest.raises(Stop):
             plan_box(space, path)
     assert json.loads(path.read_text())["checkpoint"]["stage"] == "first columns"
-    monkeypatch.setattr("planner.steps.find_columns.judged_poses", stop)
+    monkeypatch.setattr("planner.search.stages.judged_poses", stop)
     assert exact(plan_box(space, path)) == exact(whole[0])
 
 
@@ -229,7 +227,7 @@ def test_nothing_found_out_leaves_no_state(space, tmp_path, monkeypatch):
     def stop(*arguments, **options):
         raise Stop
 
-    monkeypatch.setattr("planner.steps.find_columns.judged_poses", stop)
+    monkeypatch.setattr("planner.search.stages.judged_poses", stop)
     with pytest.raises(Stop):
         plan_box(space, tmp_path / "state.json")
     assert list(tmp_path.iterdir()) == []

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from plan_examples import plan, setting
 
-from errors.measurands import kinds
+from errors.measurands.measurand import kinds
 from planner import Dimension
-from planner.columns.outcome import Outcome
 from planner.plan import read_plan
-from planner.records.packing import packed, unpacked
+from planner.plan_file import packed, unpacked
+from planner.request.dimension_files import read_wanted
 from planner.resume import PlanningState
-from planner.wanted.dimension_files import read_wanted
+from planner.sensor_setting import Outcome
 
 QUICK = settings(max_examples=20, deadline=None, derandomize=True)
 NAMES = st.text(st.characters(codec="utf-8"), min_size=1, max_size=12).filter(str.strip)

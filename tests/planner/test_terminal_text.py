@@ -9,11 +9,10 @@ import traceback
 import pytest
 from plan_examples import plan, setting
 
-from planner.cli.main import main
-from planner.output import terminal_tables
-from planner.progress import terminal_progress
-from planner.progress.terminal_text import VisibleStream, visible, visible_output
-from planner.records.json_file import print_json
+from planner.app.main import main
+from planner.files import print_json
+from planner.progress import VisibleStream, terminal_progress, visible, visible_output
+from planner.report import terminal_tables
 
 NASTY = "bore\x1b[2J\x9b31m\x07\u202egnp\nfake: done\r\t\x7f:smile:"
 SHOWN = r"bore\x1b[2J\x9b31m\x07\u202egnp\nfake: done\r\t\x7f:smile:"

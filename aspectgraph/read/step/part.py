@@ -12,18 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from aspectgraph.read.step.circle_arrays import pack_circles
-from aspectgraph.read.step.gaps import measure_gaps
-from aspectgraph.read.step.merge import edge_map, merge_touching
-from aspectgraph.read.step.semantic.stated_dimensions import (
-    LOCATIONS,
-    SIZES,
-    WITH_TEXTS,
-    list_dimensions,
-)
-from aspectgraph.read.step.solids import Slot, diagonal_mm, load_solids
+from aspectgraph.read.step.fit import pack_circles
+from aspectgraph.read.step.solids import Slot, diagonal_mm, edge_map, load_solids, merge_touching
+from aspectgraph.read.step.stated_dimensions import LOCATIONS, SIZES, WITH_TEXTS, list_dimensions
 from aspectgraph.read.step.text import parse_entities, parse_texts
-from aspectgraph.read.step.triangles import tessellate
+from aspectgraph.read.step.triangles import measure_gaps, tessellate
 
 
 class StepPart:
@@ -122,7 +115,7 @@ class StepPart:
     def dimensions(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Read the semantic dimensions, as the kernel finds them and as the text states them."""
         # few files are asked for them, and the import takes time
-        from aspectgraph.read.step.semantic.semantic_dimensions import read_semantic_dimensions
+        from aspectgraph.read.step.semantic_dimensions import read_semantic_dimensions
 
         data = Path(path).read_bytes()
         entities = parse_entities(data)

@@ -23,6 +23,7 @@ from aspectgraph.processes import die_with
 if TYPE_CHECKING:
     from aspectgraph.read.step.part import StepPart
 
+
 LENGTHS = struct.Struct("<QQ")
 OUT_OF_MEMORY = 12
 """Exit code of a process without the memory to say so."""

@@ -11,18 +11,14 @@ import numpy as np
 
 from aspectgraph.exceptions import ReadError, SolidError
 from aspectgraph.phases import phase
-from aspectgraph.read.join_faces import assemble
-from aspectgraph.read.limits import ReadLimits
+from aspectgraph.read.join_faces import Tessellation, assemble
+from aspectgraph.read.limits import ReadLimits, SolidChoice, as_choice
 from aspectgraph.read.mesh import repair_facets
-from aspectgraph.read.solid_choice import SolidChoice, as_choice
-from aspectgraph.read.step.circle_arrays import unpack_circles
 from aspectgraph.read.step.client import StepKernel
-from aspectgraph.read.step.fit import RELATIVE_CHORD, check_fit
-from aspectgraph.read.tessellation import Tessellation
+from aspectgraph.read.step.fit import RELATIVE_CHORD, check_fit, unpack_circles
 from aspectgraph.solid.checks import RELATIVE_PLANARITY
-from aspectgraph.solid.file_solids import FileSolids
-from aspectgraph.solid.solid import Solid
-from aspectgraph.solid.triangulate import signed_volume
+from aspectgraph.solid.solid import FileSolids, Solid
+from aspectgraph.solid.topology import signed_volume
 
 RELATIVE_VOLUME = 1e-9
 """Flat solids that become one body keep their volume up to this share of it: rounding."""

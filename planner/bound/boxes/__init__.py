@@ -4,10 +4,9 @@ What is dropped from a box is dropped for a proven reason: no pose of the box in
 the answer "found" comes with the pose.
 """
 
-from planner.bound.boxes.cells import Cells, entity_cells
-from planner.bound.boxes.exclusive_groups import exclusive_groups
+from planner.bound.boxes.conditions import exclusive_groups
 from planner.bound.boxes.search import search
-from planner.bound.boxes.view import Entities, View
+from planner.bound.boxes.view import Cells, Entities, View, entity_cells
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 
 __all__ = [

@@ -3,8 +3,8 @@
 A box is a box of points looked at, a box of turns and a box of nodal points; the first and the last one shrink to where
 they agree. It is dropped when entities heavier than the limit are nowhere visible together
 (`planner.bound.boxes.viewpoint_tree`), or no windows heavier than the limit may meet in it: with windows made larger by
-all that the turn can do (`planner.bound.boxes.shifted_windows`), or, where the turn is small, with windows that move
-with it (`planner.bound.boxes.linear_windows`). Where they meet, the pose is tried at once: if it satisfies all
+all that the turn can do (`planner.bound.boxes.windows`), or, where the turn is small, with windows that move
+with it (`planner.bound.boxes.windows`). Where they meet, the pose is tried at once: if it satisfies all
 conditions for more than the limit, the search is over. Else the box is halved: along the coordinate that most widens
 the windows or most leaves visibility, or the length of images, in doubt; where the turn is small, the box of nodal
 points is, or the turn if that blurs more. If it ends without, no pose does.
@@ -13,37 +13,432 @@ points is, or the turn if that blurs more. If it ends without, no pose does.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from compiled.decorators import entry_kernel, kernel, kernel_without_refcounts
-from planner.bound.boxes.box_conditions import ends_out_of_focus, too_short
-from planner.bound.boxes.exclusive_groups import exclusive_groups
-from planner.bound.boxes.linear_windows import NO, YES
-from planner.bound.boxes.shifted_windows import may_exceed, weight_at
-from planner.bound.boxes.small_turns import is_small, may_see, nodal_or_turn
-from planner.bound.boxes.stack import LEVELS, agree, halve, keep_members, new_work, planted
-from planner.bound.boxes.trial import Trial, try_pose
-from planner.bound.boxes.view import OF_LOOK, OF_NODAL, OF_TURN
+from ground.decorators import entry_kernel, kernel, kernel_without_refcounts, put, put_table
+from planner.bound.boxes.conditions import (
+    ends_out_of_focus,
+    exclusive_groups,
+    hidden_around,
+    holds_point,
+    keep_cells,
+    out_of_range,
+    too_short,
+)
+from planner.bound.boxes.view import HALF, LOOK, OF_LOOK, OF_NODAL, OF_TURN, SPAN, TURN
 from planner.bound.boxes.viewpoint_tree import Asked, PosesBox, heavy_members
-from planner.bound.boxes.visibility import hidden_around, keep_cells, out_of_range
 from planner.bound.boxes.windows import (
+    NO,
+    YES,
+    Members,
+    Seat,
+    Sides,
     Turn,
     extent,
     farthest,
+    find_apart,
     is_empty,
+    linear_sides,
+    may_exceed,
+    may_meet,
     most_turn,
     rotation,
     seen_from,
     swings,
     turned_back,
+    weight_at,
     window,
 )
+
+# Poses of a box that are tried. Compiled loops.
+
+
+# what a member that should be inspected is lost for
+SIGHT, LENGTH, VIEW = range(3)
+
+
+class Trial(NamedTuple):
+    """What comes out when a pose is tried.
+
+    Attributes
+    ----------
+    pose : array (4, 4)
+        Camera to part.
+    inspected : array of bool (e,)
+        What it inspects.
+    lost : array (3,)
+        The weight of the members that are not visible, whose image is too short, or that are out of view: SIGHT,
+        LENGTH, VIEW.
+    look : array (3,)
+        The point it looks at.
+    """
+
+    pose: np.ndarray
+    inspected: np.ndarray
+    lost: np.ndarray
+    look: np.ndarray
+
+
+@kernel
+def try_pose(stack, i, chart, x, meets, entities, view, work, trial):
+    """Try the pose of box i at x = (w, d), see `planner.bound.boxes.windows`.
+
+    Its nodal point is moved into the box if it is not there. Of the members only those are asked that should meet.
+
+    Parameters
+    ----------
+    trial : Trial
+        Is written to.
+
+    Returns
+    -------
+    float
+        The weight of what it inspects.
+    """
+    pose, inspected, lost, look = trial
+    matrix = np.empty((3, 3))
+    zero = np.zeros(3)
+    s = np.empty((2, 3))
+    far = np.empty(2)
+    opened = np.empty(2)
+    rotation(chart, stack.turn[i] + x[3:], matrix)
+    for k in range(3):
+        look[k] = stack.look[i, k] + (
+            matrix[k, 0] * x[0] + matrix[k, 1] * x[1] + matrix[k, 2] * x[2]
+        )
+    eye = np.empty((2, 3))
+    at = np.minimum(np.maximum(look - view.middle * matrix[:, 2], stack.eye[i, 0]), stack.eye[i, 1])
+    put(eye[0], at)
+    put(eye[1], at)
+    put(look, at + view.middle * matrix[:, 2])
+    put_table(pose, matrix)
+    put(pose[:3, 3], at)
+    inspected[:] = False
+    lost[:] = 0.0
+    total = 0.0
+    # of members that exclude each other one counts, as of the witnesses of a target
+    counted = np.zeros(stack.n_members[i], np.bool_)
+    for a in range(stack.n_members[i]):
+        if not meets[a]:
+            continue
+        e = stack.members[i, a]
+        if not _in_view(entities.ends[e], look, matrix, view):
+            lost[VIEW] += work.y[a]
+            continue
+        seen_from(entities.ends[e], look, matrix, s)
+        farthest(s, entities.lengths[e], entities.length_ratio[e], 0.0, zero, view, far, opened)
+        if s[0, 2] + view.middle > far[0] or s[1, 2] + view.middle > far[1]:
+            lost[LENGTH] += work.y[a]
+        elif _sees(
+            entities,
+            stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]],
+            eye,
+            stack.sure[i, a],
+        ):
+            inspected[e] = True
+            total += 0.0 if counted[work.group[a]] else work.y[a]
+            counted[work.group[a]] = True
+        else:
+            lost[SIGHT] += work.y[a]
+    return total
+
+
+@kernel_without_refcounts
+def _sees(entities, cells, eye, sure):
+    """Tell whether a nodal point lies in one of the cells, and all points around it do."""
+    if sure:
+        return True
+    for cell in cells:
+        if holds_point(entities, cell, eye[0]):
+            return not hidden_around(entities, cells, eye)
+    return False
+
+
+@kernel
+def _in_view(ends, look, matrix, view):
+    """Tell whether both ends are in focus and on the sensor."""
+    for i in range(2):
+        x, y, z = turned_back(
+            matrix, ends[i, 0] - look[0], ends[i, 1] - look[1], ends[i, 2] - look[2]
+        )
+        z += view.middle
+        if z < view.near or z > view.far or abs(x) > view.tan_x * z or abs(y) > view.tan_y * z:
+            return False
+    return True
+
+
+# Boxes of poses whose turns are small: whether heavy windows meet there, and how such a box is
+# halved. Compiled loops.
+#
+# The windows are linear in the point looked at and the turn together
+# (`planner.bound.boxes.windows`, `planner.bound.boxes.windows`).
+
+
+@kernel
+def is_small(stack, i, small_turns):
+    """Tell whether the turns of box i are small enough for linear windows."""
+    v = stack.turn[i]
+    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= small_turns.turn
+
+
+@kernel
+def may_see(stack, i, entities, view, task, work, rest, x, meets):
+    """Answer whether windows heavier than the limit may meet in box i, and where; see `linear_windows.may_meet`."""
+    m = stack.n_members[i]
+    u = stack.span[i]
+    eye = stack.eye[i]
+    n = linear_sides(stack, i, entities, view, work, rest)
+    apart = work.apart[:m, :m]
+    for a in range(m):
+        for b in range(m):
+            apart[a, b] = task.conflict[stack.members[i, a], stack.members[i, b]]
+    find_apart(work, n, u, apart)
+    exclusive_groups(np.arange(m), apart, work.group[:m])
+    sides = Sides(work.rows[:n], work.rhs[:n], work.owner[:n])
+    members = Members(work.group[:m], work.y[:m])
+    low = np.empty(6)
+    high = np.empty(6)
+    slope = np.zeros((3, 3))
+    # with a turn, w is tried such that the nodal point stays in the middle
+    for j in range(3):
+        high[j] = work.room[j]
+        high[3 + j] = u[j]
+        low[j] = -work.room[j]
+        low[3 + j] = -u[j]
+        for k in range(3):
+            for c in range(3):
+                slope[j, k] += work.matrix[c, j] * work.swing[k, c] / u[k]
+    point = np.empty(3)
+    away = (eye[0] + eye[1]) / 2 - work.nodal
+    point[0], point[1], point[2] = turned_back(work.matrix, away[0], away[1], away[2])
+    seat = Seat(point, slope)
+    return may_meet(sides, members, task.limit, (low, high), seat, task.effort, x, meets[:m])
+
+
+@kernel
+def nodal_or_turn(stack, i, rest, answer, lost, small_turns):
+    """Return along which coordinate box i is to be halved; -1 if it is too small for that.
+
+    The nodal points decide visibility and length, and tie the points looked at to the turn. What the turn makes
+    uncertain of that should not be more than there is of them.
+    """
+    u = stack.span[i]
+    half = (stack.eye[i, 1] - stack.eye[i, 0]) / 2
+    if rest > small_turns.turn_share * half.max() or (
+        answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])
+    ):
+        return OF_TURN + np.argmax(u) if u.max() > small_turns.least_turn else -1
+    return OF_NODAL + np.argmax(half) if half.max() > small_turns.least_mm else -1
+
+
+# Boxes of camera poses that wait to be searched (`planner.bound.boxes.search`). Compiled loops.
+
+
+# boxes that wait at most: a box has at most two halves waiting for each halving of its coordinates
+LEVELS = 160
+_EPS = 1e-9
+
+
+class Stack(NamedTuple):
+    """Boxes that wait: q0, h, v0, u; where windows met in the box before halving; and what may be inspected.
+
+    ``eye`` (2, 3) are the lowest and highest coordinates that the nodal point may have; for so many halvings as
+    ``pause`` says it is not asked what is visible from there.
+    ``members[i, :n_members[i]]`` are entities in descending order of weight; ``sure`` those visible from all of the
+    box; the cells in which the nodal point may lie are those of ``cells`` from ``start[i, a]`` to ``start[i, a + 1]``.
+    """
+
+    look: np.ndarray
+    half: np.ndarray
+    turn: np.ndarray
+    span: np.ndarray
+    met: np.ndarray
+    n_members: np.ndarray
+    members: np.ndarray
+    sure: np.ndarray
+    start: np.ndarray
+    cells: np.ndarray
+    eye: np.ndarray
+    pause: np.ndarray
+
+
+class BoxAtWork(NamedTuple):
+    """Of the box at work: rotation, room, swings, nodal point; windows, weights and groups of members.
+
+    ``scores`` (9,) tell how much is gained by halving along each coordinate of q, v and the nodal point.
+    ``rows``, their right-hand sides and owners are linear sides of windows, see `planner.bound.boxes.windows`;
+    ``side`` tells which of the six sides, ``of_side`` lists them by that, and ``apart`` (m, m) which members exclude
+    each other.
+    """
+
+    matrix: np.ndarray
+    room: np.ndarray
+    swing: np.ndarray
+    nodal: np.ndarray
+    least: np.ndarray
+    y: np.ndarray
+    group: np.ndarray
+    scores: np.ndarray
+    rows: np.ndarray
+    rhs: np.ndarray
+    owner: np.ndarray
+    side: np.ndarray
+    of_side: np.ndarray
+    apart: np.ndarray
+
+
+@kernel
+def planted(box, order, entities, eye):
+    """Return a stack with one box in which every entity of the order may be inspected, from an eye in (2, 3)."""
+    m = len(order)
+    n_cells = 0
+    for e in order:
+        n_cells += entities.entity_start[e + 1] - entities.entity_start[e]
+    point = np.empty((5, LEVELS, 3))
+    stack = Stack(
+        point[0],
+        point[1],
+        point[2],
+        point[3],
+        point[4],
+        np.zeros(LEVELS, np.int64),
+        np.empty((LEVELS, m), np.int64),
+        np.zeros((LEVELS, m), np.bool_),
+        np.zeros((LEVELS, m + 1), np.int64),
+        np.empty((LEVELS, n_cells), np.int32),
+        np.empty((LEVELS, 2, 3)),
+        np.zeros(LEVELS, np.int64),
+    )
+    put(stack.look[0], box[LOOK])
+    put(stack.half[0], box[HALF])
+    put(stack.turn[0], box[TURN])
+    put(stack.span[0], box[SPAN])
+    stack.met[0] = np.inf
+    put_table(stack.eye[0], eye)
+    stack.n_members[0] = m
+    at = 0
+    for a in range(m):
+        stack.members[0, a] = order[a]
+        stack.start[0, a] = at
+        for cell in range(entities.entity_start[order[a]], entities.entity_start[order[a] + 1]):
+            stack.cells[0, at] = cell
+            at += 1
+    stack.start[0, m] = at
+    return stack
+
+
+@kernel
+def new_work(m):
+    """Return room for the work on boxes with up to m members."""
+    square = np.empty((2, 3, 3))
+    line = np.empty((2, 3))
+    least = np.empty((m, 6))
+    scores = np.empty(9)
+    y = np.empty(m)
+    group = np.empty(m, np.int64)
+    # of each member both ends on six sides of the view, and the length; and two for each side of two boxes of points
+    n_rows = 13 * m + 12
+    sides = np.empty((n_rows, 6)), np.empty(n_rows), np.empty(n_rows, np.int64)
+    apart = np.zeros((m, m), np.bool_)
+    kinds = np.empty(n_rows, np.int64), np.empty((6, n_rows), np.int64)
+    return BoxAtWork(
+        square[0], line[0], square[1], line[1], least, y, group, scores, *sides, *kinds, apart
+    )
+
+
+@kernel
+def keep_members(stack, i, work, live):
+    """Drop the members of box i whose bit is not set; return the weight of the others."""
+    kept = 0
+    at = 0
+    total = 0.0
+    for a in range(stack.n_members[i]):
+        e = stack.members[i, a]
+        if not live[e >> 6] >> np.uint64(e & 63) & np.uint64(1):
+            continue
+        first = stack.start[i, a]
+        last = stack.start[i, a + 1]
+        stack.members[i, kept] = e
+        stack.sure[i, kept] = stack.sure[i, a]
+        stack.start[i, kept] = at
+        for c in range(first, last):
+            stack.cells[i, at] = stack.cells[i, c]
+            at += 1
+        work.y[kept] = work.y[a]
+        put(work.least[kept], work.least[a])
+        total += work.y[a]
+        kept += 1
+    stack.n_members[i] = kept
+    stack.start[i, kept] = at
+    return total
+
+
+@kernel_without_refcounts
+def agree(stack, i, work, rest, middle):
+    """Shrink the points looked at and the nodal points of box i to where the ones go with the others; false if none do.
+
+    c = q - z0 a, and a differs from the middle rotation's by the swings and the rest.
+    """
+    q = stack.look[i]
+    h = stack.half[i]
+    eye = stack.eye[i]
+    for k in range(3):
+        arm = middle * work.matrix[k, 2]
+        swing = abs(work.swing[0, k]) + abs(work.swing[1, k]) + abs(work.swing[2, k]) + rest + _EPS
+        low = max(q[k] - h[k], eye[0, k] + arm - swing)
+        high = min(q[k] + h[k], eye[1, k] + arm + swing)
+        eye[0, k] = max(eye[0, k], low - arm - swing)
+        eye[1, k] = min(eye[1, k], high - arm + swing)
+        if low > high or eye[0, k] > eye[1, k]:
+            return False
+        q[k] = (low + high) / 2
+        h[k] = (high - low) / 2
+        work.nodal[k] = q[k] - arm
+    return True
+
+
+@kernel
+def halve(stack, i, axis, met, turn, nodal):
+    """Replace box i by its halves in places i and i + 1; the one of a pose that was tried comes on top.
+
+    The axes are those of the point looked at, of the turn, and of the nodal point; of that pose they are ``met``,
+    ``turn`` (from the middle rotation) and ``nodal``.
+    """
+    for field in (stack.look, stack.half, stack.turn, stack.span):
+        put(field[i + 1], field[i])
+    m = stack.n_members[i]
+    n_cells = stack.start[i, m]
+    stack.n_members[i + 1] = m
+    put(stack.members[i + 1], stack.members[i, :m])
+    put(stack.sure[i + 1], stack.sure[i, :m])
+    put(stack.start[i + 1], stack.start[i, : m + 1])
+    put(stack.cells[i + 1], stack.cells[i, :n_cells])
+    put(stack.met[i], met)
+    put(stack.met[i + 1], met)
+    put_table(stack.eye[i + 1], stack.eye[i])
+    stack.pause[i + 1] = stack.pause[i]
+    if axis >= OF_NODAL:
+        k = axis - OF_NODAL
+        middle = (stack.eye[i, 0, k] + stack.eye[i, 1, k]) / 2
+        low, high = (i, i + 1) if nodal[k] > middle else (i + 1, i)
+        stack.eye[low, 1, k] = stack.eye[high, 0, k] = middle
+        return
+    boxes, size = (stack.look, stack.half) if axis < OF_TURN else (stack.turn, stack.span)
+    k = axis % 3
+    half = size[i, k] / 2
+    size[i, k] = size[i + 1, k] = half
+    above = met[k] > stack.look[i, k] if axis < OF_TURN else turn[k] > 0.0
+    on_top = 1.0 if above else -1.0
+    boxes[i, k] -= on_top * half
+    boxes[i + 1, k] += on_top * half
+
 
 PROVEN, FOUND, UNRESOLVED, SPENT, NEARLY = range(5)
 
 # for rounding, and no zero to divide by
-_EPS = 1e-12
+_SEARCH_EPS = 1e-12
 
 
 @entry_kernel(nogil=True)
@@ -269,7 +664,7 @@ def _score(stack, i, work, rest, doubt, short, seen, around, halving):
     eye = stack.eye[i]
     for k in range(3):
         work.scores[OF_LOOK + k] = h[k] * (
-            halving.length_score * work.scores[OF_LOOK + k] + short[0] / max(np.sum(h), _EPS)
+            halving.length_score * work.scores[OF_LOOK + k] + short[0] / max(np.sum(h), _SEARCH_EPS)
         )
         work.scores[OF_TURN + k] += short[1] * u[k] / np.sum(u)
     for axis in range(3):
@@ -280,7 +675,7 @@ def _score(stack, i, work, rest, doubt, short, seen, around, halving):
             work.scores[OF_NODAL + axis] += doubt * half
             continue
         # the nodal point is known better than that
-        part = doubt * min(1.0, half / max(reach, _EPS))
+        part = doubt * min(1.0, half / max(reach, _SEARCH_EPS))
         work.scores[OF_LOOK + axis] += part * h[axis]
         for k in range(3):
             work.scores[OF_TURN + k] += part * abs(work.swing[k, axis])

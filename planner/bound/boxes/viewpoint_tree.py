@@ -12,11 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compiled.decorators import entry_kernel, kernel, put, put_table
-from planner.bound.boxes.box_conditions import ends_out_of_focus, too_short
+from ground.decorators import entry_kernel, kernel, put, put_table
+from planner.bound.boxes.conditions import ends_out_of_focus, hidden_around, keep_cells, too_short
 from planner.bound.boxes.view import Entities, View
-from planner.bound.boxes.visibility import hidden_around, keep_cells
-from planner.effort.boxes import Growth
+from planner.effort.bound import Growth
 from planner.effort.effort import NORMAL
 
 # for rounding, mm

@@ -5,10 +5,8 @@ import pytest
 from cut_boxes import HALF, random_planes
 from cut_boxes import cut_box as cut_cube
 
-from aspectgraph.cells.arrays import INSIDE
-from aspectgraph.cells.crop import at_limits, crop
-from aspectgraph.cells.measure import cell_centre, cell_sizes, cell_triangles
-from aspectgraph.cells.split import leaves
+from aspectgraph.cells.arrays import INSIDE, cell_centre, cell_sizes, cell_triangles
+from aspectgraph.cells.split import at_limits, crop, leaves
 
 pytestmark = pytest.mark.uncompiled
 

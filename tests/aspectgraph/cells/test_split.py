@@ -18,10 +18,12 @@ from aspectgraph.cells.arrays import (
     N_FACES,
     SIDES,
     bytes_in_use,
+    cell_centre,
+    cell_sizes,
     cut_further,
+    interfaces,
     with_room,
 )
-from aspectgraph.cells.measure import cell_centre, cell_sizes, interfaces
 from aspectgraph.cells.split import cell_side, leaves, split_cell
 from aspectgraph.exceptions import MemoryLimitError
 

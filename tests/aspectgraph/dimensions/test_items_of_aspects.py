@@ -11,7 +11,7 @@ from assemblies import CASES
 from one_kernel import one_kernel
 
 from aspectgraph import read_dimensions, read_solid
-from aspectgraph.read.step.semantic.attached_items import list_attached_items
+from aspectgraph.read.step.semantic_dimensions import list_attached_items
 from aspectgraph.read.step.text import parse_entities
 
 USAGE = "GEOMETRIC_ITEM_SPECIFIC_USAGE('','',#551,#36,#481);"

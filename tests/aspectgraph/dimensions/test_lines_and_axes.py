@@ -9,11 +9,10 @@ import pytest
 from solids import plain_box
 
 from aspectgraph import Solid
-from aspectgraph.dimensions.choice import Sight
-from aspectgraph.dimensions.features import Attachments, Axis, StraightLine, describe_shape
+from aspectgraph.dimensions.features import Attachments, Axis, Sight, StraightLine, describe_shape
 from aspectgraph.dimensions.measures import Measurer
 from aspectgraph.dimensions.read_dimensions import _Reader
-from aspectgraph.dimensions.statements import Statement
+from aspectgraph.dimensions.tolerances import Statement
 
 N = 12
 PLANE = {"kind": "plane", "point": [0.0, 0.0, 20.0], "axis": [0.0, 0.0, 1.0], "edges": []}

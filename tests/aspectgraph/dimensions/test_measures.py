@@ -7,8 +7,7 @@ import pytest
 from solids import plain_box
 
 from aspectgraph import Solid
-from aspectgraph.dimensions.choice import Sight
-from aspectgraph.dimensions.features import Attachments, Axis, Plane
+from aspectgraph.dimensions.features import Attachments, Axis, Plane, Sight
 from aspectgraph.dimensions.measures import Measurer
 
 N = 12

@@ -23,8 +23,8 @@ from OCP.BRepPrimAPI import (
 from OCP.gp import gp_Ax2, gp_Dir, gp_Elips, gp_Pnt
 from OCP.TopAbs import TopAbs_ShapeEnum
 
-from aspectgraph.read.step.semantic.semantic_dimensions import describe
-from aspectgraph.read.step.shapes import explore
+from aspectgraph.read.step.semantic_dimensions import describe
+from aspectgraph.read.step.solids import explore
 
 AT = gp_Ax2(gp_Pnt(1.0, 2.0, 3.0), gp_Dir(0.0, 0.0, 1.0))
 # a frustum whose radius grows from 2 to 4 over a height of 2: sides at 45 degrees

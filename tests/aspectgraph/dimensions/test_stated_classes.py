@@ -7,9 +7,13 @@ import pytest
 
 from aspectgraph import Solid
 from aspectgraph.dimensions.read_dimensions import _Reader
-from aspectgraph.dimensions.stated_classes import is_in_hole, resolve_stated_class
-from aspectgraph.dimensions.statements import Statement, read_statements
-from aspectgraph.read.step.semantic.stated_dimensions import WITH_TEXTS, list_dimensions
+from aspectgraph.dimensions.tolerances import (
+    Statement,
+    is_in_hole,
+    read_statements,
+    resolve_stated_class,
+)
+from aspectgraph.read.step.stated_dimensions import WITH_TEXTS, list_dimensions
 from aspectgraph.read.step.text import parse_entities, parse_texts
 
 N = 12

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from aspectgraph.dimensions.records import unique_names
-from aspectgraph.dimensions.statements import Statement, read_statements
-from aspectgraph.read.step.semantic.stated_dimensions import StatedDimension, list_dimensions
+from aspectgraph.dimensions.tolerances import Statement, read_statements
+from aspectgraph.read.step.stated_dimensions import StatedDimension, list_dimensions
 from aspectgraph.read.step.text import parse_entities
 
 # as OCCT gives them: the lower deviation with its sign turned; swapped ones as a range

@@ -6,10 +6,9 @@ import pytest
 from real_parts import real_part
 
 from aspectgraph import read_dimensions, read_solid
-from aspectgraph.dimensions.features import Attachments
+from aspectgraph.dimensions.features import Attachments, SurfaceZones
 from aspectgraph.dimensions.records import SurfaceZone
-from aspectgraph.dimensions.surface_zones import SurfaceZones
-from aspectgraph.read.step.semantic.surface_tolerances import (
+from aspectgraph.read.step.semantic_dimensions import (
     SurfaceTolerance,
     list_datum_items,
     list_surface_tolerances,

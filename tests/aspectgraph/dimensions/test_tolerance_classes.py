@@ -16,15 +16,15 @@ from itertools import pairwise
 import pytest
 
 from aspectgraph import ToleranceError, tolerance_class_deviations
-from aspectgraph.dimensions.iso_286_tables import (
+from aspectgraph.dimensions.tolerances import (
     DEVIATION_LIMITS_MM,
     DEVIATIONS_UM,
     GRADES,
     LARGE_TOLERANCE_LIMITS_MM,
     TOLERANCE_LIMITS_MM,
     TOLERANCES_UM,
+    ToleranceClass,
 )
-from aspectgraph.dimensions.tolerance_classes import ToleranceClass
 
 LIMITS = (*TOLERANCE_LIMITS_MM, *LARGE_TOLERANCE_LIMITS_MM)
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from cut_boxes import HALF, cut_box
 
-from aspectgraph.cells.measure import cell_centre
+from aspectgraph.cells.arrays import cell_centre
 from aspectgraph.cells.split import leaves
-from aspectgraph.domains.find_domains import find_domains
-from aspectgraph.domains.width import Ruler, largest_extent, union_has_room
+from aspectgraph.domains.find_domains import Ruler, find_domains, largest_extent, union_has_room
 
 pytestmark = pytest.mark.uncompiled
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aspectgraph import EntityError, read_entities, read_solid, select_entities
-from aspectgraph.entities.spreadsheet_text import csv_text
+from aspectgraph.entities.entity_files import csv_text
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 BLOCK = read_solid(EXAMPLES / "two_pocket_block.off")

@@ -21,8 +21,9 @@ from aspectgraph import (
 )
 from aspectgraph.cells import arrays
 from aspectgraph.cells.arrays import RoomFullError
-from aspectgraph.graph import aspect_graph, joint_memory
-from aspectgraph.graph.joint_memory import ERROR, estimate_joint_graph
+from aspectgraph.graph import aspect_graph
+from aspectgraph.graph import aspect_graph as joint_memory
+from aspectgraph.graph.aspect_graph import ERROR, estimate_joint_graph
 from aspectgraph.visibility import visibility_regions
 
 PART = "examples/two_pocket_block.off"
@@ -57,7 +58,7 @@ def test_a_graph_far_too_large_is_refused_before_the_work(regions, monkeypatch):
 
 def test_a_graph_that_grows_beyond_the_limit_ends_on_the_way(regions, monkeypatch):
     within = estimate_joint_graph(list(regions._regions.values())).memory_bytes / ERROR
-    monkeypatch.setattr("aspectgraph.graph.joint_memory._OF_OVERLAY", 1e6)
+    monkeypatch.setattr("aspectgraph.graph.aspect_graph._OF_OVERLAY", 1e6)
     with pytest.raises(MemoryLimitError, match=r"about .* GiB after \d+ of 12 entities"):
         graph_of(regions, memory_limit_bytes=2 * within)
 
@@ -197,7 +198,7 @@ def test_the_estimate_of_some_entities_is_that_of_their_regions(regions):
 def test_what_a_process_may_take_counts_as_free():
     """``ulimit -v`` of the shell: the machine may have more."""
     script = (
-        "import resource; from aspectgraph.graph.joint_memory import free_bytes; "
+        "import resource; from aspectgraph.graph.aspect_graph import free_bytes; "
         "resource.setrlimit(resource.RLIMIT_AS, (2**45, resource.RLIM_INFINITY)); wide = free_bytes(); "
         "taken = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize(); "
         "resource.setrlimit(resource.RLIMIT_AS, (taken + 10**8, resource.RLIM_INFINITY)); print(wide, free_bytes())"

@@ -16,8 +16,7 @@ import numpy as np
 from exact_checker import ExactChecker, cross, dot, minus
 from generated_solids import Part, generated_solid
 
-from aspectgraph.entities.parts import Stretch
-from aspectgraph.entities.straight_edges import Entity, resolve_entities
+from aspectgraph.entities.entity import Entity, Stretch, resolve_entities
 from aspectgraph.exact.grid import Grid, turned
 from aspectgraph.exact.predicates import POINT_BITS
 from aspectgraph.solid.solid import Solid

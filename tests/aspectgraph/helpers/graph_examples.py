@@ -2,7 +2,7 @@
 
 import networkx as nx
 
-from aspectgraph.graph.partition_surfaces import PartitionSurface
+from aspectgraph.graph.aspect_graph import PartitionSurface
 
 SURFACE_A = PartitionSurface("A", "e1", (), (), (4,), (0.0, 0.6, 0.8, 1 / 3))
 SURFACE_B = PartitionSurface("B", "side <e2>", (3,), (), (), (1.0, 0.0, 0.0, -2.5))

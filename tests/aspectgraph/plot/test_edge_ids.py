@@ -16,9 +16,15 @@ from aspectgraph import (
     edge_figure,
     write_edge_picture,
 )
-from aspectgraph.plot.callouts import Spot, _matched, _slots
-from aspectgraph.plot.edge_ids import VIEWS, draw_edges
-from aspectgraph.plot.hidden_lines import ParallelView, view_axes
+from aspectgraph.plot.picker import (
+    VIEWS,
+    ParallelView,
+    Spot,
+    _matched,
+    _slots,
+    draw_edges,
+    view_axes,
+)
 
 figure = pytest.importorskip("matplotlib.figure")
 FigureCanvasAgg = pytest.importorskip("matplotlib.backends.backend_agg").FigureCanvasAgg

@@ -30,8 +30,8 @@ from aspectgraph import (
     read_graphml,
     write_graphml,
 )
-from aspectgraph.plot.node_places import crossings, hits, layout, least_stress
-from aspectgraph.plot.style import NOTHING, list_colors, list_text
+from aspectgraph.plot.graph_plot import crossings, hits, layout, least_stress
+from aspectgraph.plot.traces import NOTHING, list_colors, list_text
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

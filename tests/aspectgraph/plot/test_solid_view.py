@@ -35,7 +35,7 @@ from aspectgraph.plot.clip import (
     domain_facets,
     plane_axes,
 )
-from aspectgraph.plot.solid_view import best_view
+from aspectgraph.plot.views import best_view
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,8 @@ import pytest
 from solids import box_with_pockets, prism, ring
 
 from aspectgraph import Solid
-from aspectgraph.read.curved_facets import find_curved
-from aspectgraph.solid.face_loops import FaceLoops
-from aspectgraph.solid.topology import faces_of
+from aspectgraph.read.join_faces import find_curved
+from aspectgraph.solid.topology import FaceLoops, faces_of
 
 SQUARE = [(-10, -10), (10, -10), (10, 10), (-10, 10)]
 

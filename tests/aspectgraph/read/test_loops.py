@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aspectgraph.read.loops import _split_at_repeats, drop_idle_vertices, turns_of_runs
+from aspectgraph.read.join_faces import _split_at_repeats, drop_idle_vertices, turns_of_runs
 
 
 def prism_of(outline):

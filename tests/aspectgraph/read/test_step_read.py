@@ -36,7 +36,7 @@ from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS
 
-from aspectgraph.read.step.shapes import explore
+from aspectgraph.read.step.solids import explore
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

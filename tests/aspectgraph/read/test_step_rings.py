@@ -21,8 +21,8 @@ from OCP.Geom import Geom_ConicalSurface
 from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
 from step_in_process import read_in_process
 
-from aspectgraph.read.step.facets import mesher
-from aspectgraph.read.step.facets.deviation import deviation_mm
+from aspectgraph.read.step import triangles as mesher
+from aspectgraph.read.step.triangles import deviation_mm
 
 ALONG_X = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 

@@ -12,8 +12,7 @@ from part_mutants import damaged_numbers
 
 from aspectgraph import AspectGraphError, ReadError, read_solid
 from aspectgraph.read.step.fit import check_fit
-from aspectgraph.read.step.listing import list_solids
-from aspectgraph.read.step.text import parse_entities
+from aspectgraph.read.step.text import list_solids, parse_entities
 
 pytest.importorskip("OCP")
 from OCP.BRep import BRep_Builder

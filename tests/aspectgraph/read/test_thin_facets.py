@@ -10,8 +10,8 @@ from mesh_files import stl_bytes
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import read_solid
-from aspectgraph.read.repair import is_closed, turn_thin
-from aspectgraph.solid.triangulate import signed_volume
+from aspectgraph.read.mesh import is_closed, turn_thin
+from aspectgraph.solid.topology import signed_volume
 
 CORNERS = [(x, y, z) for x in (0, 2) for y in (0, 2) for z in (0, 2)]
 

@@ -7,7 +7,7 @@ import pytest
 from solids import cube, prism
 
 from aspectgraph import Solid, SolidError, read_solid
-from aspectgraph.solid.edge_ends import find_edge_ends
+from aspectgraph.solid.rims import find_edge_ends
 
 
 def rounded_bar(n: int) -> Solid:

@@ -8,9 +8,14 @@ from solids import box_with_pockets
 
 from aspectgraph import NonManifoldError, OpenSolidError, OrientationError, Solid, SolidError
 from aspectgraph.solid.checks import face_area_vectors
-from aspectgraph.solid.face_loops import FaceLoops
-from aspectgraph.solid.topology import Face, check_fans, faces_of, pair_edges
-from aspectgraph.solid.triangulate import newell_area_vector
+from aspectgraph.solid.topology import (
+    Face,
+    FaceLoops,
+    check_fans,
+    faces_of,
+    newell_area_vector,
+    pair_edges,
+)
 
 # a triangle, a square with a triangular hole, and a pentagon
 FACES = [

@@ -383,7 +383,7 @@ def test_contacts_are_the_same_however_many_edges_are_taken_at_once(monkeypatch,
 
     whole = message()
     assert "such pairs" in whole
-    monkeypatch.setattr("aspectgraph.solid.self_contact._EDGES_AT_ONCE", edges_at_once)
+    monkeypatch.setattr("aspectgraph.solid.checks._EDGES_AT_ONCE", edges_at_once)
     assert message() == whole
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import solids
 
-from aspectgraph.entities.straight_edges import resolve_entities
+from aspectgraph.entities.entity import resolve_entities
 from aspectgraph.exact.planes import side_of
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.casting import EDGE_AND_END, FACE, VERTEX_AND_ENTITY

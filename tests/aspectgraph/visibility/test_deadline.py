@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aspectgraph import compute_light, compute_regions, read_solid
-from aspectgraph.visibility import deadline as clock
+from aspectgraph.visibility import scene as clock
 
 pytestmark = pytest.mark.uncompiled
 

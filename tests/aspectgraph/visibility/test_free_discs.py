@@ -9,9 +9,9 @@ from real_parts import real_part
 from rimmed_solids import PITCH, PlateBuilder, lattice_circle, rimmed_solid
 
 from aspectgraph import Solid, compute_regions, read_solid
-from aspectgraph.graph.ray_confirmation import SightLines
+from aspectgraph.graph.complete_graph import SightLines
 from aspectgraph.visibility import blocked_sets
-from aspectgraph.visibility.free_discs import Disc, free_disc
+from aspectgraph.visibility.blocked_sets import Disc, free_disc
 from aspectgraph.visibility.visibility_regions import laid_out
 
 pytestmark = pytest.mark.uncompiled

@@ -5,7 +5,7 @@ import pytest
 
 from aspectgraph import compute_regions, read_solid
 from aspectgraph.cells.arrays import allocate
-from aspectgraph.visibility.kept_regions import KeptRegions
+from aspectgraph.visibility.visibility_regions import KeptRegions
 
 pytestmark = pytest.mark.uncompiled
 
@@ -78,7 +78,9 @@ def test_regions_of_another_request_are_not_taken_and_say_whose_they_are(
 def test_regions_of_other_code_are_not_taken(block, tmp_path, monkeypatch):
     kept = KeptRegions(tmp_path)
     compute_regions(block, EDGES, BOX, kept=kept)
-    monkeypatch.setattr("aspectgraph.visibility.kept_regions.code_digest", lambda names: "other")
+    monkeypatch.setattr(
+        "aspectgraph.visibility.visibility_regions.code_digest", lambda names: "other"
+    )
     monkeypatch.setattr("aspectgraph.visibility.visibility_regions.observable_region", refuse)
     with pytest.raises(RuntimeError, match="computed again"):
         compute_regions(block, EDGES, BOX, kept=kept)

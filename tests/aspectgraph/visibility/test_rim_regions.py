@@ -11,7 +11,7 @@ from rimmed_solids import PITCH, PlateBuilder, compare_rims, lattice_circle, rim
 from solids import prism
 
 from aspectgraph import Solid, build_aspect_graph, compute_regions, read_solid
-from aspectgraph.graph.ray_confirmation import SightLines
+from aspectgraph.graph.complete_graph import SightLines
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

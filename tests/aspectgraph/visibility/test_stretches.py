@@ -32,12 +32,12 @@ from aspectgraph import (
     runs_of,
     write_graphml,
 )
-from aspectgraph.graph.ray_confirmation import SightLines
+from aspectgraph.graph.complete_graph import SightLines
 from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.visibility import visibility_regions
-from aspectgraph.visibility.cuts import cut_point
 from aspectgraph.visibility.entity_region import observable_region
-from aspectgraph.visibility.joined_regions import find_pieces
+from aspectgraph.visibility.overlay import find_pieces
+from aspectgraph.visibility.scene import cut_point
 
 N_EIGHTHS = 140
 N_SEVENTHS = 80

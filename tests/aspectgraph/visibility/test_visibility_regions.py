@@ -16,7 +16,7 @@ from aspectgraph import (
     graph_of,
     read_solid,
 )
-from aspectgraph.graph.ray_confirmation import confirm
+from aspectgraph.graph.complete_graph import confirm
 from aspectgraph.visibility.visibility_regions import _COVERINGS_KEPT
 
 WORKSPACE = ((-60, -60, -60), (60, 60, 60))

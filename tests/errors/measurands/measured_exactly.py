@@ -18,7 +18,7 @@ import math
 import numpy as np
 from scipy.stats import norm, qmc
 
-from compiled.cache import njit
+from ground.loop_cache import njit
 
 POINTS = 16
 

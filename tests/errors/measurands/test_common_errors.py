@@ -9,7 +9,8 @@ from measured_exactly import look_at, measure, random_view
 from test_measurand_answers import KINDS, OVERHEAD, SQUARE, STILL, Z, predict
 
 from errors.exceptions import InvalidParameterError
-from errors.measurands import Circle, Line, Localisation, MeasurandModel, measurand
+from errors.measurands import Circle, Line, Localisation, MeasurandModel
+from errors.measurands.measurand import measurand
 
 pytestmark = pytest.mark.uncompiled
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from dimension_examples import PITCH, F, isotropic
 
-from errors.measurands import Circle, Line, Localisation, MeasurandModel, measurand
+from errors.measurands import Circle, Line, Localisation, MeasurandModel
+from errors.measurands.measurand import measurand
 
 pytestmark = pytest.mark.uncompiled
 

@@ -7,15 +7,8 @@ import pytest
 from dimension_examples import PITCH, F, isotropic
 
 from errors import InvalidParameterError, InvalidShapeError
-from errors.measurands import (
-    Circle,
-    Line,
-    Localisation,
-    MeasurandError,
-    MeasurandModel,
-    geometry,
-    measurand,
-)
+from errors.measurands import Circle, Line, Localisation, MeasurandError, MeasurandModel, geometry
+from errors.measurands.measurand import measurand
 
 LOW = Line((-15, -10, 0), (15, -10, 0))
 HIGH = Line((-15, 10, 0), (15, 10, 0))

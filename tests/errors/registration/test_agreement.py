@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from errors.registration import Rows, posterior, surprise
+from errors.registration import Rows, surprise
+from errors.registration.posterior import posterior
 
 
 def total(times, seed):

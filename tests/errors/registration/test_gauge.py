@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from errors.registration import Rows, posterior, rests_on_prior, undetermined
+from errors.registration import Rows, rests_on_prior, undetermined
+from errors.registration.posterior import posterior
 
 PRIOR = np.diag([1.0, 4.0])
 

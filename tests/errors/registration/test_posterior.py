@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from errors.registration import Rows, bias_variance_of, posterior
+from errors.registration import Rows, bias_variance_of
+from errors.registration.posterior import posterior
 
 
 def example(rng, n=5, groups=3, m=7):

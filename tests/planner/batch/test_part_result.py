@@ -3,7 +3,7 @@
 import csv
 import json
 
-from planner.batch.part_result import PLANNED, REFUSED, PartResult, write_tables
+from planner.app.batch import PLANNED, REFUSED, PartResult, write_tables
 
 
 def result(part, status=PLANNED, reason=""):

@@ -21,13 +21,14 @@ from planner import (
     RequestError,
     plan_folder,
 )
-from planner.batch import part_request, workers
-from planner.batch import plan_part as plan_part_module
-from planner.batch.part_result import digest_of
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, INCOMPLETE
-from planner.output.folder_lock import folder_lock
+from planner.app import batch as part_request
+from planner.app import batch as plan_part_module
+from planner.app import batch as workers
+from planner.app.batch import digest_of
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, INCOMPLETE
 from planner.plan import read_plan
+from planner.report.folder_lock import folder_lock
 
 forked = pytest.mark.skipif(
     multiprocessing.get_start_method() != "fork", reason="workers inherit what is patched"

@@ -5,8 +5,8 @@ import gc
 import pytest
 
 from planner import RequestError
-from planner.batch import scheduler
-from planner.batch.scheduler import dask_executor
+from planner.app import batch as scheduler
+from planner.app.batch import dask_executor
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere:nothing"])

@@ -4,7 +4,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from planner.bound.cliques import large_clique
+from planner.bound.lower_bound import large_clique
 
 
 @pytest.mark.parametrize("density", [0.0, 0.2, 0.5, 0.8, 1.0])

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from planner.bound.boxes.search import FOUND, PROVEN, SPENT, UNRESOLVED
-from planner.bound.dual_bound import LinearBound, _Parts
+from planner.bound.dual_bound import LinearBound, _Parts, limit_for, relieved
 from planner.bound.pose_space import Found
-from planner.bound.weights import limit_for, relieved
-from planner.checkpoint import Checkpoint
-from planner.cover.relaxation import fractional_cover
+from planner.callbacks import Checkpoint
+from planner.cover.few_columns import fractional_cover
 from planner.cover.set_cover import min_cover
 from planner.effort.effort import NORMAL
-from planner.records.packing import packed, unpacked
+from planner.plan_file import packed, unpacked
 
 SWEEPING = NORMAL.bound.sweeping
 # of 24 entities, a column for every two

@@ -8,11 +8,10 @@ import pytest
 from grid_box import BoxCell
 
 from planner import Camera
-from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.search import search
-from planner.bound.boxes.view import Frustum, Segments
+from planner.bound.boxes.view import Cells, Frustum, Segments
 from planner.bound.boxes.viewpoint_tree import _grow
-from planner.bound.excluded_pairs import _in_view, _share_viewpoint, too_far_apart
+from planner.bound.node_sets import _in_view, _share_viewpoint, too_far_apart
 from planner.camera.pose import look_at
 from planner.effort.effort import NORMAL
 

@@ -9,12 +9,12 @@ from grid_box import EDGES, BoxSpace
 
 from errors import SegmentQuantization, success_probability
 from planner import Camera, PoseUncertainty
-from planner.bound.least_image import _SAFETY, least_images_mm, quantization_quantile
-from planner.columns.judge import Judge
+from planner.bound.pose_space import _SAFETY, least_images_mm, quantization_quantile
 from planner.request.constraints import Requirements
+from planner.request.models import EdgeModels
 from planner.request.request import Request
-from planner.wanted.models import EdgeModels
-from planner.wanted.targets import edge_target
+from planner.request.targets import edge_target
+from planner.search.judge import Judge
 
 CAMERA = Camera(8.0, (0.00345, 0.005), (2448, 2048), 8.0, 400.0)
 

@@ -20,17 +20,22 @@ from box_requests import (
 from grid_box import EDGES, BoxCell, BoxSpace
 from scipy.spatial.transform import Rotation
 
-from planner.bound.boxes.cells import Cells, entity_cells
 from planner.bound.boxes.search import FOUND, PROVEN
-from planner.bound.boxes.shifted_windows import may_exceed, weight_at
-from planner.bound.boxes.windows import extent, farthest, most_turn, rotation, seen_from
-from planner.bound.dual_bound import LinearBound
+from planner.bound.boxes.view import Cells, entity_cells
+from planner.bound.boxes.windows import (
+    extent,
+    farthest,
+    may_exceed,
+    most_turn,
+    rotation,
+    seen_from,
+    weight_at,
+)
+from planner.bound.dual_bound import LinearBound, spread_weights
+from planner.bound.pose_space import view_of
 from planner.bound.pose_tree import PoseTree
-from planner.bound.segments import view_of
-from planner.bound.weights import spread_weights
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
-from planner.columns.judge import Judge
 from planner.cover.set_cover import min_cover
 from planner.effort.bound import BoundEffort, Division
 from planner.effort.effort import NORMAL, Effort
@@ -38,6 +43,7 @@ from planner.executors import Shared
 from planner.request.constraints import Requirements
 from planner.request.image_constraints import field_of_view_slacks, focus_slacks
 from planner.request.request import Request
+from planner.search.judge import Judge
 
 
 @pytest.mark.parametrize("size", SIZES)

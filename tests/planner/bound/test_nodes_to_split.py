@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.bound.lower_bound import _above, _proof, _proof_of_clique, _to_split
-from planner.cover.relaxation import columns_of_covers, core_columns, fractional_cover
+from planner.cover.few_columns import columns_of_covers, core_columns, fractional_cover
 from planner.effort.effort import NORMAL
 
 COARSE = 1.0

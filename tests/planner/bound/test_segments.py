@@ -4,11 +4,11 @@ import numpy as np
 from box_requests import CAMERA, UNCERTAINTY, WORKSPACE, random_poses
 from grid_box import EDGES, BoxSpace
 
-from planner.bound.segments import frustum_of, view_of
+from planner.bound.pose_space import frustum_of, view_of
 from planner.camera.pose import moved, world_to_cam
-from planner.columns.judge import Judge
-from planner.inspection_options import InspectionOptions
+from planner.options import InspectionOptions
 from planner.request.request import Request
+from planner.search.judge import Judge
 
 
 def test_all_that_a_pose_inspects_is_between_the_depths_of_the_bound():

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from planner import Camera, CameraError
-from planner.bound.segments import sensor_tangents
-from planner.camera.distortion import Distortion
-from planner.camera.field import field_of
+from planner.bound.pose_space import sensor_tangents
+from planner.camera.calibration import Distortion
+from planner.camera.camera import field_of
 from planner.camera.imaging import image_of, tangents_of, undistorted_px
-from planner.camera.pose_uncertainty import PoseUncertainty
+from planner.camera.pose import PoseUncertainty
 from planner.request.defaults import corner_margin_px
 from planner.request.image_constraints import cone_slacks, field_of_view_slacks
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planner.camera.distortion import Distortion
+from planner.camera.calibration import Distortion
 from planner.exceptions import CameraError
 
 

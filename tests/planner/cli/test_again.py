@@ -7,8 +7,8 @@ import shutil
 
 import pytest
 
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, DONE
 from planner.plan import read_plan
 
 CAMERA = "basler-acA2440-20gm-8mm"

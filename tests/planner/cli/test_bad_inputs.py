@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT
+from planner.app.main import main
+from planner.app.process import BAD_INPUT
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 BLOCK = str(EXAMPLES / "two_pocket_block.off")

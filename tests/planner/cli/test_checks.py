@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from planner import Camera, camera_names
-from planner.cli.main import main
-from planner.cli.parsing.quantities import memory
-from planner.cli.process.exit_codes import BAD_INPUT, DONE
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, DONE
+from planner.app.quantities import memory
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
 PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm", "--out", "out"]
@@ -196,7 +196,7 @@ def test_an_error_names_the_part_file_in_whatever_folder_it_is(tmp_path, monkeyp
 
 
 # what loads only with a part, or with what is computed from one
-_HEAVY = ("aspectgraph.visibility", "scipy", "numba", "planner.optics.propose")
+_HEAVY = ("aspectgraph.visibility", "scipy", "numba", "planner.optics")
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_a_bad_option_is_refused_before_anything_loads(tmp_path, arguments, mess
     (tmp_path / "known.toml").touch()
     wanted = [] if arguments[0] in ("--entities", "--dimensions") else ["--all"]
     program = (
-        "import sys; from planner.cli.main import main; code = main(sys.argv[1:]);"
+        "import sys; from planner.app.main import main; code = main(sys.argv[1:]);"
         f"print([name for name in {_HEAVY!r} if name in sys.modules]); sys.exit(code)"
     )
     command = [sys.executable, "-c", program, "optics", BLOCK, *wanted, *arguments]

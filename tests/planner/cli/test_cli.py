@@ -14,14 +14,14 @@ import networkx as nx
 import pytest
 from plan_examples import plan
 
-from planner.cli import commands
-from planner.cli.folder_owner import REGIONS_FOLDER
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE, INTERNAL
-from planner.columns.outcome import Outcome
+from planner.app import plan_commands as commands
+from planner.app.main import main
+from planner.app.plan_commands import REGIONS_FOLDER
+from planner.app.process import BAD_INPUT, DONE, INCOMPLETE, INTERNAL
 from planner.exceptions import OutputError
 from planner.plan import read_plan
 from planner.resume import PlanningState
+from planner.sensor_setting import Outcome
 
 BLOCK = """OFF
 8 6 12
@@ -62,7 +62,7 @@ def quick(monkeypatch):
     from planner.effort.effort import Effort
 
     effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
-    monkeypatch.setattr("planner.identity.resolve_request.Effort", lambda: effort)
+    monkeypatch.setattr("planner.resolve_request.Effort", lambda: effort)
 
 
 PLAN = [
@@ -185,7 +185,7 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
 
     arguments = [*PLAN[:-1], "other", "--simulate", "100"]
     with monkeypatch.context() as patch:
-        patch.setattr("planner.steps.stages.assembled", interrupt)
+        patch.setattr("planner.search.stages.assembled", interrupt)
         assert main(arguments) == INCOMPLETE
     out, err = capsys.readouterr()
     assert "Planning stopped early. A longer run may" in " ".join(out.split())
@@ -197,8 +197,8 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
     assert best.complete
     assert commands.STATE_FILE in os.listdir(folder / "other")
     with monkeypatch.context() as patch:
-        patch.setattr("planner.steps.run.realise", interrupt)
-        patch.setattr("planner.steps.prove_bound.lower_bound", interrupt)
+        patch.setattr("planner.search.run.realise", interrupt)
+        patch.setattr("planner.search.stages.lower_bound", interrupt)
         assert main([*arguments, "--resume"]) == DONE
     assert (folder / "other" / "plan.json").read_bytes() == expected
     assert commands.STATE_FILE not in os.listdir(folder / "other")
@@ -206,7 +206,7 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
 
 def test_a_request_to_terminate_keeps_the_state_too(folder, quick, capsys, monkeypatch):
     monkeypatch.setattr(
-        "planner.steps.stages.assembled", lambda *a, **k: os.kill(os.getpid(), signal.SIGTERM)
+        "planner.search.stages.assembled", lambda *a, **k: os.kill(os.getpid(), signal.SIGTERM)
     )
     before = signal.getsignal(signal.SIGTERM)
     assert main(PLAN) == INCOMPLETE
@@ -225,14 +225,14 @@ def interrupt(*arguments, **options):
 
 
 def test_resuming_is_not_offered_where_nothing_is_kept(folder, quick, capsys, monkeypatch):
-    monkeypatch.setattr("planner.cli.commands.visible_regions", interrupt)
+    monkeypatch.setattr("planner.app.plan_commands.visible_regions", interrupt)
     assert failure(capsys, [*PLAN, "--jobs", "1"], INCOMPLETE)[-1] == "aspectgraph: interrupted"
     assert not (folder / "out").exists()
 
 
 def test_visible_regions_are_kept_before_there_is_a_state(folder, quick, capsys, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr("planner.steps.incumbents.first_poses", interrupt)
+        patch.setattr("planner.search.incumbents.first_poses", interrupt)
         last = failure(capsys, [*PLAN, "--jobs", "1"], INCOMPLETE)[-1]
     assert last.endswith("interrupted; 'plan' with --resume continues from here")
     assert os.listdir(folder / "out") == [REGIONS_FOLDER]
@@ -242,7 +242,7 @@ def test_visible_regions_are_kept_before_there_is_a_state(folder, quick, capsys,
     assert REGIONS_FOLDER not in os.listdir(folder / "out")
     # with --force they are forgotten
     with monkeypatch.context() as patch:
-        patch.setattr("planner.steps.incumbents.first_poses", interrupt)
+        patch.setattr("planner.search.incumbents.first_poses", interrupt)
         assert main([*PLAN, "--jobs", "1", "--force"]) == INCOMPLETE
         patch.setattr("aspectgraph.visibility.visibility_regions.observable_region", interrupt)
         assert main([*PLAN, "--jobs", "1", "--force"]) == INCOMPLETE
@@ -266,7 +266,7 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr("planner.output.plan_folder.write_poses", full)
+        patch.setattr("planner.report.plan_folder.write_poses", full)
         lines = failure(capsys, [*plan, "--seed", "1", "--force"])
     state = folder / "out" / commands.STATE_FILE
     assert lines[-1].endswith(
@@ -275,8 +275,8 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(
     )
     assert {path: path.read_bytes() for path in first} == first
     with monkeypatch.context() as patch:
-        patch.setattr("planner.steps.find_columns.judged_poses", full)
-        patch.setattr("planner.steps.run.realise", full)
+        patch.setattr("planner.search.stages.judged_poses", full)
+        patch.setattr("planner.search.run.realise", full)
         assert main([*plan, "--seed", "1", "--resume", "--force"]) == DONE
     assert read_plan(folder / "out" / "plan.json").seed == 1
     assert not state.exists()
@@ -310,8 +310,8 @@ def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch)
         raise RuntimeError("bug")
 
     for name in (
-        "planner.output.plan_folder.report_html",
-        "planner.output.plan_folder.write_graphml",
+        "planner.report.plan_folder.report_html",
+        "planner.report.plan_folder.write_graphml",
         "planner.verify.simulate_plan.simulate_setting",
     ):
         with monkeypatch.context() as patch:
@@ -519,7 +519,7 @@ def test_a_state_that_cannot_be_resumed_is_refused_before_any_work(folder, capsy
 
 def test_help_explains_and_is_quick():
     script = (
-        "import sys\nfrom planner.cli.main import main\n"
+        "import sys\nfrom planner.app.main import main\n"
         "try: main(['--help'])\nexcept SystemExit as end: code = end.code\n"
     )
     script += (
@@ -619,7 +619,7 @@ def test_a_fault_is_no_result(folder, capsys, monkeypatch, command):
     def broken(name):
         raise ZeroDivisionError("by \x1b nought")
 
-    monkeypatch.setattr("planner.cli.main._command_of", broken)
+    monkeypatch.setattr("planner.app.main._command_of", broken)
     words = [command, *([] if command == "cameras" else ["block.off"])]
     (line,) = failure(capsys, words, INTERNAL)
     assert line.startswith("aspectgraph: the program has a fault. Got ZeroDivisionError: by \\x1b")
@@ -633,7 +633,7 @@ def test_warnings_of_libraries_are_shown_if_asked_for(folder, capsys, monkeypatc
         warnings.warn("overflow", RuntimeWarning, stacklevel=1)
         return lambda options: DONE
 
-    monkeypatch.setattr("planner.cli.main._command_of", warning)
+    monkeypatch.setattr("planner.app.main._command_of", warning)
     with warnings.catch_warnings():
         # the tests make errors of them
         warnings.simplefilter("always")

@@ -8,8 +8,8 @@ import subprocess
 import pytest
 
 from planner import camera_names
-from planner.cli.main import main
-from planner.cli.process.exit_codes import DONE
+from planner.app.main import main
+from planner.app.process import DONE
 
 
 def completed(script, *words):

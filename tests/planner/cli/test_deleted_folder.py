@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from planner.files import absolute, path_text
-from planner.output.plan_folder import write_graph
 from planner.plan import read_plan
+from planner.report.plan_folder import write_graph
 
 BLOCK = Path(__file__).parents[3] / "examples" / "two_pocket_block.off"
 _SCRIPT = """
 import os, shutil, sys
 from pathlib import Path
-from planner.cli import commands
-from planner.cli.main import main
+from planner.app import commands
+from planner.app.main import main
 
 here, out, block = map(Path, sys.argv[1:])
 read = commands.read_job
@@ -101,7 +101,7 @@ def test_a_plan_is_kept_where_only_the_last_place_takes_it(tmp_path, monkeypatch
     def gone():
         raise FileNotFoundError(2, "No such file or directory")
 
-    monkeypatch.setattr("planner.output.plan_folder.write_graphml", write)
+    monkeypatch.setattr("planner.report.plan_folder.write_graphml", write)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
     monkeypatch.setattr(Path, "cwd", gone)
     monkeypatch.setenv("HOME", str(tmp_path))

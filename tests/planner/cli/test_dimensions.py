@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, DONE
 
 pytest.importorskip("OCP")
 

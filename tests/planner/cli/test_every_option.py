@@ -7,7 +7,8 @@ import argparse
 import pytest
 from plan_examples import plan
 
-from planner.cli.main import build_parser, main
+from planner.app.definitions import build_parser
+from planner.app.main import main
 
 BOX = """OFF
 8 6 0

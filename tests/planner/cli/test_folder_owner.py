@@ -10,25 +10,18 @@ import pytest
 from plan_examples import CAMERA, ENTITIES, UNCERTAINTY, plan
 
 from errors.measurands import Localisation
+from planner.app.arguments import add_asked, add_light, add_registration, add_wanted, add_workspace
+from planner.app.definitions import add_plan_cell
+from planner.app.parsing import option
+from planner.app.plan_commands import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner
 from planner.camera.camera import Camera
-from planner.cli.arguments import (
-    add_asked,
-    add_light,
-    add_registration,
-    add_wanted,
-    add_workspace,
-)
-from planner.cli.folder_owner import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner, option
-from planner.cli.robot.definitions import add_plan_cell
-from planner.columns.outcome import Outcome
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
-from planner.identity.difference import keyword
-from planner.identity.inspection_request import InspectionRequest, PartRecord
-from planner.identity.target_record import EntityRecord, TargetRecord
+from planner.identity import EntityRecord, InspectionRequest, PartRecord, TargetRecord, keyword
 from planner.light.lighting import Lighting
 from planner.request.constraints import Requirements
 from planner.resume import PlanningState
+from planner.sensor_setting import Outcome
 
 LIMITS = dict.fromkeys(
     ("min_length_px", "field_margin_px", "focus_margin_mm", "stand_off_mm", "visibility_radius_mm"),

@@ -11,8 +11,8 @@ import pytest
 from plan_examples import plan
 
 from planner import Camera
-from planner.cli.main import main
-from planner.cli.process.exit_codes import DONE, INCOMPLETE
+from planner.app.main import main
+from planner.app.process import DONE, INCOMPLETE
 from planner.plan import InspectionPlan, read_plan
 from planner.verify.simulate_plan import SimulationResult
 

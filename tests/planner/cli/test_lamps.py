@@ -5,8 +5,8 @@ import json
 import pytest
 
 from aspectgraph import read_graphml
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.plan import read_plan
 
 PLAN = [

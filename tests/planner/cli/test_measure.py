@@ -9,7 +9,7 @@ import pytest
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 from PIL import Image
 
-from planner.cli.main import main
+from planner.app.main import main
 
 
 @pytest.fixture(scope="module")

@@ -9,17 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from aspectgraph import (
-    AspectGraphError,
-    PartFileNotFoundError,
-    ReadError,
-    SolidError,
-    read_solid,
-)
+from aspectgraph import AspectGraphError, PartFileNotFoundError, ReadError, SolidError, read_solid
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
-from planner.cli.main import main
-from planner.cli.naming import in_words_of_shell
+from planner.app.main import main
+from planner.app.parsing import in_words_of_shell
 from planner.exceptions import PlannerError, RequestError
 
 # parameter, rule, got, hint, arguments that rule and hint mention; text of a call, text at a shell
@@ -163,7 +157,7 @@ def test_the_time_limit_for_reading_is_an_option_and_its_end_one_line(capsys, co
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no such device")
 @pytest.mark.parametrize("options", [["--json"], []])
 def test_standard_output_that_takes_no_more_is_one_line(options):
-    script = "import sys; from planner.cli.main import main; sys.exit(main())"
+    script = "import sys; from planner.app.main import main; sys.exit(main())"
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-c", script, "cameras", *options]
         run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)

@@ -7,8 +7,8 @@ import pytest
 from one_kernel import one_kernel
 
 from planner import Camera, OpticsProposal, optics_table
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
 EDGE = "(60,20,10)-(60,40,10)"

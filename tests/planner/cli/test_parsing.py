@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.definitions import build_parser
-from planner.cli.main import main
-from planner.cli.parsing.parser import UsageError, check_names, command_parsers
-from planner.cli.parsing.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, registration
-from planner.cli.process.exit_codes import BAD_INPUT, DONE
+from planner.app.definitions import build_parser
+from planner.app.main import main
+from planner.app.parsing import UsageError, check_names, command_parsers
+from planner.app.process import BAD_INPUT, DONE
+from planner.app.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, registration
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
 PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm", "--jobs", "1"]

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from planner import Localisation, read_plan
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, DONE
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 CASES = Path(__file__).parents[2] / "cases"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.main import main
+from planner.app.main import main
 
 ROOT = Path(__file__).parents[3]
 PLAN = ROOT / "examples/two_pocket_block_plan.json"

@@ -9,7 +9,7 @@ import pytest
 from robot_cells import ROBOTS
 
 from planner import Cell
-from planner.cli.main import main
+from planner.app.main import main
 
 EXAMPLES = ROBOTS.parent
 PLAN = str(EXAMPLES / "two_pocket_block_plan.json")

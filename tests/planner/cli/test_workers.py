@@ -10,12 +10,12 @@ import time
 
 import pytest
 
-from planner.cli import commands
+from planner.app import plan_commands as commands
 from planner.executors import usable_cores
 
 _PARENT = """
 import os, sys, time
-from planner.cli import commands
+from planner.app import commands
 with commands._executor(2) as executor:
     futures = [executor.submit(os.getpid) for _ in range(8)]
     print(*{future.result() for future in futures}, flush=True)

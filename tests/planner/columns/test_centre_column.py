@@ -7,15 +7,15 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty, look_at
-from planner.columns import centre_column
-from planner.columns.centre_column import centre_setting
-from planner.columns.judge import Judge
 from planner.effort.effort import Effort
 from planner.effort.poses import Centring
 from planner.executors import Shared
 from planner.request.request import Request
-from planner.setting.centre import least_share
-from planner.setting.pose_setting import setting_at
+from planner.search import realise_column as centre_column
+from planner.search.evolution import least_share
+from planner.search.judge import Judge
+from planner.search.plan_setting import setting_at
+from planner.search.realise_column import centre_setting
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

@@ -7,13 +7,11 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph import compute_regions
 from planner import Camera, Detectability, PoseUncertainty, Requirements
-from planner.columns.candidates import entity_poses
-from planner.columns.judge import Judge
-from planner.columns.pool import ColumnPool
-from planner.effort.columns import Nearness
-from planner.effort.effort import Effort
+from planner.effort.effort import Effort, Nearness
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
+from planner.search.candidates import entity_poses
+from planner.search.judge import ColumnPool, Judge
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 

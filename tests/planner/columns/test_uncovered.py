@@ -5,12 +5,11 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
-from planner.columns import candidates
-from planner.columns.candidates import Pools, WarmStart, entity_poses, price_poses
-from planner.columns.judge import Judge
-from planner.columns.pool import ColumnPool
 from planner.executors import Shared
 from planner.request.request import Request
+from planner.search import candidates
+from planner.search.candidates import Pools, WarmStart, entity_poses, price_poses
+from planner.search.judge import ColumnPool, Judge
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

@@ -4,8 +4,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from planner.cover.exchange_search import exchange_columns
-from planner.cover.few_columns import few_columns, sets_to_realise
+from planner.cover.few_columns import exchange_columns, few_columns, sets_to_realise
 from planner.cover.set_cover import bound_columns, is_cover, maximal_columns, min_cover
 from planner.exceptions import CoverError
 

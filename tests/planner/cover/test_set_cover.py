@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from planner.cover import set_cover
-from planner.cover.relaxation import fractional_cover
+from planner.cover.few_columns import fractional_cover
 from planner.cover.set_cover import (
     cover_within,
     distinct_rows,

@@ -7,12 +7,11 @@ from lit_parts import block
 from shapely import LineString, Point
 
 from aspectgraph import Face, Solid, read_solid, resolve_entities
-from aspectgraph.solid.edge_ends import edges_that_show
+from aspectgraph.solid.rims import edges_that_show
 from planner import Camera, Detectability, RequestError, Requirements, look_at
 from planner.camera.pose import world_to_cam
-from planner.detectability.contours import CONNECTED
-from planner.detectability.image_check import MOST_PX, ImageCheck
-from planner.detectability.part_lines import PartLines
+from planner.detectability.corners import CONNECTED
+from planner.detectability.image_check import MOST_PX, ImageCheck, PartLines
 from planner.request.defaults import check_showing
 
 pytestmark = pytest.mark.uncompiled

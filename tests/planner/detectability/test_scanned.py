@@ -9,8 +9,7 @@ import pytest
 
 from errors.measurands import Circle, Line
 from planner import Camera, Detectability, look_at
-from planner.detectability.image_check import ImageCheck
-from planner.detectability.scanned import Pieces, Scanned
+from planner.detectability.image_check import ImageCheck, Pieces, Scanned
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks" / "images"))
 from rendered_images import Renderer

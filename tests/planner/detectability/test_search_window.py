@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from planner import Camera, PoseUncertainty, look_at
-from planner.detectability.search_window import search_window_px
+from planner.verify.setting_record import search_window_px
 
 PLAIN = Camera.named("basler-acA2440-20gm-8mm")
 SCALE = PLAIN.matrix[0, 0]

@@ -6,13 +6,10 @@ from dataclasses import is_dataclass, replace
 import pytest
 
 from planner import Effort, RequestError
-from planner.effort.bound import BoundEffort, Division
-from planner.effort.boxes import BoxEffort, Halving, Subdivision
-from planner.effort.columns import Pricing
-from planner.effort.effort import NORMAL, QUICK, THOROUGH
+from planner.effort.bound import BoundEffort, BoxEffort, Division, Halving, Subdivision
+from planner.effort.effort import NORMAL, QUICK, THOROUGH, Improving, Pricing, StageEffort
 from planner.effort.poses import Repair, Search
-from planner.effort.stages import Improving, StageEffort
-from planner.identity.plain import completed_value, plain_fields, restored_value
+from planner.identity import completed_value, plain_fields, restored_value
 
 OTHER_WORDS = {"selection": "sus", "scaling": "rank", "sampling": "workspace"}
 

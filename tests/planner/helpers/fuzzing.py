@@ -22,16 +22,16 @@ from solids import l_block
 from aspectgraph import ReadLimits, read_entities, read_graphml, read_solid, write_graphml
 from aspectgraph.exceptions import AspectGraphError
 from errors.exceptions import MeasurementModelError
-from errors.measurands import kinds
+from errors.measurands.measurand import kinds
 from ga.exceptions import GAError
 from planner import Camera, look_at
-from planner.columns.outcome import Outcome
 from planner.exceptions import PlannerError
+from planner.files import encoded
 from planner.plan import read_plan
-from planner.records.json_file import encoded
+from planner.request.dimension_files import read_wanted
+from planner.request.resolve import resolve_wanted
 from planner.resume import PlanningState
-from planner.wanted.dimension_files import read_wanted
-from planner.wanted.resolve import resolve_wanted
+from planner.sensor_setting import Outcome
 
 OWN = (AspectGraphError, MeasurementModelError, GAError, PlannerError)
 SOLID = l_block()

@@ -11,7 +11,7 @@ import numpy as np
 from aspectgraph import Solid
 from errors.measurands import Circle, Line, Localisation
 from planner import Camera, PlannedDimension, PoseUncertainty, SensorSetting, look_at
-from planner.identity.inspection_request import PartRecord
+from planner.identity import PartRecord
 from planner.plan import InspectionPlan
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks" / "images"))

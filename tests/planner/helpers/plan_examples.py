@@ -2,15 +2,7 @@
 
 import numpy as np
 
-from planner import (
-    Camera,
-    Exposure,
-    LightPlan,
-    LitImage,
-    PoseUncertainty,
-    SensorSetting,
-    look_at,
-)
+from planner import Camera, Exposure, LightPlan, LitImage, PoseUncertainty, SensorSetting, look_at
 from planner.plan import InspectionPlan
 
 CAMERA = Camera(25.0, (0.00345, 0.0035), (2448, 2048), 8.0, 600.0, name="test camera")

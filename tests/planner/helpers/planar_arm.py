@@ -1,4 +1,4 @@
-"""A planar arm of two links among points, with distances in closed form; nothing of planner.robot is used."""
+"""A planar arm of two links among points, with distances in closed form; nothing of planner.robotcell is used."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A six-joint arm as a product of turns about axes; nothing of planner.robot is used."""
+"""A six-joint arm as a product of turns about axes; nothing of planner.robotcell is used."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

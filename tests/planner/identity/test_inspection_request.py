@@ -26,17 +26,14 @@ from planner import (
     RequestError,
     SphereRegion,
 )
-from planner.effort.columns import Pricing
-from planner.effort.effort import Effort
+from planner.effort.effort import Effort, Pricing
 from planner.exceptions import PlanFileError
-from planner.identity.inspection_request import InspectionRequest
-from planner.identity.plain import plain_value
-from planner.identity.resolve_request import Promise, resolve_request
-from planner.identity.restore import restored_options, restored_request
-from planner.inspection_options import InspectionOptions
+from planner.identity import InspectionRequest, plain_value, restored_options, restored_request
+from planner.options import InspectionOptions
+from planner.request.models import Means
+from planner.request.planned import planned
 from planner.request.reach import reach_identity
-from planner.wanted.models import Means
-from planner.wanted.planned import planned
+from planner.resolve_request import Promise, resolve_request
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 300.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

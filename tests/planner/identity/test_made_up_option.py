@@ -13,16 +13,15 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, Effort, PartRequest, PoseUncertainty, inspection, read_plan
-from planner.batch import part_request
-from planner.cli import definitions
-from planner.cli import main as command_line
-from planner.cli.folder_owner import REGIONS_FOLDER
-from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
+from planner.app import batch as part_request
+from planner.app import definitions
+from planner.app import main as command_line
+from planner.app.plan_commands import REGIONS_FOLDER
+from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.exceptions import PlanFileError
-from planner.identity.inspection_request import InspectionRequest
-from planner.identity.resolve_request import Promise
-from planner.identity.restore import restored_options, restored_request
-from planner.inspection_options import InspectionOptions
+from planner.identity import InspectionRequest, restored_options, restored_request
+from planner.options import InspectionOptions
+from planner.resolve_request import Promise
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -30,8 +29,8 @@ PROMISE = Promise(0.98, 0.9)
 # modules that hold the names of the two classes
 _REQUEST = ("inspection_request", "resolve_request", "restore")
 _OPTIONS = (
-    *("planner.inspection", "planner.cli.job", "planner.batch.part_request"),
-    *("planner.identity.restore",),
+    *("planner.inspection", "planner.app.job", "planner.app.batch"),
+    *("planner.identity",),
 )
 
 
@@ -47,7 +46,7 @@ def made_up(monkeypatch):
     options = wider(InspectionOptions)
     for name in _REQUEST:
         monkeypatch.setattr(f"planner.identity.{name}.InspectionRequest", request)
-    monkeypatch.setattr("planner.batch.part_request.InspectionRequest", request)
+    monkeypatch.setattr("planner.app.batch.InspectionRequest", request)
     for name in _OPTIONS:
         monkeypatch.setattr(import_module(name), "InspectionOptions", options)
     monkeypatch.setattr(part_request, "_LIMITS", (*part_request._LIMITS, "made_up"))
@@ -116,7 +115,7 @@ def test_the_output_folder_kept_regions_and_plan_files_notice_it(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("planner.steps.incumbents.first_poses", interrupt)
+        patch.setattr("planner.search.incumbents.first_poses", interrupt)
         assert command_line.main([*plan, "a"]) == INCOMPLETE
     # regions alone know whose they are
     assert [path.name for path in out.iterdir()] == [REGIONS_FOLDER]

@@ -9,7 +9,7 @@ from measured_plate import measured_plan, thick_plate
 
 from aspectgraph import read_solid
 from planner import read_plan
-from planner.identity.planned_part import other_part
+from planner.identity import other_part
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

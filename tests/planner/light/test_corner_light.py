@@ -5,9 +5,8 @@ from lit_parts import block
 from plan_examples import plan, setting
 
 from aspectgraph.solid.ray_scene import RayScene
-from planner.light.corner_light import Corners, corners_of
+from planner.light.corner_light import Corners, Sites, corners_of
 from planner.light.plan_light import plan_light
-from planner.light.together import Sites
 
 LIMITS = (0.1, 0.05)
 

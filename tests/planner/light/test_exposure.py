@@ -12,7 +12,7 @@ from aspectgraph.solid.ray_scene import RayScene
 from planner import Camera, Exposure, LightPlan, LitImage, look_at
 from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
-from planner.light.exposure import exposure, irradiance
+from planner.light.light_plan import exposure, irradiance
 from planner.light.plan_light import plan_light
 from planner.report.setting_report import exposure_texts
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from aspectgraph.cells.cell_set import Cell
-from planner.light import fewest
-from planner.light.fewest import LampSearch
+from planner.light import plan_light as fewest
 from planner.light.lamps import LampBox, LampDome
+from planner.light.plan_light import LampSearch
 
 
 @pytest.mark.parametrize("listed", [14, 0])

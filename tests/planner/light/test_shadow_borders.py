@@ -5,7 +5,7 @@ import pytest
 from lit_parts import RIM, step
 
 from aspectgraph.solid import RayScene
-from planner.light.shadow_borders import SeenLine, beside_lines
+from planner.light.corner_light import SeenLine, beside_lines
 
 EYE = np.array([45.0, 20.0, 400.0])
 # 0.4 mm on the lower floor

@@ -15,10 +15,10 @@ from measured_plate import (
 )
 
 from planner import Registration, RequestError, measure
-from planner.measuring.image.picture import Picture
-from planner.measuring.poses.fiducials import MARKERS, Fiducials, NoFiducialsError, locate
-from planner.measuring.poses.registered import displaced
-from planner.measuring.poses.task import NotRegisteredError
+from planner.measuring.images import Picture
+from planner.measuring.registered import displaced
+from planner.measuring.registration import MARKERS, Fiducials, NoFiducialsError, locate
+from planner.measuring.task import NotRegisteredError
 
 cv2 = pytest.importorskip("cv2")
 # on the top, between the holes; z of the board points into the part, so that x and y are as in the image of it

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from planner import Camera, RequestError
-from planner.measuring.image.image_files import Shot, read_images
+from planner.measuring.images import Shot, read_images
 
 CAMERA = Camera(8.0, (0.01, 0.01), (60, 40), 8.0, 300.0)
 SHOTS = [Shot(f"setting_{k + 1:02d}", k, ("a",)) for k in range(3)]

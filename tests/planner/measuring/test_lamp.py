@@ -18,14 +18,13 @@ from measured_plate import (
 
 from errors.measurands import Circle
 from planner import MeasureOptions, Measurer, Registration
-from planner.measuring.image.picture import Picture
-from planner.measuring.image.scans import State
-from planner.measuring.part_model import PartModel
-from planner.measuring.poses import register as registering
-from planner.measuring.poses import shadows
-from planner.measuring.poses.lamp import Lamp, fitted
-from planner.measuring.poses.registered import prior_covariance
-from planner.measuring.poses.task import registration_task
+from planner.measuring import register as registering
+from planner.measuring import verdict as shadows
+from planner.measuring.images import Picture
+from planner.measuring.registered import Lamp, fitted, prior_covariance
+from planner.measuring.samples import PartModel
+from planner.measuring.scans import State
+from planner.measuring.task import registration_task
 
 # the renderer's, see `part_images`: of a lamp at right angles, and everywhere
 GAIN = 0.78

@@ -24,9 +24,9 @@ from planner import (
     measure,
 )
 from planner.camera.imaging import undistorted_px
-from planner.measuring.poses.registered import displaced
+from planner.measuring.registered import displaced
 from planner.measuring.results import COLUMNS, results_schema
-from planner.wanted.planned_witness import PlannedWitness
+from planner.request.planned import PlannedWitness
 
 MADE = {"left": 0.05, "right": 0.0, "width": 0.08}
 TRUE = {"left": 0.1, "right": 0.0, "apart": 0.0, "width": 0.08}

@@ -8,7 +8,7 @@ from measured_plate import measured_plan, thick_plate
 
 from errors.measurands import Circle, Line
 from planner import RequestError
-from planner.measuring.part_model import PartModel, _holds
+from planner.measuring.samples import PartModel, _holds
 
 
 class HalfCircle:

@@ -7,8 +7,8 @@ import pytest
 import scipy.linalg
 
 from aspectgraph import Solid
-from errors.registration import posterior
 from errors.registration.known_pose_loops import _free_ways
+from errors.registration.posterior import posterior
 from planner import (
     Camera,
     Dimension,
@@ -23,17 +23,17 @@ from planner import (
     plan_inspection,
     read_plan,
 )
-from planner.bound.least_image import least_images_mm
+from planner.bound.pose_space import least_images_mm
 from planner.callbacks import Deadline
 from planner.camera.pose import world_to_cam
-from planner.identity.resolve_request import Promise, resolve_request
-from planner.identity.restore import restored_options, restored_request
+from planner.identity import restored_options, restored_request
 from planner.inspection import _request
-from planner.measuring.part_model import POSE, PartModel
-from planner.measuring.poses import solving
-from planner.measuring.poses.planned_edges import planned_edges
-from planner.measuring.poses.registered import displaced, prior_covariance
-from planner.measuring.poses.task import registration_task
+from planner.measuring import task as solving
+from planner.measuring.planned_edges import planned_edges
+from planner.measuring.registered import displaced, prior_covariance
+from planner.measuring.samples import POSE, PartModel
+from planner.measuring.task import registration_task
+from planner.resolve_request import Promise, resolve_request
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_plan import simulate_plan
 

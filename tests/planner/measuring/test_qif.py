@@ -14,10 +14,8 @@ import pytest
 import xmlschema
 
 from errors.measurands import Decision, DecisionRule
-from planner.measuring.merge import Result
-from planner.measuring.qif import CHARACTERISTICS, NAMESPACE, qif_text
-from planner.measuring.reading import Reading
-from planner.measuring.results import MeasurementResults
+from planner.measuring.reading import Reading, Result
+from planner.measuring.results import CHARACTERISTICS, NAMESPACE, MeasurementResults, qif_text
 
 SCHEMA = xmlschema.XMLSchema11(Path(__file__).with_name("qif_written.xsd"))
 

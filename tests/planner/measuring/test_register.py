@@ -15,25 +15,13 @@ from measured_plate import (
     thick_plate,
 )
 
-from planner import (
-    Localisation,
-    MeasureOptions,
-    Measurer,
-    PoseUncertainty,
-    Registration,
-    measure,
-)
-from planner.measuring.image.picture import Picture
-from planner.measuring.part_model import POSE, PartModel
-from planner.measuring.poses import solving
-from planner.measuring.poses.coarse import coarse_shift
-from planner.measuring.poses.register import (
-    LEAST_BIAS_PX,
-    bias_of,
-    register,
-)
-from planner.measuring.poses.registered import displaced, prior_covariance
-from planner.measuring.poses.task import Found, NotRegisteredError, registration_task
+from planner import Localisation, MeasureOptions, Measurer, PoseUncertainty, Registration, measure
+from planner.measuring import task as solving
+from planner.measuring.images import Picture
+from planner.measuring.register import LEAST_BIAS_PX, bias_of, coarse_shift, register
+from planner.measuring.registered import displaced, prior_covariance
+from planner.measuring.samples import POSE, PartModel
+from planner.measuring.task import Found, NotRegisteredError, registration_task
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +51,7 @@ def images(real):
 
 def seen_error_px(model, registered, pose):
     """How far registered edges of the upper face are, across them, from where a camera at a pose images them, px."""
-    from planner.measuring.image.samples import across_of, pixels_of
+    from planner.measuring.samples import across_of, pixels_of
 
     worst = 0.0
     for edge in model.edges.edges:

@@ -5,15 +5,14 @@ import pytest
 from measured_plate import CAMERA, POSES, UNCERTAINTY, fine_plate, photograph, thick_plate
 from scipy.stats import multivariate_normal
 
-from errors.registration import Rows, posterior
+from errors.registration import Rows
+from errors.registration.posterior import posterior
 from planner.measuring.fit import CORRELATION_PX, TUKEY
-from planner.measuring.image.picture import Picture
-from planner.measuring.image.samples import STEP_PX
-from planner.measuring.part_model import PartModel
-from planner.measuring.poses.register import MOST_HALVINGS, Scanner
-from planner.measuring.poses.registered import FREE_PX, prior_covariance
-from planner.measuring.poses.solving import cost_of, damped, noise_of
-from planner.measuring.poses.task import Found, registration_task
+from planner.measuring.images import Picture
+from planner.measuring.register import MOST_HALVINGS, Scanner
+from planner.measuring.registered import FREE_PX, prior_covariance
+from planner.measuring.samples import STEP_PX, PartModel
+from planner.measuring.task import Found, cost_of, damped, noise_of, registration_task
 
 NOISE = 0.1
 VARIANCE = NOISE**2 * CORRELATION_PX / STEP_PX

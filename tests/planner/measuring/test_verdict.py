@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from measured_plate import CAMERA, POSES, UNCERTAINTY, thick_plate
 
-from planner.measuring.part_model import PartModel
-from planner.measuring.poses.lamp import Lamp
-from planner.measuring.poses.registered import prior_covariance
-from planner.measuring.poses.shadows import Shown
-from planner.measuring.poses.task import Found, Scan, registration_task
-from planner.measuring.poses.verdict import Attempt
+from planner.measuring.registered import Lamp, prior_covariance
+from planner.measuring.samples import PartModel
+from planner.measuring.task import Found, Scan, registration_task
+from planner.measuring.verdict import Attempt, Shown
 
 LAMP = Lamp(np.zeros(3), 0.0, 1.0, 0.8, 0.1, 0.0)
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from planar_arm import PlanarArm
 
-from planner.motion.checked_tour import TourChecker, straight_costs
-from planner.motion.detour import DetourEffort, Detours
-from planner.motion.move_time import JointRates, move_times
+from planner.robotprogram.moves import DetourEffort, Detours, TourChecker, straight_costs
+from planner.robotprogram.tour import JointRates, move_times
 
 RATES = JointRates(np.array([1.0, 2.0]), np.array([3.0, 3.0]))
 HOME = np.array([0.0, 2.5])

@@ -5,7 +5,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from planner.motion.fixturing_choice import choose_fixturings
+from planner.robotprogram.robot_program import choose_fixturings
 
 
 def no_time(fixturing, settings):

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from planar_arm import PlanarArm
 
-from planner.motion.detour import Detours
-from planner.motion.free_move import check_move, check_path
-from planner.motion.move_time import JointRates
+from planner.robotprogram.moves import Detours, check_move, check_path
+from planner.robotprogram.tour import JointRates
 
 RATES = JointRates(np.full(2, 1.0), np.full(2, 2.0))
 

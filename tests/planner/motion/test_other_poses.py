@@ -25,10 +25,10 @@ from planner import (
     robot_program_with_other_poses,
     with_reached_settings,
 )
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE, INCOMPLETE
-from planner.motion.other_poses.equivalent_poses import EquivalentPoses, why_no_other_poses
-from planner.motion.program_record import plan_digest
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
+from planner.robotprogram.other_poses import EquivalentPoses, why_no_other_poses
+from planner.robotprogram.program_record import plan_digest
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

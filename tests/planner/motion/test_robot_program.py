@@ -30,10 +30,10 @@ from planner import (
     robot_program,
     simulate_setting,
 )
-from planner.identity.planned_part import other_part, part_note
-from planner.motion.detour import Detours
-from planner.motion.move_time import move_times
-from planner.motion.stated_probability import stated_probabilities
+from planner.identity import other_part, part_note
+from planner.robotprogram.moves import Detours
+from planner.robotprogram.pose_knowledge import stated_probabilities
+from planner.robotprogram.tour import move_times
 
 
 def stops(of):

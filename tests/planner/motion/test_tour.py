@@ -5,8 +5,7 @@ from itertools import pairwise, permutations, product
 import numpy as np
 import pytest
 
-from planner.motion.tour import best_branches, exact_order, shortest_tour
-from planner.motion.tour_search import improved_order
+from planner.robotprogram.tour import best_branches, exact_order, improved_order, shortest_tour
 
 
 def costs_of(points, home):

@@ -8,8 +8,8 @@ import pytest
 from aspectgraph import read_solid
 from planner import Dimension, PoseUncertainty, RequestError, optics_table, predict, propose_optics
 from planner.camera.catalogue import camera_parts
-from planner.inspection_options import InspectionOptions
-from planner.optics.propose import DISTANCES_MM
+from planner.optics import DISTANCES_MM
+from planner.options import InspectionOptions
 
 BLOCK = read_solid("examples/two_pocket_block.off")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

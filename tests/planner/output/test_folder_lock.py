@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 
 from planner.exceptions import OutputError
-from planner.output import folder_lock as module
-from planner.output.folder_lock import LOCK_FILE, LockOwner, folder_lock
+from planner.report import folder_lock as module
+from planner.report.folder_lock import LOCK_FILE, LockOwner, folder_lock
 
 _HOLDER = """
 import os, sys, time
 from pathlib import Path
-from planner.output.folder_lock import folder_lock
+from planner.report.folder_lock import folder_lock
 with folder_lock(Path(sys.argv[1])):
     if sys.argv[2] == "fork":
         child = os.fork()

@@ -7,8 +7,8 @@ import pytest
 
 from aspectgraph import compute_regions, read_solid, resolve_entities
 from planner import read_plan
-from planner.output import plan_folder
-from planner.output.plan_folder import FEW_GRAPH_ENTITIES, _joint_graph
+from planner.report import plan_folder
+from planner.report.plan_folder import FEW_GRAPH_ENTITIES, _joint_graph
 
 
 @pytest.fixture(scope="module")

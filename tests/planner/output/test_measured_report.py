@@ -8,8 +8,8 @@ import pytest
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 
 from planner import Registration, measure, measured_html
-from planner.measuring.image.scans import State
-from planner.output.overlay import COLOURS, PLANNED, REGISTERED, residual_svg, value_svg
+from planner.measuring.scans import State
+from planner.report.measured_report import COLOURS, PLANNED, REGISTERED, residual_svg, value_svg
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ import pytest
 from plan_examples import ENTITIES, plan, setting
 
 from errors.measurands import Line, Localisation
-from planner.output import terminal_tables
-from planner.progress.text_table import (
+from planner.report import terminal_tables
+from planner.request.planned import PlannedDimension
+from planner.text_table import (
     Column,
     WholePieces,
     listed,
@@ -20,7 +21,6 @@ from planner.progress.text_table import (
     terminal_width,
     words,
 )
-from planner.wanted.planned import PlannedDimension
 
 COLUMNS = (Column("entity"), Column("P", right=True), Column("what is said of it"))
 NAMES = ("far rim of the slot", "bohrung_d12_h7_links_oben", "e7")

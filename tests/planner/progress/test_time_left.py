@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from planner.progress.time_left import TimeIsUpError, TimeLeft
+from planner.progress import TimeIsUpError, TimeLeft
 
 
 class _Clock:

@@ -9,11 +9,11 @@ from file_mutants import damaged_json, damaged_toml
 from plan_examples import ENTITIES, LIGHT, plan, setting
 
 from planner import Camera, look_at
-from planner.columns.outcome import Outcome
 from planner.exceptions import CameraError, PlanFileError
+from planner.files import encoded
 from planner.plan import read_plan
-from planner.records.json_file import encoded
 from planner.resume import PlanningState
+from planner.sensor_setting import Outcome
 
 MUTANTS = 300
 REQUEST = {"entities": ENTITIES}

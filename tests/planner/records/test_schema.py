@@ -7,13 +7,12 @@ import jsonschema
 import pytest
 from plan_examples import LIGHT, plan, setting
 
-from planner.columns.outcome import Outcome
 from planner.exceptions import PlanFileError
+from planner.files import encoded, read_json
 from planner.plan import InspectionPlan, read_plan
-from planner.records.json_file import encoded, read_json
-from planner.records.plan_check import check_state
-from planner.records.schema import check_schema, field_name, read_schema, shown
+from planner.plan_file import check_schema, check_state, field_name, read_schema, shown
 from planner.resume import PlanningState
+from planner.sensor_setting import Outcome
 
 
 def data():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from robot_programs import FIXTURINGS, HOME, block, cell, program
 
-from planner.report.arm_figure import Stand, arm_figure, arm_section
+from planner.report.graph_picture import Stand, arm_figure, arm_section
 
 
 def stands():

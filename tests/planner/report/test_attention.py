@@ -2,9 +2,9 @@
 
 import re
 
-from planner.report.attention import FEW, attention, not_inspected, reasons_section
-from planner.rows.measured_rows import Row, Warned, WarningKind
-from planner.setting.reason import Reason, ReasonKind
+from planner.report.tables import FEW, attention, not_inspected, reasons_section
+from planner.rows import Row, Warned, WarningKind
+from planner.sensor_setting import Reason, ReasonKind
 
 
 def row(number, name, *warnings):

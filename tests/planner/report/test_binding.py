@@ -3,7 +3,7 @@
 import pytest
 from plan_examples import CAMERA, plan, setting
 
-from planner.report.binding import nearest_limits
+from planner.report.tables import nearest_limits
 
 NEED = {
     "min_length_px": 20.0,

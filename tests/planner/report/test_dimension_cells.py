@@ -6,9 +6,9 @@ import pytest
 
 from errors.measurands import Circle, Localisation
 from planner import RequestError
-from planner.cli.wanted import read_localisation
+from planner.app.job import read_localisation
 from planner.exceptions import PlanFileError
-from planner.report.dimension_report import (
+from planner.report.setting_report import (
     _accepted,
     _budget,
     _images_text,
@@ -16,8 +16,8 @@ from planner.report.dimension_report import (
     budget_percents,
     localisation_text,
 )
+from planner.request.planned import PlannedDimension
 from planner.verify.setting_record import _check_same
-from planner.wanted.planned import PlannedDimension
 
 
 def dimension(**fields):

@@ -20,10 +20,10 @@ import planner
 from planner import LightPlan, LitImage, look_at
 from planner.plan import InspectionPlan
 from planner.report.figure import color_of, plan_figure
+from planner.report.overview import facts, report_date
 from planner.report.page import left_out_of, report_html
 from planner.report.predicted_image import PictureMaker, png_grey
-from planner.report.setting_table import stance
-from planner.report.summary.facts import facts, report_date
+from planner.report.tables import stance
 from planner.report.wording import margin_texts, verdict
 
 SIZE = (80.0, 50.0, 60.0)

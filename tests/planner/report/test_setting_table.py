@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plan_examples import CAMERA, plan, setting
 
-from planner.report.setting_table import binding_sentence, focus_note
+from planner.report.tables import binding_sentence, focus_note
 
 
 def with_margins(margins, requirements=None):

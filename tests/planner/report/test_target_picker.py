@@ -9,9 +9,8 @@ import pytest
 from plan_examples import plan, setting
 
 from errors.measurands import Line, Localisation
-from planner.report.summary.target_picker import target_picker
-from planner.wanted.planned import PlannedDimension
-from planner.wanted.planned_witness import PlannedWitness
+from planner.report.overview import target_picker
+from planner.request.planned import PlannedDimension, PlannedWitness
 
 ENDS = np.array([[0.0, 0.0, 0.0], [30.0, 0.0, 0.0]])
 

@@ -8,8 +8,7 @@ import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import CAMERA, plan, setting
 
-from planner.report.figure import figure_views, plan_figure, scene_frame
-from planner.report.views import SceneFrame, box_around
+from planner.report.figure import SceneFrame, box_around, figure_views, plan_figure, scene_frame
 
 SPACE = BoxSpace((80.0, 50.0, 60.0), [[-900.0] * 3, [900.0] * 3], EDGES)
 

@@ -13,8 +13,8 @@ from plan_examples import ENTITIES, plan, setting
 
 from planner import Camera, LightPlan, LitImage, SimulationResult, SuccessRate
 from planner.bound.lower_bound import _proof, _proof_of_clique
-from planner.output.terminal_tables import print_graph, print_plan, print_simulation
 from planner.report.page import report_html
+from planner.report.terminal_tables import print_graph, print_plan, print_simulation
 from planner.report.wording import (
     bound_sentence,
     calibration_rows,

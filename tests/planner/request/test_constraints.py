@@ -16,21 +16,21 @@ from planner import (
     plan_setting,
 )
 from planner.camera.pose import world_to_cam
-from planner.request.constraints import (
-    Constraints,
-    Requirements,
-    clearance_slacks,
-    enclosing_sphere,
-    visibility_slacks,
-    workspace_slacks,
-)
+from planner.request.constraints import Constraints, Requirements
 from planner.request.image_constraints import (
     cone_slacks,
     field_of_view_slacks,
     focus_slacks,
     resolution_slacks,
 )
-from planner.request.reach import SignedDistance, reach_margin
+from planner.request.reach import (
+    SignedDistance,
+    clearance_slacks,
+    enclosing_sphere,
+    reach_margin,
+    visibility_slacks,
+    workspace_slacks,
+)
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 600.0, largest_blur_mm=0.02)
 

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from planner import Camera, PoseUncertainty
-from planner.inspection_options import InspectionOptions
-from planner.request.focus_reserve import LEAST_SIGMAS, NO_RESERVE, FocusReserve, sigmas_left
+from planner.options import InspectionOptions
+from planner.request.camera_limits import LEAST_SIGMAS, NO_RESERVE, FocusReserve, sigmas_left
 from planner.request.image_constraints import FOCUS, Lens, image_slacks
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), f_number=8.0, focus_distance_mm=300.0)

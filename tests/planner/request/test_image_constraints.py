@@ -9,7 +9,7 @@ from planner import Camera, look_at
 from planner.camera.pose import moved
 from planner.request.constraints import Constraints, Requirements
 from planner.request.image_constraints import Lens, image_slacks
-from planner.request.positions import visibility_slacks
+from planner.request.reach import visibility_slacks
 
 pytestmark = pytest.mark.uncompiled
 

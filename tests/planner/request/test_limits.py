@@ -10,7 +10,7 @@ from plan_examples import CAMERA, UNCERTAINTY, plan
 
 from planner import PoseUncertainty
 from planner.exceptions import PlanFileError, RequestError
-from planner.inspection_options import InspectionOptions
+from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.report.wording import requirement_rows
 from planner.request.constraints import Requirements

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from plan_examples import CAMERA
 
-from planner.request.necessary import boxes_reach, focus_reach_mm, longest_image_mm, widest_view_mm
+from planner.request.camera_limits import (
+    boxes_reach,
+    focus_reach_mm,
+    longest_image_mm,
+    widest_view_mm,
+)
 
 
 def sharp_points(n, seed=0):

@@ -12,9 +12,9 @@ from scipy.stats import binom
 
 from aspectgraph import read_solid
 from planner import Camera, Effort, PlanFileError, PoseUncertainty, plan_inspection
-from planner.request.objective import Objective
+from planner.request.models import Means
+from planner.request.request import Objective
 from planner.verify.simulate_setting import simulate_setting
-from planner.wanted.models import Means
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), f_number=8.0, focus_distance_mm=300.0)
 DEPTH = 300.0

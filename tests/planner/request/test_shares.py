@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner import Camera
-from planner.request.shares import probability_share, rooms, shares
+from planner.request.camera_limits import probability_share, rooms, shares
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 300.0)
 WORKSPACE = np.array([[0.0, 0.0, 0.0], [500.0, 400.0, 900.0]])

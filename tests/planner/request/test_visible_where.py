@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from aspectgraph import compute_regions, graph_of, read_solid
-from planner.request.positions import visibility_slacks, visible_where
-from planner.request.target_space import Seen, TargetSpace
+from planner.request.reach import Seen, TargetSpace, visibility_slacks, visible_where
 
 NAMES = ("e1", "e4", "both")
 

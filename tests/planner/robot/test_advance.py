@@ -5,7 +5,7 @@ import pytest
 from robot_cells import CAM2FLANGE, NAMES, made_cell, made_robot, pose, random_joints
 
 from planner import Box, Cell, Fixturing
-from planner.robot.moves.advance import static_levers
+from planner.robotcell.collisions import static_levers
 
 
 def links_in_base(cell, q):

@@ -5,7 +5,7 @@ import pytest
 from robot_cells import NAMES, made_robot, pose
 
 from planner import Box, RobotError
-from planner.robot.bodies import grown, hull_of, mesh_of, round_points, surface_of
+from planner.robotcell.bodies import grown, hull_of, mesh_of, round_points, surface_of
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 

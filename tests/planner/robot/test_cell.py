@@ -24,10 +24,10 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph import Solid
 from planner import Box, Cell, Fixturing, RobotError
-from planner.robot import branches
-from planner.robot.bodies import hull_of
-from planner.robot.reachability import CellRegion
-from planner.robot.transforms import compose, invert
+from planner.robotcell import branches
+from planner.robotcell.bodies import hull_of
+from planner.robotcell.reachability import CellRegion
+from planner.robotcell.urdf import compose, invert
 
 SIZE = np.array([200.0, 120.0, 80.0])
 

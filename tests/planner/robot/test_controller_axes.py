@@ -20,7 +20,7 @@ from planner import (
     robot_program,
     write_program,
 )
-from planner.robot.controller_axes import ControllerAxes
+from planner.robotcell.arm import ControllerAxes
 
 ROD = [(3, 2, 1.0)]
 HOME = (0.0, 0.1, -0.2, 0.0, 1.2, 0.0)

@@ -22,8 +22,8 @@ from planner import (
     propose_placements,
     robot_program,
 )
-from planner.report.arm_figure import arm_figure, stands_of
-from planner.robot.transforms import compose, invert
+from planner.report.graph_picture import arm_figure, stands_of
+from planner.robotcell.urdf import compose, invert
 
 CAMERA_BODY = Box((-30.0, -30.0, -90.0), (30.0, 30.0, 0.0))
 DOWN = Rotation.from_euler("x", 180, degrees=True).as_matrix()

@@ -223,7 +223,7 @@ def test_a_pose_of_few_decimals_has_the_branches_of_the_pose(decimals):
 
 
 def test_the_nearest_rotation_is_the_polar_factor():
-    from planner.robot.transforms import check_rotations
+    from planner.robotcell.urdf import check_rotations
 
     poses = np.tile(np.eye(4), (50, 1, 1))
     poses[:, :3, :3] = Rotation.random(50, random_state=0).as_matrix()
@@ -249,7 +249,7 @@ def test_what_is_no_rotation_is_refused(factor):
 
 
 def test_an_arm_whose_joints_are_not_found_again_is_refused(tmp_path, monkeypatch):
-    from planner.robot.branches import Branches
+    from planner.robotcell.branches import Branches
 
     closed_form = Branches._closed_form
 

@@ -6,9 +6,9 @@ from robot_cells import pose, random_pose
 from scipy.spatial.transform import Rotation
 
 from planner import Box, Fixturing, RobotError
-from planner.robot.bodies import hull_of, surface_of
-from planner.robot.standing import SKIN_MM, Standing, standing_bodies, sunk_mm
-from planner.robot.transforms import compose
+from planner.robotcell.bodies import hull_of, surface_of
+from planner.robotcell.standing import SKIN_MM, Standing, standing_bodies, sunk_mm
+from planner.robotcell.urdf import compose
 
 EYE = np.array([[0.0, 0.0, 300.0]])
 LINE = np.array([[[-50.0, 0.0, 0.0], [50.0, 0.0, 0.0]]])

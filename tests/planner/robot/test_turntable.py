@@ -11,10 +11,10 @@ from robot_programs import HOME, SIZE, block
 from scipy.spatial.transform import Rotation
 
 from planner import Box, Cell, Fixturing, RobotError
-from planner.motion.free_move import check_move
-from planner.motion.robot_program import FixturedArm
-from planner.robot.reachability import CellRegion
-from planner.robot.transforms import compose
+from planner.robotcell.reachability import CellRegion
+from planner.robotcell.urdf import compose
+from planner.robotprogram.moves import check_move
+from planner.robotprogram.robot_program import FixturedArm
 
 AXIS = ((800.0, 60.0, 0.0), (0.0, 0.0, 1.0))
 PART2BASE = pose((700.0, 0.0, 30.0))

@@ -8,10 +8,11 @@ from plan_examples import CAMERA, LIGHT, UNCERTAINTY, plan, setting
 from scipy.spatial.transform import Rotation
 
 from errors.measurands import Line, Localisation
-from planner.rows.measured_rows import SOURCES, WarningKind, measured_rows
+from errors.measurands.measurand_model import SOURCES
+from planner.request.planned import PlannedDimension
+from planner.rows import WarningKind, measured_rows
 from planner.verify.simulate_plan import SimulationResult
 from planner.verify.simulate_setting import SuccessRate
-from planner.wanted.planned import PlannedDimension
 
 LENGTH_MM = 80.0
 DEPTH_MM = 560.0

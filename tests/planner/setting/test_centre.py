@@ -11,7 +11,7 @@ from planner.camera.pose import world_to_cam
 from planner.effort.poses import Centring
 from planner.request.constraints import Requirements
 from planner.request.request import Request
-from planner.setting.centre import centred, least_share
+from planner.search.evolution import centred, least_share
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

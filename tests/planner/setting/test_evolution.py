@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.setting.evolution import Schedule, evolve, triangular_factor
+from planner.search.evolution import Schedule, evolve, triangular_factor
 
 LONG = Schedule(population=16, generations=400, patience=400)
 

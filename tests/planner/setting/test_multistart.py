@@ -6,12 +6,18 @@ from known_box import BoxSpace
 
 from planner import Camera, PoseUncertainty, Search, look_at
 from planner.request.constraints import Constraints, Requirements
-from planner.request.objective import Objective
-from planner.setting.multistart import Ascent, best_apart, best_around, spread, turned_views
-from planner.setting.pose_bits import PoseEncoding
-from planner.setting.refine import approach, refine
-from planner.setting.viewpoint_sampling import ViewpointSampler
-from planner.wanted.models import Means
+from planner.request.models import Means
+from planner.request.request import Objective
+from planner.search.first_poses import PoseEncoding, ViewpointSampler
+from planner.search.refine import (
+    Ascent,
+    approach,
+    best_apart,
+    best_around,
+    refine,
+    spread,
+    turned_views,
+)
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)
 PAPER = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))

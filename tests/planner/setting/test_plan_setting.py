@@ -19,11 +19,9 @@ from planner import (
     plan_setting,
 )
 from planner.request.constraints import Constraints, Requirements
-from planner.request.objective import Objective
-from planner.setting.first_poses import draw_start
-from planner.setting.pose_bits import PoseEncoding
-from planner.setting.viewpoint_sampling import ViewpointSampler, WorkspaceSampler
-from planner.wanted.models import Means
+from planner.request.models import Means
+from planner.request.request import Objective
+from planner.search.first_poses import PoseEncoding, ViewpointSampler, WorkspaceSampler, draw_start
 
 REAL = Camera.named("basler-acA2440-20gm-25mm")
 PAPER_CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)

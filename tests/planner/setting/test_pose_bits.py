@@ -7,9 +7,7 @@ from planner import Camera, SphereRegion
 from planner.camera.pose import look_at
 from planner.effort.effort import NORMAL
 from planner.request.constraints import Constraints, Requirements
-from planner.setting.first_poses import _least_violating, draw_start
-from planner.setting.pose_bits import PoseEncoding
-from planner.setting.viewpoint_sampling import ViewpointSampler
+from planner.search.first_poses import PoseEncoding, ViewpointSampler, _least_violating, draw_start
 
 BOUNDS = np.array([[-100.0, -50.0, 200.0], [300.0, 60.0, 210.0]])
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 600.0, largest_blur_mm=0.02)

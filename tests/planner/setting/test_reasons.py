@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from plan_examples import CAMERA, plan, setting
 
-from planner.columns.outcome import Outcome
-from planner.columns.realise_column import meaning
 from planner.exceptions import InfeasibleError
 from planner.plan import InspectionPlan, read_plan
-from planner.records.schema import read_schema
+from planner.plan_file import read_schema
 from planner.resume import PlanningState
-from planner.setting.infeasible import check_extent
-from planner.setting.reason import Reason, ReasonKind
+from planner.search.infeasible import check_extent
+from planner.search.realise_column import meaning
+from planner.sensor_setting import Outcome, Reason, ReasonKind
 
 
 @pytest.mark.parametrize(

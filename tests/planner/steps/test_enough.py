@@ -6,8 +6,7 @@ import pytest
 from box_requests import CAMERA, UNCERTAINTY, WORKSPACE
 from grid_box import EDGES, BoxSpace
 
-from planner.effort.effort import Effort
-from planner.effort.stages import Preference, StageEffort
+from planner.effort.effort import Effort, Preference, StageEffort
 from planner.inspection import plan_inspection
 from planner.verify.simulate_plan import simulate_plan
 

@@ -13,7 +13,7 @@ from planner.effort.effort import Effort
 from planner.exceptions import RequestError
 from planner.inspection import plan_inspection
 from planner.plan import InspectionPlan, read_plan
-from planner.report.binding import nearest_limits
+from planner.report.tables import nearest_limits
 
 # a narrow field of view, so that there is something to improve and to prove
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -158,7 +158,8 @@ def test_an_error_of_the_listener_ends_the_work(space):
 
 def test_what_has_no_view_yet_is_said_to_have_none_yet(space, monkeypatch):
     """One entity gets no candidate poses, so its own run finds the first."""
-    from planner.steps import find_columns, incumbents
+    from planner.search import incumbents
+    from planner.search import stages as find_columns
 
     monkeypatch.setattr(incumbents, "first_poses", lambda *_: np.zeros((0, 4, 4)))
     drawn = find_columns.judged_poses

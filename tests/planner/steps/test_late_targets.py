@@ -6,7 +6,7 @@ import pytest
 from aspectgraph import compute_regions, read_solid
 from planner import Camera, Effort, PoseUncertainty, RequestError, plan_inspection
 from planner.callbacks import Deadline
-from planner.setting.reason import ReasonKind
+from planner.sensor_setting import ReasonKind
 
 RIMS = {"e1": [[60, 20, 10], [60, 40, 10]], "e4": [[20, 60, 10], [40, 60, 10]]}
 SMALL = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)

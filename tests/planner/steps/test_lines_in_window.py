@@ -10,8 +10,8 @@ from planner import Detectability, PoseUncertainty, Requirements
 from planner.detectability.conditions import NOT_ASKED
 from planner.plan import InspectionPlan
 from planner.request.request import Request
-from planner.rows.measured_rows import measured_rows
-from planner.steps.lines_in_window import with_lines_in_windows
+from planner.rows import measured_rows
+from planner.search.incumbents import with_lines_in_windows
 
 NAME = "top front"
 SPACE = compute_regions(block(), {NAME: ENTITIES[NAME]}, workspace=[[-900.0] * 3, [900.0] * 3])

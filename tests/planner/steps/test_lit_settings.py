@@ -19,11 +19,11 @@ from planner import (
     plan_inspection,
     plan_light,
 )
-from planner.identity.plain import plain_value
+from planner.identity import plain_value
 from planner.light.light_plan import LightPlan
 from planner.request.defaults import default_workspace
-from planner.setting import pose_setting
-from planner.steps import lit_settings as module
+from planner.search import plan_setting as pose_setting
+from planner.search import stages as module
 
 # between the top, z = 60, and the face x = 0
 LEFT = {"left": [[0.0, 0, 60], [0, 50, 60]]}

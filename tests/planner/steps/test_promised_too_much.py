@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.columns import realise_column
-from planner.columns.realise_column import PosedOnly, promised_too_much
 from planner.effort.effort import NORMAL
+from planner.search import realise_column
+from planner.search.realise_column import PosedOnly, promised_too_much
 from planner.verify.simulate_setting import MODEL_TOLERANCE
 
 

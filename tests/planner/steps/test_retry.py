@@ -7,16 +7,13 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty, look_at
-from planner.columns.outcome import Outcome
-from planner.effort.columns import Support
-from planner.effort.effort import Effort
+from planner.effort.effort import Effort, Support
 from planner.request.request import Request
 from planner.resume import PlanningState
-from planner.setting.pose_setting import setting_at
-from planner.setting.reason import Reason, ReasonKind
-from planner.steps.retry import ShortTargets
-from planner.steps.run import Run
-from planner.steps.settle import _without_short
+from planner.search.plan_setting import setting_at
+from planner.search.run import Run
+from planner.search.settle import ShortTargets, _without_short
+from planner.sensor_setting import Outcome, Reason, ReasonKind
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 # two edges of the top that meet its front and its back

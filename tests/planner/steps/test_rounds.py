@@ -11,11 +11,10 @@ from planner.callbacks import NOBODY
 from planner.effort.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
-from planner.setting.pose_setting import setting_at
-from planner.steps import prove_bound
-from planner.steps.incumbents import Incumbents
-from planner.steps.plan_state import PlanState
-from planner.steps.run import Run
+from planner.search import stages as prove_bound
+from planner.search.incumbents import Incumbents
+from planner.search.plan_setting import setting_at
+from planner.search.run import PlanState, Run
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -88,9 +87,9 @@ def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeyp
         asked.append(setting.entities)
         return {name: 0.1 for name in setting.entities if name == NAMES[2]}
 
-    monkeypatch.setattr("planner.columns.promises.promised_too_much", too_much)
+    monkeypatch.setattr("planner.search.realise_column.promised_too_much", too_much)
     monkeypatch.setattr(
-        "planner.columns.promises.joint_bounds", lambda judge, pose, names, seed: {}
+        "planner.search.realise_column.joint_bounds", lambda judge, pose, names, seed: {}
     )
     run = run_with(np.eye(4))
     in_image = dict(zip(NAMES, [True, False, True, False], strict=True))
@@ -120,9 +119,9 @@ def test_a_promise_that_leaves_the_picture_too_often_counts_as_contradicted(monk
         return {NAMES[0]: (0.93, 1000), NAMES[1]: (0.85, 1000)}
 
     monkeypatch.setattr(
-        "planner.columns.promises.promised_too_much", lambda judge, setting, seed: {}
+        "planner.search.realise_column.promised_too_much", lambda judge, setting, seed: {}
     )
-    monkeypatch.setattr("planner.columns.promises.joint_bounds", bounds)
+    monkeypatch.setattr("planner.search.realise_column.joint_bounds", bounds)
     run = run_with(np.eye(4))
     setting = SimpleNamespace(
         cam2world=np.eye(4), entities=tuple(NAMES[:2]), probability=dict.fromkeys(NAMES, 0.95)
@@ -147,6 +146,6 @@ def test_several_processes_find_what_one_does(monkeypatch):
         other = run_with(np.eye(4))
         other.executor = executor
         assert list(other.simulate([*settings, settings[0]])) == [*settings, settings[0]]
-    monkeypatch.setattr("planner.columns.promises.simulate_promises", None)
+    monkeypatch.setattr("planner.search.realise_column.simulate_promises", None)
     assert [other.promises.contradicted_in(setting) for setting in settings] == alone
     assert list(other.simulate(settings)) == []

@@ -10,13 +10,14 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, Effort, PoseUncertainty, callbacks, plan_inspection
-from planner.callbacks import Callbacks, Deadline, TimeIsUpError
-from planner.columns.candidates import Pools
-from planner.records.json_file import encoded
-from planner.records.packing import packed, unpacked
-from planner.setting.reason import Reason, ReasonKind
-from planner.steps import stages
-from planner.steps.plan_state import PlanState, empty_pools
+from planner.callbacks import Callbacks, Deadline
+from planner.files import encoded
+from planner.plan_file import packed, unpacked
+from planner.progress import TimeIsUpError
+from planner.search import stages
+from planner.search.candidates import Pools
+from planner.search.run import PlanState, empty_pools
+from planner.sensor_setting import Reason, ReasonKind
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -142,12 +143,12 @@ def test_callbacks_pass_everything_on_and_end_the_work():
 
 
 def test_every_stage_and_bound_is_passed_on(whole):
-    from planner.identity.resolve_request import Promise, resolve_request
     from planner.inspection import _request
-    from planner.inspection_options import InspectionOptions
+    from planner.options import InspectionOptions
+    from planner.resolve_request import Promise, resolve_request
     from planner.resume import PlanningState
-    from planner.steps.incumbents import Incumbents
-    from planner.steps.run import Run
+    from planner.search.incumbents import Incumbents
+    from planner.search.run import Run
 
     options = InspectionOptions(space=SPACE, effort=Effort(5, 2, 1, 300, 20))
     promise = Promise(0.98, 0.9, 0)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from planner.callbacks import NOBODY
-from planner.columns.pool import ColumnPool
-from planner.effort.effort import NORMAL, Effort
-from planner.effort.stages import StageEffort, Trying
-from planner.steps import supported_columns
-from planner.steps.supported_columns import SupportedColumns
+from planner.effort.effort import NORMAL, Effort, StageEffort, Trying
+from planner.search import incumbents as supported_columns
+from planner.search.incumbents import SupportedColumns
+from planner.search.judge import ColumnPool
 
 N_ENTITIES = 7
 

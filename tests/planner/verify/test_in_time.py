@@ -9,9 +9,9 @@ import pytest
 
 from aspectgraph import read_solid
 from planner import RequestError, read_plan, simulate_plan
-from planner.progress.time_left import TimeLeft
-from planner.verify import in_time
-from planner.verify.in_time import NOT_COUNTED, NOT_SIMULATED, simulate_in_time
+from planner.progress import TimeLeft
+from planner.verify import simulate_plan as in_time
+from planner.verify.simulate_plan import NOT_COUNTED, NOT_SIMULATED, simulate_in_time
 
 
 @pytest.fixture(scope="module")

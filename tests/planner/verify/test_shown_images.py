@@ -19,8 +19,8 @@ from planner import (
 )
 from planner.camera.pose import world_to_cam
 from planner.report.wording import shown_sentence, unshown_texts
-from planner.rows.measured_rows import WarningKind, measured_rows
-from planner.verify.shown_images import MOST_POSES, ShownImages, count_shown
+from planner.rows import WarningKind, measured_rows
+from planner.verify.simulate_plan import MOST_POSES, ShownImages, count_shown
 from planner.verify.simulate_setting import displaced_poses
 
 

@@ -7,10 +7,9 @@ import pytest
 
 from errors.measurands import Circle, Line, Localisation
 from planner import Camera, PoseUncertainty, look_at
-from planner.verify.measure_dimension import measured_errors
-from planner.verify.simulate_setting import displaced_poses
-from planner.wanted.models import Means
-from planner.wanted.planned import PlannedDimension
+from planner.request.models import Means
+from planner.request.planned import PlannedDimension
+from planner.verify.simulate_setting import displaced_poses, measured_errors
 
 CAMERA = Camera(25.0, (0.004, 0.005), (2000, 1600), 8.0, 300.0)
 Z = 300.0

@@ -10,13 +10,12 @@ from scipy.optimize import least_squares
 from aspectgraph import compute_regions
 from planner import Dimension, Effort, Localisation
 from planner.camera.pose import look_at
-from planner.effort.columns import Support
+from planner.effort.effort import Support
+from planner.request.reach import TargetSpace
 from planner.request.request import Request
-from planner.request.target_space import TargetSpace
-from planner.verify.circle_fits import fit_circles
+from planner.request.resolve import resolve_wanted
 from planner.verify.p_all import DisplacedChecks, lower_bound, successes_needed
-from planner.verify.point_loops import carry_back, image_points
-from planner.wanted.resolve import resolve_wanted
+from planner.verify.point_loops import carry_back, fit_circles, image_points
 
 RNG = np.random.default_rng(5)
 SCALE = np.array([1200.0, 1250.0, 610.0, 505.0])

@@ -11,11 +11,10 @@ from holed_plate import BACK, CAMERA, FRONT, HEIGHT, UNCERTAINTY, holed_plate
 from aspectgraph import Stretch
 from planner import Dimension, Effort, InspectionPlan, plan_inspection
 from planner.exceptions import PlanFileError, RequestError
-from planner.request.witnesses import choice_for
-from planner.wanted.dimension_files import read_wanted
-from planner.wanted.resolve import resolve_wanted
-from planner.wanted.stretches import stretch_ways
-from planner.wanted.witness_choice import WitnessChoice, kept_witnesses
+from planner.request.dimension_files import read_wanted
+from planner.request.request import choice_for
+from planner.request.resolve import resolve_wanted, stretch_ways
+from planner.request.targets import WitnessChoice, kept_witnesses
 
 PLATE = holed_plate()
 KINDS = ("distance", "diameter", "length", "angle")

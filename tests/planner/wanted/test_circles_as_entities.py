@@ -11,12 +11,12 @@ from holed_plate import CAMERA, FRONT, HOLES, QUICK, UNCERTAINTY, holed_plate, u
 from aspectgraph import Solid, compute_regions, read_solid, resolve_entities, select_entities
 from errors.measurands import Localisation
 from planner import Dimension, RequestError, plan_inspection, plan_setting, predict
-from planner.cli.main import main
-from planner.cli.process.exit_codes import BAD_INPUT, DONE
+from planner.app.main import main
+from planner.app.process import BAD_INPUT, DONE
 from planner.plan import read_plan
-from planner.wanted.dimension_files import read_wanted
-from planner.wanted.resolve import is_circle, resolve_wanted
-from planner.wanted.targets import EdgeTarget
+from planner.request.dimension_files import read_wanted
+from planner.request.resolve import is_circle, resolve_wanted
+from planner.request.targets import EdgeTarget
 
 # 24 chords are up to 0.07 mm off these circles of 16 and 12 mm, and 5 % of these are 0.8 and 0.6 mm
 ACCURACY = 0.95

@@ -7,8 +7,8 @@ from holed_plate import holed_plate, upper_rims
 from solids import prism, ring
 
 from planner import Dimension, RequestError
-from planner.identity.target_record import TargetRecord
-from planner.wanted.resolve import resolve_wanted
+from planner.identity import TargetRecord
+from planner.request.resolve import resolve_wanted
 
 # holes of 16 and 12 mm, with chords up to 0.07 mm off the circle
 PLATE = holed_plate()

@@ -2,9 +2,9 @@
 
 import pytest
 
-from errors.measurands import kinds
+from errors.measurands.measurand import kinds
 from planner import Dimension, RequestError
-from planner.wanted.dimension_files import read_wanted
+from planner.request.dimension_files import read_wanted
 
 FILE = """
 bore = { diameter = "r3", tolerance = [-0.05, 0.05] }

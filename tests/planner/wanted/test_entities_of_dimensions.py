@@ -6,8 +6,8 @@ from holed_plate import BACK, FRONT, HOLES, LEFT, holed_plate
 
 from planner import Dimension, RequestError
 from planner.exceptions import PlanFileError
-from planner.wanted.planned import PlannedDimension
-from planner.wanted.resolve import resolve_wanted
+from planner.request.planned import PlannedDimension
+from planner.request.resolve import resolve_wanted
 
 PLATE = holed_plate()
 UPPER = [rim.id for rim in PLATE.rims() if rim.centre[2] == 10.0]

@@ -26,9 +26,8 @@ from planner import (
 )
 from planner.report.page import _figures, _lead
 from planner.report.wording import verdict
-from planner.wanted.planned import PlannedDimension, words_of
-from planner.wanted.words.feature_counts import is_characteristic
-from planner.wanted.words.target_words import CHARACTERISTICS, DIMENSIONS
+from planner.request.planned import PlannedDimension, words_of
+from planner.request.words import CHARACTERISTICS, DIMENSIONS, is_characteristic
 
 NO_RIM = "no sharp circular edge bounds this feature"
 # mirror images of each other in the planes x = 40 and y = 25

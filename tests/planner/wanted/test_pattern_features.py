@@ -13,13 +13,13 @@ from plan_examples import plan
 from errors.measurands import Line, Localisation
 from planner import Dimension, RequestError, read_plan
 from planner.exceptions import PlanFileError
-from planner.output import terminal_tables
-from planner.output.json_records import plan_record
 from planner.plan import InspectionPlan
+from planner.report import terminal_tables
 from planner.report.page import _figures, _lead
+from planner.report.terminal_tables import plan_record
 from planner.report.wording import features_cell, verdict
-from planner.wanted.planned import PlannedDimension
-from planner.wanted.words.feature_counts import features_text, n_not_planned
+from planner.request.planned import PlannedDimension
+from planner.request.words import features_text, n_not_planned
 
 TEXT = "3 dimensions, 32 characteristics: 29 not planned"
 

@@ -10,9 +10,9 @@ from browser import Browser, needs_browser
 from solids import prism, ring
 
 from aspectgraph.plot.picker import picker_html
-from errors.measurands import kinds
-from planner.wanted.dimension_files import read_wanted
-from planner.wanted.resolve import resolve_wanted
+from errors.measurands.measurand import kinds
+from planner.request.dimension_files import read_wanted
+from planner.request.resolve import resolve_wanted
 
 RADIUS = 4.0
 CHORDS = 24

@@ -9,10 +9,9 @@ from holed_plate import BACK, CAMERA, FRONT, LEFT, UNCERTAINTY, holed_plate, upp
 from aspectgraph import Solid
 from planner import Dimension, Effort, InspectionPlan, plan_inspection
 from planner.exceptions import RequestError
-from planner.wanted.dimension_files import read_wanted
-from planner.wanted.places import with_places
-from planner.wanted.resolve import resolve_wanted
-from planner.wanted.witness_choice import WitnessChoice
+from planner.request.dimension_files import read_wanted
+from planner.request.resolve import resolve_wanted, with_places
+from planner.request.targets import WitnessChoice
 
 PLATE = holed_plate()
 KINDS = ("distance", "diameter")

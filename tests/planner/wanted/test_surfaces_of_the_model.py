@@ -11,7 +11,7 @@ from aspectgraph import ModelDimension
 from aspectgraph.dimensions import SurfaceZone
 from errors.measurands import Localisation
 from planner import Dimension, RequestError, dimensions_to_plan
-from planner.wanted.assumed import SURFACES_MM, surfaces_of_zone, with_surfaces_of_call
+from planner.request.dimension_files import SURFACES_MM, surfaces_of_zone, with_surfaces_of_call
 
 FINE = Localisation.gaussian()
 BORE = ModelDimension(

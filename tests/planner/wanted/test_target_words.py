@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from errors.measurands import Line, Localisation
-from planner.wanted.planned import PlannedDimension, PlannedLength, words_of
-from planner.wanted.words.target_words import DIMENSIONS, EDGES, MIXED
+from planner.request.planned import PlannedDimension, PlannedLength, words_of
+from planner.request.words import DIMENSIONS, EDGES, MIXED
 
 EDGE = PlannedLength.of("top", np.array([[0.0, 0, 0], [10, 0, 0]]), 0.98)
 WIDTH = PlannedDimension(

@@ -10,11 +10,11 @@ from holed_plate import CAMERA, FRONT, HOLES, UNCERTAINTY, holed_plate, upper_ri
 
 from errors.measurands import Localisation
 from planner import Dimension, look_at
-from planner.request.objective import Objective
-from planner.request.target_space import Seen, TargetSpace
-from planner.wanted.models import Means
-from planner.wanted.planned import PlannedDimension, PlannedLength, planned
-from planner.wanted.resolve import resolve_wanted
+from planner.request.models import Means
+from planner.request.planned import PlannedDimension, PlannedLength, planned
+from planner.request.reach import Seen, TargetSpace
+from planner.request.request import Objective
+from planner.request.resolve import resolve_wanted
 
 PLATE = holed_plate()
 MEANS = Means(CAMERA, UNCERTAINTY, 0.98, Localisation.gaussian(0.1))

@@ -13,14 +13,27 @@ from grid_box import EDGES
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from planner.bound.boxes.linear_sides import _of_length, find_apart, linear_sides
-from planner.bound.boxes.linear_windows import NO, UNDECIDED, YES, Members, Seat, Sides, may_meet
-from planner.bound.boxes.search import PROVEN
-from planner.bound.boxes.stack import agree, new_work, planted
+from planner.bound.boxes.search import PROVEN, agree, new_work, planted
 from planner.bound.boxes.view import View
-from planner.bound.boxes.windows import Turn, extent, most_turn, rotation, swings
+from planner.bound.boxes.windows import (
+    NO,
+    UNDECIDED,
+    YES,
+    Members,
+    Seat,
+    Sides,
+    Turn,
+    _of_length,
+    extent,
+    find_apart,
+    linear_sides,
+    may_meet,
+    most_turn,
+    rotation,
+    swings,
+)
 from planner.camera.pose import world_to_cam
-from planner.effort.boxes import BoxEffort, SmallTurns
+from planner.effort.bound import BoxEffort, SmallTurns
 
 
 def sides_of(space, chart, box):

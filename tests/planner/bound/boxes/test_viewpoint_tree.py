@@ -19,15 +19,15 @@ from box_requests import (
 )
 from grid_box import EDGES, BoxCell, BoxSpace
 
-from planner.bound.boxes.cells import Cells
 from planner.bound.boxes.search import PROVEN
+from planner.bound.boxes.view import Cells
 from planner.bound.boxes.viewpoint_tree import Asked, PosesBox, heavy_members, viewpoints_for
 from planner.bound.boxes.windows import most_turn, rotation, swings
 from planner.bound.pose_space import PoseSpace
-from planner.columns.judge import Judge
 from planner.effort.effort import NORMAL
 from planner.request.constraints import Requirements
 from planner.request.request import Request
+from planner.search.judge import Judge
 
 
 def around(size, radius):

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from planner.cli.process.signals import termination_as_interruption
+from planner.app.main import termination_as_interruption
 
 llvm = pytest.importorskip("llvmlite.binding.executionengine")
 
@@ -101,10 +101,10 @@ def test_an_interruption_while_the_program_loads_is_one_line():
         "import sys\n"
         "class Pressed:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'planner.cli.arguments':\n"
+        "        if name == 'planner.app.arguments':\n"
         "            raise KeyboardInterrupt\n"
         "sys.meta_path.insert(0, Pressed())\n"
-        "from planner.cli import start\n"
+        "from planner.app import start\n"
         "sys.exit(start())\n"
     )
     done = subprocess.run(
@@ -117,4 +117,4 @@ def test_the_command_begins_there():
     from importlib.metadata import entry_points
 
     (command,) = entry_points(group="console_scripts", name="aspectgraph")
-    assert command.value == "planner.cli:start"
+    assert command.value == "planner.app:start"

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from planner.cli.process.shortages import shortage
+from planner.app.process import shortage
 from planner.progress import terminal_progress
 
-SCRIPT = "import sys; from planner.cli import start; sys.exit(start())"
+SCRIPT = "import sys; from planner.app import start; sys.exit(start())"
 EXAMPLE = Path(__file__).parents[4] / "examples" / "two_pocket_block.off"
 # the project may lie in a folder with a space
 TYPED = shlex.quote(str(EXAMPLE))

@@ -9,14 +9,8 @@ from plan_examples import plan, setting
 
 from planner.camera.camera import Camera
 from planner.report.figure import color_of
+from planner.report.overview import NOT_INSPECTED, _target, choose_views, overview, target_colors
 from planner.report.predicted_image import PictureMaker
-from planner.report.summary.overview import (
-    NOT_INSPECTED,
-    _target,
-    choose_views,
-    overview,
-    target_colors,
-)
 
 SPACE = BoxSpace((80.0, 50.0, 60.0), [[-900.0] * 3, [900.0] * 3], EDGES)
 NAMES = tuple(SPACE.entities)

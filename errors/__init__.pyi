@@ -1,0 +1,29 @@
+from .displacement import DisplacementTerms as DisplacementTerms
+from .displacement import NormalRatio as NormalRatio
+from .displacement import displace as displace
+from .displacement import displacement_terms as displacement_terms
+from .displacement import image_segment as image_segment
+from .displacement import point_displacement as point_displacement
+from .displacement import project as project
+from .exceptions import BehindLensError as BehindLensError
+from .exceptions import CovarianceError as CovarianceError
+from .exceptions import DegenerateSegmentError as DegenerateSegmentError
+from .exceptions import InvalidParameterError as InvalidParameterError
+from .exceptions import InvalidShapeError as InvalidShapeError
+from .exceptions import MeasurementModelError as MeasurementModelError
+from .joint import length_expansion as length_expansion
+from .model import SuccessModel as SuccessModel
+from .model import success_probability as success_probability
+from .quantization import AxisQuantization as AxisQuantization
+from .quantization import SegmentQuantization as SegmentQuantization
+from .referee.montecarlo import MonteCarloEstimate as MonteCarloEstimate
+from .referee.montecarlo import binomial_interval as binomial_interval
+from .referee.montecarlo import simulate_success as simulate_success
+from .referee.pixels import coverage_image as coverage_image
+from .referee.pixels import measure_lengths as measure_lengths
+from .referee.twin import simulate_measurement as simulate_measurement
+from .segment import AxisDisplacement as AxisDisplacement
+from .segment import SegmentDisplacement as SegmentDisplacement
+from .segment import SegmentError as SegmentError
+
+__version__: str

@@ -1,0 +1,767 @@
+"""Every part of a folder planned; what was done before is found again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections import deque
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property, partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from aspectgraph import (
+    AspectGraphError,
+    read_entities,
+    read_solid,
+    resolve_entities,
+    select_entities,
+)
+from aspectgraph.entities.entity_files import csv_text
+from aspectgraph.entities.entity_rules import check_selection
+from aspectgraph.exceptions import MissingExtraError, how_to_install
+from aspectgraph.read.mesh import check_units
+from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
+from aspectgraph.visibility.visibility_regions import KeptRegions
+from errors.exceptions import MeasurementModelError
+from ga.exceptions import GAError
+from planner.argument_kinds import (
+    MAPPING,
+    NOT_NEGATIVE,
+    check_count,
+    check_fraction,
+    check_kinds,
+    check_number,
+)
+from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
+from planner.camera.camera import Camera
+from planner.camera.pose import PoseUncertainty
+from planner.effort.effort import Effort
+from planner.exceptions import OutputError, PlanFileError, PlannerError, RequestError
+from planner.executors import leave_signals_to_the_parent
+from planner.files import absolute, check_set_place, name_text, output_folder, read_json, write_text
+from planner.identity import InspectionRequest, plain_fields
+from planner.identity import digest_of as digest_of_request
+from planner.inspection import plan_by_options, visible_regions
+from planner.options import InspectionOptions
+from planner.plan import InspectionPlan
+from planner.plan_file import check_schema
+from planner.progress import Progress, report
+from planner.report.folder_lock import folder_lock
+from planner.report.plan_folder import PLAN_FILES, with_source, write_outputs
+from planner.request.defaults import MOST_SEED
+from planner.resolve_request import Promise, promised, resolve_request
+from planner.verify.simulate_plan import simulate_in_time
+
+# What is asked for every part of a folder.
+
+
+_LENGTHS = (
+    "stand_off_mm",
+    "min_length_px",
+    "field_margin_px",
+    "visibility_radius_mm",
+    "focus_margin_mm",
+)
+_LIMITS = (*_LENGTHS, "showing", "time_limit_s", "gap")
+# least and most of what is counted
+_COUNTS = {"seed": (0, MOST_SEED), "simulate": (1, 10**9), "graph_limit": (0, 10**9)}
+
+
+@dataclass(frozen=True)
+class PartRequest:
+    """The options for planning every part of a folder.
+
+    `plan_inspection` describes most of them in full.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        Uncertainty of its real pose about the planned one.
+    accuracy, probability : float
+        Required accuracy, and required probability of reaching it, in (0, 1).
+    seed : int
+        The same seed gives the same plans.
+    select : str, optional
+        Rule for the entities, as `aspectgraph.select_entities` takes it. Default: all sharp
+        straight edges. The plans measure the diameter of rims and the radius of arcs.
+    units : str, optional
+        Unit of the coordinates of mesh files.
+    simulate : int
+        Number of displaced poses per setting that check each plan.
+    graph_limit : int
+        Write the joint graph for at most this many entities.
+    effort : Effort
+        How long to search.
+    limits : mapping
+        ``stand_off_mm``, ``min_length_px``, ``field_margin_px``, ``visibility_radius_mm``,
+        ``focus_margin_mm``, ``showing``, ``time_limit_s`` and ``gap`` as `plan_inspection` takes
+        them. The time limit applies to each part.
+
+    Raises
+    ------
+    RequestError
+        If an option breaks its rule.
+    EntityError, ReadError
+        If the rule for the entities is not valid, or the unit is not known.
+
+    Examples
+    --------
+    >>> from planner import Camera, PartRequest, PoseUncertainty
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> request = PartRequest(camera, uncertainty, select="length > 20", limits={"stand_off_mm": 80.0})
+    >>> request.options.stand_off_mm
+    80.0
+    """
+
+    camera: Camera
+    pose_uncertainty: PoseUncertainty
+    accuracy: float = 0.98
+    probability: float = 0.9
+    seed: int = 0
+    select: str | None = None
+    units: str | None = None
+    simulate: int = 10_000
+    graph_limit: int = 0
+    effort: Effort = field(default_factory=Effort)
+    limits: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_kinds(
+            camera=(self.camera, "Camera"),
+            pose_uncertainty=(self.pose_uncertainty, "PoseUncertainty"),
+            effort=(self.effort, "Effort"),
+            limits=(self.limits, MAPPING),
+        )
+        check_fraction("accuracy", self.accuracy)
+        check_fraction("probability", self.probability)
+        for name, (least, most) in _COUNTS.items():
+            check_count(name, getattr(self, name), least, most)
+        if self.select is not None:
+            check_kinds(select=(self.select, "str"))
+            check_selection(self.select)
+        if self.units is not None:
+            check_kinds(units=(self.units, "str"))
+            check_units(self.units)
+        for name, value in self.limits.items():
+            if name not in _LIMITS:
+                raise RequestError.of_rule("limits", f"must be of {', '.join(_LIMITS)}", repr(name))
+            if name in _LENGTHS and value is not None:
+                check_number(name, value, NOT_NEGATIVE)
+        # what would be refused with every part is refused before the first one
+        Deadline(self.options.time_limit_s, self.options.gap)
+        self.options.requirements(self.camera, self.pose_uncertainty)
+
+    @property
+    def options(self) -> InspectionOptions:
+        """The limits and the effort, as `plan_inspection` takes them."""
+        given = {name: value for name, value in self.limits.items() if value is not None}
+        return InspectionOptions(**{**given, "effort": self.effort})
+
+    @cached_property
+    def request(self) -> InspectionRequest:
+        """The request that applies to every part, without part, targets and workspace."""
+        promise = Promise(self.accuracy, self.probability, self.seed)
+        known = promised(self.camera, self.pose_uncertainty, promise, self.options)
+        return InspectionRequest(part=None, targets=None, workspace=None, ring=None, **known)
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of the request and the program. Equal digests mean equal plans of a file.
+
+        All fields count, also those that an `InspectionRequest` lacks.
+        """
+        asked = {one.name for one in fields(InspectionRequest)}
+        own = {name: value for name, value in plain_fields(self).items() if name not in asked}
+        # in the request as they are resolved: a default that is given is a default
+        own["limits"] = {"time_limit_s": self.options.time_limit_s}
+        return digest_of_request(self.request.fingerprint(), own)
+
+
+def limits_of(options: InspectionOptions) -> dict[str, Any]:
+    """Return the options that `PartRequest` takes as limits."""
+    return {name: getattr(options, name) for name in _LIMITS}
+
+
+# What came of a part: a record beside its plan, and the table of all parts.
+
+
+RECORD = "result.json"
+PLAN = "plan.json"
+TABLES = ("results.json", "results.csv")
+PLANNED = "planned"
+INCOMPLETE = "incomplete"
+REFUSED = "refused"
+FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class PartResult:
+    """The result of planning one part of a folder.
+
+    Attributes
+    ----------
+    part : str
+        Its file, relative to the folder of parts.
+    status : {"planned", "incomplete", "refused", "failed"}
+        "incomplete": some entity cannot be inspected, or the simulation contradicts the plan.
+        "refused": the part or the request breaks a rule, and would break it again. "failed":
+        another error occurred, and the next call tries again.
+    reason : str
+        Why there is no plan, or what it lacks. Otherwise empty.
+    entities, settings, lower_bound : int
+        Numbers of the plan, 0 without one.
+    seconds : float
+        Time of the planning, in seconds.
+    file_sha256, request, plan_sha256 : str
+        Digests of the part file, the request and ``plan.json``. They decide whether the result is
+        still valid.
+    """
+
+    part: str
+    status: str
+    reason: str = ""
+    entities: int = 0
+    settings: int = 0
+    lower_bound: int = 0
+    seconds: float = 0.0
+    file_sha256: str = ""
+    request: str = ""
+    plan_sha256: str = ""
+
+    def write(self, folder: Path) -> None:
+        """Write the record next to the plan.
+
+        Parameters
+        ----------
+        folder : Path
+            Folder of the part's plan.
+        """
+        write_text(folder / RECORD, json.dumps(asdict(self), indent=1) + "\n")
+
+
+def found_again(part: str, folder: Path, file_sha256: str, request: str) -> PartResult | None:
+    """Return the result of an earlier call, if it holds for this file and this request; else None.
+
+    A failure is no result. A plan that is gone, or is not the one that was written, is made again.
+    """
+    result = read_record(folder / RECORD)
+    if result is None:
+        return None
+    asked = (part, file_sha256, request)
+    if (result.part, result.file_sha256, result.request) != asked or result.status == FAILED:
+        return None
+    return (
+        result
+        if result.status == REFUSED or digest_of(folder / PLAN) == result.plan_sha256
+        else None
+    )
+
+
+def read_record(path: Path) -> PartResult | None:
+    """Return a record that `PartResult.write` wrote; None of what is no such record, or is not there."""
+    try:
+        data = read_json(path, "result")
+        check_schema(data, "part_result")
+    except PlanFileError:
+        return None
+    return PartResult(**data)
+
+
+def is_table(path: Path) -> bool:
+    """Tell whether a file is ``results.json`` of `write_tables`."""
+    return parts_in(path) is not None
+
+
+def parts_in(path: Path) -> set[str] | None:
+    """Return the parts in ``results.json`` of `write_tables`; None of what is no such table, or is not there."""
+    try:
+        rows = read_json(path, "results")
+        check_schema(rows, "part_results")
+    except PlanFileError:
+        return None
+    return {row["part"] for row in rows}
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file, or nothing if it cannot be read."""
+    digest = hashlib.sha256()
+    try:
+        with open(path, "rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    except OSError:
+        return ""
+    return digest.hexdigest()
+
+
+def write_tables(results: Iterable[PartResult], out: Path) -> None:
+    """Write ``results.json`` and ``results.csv``, a row per part, in the order of their names."""
+    rows: list[dict[str, Any]] = [
+        asdict(result) for result in sorted(results, key=lambda result: result.part)
+    ]
+    write_text(out / TABLES[0], json.dumps(rows, indent=1) + "\n")
+    write_text(out / TABLES[1], csv_text([field.name for field in fields(PartResult)], rows))
+
+
+# One part of a folder, from its file to its plan: what a worker does.
+
+
+STATE = "planning-state.json"
+REGIONS = "planning-regions"
+_OWN = (AspectGraphError, MeasurementModelError, GAError, PlannerError)
+# of ours, too, but not the fault of part or request: a disk that is full, a package that is not there
+_OUTER = (OSError, MemoryError, ImportError)
+
+
+def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> PartResult:
+    """Plan one part and write everything about it; whatever goes wrong is the result's reason.
+
+    Parameters
+    ----------
+    request : PartRequest
+        What is asked.
+    part : str
+        What the result calls the part.
+    path, folder : pathlib.Path
+        Its file, and where to write. A state that is there is resumed.
+
+    Returns
+    -------
+    PartResult
+        It is written, too, if that is possible.
+    """
+    file_sha256 = digest_of(path)
+    fingerprint = request.fingerprint
+    begun = time.monotonic()
+    known = found_again(part, folder, file_sha256, fingerprint)
+    if known is not None:
+        return known
+    blank = PartResult(part, FAILED, file_sha256=file_sha256, request=fingerprint)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with folder_lock(folder):
+            # whose folder it is must be known if the process is killed
+            replace(blank, reason="it was not planned to the end").write(folder)
+            result = _described(blank, _planned(request, path, folder), folder)
+    except Exception as error:
+        # one part, whatever is wrong with it, must not end the batch
+        refused = isinstance(error, _OWN) and not isinstance(error, _OUTER)
+        result = replace(blank, status=REFUSED if refused else FAILED, reason=reason_of(error))
+    result = replace(result, seconds=round(time.monotonic() - begun, 3))
+    try:
+        result.write(folder)
+    except OSError as error:
+        return replace(blank, reason=reason_of(error))
+    return result
+
+
+def check_part_place(folder: Path) -> None:
+    """Refuse a folder with a plan, or other files, that no earlier batch wrote.
+
+    Raises
+    ------
+    OutputError
+        Names the file that would be lost.
+    """
+    names = (RECORD, *PLAN_FILES, STATE, REGIONS)
+    check_set_place(folder, names, lambda path: read_record(path) is not None, "out")
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error in one line; of errors that are not ours with the kind."""
+    text = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode("utf-8")
+    return (
+        text if isinstance(error, _OWN) and text else f"{type(error).__name__}: {text}".rstrip(": ")
+    )
+
+
+def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
+    """Read, plan, simulate and write."""
+    solid = read_solid(path, units=request.units)
+    if request.select is None:
+        entities = read_entities("all", solid)
+    else:
+        entities = resolve_entities(solid, select_entities(solid, request.select))
+    options = request.options
+    promise = Promise(request.accuracy, request.probability, request.seed)
+    asked = (request.camera, request.pose_uncertainty, promise)
+    deadline = Deadline(options.time_limit_s, options.gap)
+    # what cannot be measured is refused before the work
+    resolved = resolve_request(solid, entities, *asked, options)
+    state = folder / STATE
+    kept = KeptRegions(folder / REGIONS, resolved.request.identity())
+    regions = visible_regions(
+        solid, resolved.entities, resolved.request, kept=kept, deadline=deadline.of_regions()
+    )
+    options = replace(
+        options, space=regions, state=state, time_limit_s=deadline.seconds_left(SEARCH_SHARE)
+    )
+    plan = partial(plan_by_options, solid, entities, *asked, options)
+    with deadline.stated_whole():
+        try:
+            found = plan()
+        except PlanFileError:
+            # of another request, or damaged
+            state.unlink(missing_ok=True)
+            found = plan()
+    simulation, notes = simulate_in_time(
+        found,
+        request.simulate,
+        request.seed,
+        None,
+        solid,
+        deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
+    )
+    found = replace(found, simulation=simulation)
+    found = with_source(found, folder, path, {"units": request.units})
+    limit = request.graph_limit
+    write_outputs(found, regions, folder, graph_limit=limit, deadline=deadline, notes=notes)
+    if not found.unfinished:
+        # a longer limit goes on from there
+        state.unlink(missing_ok=True)
+        kept.remove()
+    return found
+
+
+def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartResult:
+    """Return the result of a plan that is written."""
+    reasons = [f"{name}: {reason}" for name, reason in plan.uninspectable.items()]
+    simulation = plan.simulation
+    if simulation is not None and not simulation.confirmed:
+        reasons.append("the simulation contradicts the plan")
+    return replace(
+        blank,
+        status=INCOMPLETE if reasons else PLANNED,
+        reason="; ".join(reasons),
+        entities=len(plan.entities),
+        settings=len(plan.settings),
+        lower_bound=int(plan.lower_bound),
+        plan_sha256=digest_of(folder / PLAN),
+    )
+
+
+# Workers of a Dask cluster as an executor.
+
+
+_ANSWERS_S = 15
+
+
+@contextmanager
+def dask_executor(address: str) -> Iterator[Executor]:
+    """Connect to a Dask scheduler; its executor gives every part its own task.
+
+    Parameters
+    ----------
+    address : str
+        Such as ``tcp://host:8786``.
+
+    Raises
+    ------
+    MissingExtraError
+        If Dask is not installed.
+    RequestError
+        If no scheduler answers there.
+    """
+    try:
+        # its functions have no types
+        connect: Any = import_module("distributed").Client
+    except ImportError:
+        raise MissingExtraError(
+            f"a scheduler needs Dask's distributed, which is not installed; {how_to_install('dask')}."
+        ) from None
+    try:
+        client = connect(address, timeout=_ANSWERS_S, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RequestError.of_rule(
+            "scheduler",
+            "must be the address of a Dask scheduler that answers, like tcp://host:8786",
+            f"{address!r}: {reason}",
+        ) from None
+    try:
+        # results are small, and a part planned again costs more than a look at its folder
+        yield client.get_executor(pure=False)
+    finally:
+        client.close()
+
+
+# Parts on worker processes: one that dies costs at most the part that killed it.
+
+
+# parts that an executor of the caller has at a time; enough for hundreds of workers
+_AT_A_TIME = 1000
+
+
+class Task(NamedTuple):
+    """What `plan_part` takes."""
+
+    request: PartRequest
+    part: str
+    path: Path
+    folder: Path
+
+    def failed(self, reason: str, status: str = FAILED) -> PartResult:
+        """Return the result where there is none of the worker."""
+        return PartResult(self.part, status, reason, request=self.request.fingerprint)
+
+
+def on_executor(tasks: Sequence[Task], executor: Executor) -> Iterator[PartResult]:
+    """Yield results as they come from an executor, which replaces its own workers."""
+    waiting: deque[Task] = deque(tasks)
+    running: dict[Future[PartResult], Task] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < _AT_A_TIME:
+                task = waiting.popleft()
+                running[executor.submit(plan_part, *task)] = task
+            for future in _first(running):
+                task = running.pop(future)
+                yield _result(task, future)
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def on_own_processes(tasks: Sequence[Task], jobs: int) -> Iterator[PartResult]:
+    """Yield results as they come from processes of this machine.
+
+    When one dies, all parts that were being planned are suspects. Each is planned alone then: so it is known on which
+    part a process dies.
+    """
+    waiting: deque[Task] = deque(tasks)
+    suspects: deque[Task] = deque()
+    while waiting or suspects:
+        if suspects:
+            task = suspects.popleft()
+            with _pool(1) as pool:
+                yield _result(task, pool.submit(plan_part, *task))
+        else:
+            with _pool(jobs) as pool:
+                suspects.extend((yield from _while_whole(pool, waiting, jobs)))
+
+
+def _while_whole(
+    pool: Executor, waiting: deque[Task], jobs: int
+) -> Generator[PartResult, None, list[Task]]:
+    """Yield results until all are there or a process dies; return the parts without a result."""
+    running: dict[Future[PartResult], Task] = {}
+    lost: list[Task] = []
+    while (waiting and not lost) or running:
+        while waiting and not lost and len(running) < jobs:
+            task = waiting.popleft()
+            try:
+                running[pool.submit(plan_part, *task)] = task
+            except BrokenProcessPool:
+                lost.append(task)
+        for future in _first(running):
+            task = running.pop(future)
+            if isinstance(future.exception(), BrokenProcessPool):
+                lost.append(task)
+            else:
+                yield _result(task, future)
+    return lost
+
+
+def _first(running: dict[Future[PartResult], Task]) -> list[Future[PartResult]]:
+    """Wait; return what is done, in the order in which it was begun."""
+    done, _ = wait(running, return_when=FIRST_COMPLETED)
+    return [future for future in running if future in done]
+
+
+def _result(task: Task, future: Future[PartResult]) -> PartResult:
+    try:
+        return future.result()
+    except BrokenProcessPool:
+        return task.failed(
+            "the process that planned it died: it crashed, or was ended for its memory"
+        )
+    except Exception as error:
+        # one part, or a result that cannot be unpickled, must not end the batch
+        return task.failed(reason_of(error))
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Provide processes; where the work is interrupted they are ended at once, for what they know is on the disk."""
+    pool = ProcessPoolExecutor(
+        jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),)
+    )
+    try:
+        yield pool
+    except BaseException:
+        # after an interruption, too, no process may stay. Python before 3.14 has no public way
+        for process in list((getattr(pool, "_processes", None) or {}).values()):
+            process.kill()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+# between two writings of the table while parts are planned
+_TABLE_S = 10.0
+
+
+def plan_folder(
+    folder: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    request: PartRequest,
+    *,
+    jobs: int = 1,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    replace: bool = False,
+) -> list[PartResult]:
+    """Plan every part of a folder, and write each plan to a folder of its own.
+
+    **Guarantee.** Every part has a result: a plan, or one reason. Finished results remain after an
+    interruption. The same call reuses them while file, request and program are the same. The plans
+    do not depend on the executor.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of the part files. Subfolders are included.
+    out : path
+        Folder for ``results.json``, ``results.csv`` and a folder for every part, named after its
+        file.
+    request : PartRequest
+        The options for every part.
+    jobs : int
+        Number of processes on this machine. A process that dies is replaced. A part that alone
+        kills its process fails.
+    executor : concurrent.futures.Executor, optional
+        Plans the parts instead of local processes, such as
+        ``dask.distributed.Client(...).get_executor()``. Its workers must reach both folders under
+        the same names.
+    progress : callable, optional
+        The program calls ``progress(done, total, "parts")``. An exception it raises ends the work.
+    replace : bool
+        Replace plans and other files in ``out`` that no earlier call wrote. By default, such files
+        stay: a table refuses the call, and the files of a part make this part fail.
+
+    Returns
+    -------
+    list of PartResult
+        In the order of the names of the parts.
+
+    Raises
+    ------
+    RequestError
+        If the folder holds no part file, or a number breaks its rule.
+    OutputError
+        If nothing can be written, another process writes there, or a table is there that no
+        earlier call wrote.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from planner import Camera, Effort, PartRequest, PoseUncertainty, plan_folder
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> effort = Effort(viewpoints=10, pricing_rounds=2, refutations=1, bound_nodes=1000)
+    >>> rule = "near 60,30,10 < 1"
+    >>> request = PartRequest(camera, uncertainty, 0.95, select=rule, simulate=100, effort=effort)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     part = Path(folder) / "parts" / "block.off"
+    ...     part.parent.mkdir()
+    ...     _ = part.write_bytes(Path("examples/two_pocket_block.off").read_bytes())
+    ...     (result,) = plan_folder(part.parent, Path(folder) / "plans", request)
+    >>> result.part, result.status
+    ('block.off', 'planned')
+    """
+    check_count("jobs", jobs, 1)
+    source = absolute(folder)
+    if not replace:
+        check_set_place(Path(out), TABLES, is_table, "out")
+    with output_folder(out, TABLES, "out") as target, folder_lock(target):
+        results: dict[str, PartResult] = {}
+        waiting: list[Task] = []
+        ours = parts_in(target / TABLES[0]) or set()
+        for path in part_files(source, target):
+            name = name_text(path.relative_to(source))
+            task = Task(request, name, path, target / path.relative_to(source))
+            known = _known(task, replace or name in ours)
+            if known is None:
+                waiting.append(task)
+            else:
+                results[name] = known
+        total = len(results) + len(waiting)
+        reported = time.monotonic()
+        report(progress, len(results), total, "parts")
+        try:
+            for result in _planned_of_folder_of_parts(waiting, jobs, executor):
+                results[result.part] = result
+                report(progress, len(results), total, "parts")
+                if time.monotonic() - reported > _TABLE_S:
+                    write_tables(results.values(), target)
+                    reported = time.monotonic()
+        finally:
+            write_tables(results.values(), target)
+    return sorted(results.values(), key=lambda one: one.part)
+
+
+def _known(task: Task, may_replace: bool) -> PartResult | None:
+    """Return the result of a part without planning it; None if it is to be planned."""
+    if not task.path.is_file():
+        kind = "a link that leads nowhere" if task.path.is_symlink() else "a pipe or a device"
+        return task.failed(f"the part must be an existing file. Got {kind}.", REFUSED)
+    known = found_again(task.part, task.folder, digest_of(task.path), task.request.fingerprint)
+    if known is None and not may_replace:
+        try:
+            check_part_place(task.folder)
+        except (OutputError, OSError) as error:
+            return task.failed(reason_of(error), FAILED)
+    return known
+
+
+def part_files(folder: Path, out: Path) -> list[Path]:
+    """Return the part files in a folder and those in it, but for those of the output, in order.
+
+    Links that lead nowhere, pipes and devices with the name of a part file are among them.
+
+    Raises
+    ------
+    RequestError
+        If there are none.
+    """
+    found = [
+        path
+        for path in sorted(folder.rglob("*"))
+        if _is_part(path) and not path.is_dir() and (out == folder or out not in path.parents)
+    ]
+    if not found:
+        raise RequestError(
+            f"the folder of parts must hold part files ({_kinds()}). Got {name_text(folder)}."
+        )
+    return found
+
+
+def _is_part(path: Path) -> bool:
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    packed = suffixes[-1:] == [".gz"]
+    return bool(suffixes) and suffixes[-1 - packed :][:1][0] in (*STEP_SUFFIXES, *MESH_SUFFIXES)
+
+
+def _kinds() -> str:
+    return " ".join((*STEP_SUFFIXES, *MESH_SUFFIXES))
+
+
+def _planned_of_folder_of_parts(
+    waiting: list[Task], jobs: int, executor: Executor | None
+) -> Iterator[PartResult]:
+    if executor is not None:
+        yield from on_executor(waiting, executor)
+    else:
+        yield from on_own_processes(waiting, jobs)

@@ -1,0 +1,220 @@
+"""The command about the catalogue: which cameras there are. It loads nothing that takes long."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from planner.app.parsing import command_parsers
+from planner.app.process import DONE
+from planner.camera.camera import Camera
+from planner.camera.catalogue import camera_names, camera_parts
+from planner.files import print_json
+from planner.progress import visible
+from planner.text_table import Column, print_table, print_text, words
+
+
+def cameras(options: argparse.Namespace) -> int:
+    """List the catalogue: its cameras, or where the facts on their parts were read."""
+    if options.sources:
+        parts = camera_parts()
+        if options.json:
+            # JSON knows no infinity: an iris that closes fully has no narrowest aperture
+            print_json(
+                {
+                    kind: {name: _finite(facts) for name, facts in of.items()}
+                    for kind, of in parts.items()
+                }
+            )
+        else:
+            _print_sources(parts)
+        return DONE
+    known = [Camera.named(name) for name in camera_names()]
+    if options.json:
+        print_json([camera.to_dict() for camera in known])
+    else:
+        _print_cameras(known)
+    return DONE
+
+
+def _finite(facts: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: None if value == math.inf else value for key, value in facts.items()}
+
+
+def _print_cameras(cameras: Sequence[Camera]) -> None:
+    """Print cameras: sensor, lens as it is set, and what is sharp."""
+    columns = (
+        Column("name"),
+        Column("pixels", right=True),
+        Column("pitch (um)", right=True),
+        Column("f (mm)", right=True),
+        Column("f/", right=True),
+        Column("focus (mm)", right=True),
+        Column("sharp (mm)", right=True),
+        Column("field at focus (mm)", right=True),
+    )
+    rows = []
+    for camera in cameras:
+        # similar triangles: the sensor's size by how many times farther the object is than the image
+        field = [
+            side * camera.focus_distance_mm / camera.image_distance_mm
+            for side in camera.sensor_size_mm
+        ]
+        row = (
+            camera.name,
+            f"{camera.resolution[0]} x {camera.resolution[1]}",
+            " x ".join(dict.fromkeys(f"{1000 * pitch:g}" for pitch in camera.pixel_pitch_mm)),
+            f"{camera.focal_length_mm:g}",
+            f"{camera.f_number:g}",
+            f"{camera.focus_distance_mm:g}",
+            camera.depth_of_field_text,
+            " x ".join(f"{side:.0f}" for side in field),
+        )
+        rows.append(row)
+    print_table(columns, rows)
+    cameras_text = "1 camera" if len(cameras) == 1 else f"{len(cameras)} cameras"
+    print_text(f"{cameras_text}; distances are from the front nodal point")
+
+
+def _print_sources(parts: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> None:
+    """Print bodies and lenses: their facts, and where these were read."""
+    for kind, facts in (("body", _body_facts), ("lens", _lens_facts)):
+        for name, record in parts[kind].items():
+            text = words(f"{kind} {name}: {facts(record)}", [f"{kind} {name}:"])
+            print_text(text, indent="    ")
+            whose = "" if record["maker"] else " (not the maker's page on it)"
+            # an address is never broken
+            print(f"    {visible(record['source'])}{whose}")
+
+
+def _body_facts(body: Mapping[str, Any]) -> str:
+    pitch = " x ".join(dict.fromkeys(f"{1000 * side:g}" for side in body["pixel_pitch_mm"]))
+    return f"{body['resolution'][0]} x {body['resolution'][1]} px of {pitch} um; {body['sensor']}"
+
+
+def _lens_facts(lens: Mapping[str, Any]) -> str:
+    narrowest = (
+        "closed" if lens["narrowest_f_number"] == math.inf else f"f/{lens['narrowest_f_number']:g}"
+    )
+    return (
+        f"{lens['focal_length_mm']:g} mm, f/{lens['widest_f_number']:g} to {narrowest}, "
+        f"from {lens['closest_object_mm']:g} mm on, image circle {lens['image_circle_mm']:g} mm"
+    )
+
+
+# Shell completion: a script made from the parser, so that it knows every command and option.
+
+
+# $2 is the word to complete, $3 the one before it; files are offered where nothing else fits
+_SCRIPT = """\
+_aspectgraph() {{
+    local word="$2" before="$3" words=""
+    case "$before" in
+        --camera) words={cameras} ;;
+        *) case "${{COMP_WORDS[1]}}" in
+{cases}
+        esac ;;
+    esac
+    [ "$COMP_CWORD" -eq 1 ] && words={commands}
+    COMPREPLY=()
+    if [[ "$word" == -* || "$COMP_CWORD" -eq 1 || "$before" == --camera ]]; then
+        COMPREPLY=($(compgen -W "$words" -- "$word"))
+    fi
+    [ ${{#COMPREPLY[@]}} -eq 0 ] && COMPREPLY=($(compgen -f -- "$word"))
+}}
+complete -o filenames -F _aspectgraph aspectgraph
+"""
+_FISH = """\
+function __aspectgraph_needs_command
+    test (count (commandline -opc)) -eq 1
+end
+function __aspectgraph_in
+    set -l words (commandline -opc)
+    test (count $words) -gt 1; and test $words[2] = $argv[1]
+end
+"""
+_ZSH = "autoload -U +X bashcompinit && bashcompinit\n"
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print the script for a shell."""
+    print(completion_script(options.parser, camera_names(), options.shell), end="")
+    return DONE
+
+
+def completion_script(parser: argparse.ArgumentParser, cameras: Sequence[str], shell: str) -> str:
+    """Return a script that teaches a shell the commands, their options and the cameras.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Of the whole command line.
+    cameras : sequence of str
+        Names for ``--camera``.
+    shell : {"bash", "zsh", "fish"}
+        The shell.
+
+    Returns
+    -------
+    str
+        To be evaluated when the shell starts.
+    """
+    choices = command_parsers(parser)
+    if shell == "fish":
+        return _fish_script(parser, cameras)
+    cases = [
+        f"            {name}) words={_words(option for action in one._actions for option in action.option_strings)} ;;"
+        for name, one in choices.items()
+    ]
+    script = _SCRIPT.format(
+        cameras=_words(cameras), commands=_words(choices), cases="\n".join(cases)
+    )
+    return (_ZSH if shell == "zsh" else "") + script
+
+
+def _fish_script(parser: argparse.ArgumentParser, cameras: Sequence[str]) -> str:
+    """Return the script for fish: a line per command and option, with its help."""
+    lines = []
+    helps = {one.dest: one.help for one in _subparsers(parser)._choices_actions}
+    for name, command in command_parsers(parser).items():
+        lines.append(
+            f"complete -c aspectgraph -f -n __aspectgraph_needs_command -a {name} "
+            f"-d {_fish_text(helps[name] or '')}"
+        )
+        for action in command._actions:
+            lines.append(_fish_line(name, action, cameras))
+    return _FISH + "\n".join(filter(None, lines)) + "\n"
+
+
+def _subparsers(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[Any]:
+    return next(one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
+
+
+def _fish_line(command: str, action: argparse.Action, cameras: Sequence[str]) -> str:
+    """Return the line of an option, or of the words that an argument may be."""
+    start = f"complete -c aspectgraph -n '__aspectgraph_in {command}'"
+    words = cameras if action.dest == "camera" else action.choices
+    offer = "" if words is None else f" -a {_fish_text(' '.join(map(str, words)))}"
+    if not action.option_strings:
+        return f"{start} -f{offer}" if offer else ""
+    names = "".join(
+        f" -l {name[2:]}" if name.startswith("--") else f" -s {name[1:]}"
+        for name in action.option_strings
+    )
+    # -r: it takes a value, a file unless words are offered
+    value = "" if action.nargs == 0 else " -r"
+    text = (action.help or "").replace("%%", "%")
+    return f"{start}{names}{value}{offer} -d {_fish_text(text)}"
+
+
+def _fish_text(text: str) -> str:
+    """Return a text in quotes of fish, in which only these two signs are special."""
+    quoted = text.replace("\\", "\\\\").replace("'", "\\'")
+    return f"'{quoted}'"
+
+
+def _words(names: Iterable[str]) -> str:
+    return shlex.quote(" ".join(names))

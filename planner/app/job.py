@@ -1,0 +1,642 @@
+"""What `plan` is to do: the request, built once from the options or from the file of a plan."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aspectgraph import (
+    AspectGraphError,
+    PartFileNotFoundError,
+    ReadError,
+    ReadLimits,
+    SolidChoice,
+    read_dimensions,
+    read_entities,
+    read_solid,
+    resolve_entities,
+    select_entities,
+)
+from aspectgraph.entities.entity_files import parse_names
+from aspectgraph.light.light_regions import check_contrast
+from errors.exceptions import InvalidParameterError
+from errors.measurands import Localisation
+from errors.measurands.geometry import FLOOR_PX
+from errors.measurands.measurand import kinds
+from planner.app.parsing import in_words_of_shell, named_by, option, read_camera
+from planner.app.quantities import localisation_words
+from planner.camera.pose import PoseUncertainty
+from planner.detectability.conditions import Detectability
+from planner.effort.effort import Effort
+from planner.exceptions import PlanFileError, RequestError
+from planner.files import plan_file
+from planner.identity import (
+    SOURCE,
+    InspectionRequest,
+    other_part,
+    restored_options,
+    restored_request,
+)
+from planner.inspection import plan_by_options
+from planner.light.lamps import RING, LampBox, LampDome, check_lamps_given
+from planner.light.lighting import Lighting, check_step
+from planner.light.plan_light import chosen_lamps
+from planner.options import InspectionOptions
+from planner.plan import InspectionPlan, read_plan
+from planner.progress import reading_shown
+from planner.report.wording import count
+from planner.request.defaults import default_workspace
+from planner.request.dimension_files import SURFACES_MM, dimensions_to_plan, read_wanted
+from planner.request.resolve import resolve_wanted, with_places
+from planner.resolve_request import Promise, resolve_request
+
+if TYPE_CHECKING:
+    from aspectgraph import Entity, ModelDimension, Solid
+    from planner.progress import Progress
+    from planner.robotcell import Cell
+
+
+# The cell of a plan, from its file.
+
+
+def read_cell(path: str | None) -> Cell | None:
+    """Return the cell of a file, or None without one."""
+    if path is None:
+        return None
+    from planner.robotcell import Cell
+
+    return Cell.from_toml(path)
+
+
+def cell_again(plan: InspectionPlan, path: str | None, plan_path: Path) -> Cell | None:
+    """Return the cell for which a plan is made again.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        It holds a digest of its cell only.
+    path : str or None
+        The cell's file.
+    plan_path : Path
+        The plan's file, for the error.
+
+    Raises
+    ------
+    RequestError
+        If there is no file although the plan is for a cell, or it describes another one.
+    """
+    stated = plan.request["requirements"].get("cell")
+    cell = read_cell(path)
+    if stated is None and cell is None:
+        return None
+    if stated is None:
+        rule = "must not be given with --again, which takes the request from the plan"
+        raise RequestError.of_rule("cell", rule, f"{path!r}, and {plan_path} is for no cell")
+    if cell is None:
+        rule = "must be given for a plan of a robot cell, of which plan.json holds a digest only"
+        raise RequestError.of_rule("cell", rule, "none")
+    if cell.state_name != stated.get("state_name"):
+        raise RequestError.of_rule("cell", "must be the cell of the plan", f"{path!r}, another one")
+    return cell
+
+
+def without_cell(request: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the identity of a request without its cell, which no file can hold."""
+    return {**request, "requirements": {**request["requirements"], "cell": None}}
+
+
+# The lamps that the command line asks for: ``--light``, ``--contrast``, ``--grey-step`` and
+# ``--ground``.
+
+
+_RULE = (
+    "--light must be ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in mm, or a TOML "
+    "file with lamps = [[X, Y, Z], ...]."
+)
+
+
+def read_lighting(options: Any) -> Lighting | None:
+    """Return what is asked of lamps; None if nothing is.
+
+    Raises
+    ------
+    RequestError, LightError
+        If the words have no meaning, or a number breaks its rule.
+    """
+    check_contrast(options.contrast)
+    check_step(options.grey_step)
+    if options.together and options.light in (None, RING):
+        given = "no --light" if options.light is None else f"--light {options.light}"
+        raise RequestError(f"--together needs lamps by --light at, box or dome. Got {given}.")
+    lamps = _lamps(options.light)
+    if lamps is None:
+        return None
+    return Lighting(
+        lamps, options.contrast, options.grey_step, options.ground, together=options.together
+    )
+
+
+def _lamps(text: str | None) -> Any:
+    if text is None or text == RING:
+        return text
+    name, _, numbers = text.partition(":")
+    if name == "at":
+        return check_lamps_given([_numbers(place, text) for place in numbers.split(";")])
+    if name == "box":
+        values = _numbers(numbers, text)
+        if len(values) == 6:
+            return LampBox((values[0], values[1], values[2]), (values[3], values[4], values[5]))
+    elif name == "dome":
+        values = _numbers(numbers, text)
+        if len(values) in (4, 5):
+            return LampDome((values[0], values[1], values[2]), *values[3:])
+    elif Path(text).suffix.lower() == ".toml":
+        return check_lamps_given(_from_file(Path(text)))
+    raise RequestError(f"{_RULE} Got {text!r}.")
+
+
+def with_light(
+    found: InspectionPlan, solid: Solid, lighting: Lighting | None, progress: Progress | None
+) -> InspectionPlan:
+    """Return a plan with the lamps asked for, if it has none yet: the best one before an interruption has not."""
+    if lighting is None or found.light is not None:
+        return found
+    return replace(found, light=chosen_lamps(lighting, found, solid, progress))
+
+
+def _numbers(text: str, whole: str) -> list[float]:
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        raise RequestError(f"{_RULE} Got {whole!r}.") from None
+
+
+def _from_file(path: Path) -> Any:
+    try:
+        return parse_names(path)["lamps"]
+    except KeyError:
+        raise RequestError(
+            f"{path}: a file of lamps must hold lamps = [[X, Y, Z], ...]. Got no lamps."
+        ) from None
+    except ValueError as error:
+        if isinstance(error.__cause__, OSError):
+            raise RequestError(
+                f"{path}: file of lamps must be readable. Got: {error.__cause__.strerror}."
+            ) from error
+        raise RequestError(f"{path}: file of lamps must be TOML. Got: {error}.") from error
+
+
+# What the command line asks to be inspected: edges, or dimensions of a file or of the model
+# itself.
+
+
+_OF_MODEL = ("one_per_pattern", "reference_dimensions", "no_basic_dimensions")
+"""Options that choose among the dimensions of the model."""
+
+_LEFT_OUT = {
+    "reference": "see --reference-dimensions",
+    "basic": "plan without --no-basic-dimensions",
+}
+"""What to do about dimensions that their role leaves out."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be inspected.
+
+    Attributes
+    ----------
+    items : mapping
+        As `plan_inspection` takes them.
+    entities : mapping of str to Entity
+        What must be seen for them.
+    localisation : Localisation or None
+        How well points are found in the image.
+    left_out : dict of str to str
+        Characteristics of the model that cannot be planned, and why.
+    """
+
+    items: Mapping[str, Any]
+    entities: Mapping[str, Entity]
+    localisation: Localisation | None = None
+    left_out: dict[str, str] = field(default_factory=dict)
+
+
+def read_request(options: Any, solid: Solid) -> Wanted:
+    """Return what the options of `plan` ask for.
+
+    Raises
+    ------
+    RequestError, ReadError, EntityError
+        If they ask for what is not there, or break a rule.
+    """
+    for name in _OF_MODEL:
+        if getattr(options, name) and not _all_of_model(options):
+            got = "none" if options.dimensions is None else repr(options.dimensions)
+            raise RequestError(f"{option(name)} must be given with --dimensions all. Got {got}.")
+    if options.dimensions is None:
+        localisation = read_localisation(options.localisation or "rounding")
+        if "--share" in options.typed:
+            raise RequestError("--share must be given with --dimensions. Got none.")
+        entities = chosen_entities(options, solid)
+        # what cannot be measured is refused before the work
+        with named_by("entities" if options.select is None else "select", vars(options)):
+            resolve_wanted(solid, entities, options.accuracy)
+        return Wanted(entities, entities, localisation)
+    localisation = read_localisation(options.localisation or "gaussian")
+    with named_by("dimensions", vars(options)):
+        return _wanted_dimensions(options, solid, localisation)
+
+
+def _all_of_model(options: Any) -> bool:
+    return options.dimensions is not None and options.dimensions.strip().lower() == "all"
+
+
+def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -> Wanted:
+    """Return the dimensions of the model, or those of a file."""
+    left_out: dict[str, str] = {}
+    items: Mapping[str, Any]
+    if _all_of_model(options):
+        stated = _stated(options, solid)
+        items, left_out = dimensions_to_plan(
+            stated,
+            share=options.share,
+            one_per_pattern=options.one_per_pattern,
+            reference=options.reference_dimensions,
+            basic=not options.no_basic_dimensions,
+        )
+        if not items:
+            raise _nothing_to_plan(stated, options.part)
+    else:
+        items = with_places(solid, read_wanted(Path(options.dimensions), kinds(), options.share))
+    rounded = localisation.model == "rounding"
+    entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
+    return Wanted(items, entities, localisation, left_out)
+
+
+def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestError:
+    """Return the error of a model without a dimension to plan; it counts those left out by their role."""
+    roles = Counter(one.role for one in stated if one.entities is not None)
+    texts = [
+        f"{count(roles[role], f'{role} dimension')} {'is' if roles[role] == 1 else 'are'} left out: {advice}"
+        for role, advice in _LEFT_OUT.items()
+        if roles[role]
+    ]
+    error = RequestError(
+        f"--dimensions all needs a dimension that can be measured. Got none in {part}."
+    )
+    error.hint = ". ".join(texts)
+    return error
+
+
+def chosen_entities(options: Any, solid: Solid) -> dict[str, Entity]:
+    """Return the entities that ``--entities`` or ``--select`` stand for.
+
+    Raises
+    ------
+    EntityError
+        If there are none, or the text breaks a rule.
+    """
+    with named_by("entities" if options.select is None else "select", vars(options)):
+        if options.select is None:
+            return read_entities(options.entities, solid)
+        return resolve_entities(solid, select_entities(solid, options.select))
+
+
+def read_limits(options: Any) -> ReadLimits:
+    """Return what reading the part may take."""
+    seconds = options.read_time_limit
+    return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
+
+
+def _stated(options: Any, solid: Solid) -> tuple[ModelDimension, ...]:
+    part = options.part
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        stated = read_dimensions(part, solid, limits=read_limits(options))
+    if not stated:
+        raise ReadError(
+            f"the part must be a STEP file with semantic dimensions (AP242). Got {part}, which states none; a file of "
+            "dimensions can be given instead."
+        )
+    return stated
+
+
+def localisation_text(options: Any, items: Mapping[str, Any]) -> str:
+    """Say which error of points in the image was assumed, if it was not chosen.
+
+    Edges of ``--entities`` are measured as in the paper, and dimensions with the error that edge
+    detectors have. So the same feature has another probability by the other option.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Those of `plan` or `optics`.
+    items : mapping
+        What is to be inspected.
+
+    Returns
+    -------
+    str
+        One sentence; empty if ``--localisation`` was given, or a stored request is planned again.
+    """
+    if options.localisation is not None or getattr(options, "again", None) is not None:
+        return ""
+    if options.dimensions is None:
+        return (
+            "note: points in the image are rounded to whole pixels, the default without --dimensions. "
+            "With --dimensions, the default is --localisation gaussian:0.1:0.05"
+        )
+    faces = ""
+    if getattr(options, "surfaces_mm", None) is None:
+        faces = (
+            f"The position of the part's faces has an error of {SURFACES_MM:g} mm (--surfaces-mm). "
+        )
+        own = sum(bool(getattr(item, "surfaces_from", "")) for item in items.values())
+        if own:
+            faces += (
+                f"For {own} of {len(items)} dimensions, the error follows from flatness and profile tolerances of the "
+                "model. "
+            )
+    return (
+        "note: points in the image have errors of 0.1 px, and of 0.05 px that all points of an edge or rim share "
+        f"(--localisation gaussian:0.1:0.05), the default with --dimensions. {faces}Without --dimensions, points are "
+        "rounded to whole pixels"
+    )
+
+
+def _gaussian(sigma_px: float = 0.1, floor_px: float = FLOOR_PX) -> Localisation:
+    return Localisation.gaussian(sigma_px, floor_px=floor_px)
+
+
+def read_localisation(text: str) -> Localisation:
+    """Return the model that words such as ``gaussian:0.05`` stand for.
+
+    Raises
+    ------
+    RequestError
+        If the model is unknown, or a number breaks its rule.
+    """
+    name, numbers = localisation_words(text)
+    makers: dict[str, Any] = {
+        "rounding": Localisation.rounding,
+        "gaussian": _gaussian,
+        "fit": Localisation.fit,
+    }
+    try:
+        found: Localisation = makers[name](*numbers)
+    except InvalidParameterError as error:
+        raise RequestError(f"--localisation: {error}") from error
+    return found
+
+
+# with --again, what else may be given
+_BESIDE_AGAIN = {
+    *("--again", "--out", "--jobs", "--resume", "--force", "--graph-limit", "--simulate"),
+    *("--time-limit", "--read-time-limit", "--json", "--quiet", "--verbose", "--cell"),
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """A request, and what a call of `plan_inspection` needs to answer it.
+
+    Attributes
+    ----------
+    request : InspectionRequest
+        What is asked.
+    solid : Solid
+        The part.
+    wanted : Wanted
+        What is to be inspected, and what of it cannot be.
+    options : InspectionOptions
+        Options of `plan_inspection`.
+    part : str
+        The part's file.
+    reading : dict of str to value
+        How it is read, as `aspectgraph.read_solid` takes it.
+    """
+
+    request: InspectionRequest
+    solid: Solid
+    wanted: Wanted
+    options: InspectionOptions
+    part: str
+    reading: dict[str, Any]
+
+    @property
+    def cell(self) -> Cell | None:
+        """The robot cell that the plan is for; its options know any region of poses."""
+        if self.options.cell is None:
+            return None
+        from planner.robotcell import Cell
+
+        return self.options.cell if isinstance(self.options.cell, Cell) else None
+
+    def plan(self, **more: Any) -> InspectionPlan:
+        """Plan it; ``more`` replaces some of the options."""
+        request = self.request
+        return plan_by_options(
+            self.solid,
+            self.wanted.items,
+            request.camera,
+            request.pose_uncertainty,
+            Promise(request.accuracy, request.probability, request.seed),
+            replace(self.options, **more),
+        )
+
+
+def read_job(options: argparse.Namespace) -> Job:
+    """Return what the options of `plan` ask for.
+
+    Raises
+    ------
+    RequestError, ReadError, EntityError, PlanFileError
+        If they ask for what is not there, or break a rule.
+    """
+    if options.again is not None:
+        return _job_again(options)
+    camera = read_camera(options.camera)
+    uncertainty = PoseUncertainty.isotropic(
+        translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
+    )
+    solid = read_part(options)
+    wanted = read_request(options, solid)
+    box = workspace_of(options)
+    given = inspection_options(
+        options,
+        lamps=_lighting(options),
+        localisation=wanted.localisation,
+        workspace=default_workspace(solid, camera) if box is None else box,
+        cell=read_cell(options.cell),
+    )
+    promise = Promise(options.accuracy, options.probability, options.seed)
+    resolved = resolve_request(solid, wanted.items, camera, uncertainty, promise, given)
+    if options.give_up is not None:
+        # the usual effort depends on what is measured
+        given = replace(given, effort=resolved.request.effort.giving_up(options.give_up))
+        resolved = resolve_request(solid, wanted.items, camera, uncertainty, promise, given)
+    wanted = replace(wanted, entities=resolved.entities)
+    return Job(resolved.request, solid, wanted, given, options.part, reading_of(options))
+
+
+def _lighting(options: argparse.Namespace) -> Lighting | None:
+    """Return what is asked of lamps; an error names the option."""
+    with named_by("light", vars(options)):
+        return read_lighting(options)
+
+
+def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOptions:
+    """Return the options of `plan_inspection` that the command line gives.
+
+    An option that has the same name there is taken over as it is; ``more`` holds what is not.
+    """
+    names = {field.name for field in fields(InspectionOptions)}
+    same = {name: value for name, value in vars(options).items() if name in names}
+    effort = getattr(options, "effort", None)
+    given = {
+        "stand_off_mm": options.stand_off,
+        "showing": Detectability(
+            options.separation_px, options.surround_px, options.min_corner_deg
+        ),
+        "effort": None if effort is None else Effort.named(effort),
+        "workspace": None,
+        "localisation": None,
+    }
+    return InspectionOptions(**{**same, **given, **more})
+
+
+def _job_again(options: argparse.Namespace) -> Job:
+    """Return the job whose plan a file holds."""
+    for name in options.typed:
+        if name not in _BESIDE_AGAIN and name not in _READING:
+            raise RequestError(
+                f"{name} must not be given with --again, which takes the request from the plan. "
+                f"Got {name}."
+            )
+    path = plan_file(options.again)
+    with named_by("again", vars(options)):
+        plan = read_plan(path)
+    if not plan.request:
+        raise PlanFileError(
+            f"{path}: plan file must hold its request. Got one of an earlier version. Plan the part again."
+        )
+    cell = cell_again(plan, options.cell, path)
+    try:
+        request = restored_request(without_cell(plan.request))
+        part, reading = _part_again(options, path, plan.request)
+    except PlanFileError as error:
+        raise PlanFileError(f"{path}: {error}") from None
+    if options.part is None and not Path(part).exists():
+        hint = "give PART, too, if it was moved"
+        raise RequestError.of_rule("part", "must be an existing file", repr(part), hint=hint)
+    solid = _read(part, reading, options)
+    check_same_part(solid, plan, part, hint="plan it from its options")
+    items = {record.name: record.item_of(solid) for record in request.targets or ()}
+    given = replace(restored_options(request), cell=cell)
+    promise = Promise(request.accuracy, request.probability, request.seed)
+    resolved = resolve_request(
+        solid, items, request.camera, request.pose_uncertainty, promise, given
+    )
+    wanted = Wanted(items, resolved.entities, request.localisation)
+    return Job(resolved.request, solid, wanted, given, part, reading)
+
+
+def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str = "") -> None:
+    """Refuse a part that is not the one of a plan.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    plan : InspectionPlan
+        The plan.
+    path : str
+        The part's file, for the error.
+    hint : str
+        What to do about it.
+
+    Raises
+    ------
+    RequestError
+        If the part has another shape, or the plan holds nothing of its part to compare.
+    """
+    why = other_part(plan, solid)
+    if why:
+        got = f"{path!r}, {why}"
+        raise RequestError.of_rule("part", "must be the one that was planned", got, hint=hint)
+
+
+# how a part's file is read
+_READING = ("--units", "--solids", "--occluders", "--gap-mm")
+
+
+def _part_again(
+    options: argparse.Namespace, path: Path, stored: Mapping[str, Any]
+) -> tuple[str, dict[str, Any]]:
+    """Return the part's file and how it is read: as given, or as the plan stores it."""
+    source = stored.get(SOURCE)
+    if options.part is not None:
+        kept = {} if source is None else {k: v for k, v in source.items() if k != "file"}
+        typed = {name: value for name, value in reading_of(options).items() if value is not None}
+        return options.part, {**kept, **typed}
+    if any(name in options.typed for name in _READING):
+        raise RequestError("the part must be given with options that say how to read it. Got none.")
+    if not isinstance(source, dict) or not isinstance(source.get("file"), str):
+        raise PlanFileError("request.source must name the part's file. Got none; give PART, too.")
+    return str(path.parent / source["file"]), {k: v for k, v in source.items() if k != "file"}
+
+
+def reading_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return how the part is to be read, as `aspectgraph.read_solid` takes it, with ``occluders`` apart."""
+    return {
+        "units": options.units,
+        "solids": options.solids,
+        "occluders": options.occluders,
+        "gap_mm": options.gap_mm,
+    }
+
+
+def check_nothing_read(options: argparse.Namespace) -> None:
+    """Refuse options that say how a part is read where there is none.
+
+    Raises
+    ------
+    RequestError
+        Names the option.
+    """
+    for name, value in reading_of(options).items():
+        if value is not None:
+            raise RequestError.of_rule(name, "must be given with a part", "none")
+
+
+def read_part(options: argparse.Namespace) -> Solid:
+    """Read the part; an error names the file."""
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        return _read(options.part, reading_of(options), options)
+
+
+def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> Solid:
+    given = dict(reading)
+    occluders = given.pop("occluders", None)
+    if occluders:
+        given["solids"] = SolidChoice(given.get("solids"), occluders)
+    try:
+        return read_solid(part, limits=read_limits(options), **given)
+    except AspectGraphError as error:
+        if error.parameter == "path":
+            missing = isinstance(error, PartFileNotFoundError)
+            rule = "must be an existing file" if missing else error.rule
+            raise type(error).of_rule("part", rule, error.got) from None
+        words = in_words_of_shell(error, vars(options))
+        raise type(error)(f"{part}: {words}") from None
+
+
+def workspace_of(options: argparse.Namespace) -> np.ndarray | None:
+    """Return the box the camera may be in, (2, 3), mm, if one is given."""
+    return None if options.workspace is None else np.reshape(options.workspace, (2, 3))

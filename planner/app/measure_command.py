@@ -1,0 +1,240 @@
+"""The command that measures images: values with uncertainties and decisions."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from aspectgraph import AspectGraphError
+from errors.exceptions import MeasurementModelError
+from errors.measurands import DecisionRule, Localisation
+from planner.app.job import check_same_part, read_part
+from planner.app.parsing import in_words_of_shell
+from planner.app.process import (
+    BAD_INPUT,
+    DONE,
+    INCOMPLETE,
+    INTERNAL,
+    NOT_REGISTERED,
+    shortage,
+    write_error,
+    write_fault,
+)
+from planner.exceptions import PlanFileError, PlannerError, RequestError
+from planner.files import (
+    absolute,
+    check_set_place,
+    name_text,
+    output_folder,
+    path_text,
+    print_json,
+    read_json,
+    staged_folder,
+    write_text,
+)
+from planner.identity import PartRecord
+from planner.measuring.measurer import MeasureOptions, Measurer
+from planner.measuring.registration import Registration
+from planner.measuring.results import FORMAT, MeasurementResults
+from planner.plan import read_plan
+from planner.progress import visible
+from planner.report import terminal_tables
+from planner.report.measured_report import measured_html, print_results
+from planner.text_table import print_text
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+
+WITH_EDGES = "edges+"
+"""Before the file of a board whose pose the part's own edges improve."""
+QIF = "results.qif"
+"""Only written if asked for; that of an earlier measurement does not stay."""
+FILES = ("results.json", "results.csv", QIF, "report.html")
+
+_RULES = {
+    "iso": DecisionRule.iso14253(),
+    "simple": DecisionRule.simple(),
+    "guard": DecisionRule.guard(),
+}
+
+
+class _Images(NamedTuple):
+    """The images of a part, and the folder for its results."""
+
+    serial: str
+    images: Path
+    out: Path
+
+
+# the most severe last: what was not measured at all weighs more than any result
+_SEVERITY = (DONE, INCOMPLETE, NOT_REGISTERED, BAD_INPUT, INTERNAL)
+
+
+def measure(options: argparse.Namespace) -> int:
+    """Measure a part in images of a plan's settings."""
+    plan = read_plan(options.plan)
+    how = MeasureOptions(
+        _registration(options),
+        _localisation(options),
+        coverage=options.coverage,
+        rule=_RULES[options.rule],
+    )
+    out = absolute(options.out)
+    parts = _parts(options, out)
+    with output_folder(options.out, FILES, "--out"):
+        solid = read_part(options)
+        check_same_part(solid, plan, options.part)
+        if not options.force:
+            _check_places(parts, solid)
+        measurer = Measurer(plan, solid)
+        outcomes = [_measured(measurer, part, how, options) for part in parts]
+    reasons = {
+        part.serial: one
+        for part, one in zip(parts, outcomes, strict=True)
+        if isinstance(one, _Reason)
+    }
+    if options.json:
+        records = [one.to_dict() for one in outcomes]
+        print_json(records if options.parts else records[0])
+    else:
+        names = [name for name in FILES if options.qif or name != QIF]
+        folders = [part.out for part in parts if part.serial not in reasons]
+        files = [path_text(folder / name) for folder in folders for name in names]
+        if files:
+            terminal_tables.print_written(files, path_text(out), files[-1])
+    if reasons:
+        count = f"{len(reasons)} of {len(parts)} parts"
+        write_error(visible(f"aspectgraph: {count} not measured: {', '.join(reasons)}"))
+    codes = [one.code if isinstance(one, _Reason) else _code(one, options.exit) for one in outcomes]
+    return max(codes, key=_SEVERITY.index)
+
+
+class _Reason(NamedTuple):
+    """Why a part of many is not measured, and the exit code for this."""
+
+    serial: str
+    reason: str
+    code: int
+
+    def to_dict(self) -> dict[str, str]:
+        """Return what ``--json`` prints instead of results."""
+        return {"serial": self.serial, "not_measured": self.reason}
+
+
+def _measured(
+    measurer: Measurer, part: _Images, how: MeasureOptions, options: argparse.Namespace
+) -> MeasurementResults | _Reason:
+    """Measure a part, write and print its results; of many parts, what is wrong with one is its reason."""
+    if options.parts and not options.json:
+        print_text(f"{part.serial}:")
+    try:
+        if not part.images.is_dir():
+            kind = "a link that leads nowhere" if part.images.is_symlink() else "a pipe or a device"
+            raise RequestError.of_rule("images", "must be an existing folder", kind)
+        results = measurer.measure(
+            part.images,
+            how,
+            serial=part.serial,
+            partial=options.partial,
+            allow_lossy=options.allow_lossy,
+        )
+        _write(results, part.out, options.qif)
+    except Exception as error:
+        if not options.parts or shortage(error) is not None:
+            raise
+        reason = _reason_of(error, part.serial, options)
+        if not options.json:
+            print_text(f"not measured: {reason.reason}")
+        return reason
+    if not options.json:
+        print_results(results)
+    return results
+
+
+def _reason_of(error: Exception, serial: str, options: argparse.Namespace) -> _Reason:
+    """Return an error as the reason of one part, in the words of the shell."""
+    if isinstance(error, AspectGraphError | MeasurementModelError | PlannerError):
+        return _Reason(serial, in_words_of_shell(error, vars(options)), BAD_INPUT)
+    if isinstance(error, OSError):
+        return _Reason(serial, f"{name_text(error.filename or '')}: {error.strerror}", BAD_INPUT)
+    write_fault(error)
+    return _Reason(serial, f"the program has a fault: {type(error).__name__}", INTERNAL)
+
+
+def _parts(options: argparse.Namespace, out: Path) -> list[_Images]:
+    """Return name, images and folder of results of each part."""
+    folder = Path(options.images)
+    if not options.parts:
+        return [_Images(name_text(options.serial or ""), folder, out)]
+    if options.serial is not None:
+        raise RequestError.of_rule("serial", "must not be given with --parts", repr(options.serial))
+    # other files may lie there; a link, pipe or device stands for a part
+    found = [
+        _Images(name_text(path.name), path, out / path.name)
+        for path in sorted(folder.iterdir())
+        if not path.is_file()
+    ]
+    if not found:
+        got = f"none in {str(folder)!r}"
+        raise RequestError.of_rule("images", "must hold a folder for each part", got)
+    return found
+
+
+def _check_places(parts: list[_Images], solid: Solid) -> None:
+    """Refuse, before the work, folders with results of another part, or with other files."""
+    digest = PartRecord.of(solid).digest
+    for part in parts:
+        owner = {"serial": part.serial, "digest": digest}
+        check_set_place(part.out, FILES, partial(_is_of, owner), others=("plan.json",))
+
+
+def _is_of(owner: dict[str, str], path: Path) -> bool:
+    """Tell whether a file holds results of a part."""
+    try:
+        data = read_json(path, "results")
+    except PlanFileError:
+        return False
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        return False
+    source = data.get("source")
+    digest = source.get("part_digest") if isinstance(source, dict) else None
+    return {"serial": data.get("serial"), "digest": digest} == owner
+
+
+def _write(results: MeasurementResults, folder: Path, with_qif: bool) -> None:
+    with staged_folder(folder, FILES, "--out") as staging:
+        if with_qif:
+            results.qif(staging / QIF)
+        results.write(staging / "results.json")
+        results.write_csv(staging / "results.csv")
+        write_text(staging / "report.html", measured_html(results))
+
+
+def _code(results: MeasurementResults, wanted: str) -> int:
+    if results.failed:
+        return NOT_REGISTERED
+    fine = results.measured if wanted == "measured" else results.conforms
+    return DONE if fine else INCOMPLETE
+
+
+def _localisation(options: argparse.Namespace) -> Localisation | None:
+    """Return a localisation with the floor that is asked for; of it, only this counts."""
+    if options.floor_px is None:
+        return None
+    return Localisation.gaussian(floor_px=options.floor_px)
+
+
+def _registration(options: argparse.Namespace) -> Registration:
+    if options.register == "none":
+        return Registration.none(options.surfaces_mm)
+    if options.register == "edges":
+        return Registration.own_edges(options.surfaces_mm)
+    path = options.register.removeprefix(WITH_EDGES)
+    if path != options.register:
+        return Registration.both(path, options.surfaces_mm)
+    if Path(path).suffix.lower() == ".toml":
+        return Registration.fiducials(path, options.surfaces_mm)
+    return Registration.read(Path(options.register), options.surfaces_mm)

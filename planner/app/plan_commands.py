@@ -1,0 +1,788 @@
+"""What the commands do. Each takes the parsed options and returns the exit code."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aspectgraph import (
+    AspectGraphError,
+    EntityError,
+    JointForecast,
+    ReadError,
+    compute_light,
+    compute_regions,
+    estimate_graph,
+    graph_of,
+    light_graph_of,
+    read_dimensions,
+    select_entities,
+    write_edge_picture,
+)
+from aspectgraph.read.part_file import MESH_SUFFIXES
+from aspectgraph.visibility.visibility_regions import KeptRegions
+from planner.app.batch import (
+    PLANNED,
+    TABLES,
+    PartRequest,
+    dask_executor,
+    is_table,
+    limits_of,
+    plan_folder,
+)
+from planner.app.job import (
+    Job,
+    Wanted,
+    check_nothing_read,
+    check_same_part,
+    chosen_entities,
+    inspection_options,
+    localisation_text,
+    read_job,
+    read_limits,
+    read_part,
+    read_request,
+    with_light,
+    workspace_of,
+)
+from planner.app.parsing import option, read_camera
+from planner.app.process import DONE, INCOMPLETE
+from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
+from planner.camera.pose import PoseUncertainty
+from planner.effort.effort import Effort
+from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
+from planner.executors import leave_signals_to_the_parent, usable_cores
+from planner.files import absolute, check_set_place, output_folder, path_text, print_json
+from planner.identity import InspectionRequest, request_difference
+from planner.inspection import space_of, visible_regions
+from planner.optics import DISTANCES_MM, OPTICS_COLUMNS, OpticsProposal, optics_rows, propose_optics
+from planner.options import InspectionOptions
+from planner.plan import InspectionPlan, read_plan
+from planner.progress import Progress, labelled, note, reading_shown, terminal_progress, visible
+from planner.report import terminal_tables
+from planner.report.folder_lock import folder_lock
+from planner.report.plan_folder import (
+    PLAN_FILES,
+    Written,
+    rescue,
+    with_source,
+    write_graph,
+    write_outputs,
+)
+from planner.report.terminal_tables import graph_record, part_record, plan_record
+from planner.report.wording import cost_sentence, incumbent_line
+from planner.request.defaults import default_workspace
+from planner.request.dimension import Dimension
+from planner.request.words import features_text, n_not_planned
+from planner.resume import read_state, state_difference
+from planner.robotcell.arm import unchecked_text
+from planner.text_table import Column, print_table, print_text, words
+from planner.verify.simulate_plan import simulate_in_time, simulate_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from aspectgraph import EntityAspectGraph, Solid, VisibilityRegions
+
+
+# The best plan so far: a line in the log for each, and something to write when the work is
+# interrupted.
+
+
+class BestSoFar:
+    """Takes in the incumbents of a planning.
+
+    Parameters
+    ----------
+    progress : callable or None
+        Shows a line for each.
+
+    Attributes
+    ----------
+    plan : InspectionPlan or None
+        The latest.
+    interrupted : bool
+        Whether the planning was.
+    """
+
+    def __init__(self, progress: Progress | None):
+        self.plan: InspectionPlan | None = None
+        self.interrupted = False
+        self._progress = progress
+        self._start = time.monotonic()
+
+    def __call__(self, plan: InspectionPlan) -> None:
+        """Take in one that is better."""
+        known = self.plan
+        self.plan = plan
+        # the last one may be the same with surer poses
+        if known is None or _line(known) != _line(plan):
+            note(self._progress, incumbent_line(plan, self.seconds))
+
+    @property
+    def seconds(self) -> float:
+        """Since this began."""
+        return time.monotonic() - self._start
+
+    def instead(self) -> InspectionPlan:
+        """Return the plan to write when the planning is interrupted.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If there is none yet.
+        """
+        if self.plan is None:
+            raise KeyboardInterrupt
+        self.interrupted = True
+        note(self._progress, "interrupted: the best plan so far is written")
+        return self.plan
+
+
+def _line(plan: InspectionPlan) -> str:
+    return incumbent_line(plan, 0.0)
+
+
+# An output folder belongs to one request: its plan, and what an interrupted planning of it left,
+# stay with it.
+#
+# Nothing is deleted in silence: a plan or unfinished work of another request is replaced with
+# ``--force`` only, and unfinished work of the same request is continued with ``--resume``, or
+# discarded with ``--force``.
+
+
+STATE_FILE = "planning-state.json"
+REGIONS_FOLDER = "planning-regions"
+PLAN_FILE = "plan.json"
+# numbers computed on another machine may differ in their last digits
+_SAME = 1e-9
+_RULE = "--out must be a folder without another plan; --force replaces it."
+_DEFAULT_RULE = "--out must be given where ./{name} holds other files."
+_UNFINISHED = "--out must be a folder without an unfinished plan."
+
+
+def check_owner(
+    folder: Path, request: InspectionRequest, *, force: bool, is_default: bool = False
+) -> None:
+    """Refuse a folder that holds the plan of another request, or files that a plan would replace.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The output folder.
+    request : InspectionRequest
+        What is asked now.
+    force : bool
+        Replace whatever is there.
+    is_default : bool
+        Nobody named the folder. Then it must not hold anything but a plan.
+
+    Raises
+    ------
+    OutputError
+        If there is a plan, and it is of another request or cannot be read; names the first difference.
+        Or if there is no plan, but a file with the name of one of its files.
+    """
+    path = folder / PLAN_FILE
+    if force:
+        return
+    if not path.exists():
+        _check_files(folder, is_default=is_default)
+        return
+    try:
+        stored = read_plan(path).request
+    except PlanFileError as error:
+        raise OutputError(f"{_RULE} Got {error}") from None
+    if not stored:
+        raise OutputError(f"{_RULE} Got {path} of an earlier version, without its request.")
+    change = request.difference(stored, option, _SAME)
+    if change is not None:
+        raise OutputError(f"{_RULE} Got {path} of another request: {change}.")
+
+
+def _check_files(folder: Path, *, is_default: bool) -> None:
+    """Refuse a folder without a plan that holds files of somebody else."""
+    for name in PLAN_FILES:
+        if (folder / name).exists():
+            raise OutputError(f"{_RULE} Got {folder / name} without its plan.json.")
+    if not is_default or not folder.is_dir():
+        return
+    own = (STATE_FILE, REGIONS_FOLDER)
+    others = sorted(
+        path.name
+        for path in folder.iterdir()
+        if path.name not in own and not path.name.startswith(".")
+    )
+    if others:
+        rule = _DEFAULT_RULE.format(name=folder.name)
+        raise OutputError(f"{rule} Got {folder / others[0]} in it; write --out {folder.name}.")
+
+
+class Leftovers:
+    """State and visible regions of an interrupted planning.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The output folder.
+
+    Attributes
+    ----------
+    state : pathlib.Path
+        File of the state.
+    regions : KeptRegions
+        Visible regions; they are computed before there is a state.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.state = folder / STATE_FILE
+        self.regions = KeptRegions(folder / REGIONS_FOLDER)
+
+    def __bool__(self) -> bool:
+        """Whether there is anything to go on from."""
+        return self.state.exists() or bool(self.regions)
+
+    def prepare(
+        self, request: InspectionRequest, *, resume: bool, force: bool, quiet: bool
+    ) -> None:
+        """Refuse what is not to be resumed, or cannot be, before any work; discard it if that is asked for.
+
+        Raises
+        ------
+        PlanFileError
+            If the state is to be resumed and is damaged, or of another request.
+        OutputError
+            If there is unfinished work that is neither to be resumed nor to be discarded, or it cannot be deleted.
+        """
+        identity = request.identity()
+        if self.regions.folder.is_symlink():
+            raise OutputError(
+                f"--out must be a folder in which {REGIONS_FOLDER} is no link. "
+                f"Got {self.regions.folder}, a link to {os.readlink(self.regions.folder)}."
+            )
+        if not self:
+            if resume and not quiet:
+                print(
+                    f"nothing to resume in {self.folder}: planning starts from the beginning",
+                    file=sys.stderr,
+                )
+        elif resume:
+            change = self._change(identity)
+            if change is not None:
+                raise PlanFileError(
+                    f"--resume must be of the same request. Got {self._place} of another one: {change}; "
+                    "--force without --resume discards it."
+                )
+        elif force:
+            self._discard()
+        else:
+            raise OutputError(f"{_UNFINISHED} Got {self._unfinished(identity)}.")
+        self.regions = KeptRegions(self.regions.folder, identity)
+
+    @property
+    def _place(self) -> Path:
+        return self.state if self.state.exists() else self.regions.folder
+
+    def _unfinished(self, identity: dict[str, Any]) -> str:
+        """Say what is there, and what can be done about it."""
+        try:
+            change = self._change(identity)
+        except PlanFileError as error:
+            return f"{str(error).rstrip('.')}; --force discards it"
+        if change is not None:
+            return (
+                f"{self._place} of another request: {change}; that request with --resume continues it, "
+                "--force discards it"
+            )
+        return f"{self._place} of this request: --resume continues it, --force starts again"
+
+    def _change(self, identity: dict[str, Any]) -> str | None:
+        """Return in what the request of what is there differs; None if it does not, or nothing says so."""
+        if self.state.exists():
+            return state_difference(read_state(self.state), identity, option)
+        owner = self.regions.owner()
+        if owner is None:
+            return None
+        return request_difference(identity, owner, option)
+
+    def _discard(self) -> None:
+        self.regions.remove()
+        try:
+            self.state.unlink(missing_ok=True)
+        except OSError as error:
+            reason = f"{self.state} cannot be deleted: {error.strerror}"
+            raise OutputError(
+                f"--out must be a folder that can be written. Got {reason}."
+            ) from None
+
+    def remove(self) -> None:
+        """Delete all of it, after the end; what stays does no harm: it gives the same plan again."""
+        self.regions.remove()
+        with suppress(OSError):
+            self.state.unlink(missing_ok=True)
+
+    @contextmanager
+    def told(self) -> Iterator[None]:
+        """Tell how to go on when the work is interrupted, if there is something to go on from then."""
+        try:
+            with warnings.catch_warnings():
+                # if it matters in the end, that is told then
+                warnings.filterwarnings("ignore", "state is no longer saved", RuntimeWarning)
+                yield
+        except KeyboardInterrupt:
+            if self:
+                raise KeyboardInterrupt("'plan' with --resume continues from here") from None
+            raise
+
+    @contextmanager
+    def forgotten_if_refused(self) -> Iterator[None]:
+        """Delete regions if the request turns out to be one that cannot be planned: nobody can go on from them."""
+        try:
+            yield
+        except (EntityError, InfeasibleError, RequestError) as error:
+            # with more time the request can be planned
+            if error.parameter != "time_limit_s" and not self.state.exists():
+                self.regions.remove()
+            raise
+
+
+# Ranking the parts of the catalogue: which bodies and lenses suit a request.
+
+
+def rank_optics(
+    options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
+) -> int:
+    """Print bodies and lenses, ranked by how well they measure what is wanted; return the exit code."""
+    found = propose_optics(
+        solid,
+        items,
+        PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad),
+        bodies=options.body,
+        accuracy=options.accuracy,
+        probability=options.probability,
+        distances_mm=options.distances or DISTANCES_MM,
+        options=limits,
+    )
+    counts = [item.n_features for item in items.values() if isinstance(item, Dimension)]
+    features = {"n": sum(counts), "not_planned": n_not_planned(counts)}
+    if options.json:
+        shown = [one.to_dict() for one in found[: options.rows]]
+        print_json([{**record, "features": features} if counts else record for record in shown])
+    else:
+        print_table(OPTICS_COLUMNS, optics_rows(found, options.rows))
+        if features_text(counts):
+            text = f"{features_text(counts)}; optics are ranked by one feature of each dimension"
+            print_text(text)
+    if options.write is not None:
+        _write_best(found, options.write, quiet=options.json)
+    return DONE if found and len(found[0].able) == len(items) else INCOMPLETE
+
+
+def _write_best(found: Sequence[OpticsProposal], path: str, *, quiet: bool) -> None:
+    """Write the camera of the first row, unless it measures nothing."""
+    if not found or not found[0].able:
+        text = (
+            f"{path} was not written: no camera measures any target with the required probability"
+        )
+    else:
+        found[0].camera.write(path)
+        text = f"wrote {found[0].camera.name} to {path}; give it to plan as --camera {path}"
+    if not quiet:
+        print_text(words(text, [path]))
+
+
+# Where the robot stands in each setting, as a table for the terminal.
+
+
+def print_arm(plan: InspectionPlan) -> None:
+    """Print the fixturing and the joints of each setting of a plan for a robot cell."""
+    columns = (
+        Column("setting", right=True),
+        Column("part lies"),
+        Column("joints (degrees)"),
+        Column("clearance (mm)", right=True),
+        Column("to limit", right=True),
+    )
+    rows = [
+        (
+            str(number),
+            setting.fixturing,
+            _turned(setting.angle_deg)
+            + " ".join(f"{angle + 0.0:.1f}" for angle in np.round(np.degrees(setting.joints), 1)),
+            f"{setting.arm['clearance_robot_mm']:.1f}",
+            f"{np.degrees(setting.arm['to_limit_rad']):.0f}°",
+        )
+        for number, setting in enumerate(plan.settings, start=1)
+        if setting.fixturing
+    ]
+    if not rows:
+        return
+    print()
+    print_table(columns, rows)
+    names = list(dict.fromkeys(one.fixturing for one in plan.settings if one.fixturing))
+    print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
+    unchecked = unchecked_text(plan.cell.get("bodiless_links", ()))
+    if unchecked:
+        print_text(f"warning: {unchecked}")
+
+
+def _turned(angle_deg: float | None) -> str:
+    return "" if angle_deg is None else f"table {angle_deg:g}°: "
+
+
+def listed(names: list[str]) -> str:
+    """Return names in quotes, the last behind an and."""
+    quoted = [repr(name) for name in names]
+    return " and ".join(filter(None, [", ".join(quoted[:-1]), *quoted[-1:]]))
+
+
+def info(options: argparse.Namespace) -> int:
+    """Show what a part consists of and which edges, rims and arcs can be entities."""
+    solid = read_part(options)
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        edges = solid.straight_edges(min_length_mm=options.min_length)
+        curves = (*solid.rims(), *solid.arcs())
+    if options.select is not None:
+        chosen = set(select_entities(solid, options.select))
+        edges = tuple(edge for edge in edges if edge.id in chosen)
+        curves = tuple(curve for curve in curves if curve.id in chosen)
+    if options.picture:
+        _write_picture(
+            solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves]
+        )
+    if options.json:
+        print_json(
+            part_record(
+                solid, edges, curves, filter(None, [_unit_note(options.part, options.units)])
+            )
+        )
+        return DONE
+    terminal_tables.print_part(solid, edges, curves)
+    _print_unit(options.part, options.units)
+    if options.picture:
+        print(visible(str(options.picture)))
+    return DONE
+
+
+def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list[str]) -> None:
+    """Write the picture of `info`; an error names the option."""
+    try:
+        write_edge_picture(solid, path, edge_ids, curve_ids)
+    except AspectGraphError as error:
+        if error.parameter != "path":
+            raise
+        raise type(error).of_rule("picture", error.rule, error.got) from None
+
+
+def graph(options: argparse.Namespace) -> int:
+    """Build the entity-based aspect graph and write it."""
+    solid = read_part(options)
+    entities = chosen_entities(options, solid)
+    box = workspace_of(options)
+    if box is None and options.camera is not None:
+        box = default_workspace(solid, read_camera(options.camera))
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        result = _graph(options, solid, entities, box, progress)
+    write_graph(result, options.graphml, "--graphml")
+    if options.json:
+        print_json(graph_record(result, options.graphml))
+        return DONE
+    terminal_tables.print_graph(result)
+    _print_unit(options.part, options.units)
+    print(visible(str(options.graphml)))
+    return DONE
+
+
+def _graph(
+    options: argparse.Namespace, solid: Solid, entities: Any, box: Any, progress: Any
+) -> EntityAspectGraph:
+    """Return the graph of viewpoints, or of lamp positions."""
+    shown = labelled(progress, "visible regions")
+    limit = options.memory_limit
+    if options.lamps:
+        lit = compute_light(solid, entities, options.contrast, box, progress=shown)
+        note(progress, cost_sentence(estimate_graph(lit), len(entities)))
+        return light_graph_of(lit, memory_limit_bytes=limit, progress=progress)
+    regions = compute_regions(
+        solid, entities, workspace=box, progress=shown, kept=JointForecast(limit)
+    )
+    note(progress, cost_sentence(estimate_graph(regions), len(entities)))
+    return graph_of(regions, memory_limit_bytes=limit, progress=progress)
+
+
+def dimensions(options: argparse.Namespace) -> int:
+    """Show the dimensions an AP242 file states, and the entities that measure them."""
+    solid = read_part(options)
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        stated = read_dimensions(options.part, solid, limits=read_limits(options))
+    if not stated:
+        raise ReadError(
+            f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
+        )
+    if options.json:
+        print_json([one.to_dict() for one in stated])
+    else:
+        terminal_tables.print_dimensions(stated)
+    return DONE
+
+
+def plan(options: argparse.Namespace) -> int:
+    """Plan an inspection and write everything about it."""
+    names = (*PLAN_FILES, STATE_FILE)
+    with (
+        output_folder(options.out, names, "--out") as folder,
+        folder_lock(folder, "--out"),
+        (leftovers := Leftovers(folder)).told(),
+    ):
+        job = read_job(options)
+        lighting = job.request.lighting
+        if lighting is not None:
+            lighting.check_part(job.solid)
+        is_default = "--out" not in options.typed
+        check_owner(folder, job.request, force=options.force, is_default=is_default)
+        leftovers.prepare(
+            job.request, resume=options.resume, force=options.force, quiet=options.quiet
+        )
+        with leftovers.forgotten_if_refused():
+            result, written, interrupted = _planned(options, job, leftovers)
+        _print_planned(options, result, job, written, leftovers)
+        if interrupted:
+            raise KeyboardInterrupt
+    lit = result.light is None or result.light.complete
+    confirmed = result.simulation is not None and result.simulation.confirmed
+    return DONE if result.complete and confirmed and lit else INCOMPLETE
+
+
+def _print_planned(
+    options: argparse.Namespace,
+    result: InspectionPlan,
+    job: Job,
+    written: Written,
+    leftovers: Leftovers,
+) -> None:
+    """Print a plan, and the files it is in."""
+    files = [path_text(path) for path in written.files]
+    if options.json:
+        print_json(plan_record(result, files, job.wanted.left_out))
+        return
+    terminal_tables.print_plan(result)
+    if result.cell:
+        print_arm(result)
+    _print_unit(job.part, job.reading.get("units"))
+    _print_left_out(job.wanted)
+    if text := localisation_text(options, job.wanted.items):
+        print_text(text)
+    if result.unfinished and leftovers:
+        print("The same command with --resume continues from here.")
+    for text in written.notes:
+        print_text(text)
+    report = next(path for path in files if path.endswith("report.html"))
+    terminal_tables.print_written(files, path_text(leftovers.folder), report)
+
+
+def _print_left_out(wanted: Wanted) -> None:
+    """Print what the model states and nothing can measure, with the reasons."""
+    for name, reason in wanted.left_out.items():
+        print_text(words(f"{name} is not planned: {reason}", [name]))
+
+
+def _planned(
+    options: argparse.Namespace, job: Job, leftovers: Leftovers
+) -> tuple[InspectionPlan, Written, bool]:
+    """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
+    solid = job.solid
+    with (
+        terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
+        _executor(options.jobs) as executor,
+    ):
+        best = BestSoFar(progress)
+        deadline = Deadline(options.time_limit, begun=options.begun)
+        with deadline.stated_whole():
+            result, regions = _searched(job, leftovers, best, deadline, executor, progress)
+        simulation, notes = simulate_in_time(
+            result,
+            options.simulate,
+            job.request.seed,
+            progress,
+            solid,
+            deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
+        )
+        result = replace(result, simulation=simulation)
+        result = with_light(result, solid, job.request.lighting, progress)
+        result = with_source(result, leftovers.folder, job.part, job.reading)
+        try:
+            folder = Path(path_text(leftovers.folder))
+            written = write_outputs(
+                result,
+                regions,
+                folder,
+                progress,
+                graph_limit=options.graph_limit,
+                deadline=deadline,
+                notes=notes,
+                cell=job.cell,
+            )
+        except OutputError as error:
+            raise OutputError(f"{error} {rescue(result, leftovers.state)}") from None
+    if not result.unfinished:
+        leftovers.remove()
+    return result, written, best.interrupted
+
+
+def _searched(
+    job: Job,
+    leftovers: Leftovers,
+    best: BestSoFar,
+    deadline: Deadline,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> tuple[InspectionPlan, VisibilityRegions]:
+    """Return the plan, or the best so far if the search is interrupted, and the regions it rests on."""
+    request = job.request
+    regions = visible_regions(
+        job.solid,
+        job.wanted.entities,
+        request,
+        executor=executor,
+        progress=progress,
+        kept=leftovers.regions,
+        deadline=deadline.of_regions(),
+    )
+    try:
+        found = job.plan(
+            time_limit_s=deadline.seconds_left(SEARCH_SHARE),
+            on_incumbent=best,
+            space=space_of(request, regions),
+            state=leftovers.state,
+            executor=executor,
+            progress=progress,
+        )
+    except KeyboardInterrupt:
+        found = best.instead()
+    return found, regions
+
+
+def batch(options: argparse.Namespace) -> int:
+    """Plan every part of a folder."""
+    uncertainty = PoseUncertainty.isotropic(
+        translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
+    )
+    effort = Effort.named(options.effort or "standard")
+    request = PartRequest(
+        read_camera(options.camera),
+        uncertainty,
+        accuracy=options.accuracy,
+        probability=options.probability,
+        seed=options.seed,
+        select=options.select,
+        units=options.units,
+        simulate=options.simulate,
+        graph_limit=options.graph_limit,
+        effort=effort if options.give_up is None else effort.giving_up(options.give_up),
+        limits=limits_of(inspection_options(options, time_limit_s=options.time_limit)),
+    )
+    if not options.force:
+        check_set_place(Path(options.out), TABLES, is_table)
+    out = absolute(options.out)
+    workers = nullcontext() if options.scheduler is None else dask_executor(options.scheduler)
+    try:
+        with (
+            workers as executor,
+            terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
+        ):
+            jobs = min(options.jobs, usable_cores())
+            results = plan_folder(
+                options.folder,
+                options.out,
+                request,
+                jobs=jobs,
+                executor=executor,
+                progress=progress,
+                replace=options.force,
+            )
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the same command continues with the remaining parts") from None
+    if options.json:
+        print_json([asdict(part_result) for part_result in results])
+    else:
+        terminal_tables.print_batch(results)
+        files = [path_text(out / name) for name in TABLES]
+        terminal_tables.print_written(files, path_text(out), files[-1])
+    return DONE if all(part_result.status == PLANNED for part_result in results) else INCOMPLETE
+
+
+def simulate(options: argparse.Namespace) -> int:
+    """Check a plan by simulation."""
+    if options.part is None:
+        check_nothing_read(options)
+    loaded = read_plan(options.plan)
+    solid = None if options.part is None else read_part(options)
+    if solid is not None:
+        check_same_part(solid, loaded, options.part)
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        result = simulate_plan(
+            loaded, options.poses, rng=options.seed, progress=progress, solid=solid
+        )
+    if options.json:
+        print_json(result.to_dict())
+    else:
+        terminal_tables.print_simulation(loaded, result)
+    return DONE if loaded.complete and result.confirmed else INCOMPLETE
+
+
+def optics(options: argparse.Namespace) -> int:
+    """Rank bodies and lenses of the catalogue by how well they measure what is wanted."""
+    solid = read_part(options)
+    wanted = read_request(options, solid)
+    given = inspection_options(
+        options, workspace=workspace_of(options), localisation=wanted.localisation
+    )
+    code = rank_optics(options, solid, wanted.items, given)
+    if not options.json:
+        _print_unit(options.part, options.units)
+        _print_left_out(wanted)
+        if text := localisation_text(options, wanted.items):
+            print_text(text)
+    return code
+
+
+def _print_unit(part: str, units: str | None) -> None:
+    if told := _unit_note(part, units):
+        print_text(f"note: {told}")
+
+
+def _unit_note(part: str, units: str | None) -> str:
+    """Say which unit was assumed for a file that has none; nothing of others."""
+    mesh = [suffix for suffix in Path(part).suffixes if suffix.lower() in MESH_SUFFIXES]
+    if units is None and mesh and mesh[-1].lower() != ".glb":
+        return f"{mesh[-1][1:].upper()} files state no unit, so the program assumes mm. Use --units for another unit"
+    return ""
+
+
+@contextmanager
+def _executor(jobs: int) -> Iterator[Executor | None]:
+    """Provide a process pool, or none for one process; work not begun is dropped at the end."""
+    # more processes than cores cost memory and gain nothing, and no result depends on their number
+    jobs = min(jobs, usable_cores())
+    if jobs == 1:
+        yield None
+        return
+    executor = ProcessPoolExecutor(
+        jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),)
+    )
+    try:
+        yield executor
+    finally:
+        executor.shutdown(cancel_futures=True)

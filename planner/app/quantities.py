@@ -1,0 +1,258 @@
+"""Numbers with units: ``98%`` is 0.98, ``100um`` is 0.1 mm, ``2min`` is 120 s."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Mapping
+
+from planner.camera.pose import PoseUncertainty
+from planner.exceptions import PlannerError, RequestError
+from planner.request.targets import GIVEN, OWN_EDGES, RegistrationRecord
+
+_NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf(?:inity)?|nan)"
+_QUANTITY = re.compile(rf"({_NUMBER})\s*(.*)", re.ASCII | re.IGNORECASE | re.DOTALL)
+# how many of the unit that is meant a unit is; a text is multiplied without rounding
+_LENGTHS = {
+    "mm": "1", "um": "0.001", "µm": "0.001", "μm": "0.001", "cm": "10", "m": "1000", "in": "25.4",
+    "inch": "25.4",
+}  # fmt: skip
+
+
+class Quantity:
+    """Reads numbers of one kind; it is the ``type`` of an option.
+
+    Parameters
+    ----------
+    what : str
+        What it must be, for the error: it follows "must be".
+    units : mapping of str to str or float
+        How much each unit is; a number alone is taken as it is.
+    """
+
+    def __init__(self, what: str, units: Mapping[str, str | float]) -> None:
+        self._what = what
+        self._units = units
+
+    def __call__(self, text: str) -> float:
+        """Return the value of a text.
+
+        Raises
+        ------
+        argparse.ArgumentTypeError
+            If it is no number, or has another unit.
+        """
+        match = _QUANTITY.fullmatch(text.strip())
+        unit = "" if match is None else match[2].strip()
+        if match is None or (unit and unit not in self._units):
+            raise argparse.ArgumentTypeError(f"must be {self._what}. Got {text!r}.")
+        factor = self._units[unit] if unit else "1"
+        if isinstance(factor, float):
+            return float(match[1]) * factor
+        if factor == "1":
+            return float(match[1])
+        from decimal import Decimal
+
+        # 99.9% is the number 0.999 then, not its neighbour
+        return float(Decimal(match[1]) * Decimal(factor))
+
+
+SHARE = Quantity("a number like 0.98, or a percentage like 98%", {"%": "0.01"})
+MM = Quantity(
+    "a length in mm, or with its unit (mm, um, cm, m or in) like 0.1mm or 100um", _LENGTHS
+)
+RAD = Quantity(
+    "an angle in rad, or with its unit (rad, mrad or deg) like 2mrad or 0.1deg",
+    {"rad": "1", "mrad": "0.001", "deg": math.radians(1.0), "°": math.radians(1.0)},
+)
+DEG = Quantity(
+    "an angle in degrees, or with its unit (deg or rad) like 25deg",
+    {"deg": "1", "°": "1", "rad": math.degrees(1.0)},
+)
+PX = Quantity("a number of pixels like 20 or 20px", {"px": "1"})
+SECONDS = Quantity(
+    "a time in seconds, or with its unit (s, min or h) like 90s or 5min",
+    {"s": "1", "min": "60", "h": "3600"},
+)
+
+
+def lengths(text: str) -> list[float]:
+    """Return lengths separated by commas, mm; each may have its unit.
+
+    Parameters
+    ----------
+    text : str
+        Like ``250,400`` or ``25cm,400mm``.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If one of them is no length.
+    """
+    try:
+        return [MM(number) for number in text.split(",")]
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"must be numbers like 250,400. Got {text!r}.") from None
+
+
+def sigma_pair(text: str) -> tuple[float, float]:
+    """Return standard deviations of a pose: a length in mm and an angle in rad.
+
+    Parameters
+    ----------
+    text : str
+        Like ``0.05,0.0005`` or ``50um,0.5mrad``.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is no such pair.
+    """
+    words = text.split(",")
+    try:
+        sigmas = (MM(words[0]), RAD(words[1])) if len(words) == 2 else (-1.0, -1.0)
+    except argparse.ArgumentTypeError:
+        sigmas = (-1.0, -1.0)
+    if min(sigmas) >= 0:
+        return sigmas
+    raise argparse.ArgumentTypeError(
+        f"must be a length and an angle like 0.05mm,0.5mrad, not negative. Got {text!r}."
+    )
+
+
+def registration(text: str) -> RegistrationRecord | None:
+    """Return how poses are known when values are read.
+
+    Parameters
+    ----------
+    text : str
+        ``edges``, ``none``, or standard deviations as `sigma_pair` takes them.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is none of these.
+    """
+    if text == "none":
+        return None
+    if text == "edges":
+        return RegistrationRecord(OWN_EDGES)
+    try:
+        length, angle = sigma_pair(text)
+        known = PoseUncertainty.isotropic(translation_mm=length, rotation_rad=angle)
+    except (argparse.ArgumentTypeError, PlannerError):
+        raise argparse.ArgumentTypeError(
+            f"must be edges, none, or a length and an angle like 0.02mm,0.1mrad. Got {text!r}."
+        ) from None
+    return RegistrationRecord(GIVEN, None, known)
+
+
+# no file has more solids; Python reads no number of more than some thousand digits
+_WHOLE = re.compile(r"[-+]?\d{1,400}", re.ASCII)
+_INDEX = re.compile(r"\d{1,18}", re.ASCII)
+
+
+def whole(text: str) -> int:
+    """Return a whole number.
+
+    Parameters
+    ----------
+    text : str
+        Digits, perhaps with a sign.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is none.
+    """
+    if not _WHOLE.fullmatch(text.strip()):
+        shown = text if len(text) <= 40 else f"{text[:37]}..."
+        raise argparse.ArgumentTypeError(f"must be a whole number. Got {shown!r}.")
+    return int(text)
+
+
+def indices(text: str) -> list[int]:
+    """Return whole numbers separated by commas.
+
+    Parameters
+    ----------
+    text : str
+        Like ``0,2``.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If one of them is none.
+    """
+    numbers = text.split(",")
+    if not all(_INDEX.fullmatch(number.strip()) for number in numbers):
+        raise argparse.ArgumentTypeError(f"must be whole numbers like 0,2. Got {text!r}.")
+    return [int(number) for number in numbers]
+
+
+def all_or_indices(text: str) -> str | list[int]:
+    """Return ``all``, or whole numbers separated by commas.
+
+    Parameters
+    ----------
+    text : str
+        ``all``, or like ``0,2``.
+    """
+    return text if text == "all" else indices(text)
+
+
+# models of errors in the image, and how many numbers may follow each
+_LOCALISATIONS = {"rounding": 0, "gaussian": 2, "fit": 3}
+
+
+def localisation_words(text: str) -> tuple[str, list[float]]:
+    """Return the name of a localisation model and its numbers, like ``gaussian:0.05``.
+
+    Parameters
+    ----------
+    text : str
+        As it was typed.
+
+    Raises
+    ------
+    RequestError
+        If the model is unknown, or what follows is no number.
+    """
+    name, *numbers = text.strip().split(":")
+    if name not in _LOCALISATIONS or len(numbers) > _LOCALISATIONS[name]:
+        raise RequestError(
+            "--localisation must be rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px. "
+            f"Got {text!r}."
+        )
+    try:
+        return name, [float(number) for number in numbers]
+    except ValueError:
+        raise RequestError(
+            f"--localisation must hold numbers of px after the model. Got {text!r}."
+        ) from None
+
+
+_BYTES = {"mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30, "tib": 2.0**40}
+_MEMORY = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d+)?) ?([MGT]i?B)?", re.ASCII | re.IGNORECASE)
+
+
+def memory(text: str) -> float:
+    """Return an amount of memory in bytes; a number alone is in GiB.
+
+    Parameters
+    ----------
+    text : str
+        Like ``8``, ``8GB`` or ``500MB``.
+
+    Raises
+    ------
+    argparse.ArgumentTypeError
+        If it is none.
+    """
+    match = _MEMORY.fullmatch(text.strip())
+    if match is None or not float(match[1]) > 0:
+        raise argparse.ArgumentTypeError(
+            f"must be a positive number of GiB, or like 8GB or 500MB. Got {text!r}."
+        )
+    return float(match[1]) * _BYTES[(match[2] or "gib").lower()]

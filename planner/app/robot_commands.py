@@ -1,0 +1,361 @@
+"""The command ``reach``: which settings of a plan a robot reaches, and where the part should lie."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from errors.formatting import probability_text
+from planner.app.job import check_same_part, read_part
+from planner.app.process import DONE, INCOMPLETE
+from planner.camera.pose import PoseUncertainty
+from planner.exceptions import RequestError, UncertaintyError
+from planner.files import PLAN, PROGRAM, check_file_place, print_json
+from planner.identity import part_note
+from planner.plan import InspectionPlan, read_plan
+from planner.progress import terminal_progress, visible
+from planner.robotcell import Cell, Placement, Reachability
+from planner.robotcell.cell_file import moved_cell, toml_lines
+from planner.robotcell.placement import PlacementSearch
+from planner.robotprogram.other_poses import with_reached_settings
+from planner.robotprogram.pose_knowledge import ArmUncertainty
+from planner.robotprogram.program_record import FixturedTour, RobotProgram, Stop
+from planner.robotprogram.program_texts import (
+    FORMATS,
+    CameraSignals,
+    check_program_speed,
+    write_program,
+)
+from planner.robotprogram.robot_program import robot_program, robot_program_with_other_poses
+from planner.sensor_setting import image_name
+from planner.text_table import Column, print_table, print_text
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+
+# The command ``program``: a robot program that takes the images of a plan.
+
+
+def program(options: argparse.Namespace) -> int:
+    """Write a robot program, and print its rounds."""
+    out = FORMATS[options.format] if options.out is None else options.out
+    check_file_place(out, "--out", PROGRAM)
+    if options.plan_out is not None:
+        check_file_place(options.plan_out, "--plan-out", PLAN)
+    check_program_speed(options.speed, options.format)
+    signals = CameraSignals(
+        settle_s=options.settle,
+        trigger_output=options.trigger_output,
+        ready_input=options.ready_input,
+    )
+    uncertainty = _uncertainty(options)
+    plan = read_plan(options.plan)
+    solid = read_part(options)
+    check_same_part(solid, plan, options.part)
+    cell = Cell.from_toml(options.cell)
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        make = robot_program if options.plan_out is None else robot_program_with_other_poses
+        made = make(
+            plan,
+            solid,
+            cell,
+            speed=options.speed,
+            uncertainty=uncertainty,
+            simulate=options.simulate,
+            seed=options.seed,
+            progress=progress,
+        )
+    if made.plan is not None:
+        made.plan.write(options.plan_out)
+    path = write_program(made, out, format=options.format, signals=signals)
+    if options.json:
+        print_json(made.to_dict())
+    else:
+        _print_program(made)
+        print(visible(str(path)))
+        if made.plan is not None:
+            print(visible(str(options.plan_out)))
+    return DONE if made.complete else INCOMPLETE
+
+
+def _uncertainty(options: argparse.Namespace) -> ArmUncertainty | None:
+    """Return the uncertainty of the arm, if any of it is given."""
+    joints = options.sigma_joints
+    hand_eye = _isotropic("sigma_hand_eye", options.sigma_hand_eye)
+    part = _isotropic("sigma_part", options.sigma_part)
+    if joints is None and hand_eye is None and part is None:
+        return None
+    return ArmUncertainty(0.0 if joints is None else joints, hand_eye, part)
+
+
+def _isotropic(name: str, sigmas: tuple[float, float] | None) -> PoseUncertainty | None:
+    if sigmas is None:
+        return None
+    try:
+        return PoseUncertainty.isotropic(translation_mm=sigmas[0], rotation_rad=sigmas[1])
+    except UncertaintyError as error:
+        raise UncertaintyError.of_rule(name, error.rule, error.got) from None
+
+
+def _print_program(made: RobotProgram) -> None:
+    """Print the rounds, what is not reached, and what to look at."""
+    states_p = any(stop.probability for tour in made.tours for stop in tour.stops)
+    columns = [
+        Column("part lies"),
+        Column("setting", right=True),
+        Column("image"),
+        Column("joints (degrees)"),
+        Column("move (s)", right=True),
+    ]
+    if states_p:
+        columns.append(Column("smallest P", right=True))
+        columns.append(Column("simulated", right=True))
+    rows = [_row(tour, stop, states_p) for tour in made.tours for stop in tour.stops]
+    print_table(columns, rows)
+    rounds = "1 round" if len(made.tours) == 1 else f"{len(made.tours)} rounds"
+    detours = sum(move.is_detour for tour in made.tours for move in tour.moves)
+    around = f", {detours} of them around something" if detours else ""
+    n_moves = sum(len(tour.moves) for tour in made.tours)
+    print_text(
+        f"{rounds} from home to home, {n_moves} moves{around}, {made.seconds:.1f} s at "
+        f"{100 * made.speed:.3g} % of the joints' speeds; all keep {made.keep_mm:g} mm to "
+        "part and obstacles"
+    )
+    if len(made.coverage) > 1:
+        counts = [f"{k}: {count}" for k, count in enumerate(made.coverage, 1)]
+        print_text(f"settings reached by the number of fixturings: {', '.join(counts)}")
+    for k, text in made.replaced.items():
+        print_text(f"setting {k + 1} has another pose that inspects the same: {text}")
+    for k, why in made.unreached.items():
+        print_text(f"setting {k + 1} is not reached: {why}")
+    for text in made.warnings:
+        print_text(f"warning: {text}")
+
+
+def _row(tour: FixturedTour, stop: Stop, states_p: bool) -> tuple[str, ...]:
+    degrees = np.round(np.degrees(stop.joints), 1) + 0.0
+    turned = "" if tour.turntable is None else f"table {degrees[-1]:g}°: "
+    own = degrees if tour.turntable is None else degrees[:-1]
+    angles = turned + " ".join(f"{angle:.1f}" for angle in own)
+    row = (
+        tour.fixturing,
+        str(stop.setting_idx + 1),
+        image_name(stop.setting_idx),
+        angles,
+        f"{stop.move.seconds:.1f}",
+    )
+    if not states_p:
+        return row
+    frequencies = [rate.frequency for rate in stop.simulated.values()]
+    return (
+        *row,
+        probability_text(min(stop.probability.values(), default=1.0)),
+        f"{min(frequencies):.4f}" if frequencies else "",
+    )
+
+
+_ROWS = 5
+# of the longest reach of the arm, where a part is looked for
+_NEAREST = 0.35
+_SIDEWAYS = 0.5
+_FARTHEST = 0.9
+
+
+def reach(options: argparse.Namespace) -> int:
+    """Print which settings of a plan a robot reaches."""
+    if options.within is not None and not options.place:
+        raise RequestError.of_rule("within", "must be given with --place", "none")
+    _check_plan_out(options)
+    _check_cell_out(options)
+    plan = read_plan(options.plan)
+    solid = read_part(options)
+    check_same_part(solid, plan, options.part)
+    cell = Cell.from_toml(options.cell)
+    if options.place:
+        return _placed(options, plan, solid, cell)
+    told = cell.reachability(plan, solid)
+    if options.json:
+        print_json(told.to_dict())
+        for text in model_notes(cell):
+            print(text, file=sys.stderr)
+        return DONE if told.complete else INCOMPLETE
+    _print_reached(told, cell)
+    note = part_note(plan, solid)
+    if note:
+        print_text(f"note: {note}")
+    changed = cell.difference(plan.cell)
+    if changed:
+        print_text(f"note: the cell of the plan differs from the cell given, in {changed}")
+    if told.complete:
+        return DONE
+    return _other_poses(options, plan, solid, cell)
+
+
+def _check_plan_out(options: argparse.Namespace) -> None:
+    if options.plan_out is None:
+        return
+    if options.place or options.json:
+        rule = "must not be given with --place or --json"
+        raise RequestError.of_rule("plan_out", rule, repr(options.plan_out))
+    check_file_place(options.plan_out, "--plan-out", PLAN)
+
+
+def _check_cell_out(options: argparse.Namespace) -> None:
+    if options.cell_out is None:
+        return
+    if not options.place:
+        raise RequestError.of_rule("cell_out", "must be given with --place", repr(options.cell_out))
+    check_file_place(options.cell_out, "--cell-out")
+    if Path(options.cell_out).resolve() == Path(options.cell).resolve():
+        rule = "must be another file than that of --cell"
+        raise RequestError.of_rule("cell_out", rule, repr(options.cell_out))
+
+
+def _other_poses(
+    options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cell: Cell
+) -> int:
+    """Print which settings are reached from other poses, and write the plan with these where that is asked."""
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        found = with_reached_settings(plan, solid, cell, seed=options.seed, progress=progress)
+    if found.note:
+        print_text(f"no other poses were tried: {found.note}")
+        return INCOMPLETE
+    for k, one in found.replaced.items():
+        print_text(f"setting {k + 1} is reached from another pose that inspects the same: {one}")
+    for k in found.unreached:
+        print_text(f"setting {k + 1} is reached from no other pose that was tried")
+    if options.plan_out is None:
+        if found.replaced:
+            print_text("--plan-out FILE writes the plan with these poses")
+        return INCOMPLETE
+    found.plan.write(options.plan_out)
+    print(visible(str(options.plan_out)))
+    return INCOMPLETE if found.unreached else DONE
+
+
+def _print_reached(told: Reachability, cell: Cell) -> None:
+    """Print a table of settings and fixturings, and what it says in words."""
+    columns = (Column("setting"), *(Column(name) for name in told.poses))
+    print_table(columns, told.rows())
+    reached = told.reached
+    parts = [f"{int(reached[:, k].sum())} in {name!r}" for k, name in enumerate(told.poses)]
+    total = int(reached.any(axis=1).sum())
+    print_text(
+        f"{total} of {len(told.settings)} settings reached: {', '.join(parts)}. "
+        f"Joints in degrees, by {cell.robot.name!r}."
+    )
+    for name in told.poses:
+        reason = told.most_in_the_way(name)
+        if reason and not told.reached[:, list(told.poses).index(name)].any():
+            print_text(f"{name!r} reaches nothing; most often: {reason}")
+    _print_first_flange(told, cell)
+    if cell.pairs_left_out:
+        pairs = ", ".join(" and ".join(pair) for pair in cell.pairs_left_out)
+        print_text(f"not compared, because the arm is built so: {pairs}")
+    for text in model_notes(cell):
+        print_text(text)
+
+
+def model_notes(cell: Cell) -> list[str]:
+    """Return what a reader of a table must know of the cell's model, in sentences."""
+    unchecked = cell.robot.unchecked
+    warnings = [f"warning: {unchecked}"] if unchecked else []
+    return [*warnings, *(f"note: {text}" for text in (*cell.robot.notes, *cell.near_by_mount))]
+
+
+def _print_first_flange(told: Reachability, cell: Cell) -> None:
+    """Print the pose of the flange in the first setting that is reached, to compare with the pendant."""
+    for number, setting in enumerate(told.settings):
+        for name, poses in told.poses.items():
+            if poses[number].reached:
+                place = cell.robot.forward(poses[number].joints[0])[:3, 3]
+                shown = " ".join(f"{x:.1f}" for x in place)
+                print_text(
+                    f"{setting} in {name!r}: {cell.robot.tip} at ({shown}) mm in the base, to compare "
+                    "with the pendant"
+                )
+                return
+
+
+def _placed(options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
+    """Print positions of the part."""
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        search = PlacementSearch(plan, solid, cell, _ranges(options.within, cell))
+        found = search.run(options.draws, options.seed, progress)
+    if options.json:
+        print_json([one.to_dict() for one in found])
+    else:
+        _print_places(found, len(plan.settings), cell, options.cell)
+    if options.cell_out is not None and found:
+        _write_cell(options, found[0])
+    return DONE if found and found[0].n_reached == len(plan.settings) else INCOMPLETE
+
+
+def _write_cell(options: argparse.Namespace, best: Placement) -> None:
+    """Write the cell with the part where it was evaluated."""
+    out = Path(options.cell_out)
+    lines = toml_lines(moved_cell(options.cell, best.motion, out.parent))
+    x, y, z = best.centre_mm
+    head = (
+        f"# from {Path(options.cell).name}: the middle of the part at {x:.1f} {y:.1f} {z:.1f} mm, turned "
+        f"{best.turn_deg:.1f} degrees; the obstacles of its fixturings moved with it"
+    )
+    out.write_text("\n".join([head, *lines]), encoding="utf-8")
+    if not options.json:
+        print(visible(str(out)))
+
+
+def _print_places(found: tuple[Placement, ...], count: int, cell: Cell, file: str) -> None:
+    """Print the best places, and the first as lines of a cell file, with everything that moved."""
+    if not found:
+        print_text(
+            "no position was found: each puts the part or its fixture through something, or home is not free"
+        )
+        return
+    columns = (
+        Column("middle of the part (mm)"),
+        Column("turned", right=True),
+        Column("reached", right=True),
+        Column("singular value", right=True),
+        Column("to limit", right=True),
+    )
+    rows = [
+        (
+            " ".join(f"{x:.0f}" for x in one.centre_mm),
+            f"{one.turn_deg:.0f}°",
+            f"{one.n_reached} of {count}",
+            f"{one.singular_value:.2f}",
+            f"{np.degrees(one.to_limit_rad):.0f}°",
+        )
+        for one in found[:_ROWS]
+    ]
+    print_table(columns, rows)
+    for text in model_notes(cell):
+        print_text(text)
+    moving = dict.fromkeys(
+        body for one in found[0].fixturings.values() for body in (*one.obstacles, *one.turning)
+    )
+    if moving:
+        staying = ", ".join(cell.obstacles)
+        print_text(
+            f"evaluated: moved with the part: {', '.join(moving)}"
+            + (f"; left where they are: {staying}" if staying else "")
+        )
+    print_text("the fixturings of the first position, for the cell file:")
+    content = moved_cell(file, found[0].motion, Path(file).parent)
+    for line in toml_lines({"fixturings": content["fixturings"]}, digits=6):
+        print(line)
+
+
+def _ranges(corners: list[float] | None, cell: Cell) -> list[tuple[float, float] | None]:
+    """Return the ranges of positions along x, y and z; None: the height of the cell file."""
+    if corners is not None:
+        return [(corners[k], corners[k + 3]) for k in range(3)]
+    longest = float(cell.robot.chain.reach_mm()[0])
+    sideways = _SIDEWAYS * longest
+    return [(_NEAREST * longest, _FARTHEST * longest), (-sideways, sideways), None]

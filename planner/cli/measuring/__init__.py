@@ -1,1 +1,0 @@
-"""The command ``measure``: its options, and what it does."""

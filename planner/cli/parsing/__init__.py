@@ -1,1 +1,0 @@
-"""Reading of the command line: numbers with units, wrong names of options, help."""

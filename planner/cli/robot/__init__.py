@@ -1,1 +1,0 @@
-"""Commands about the robot: whether it reaches a plan."""

@@ -1,1 +1,0 @@
-"""One image: its file, samples of the part's edges in it, and scans across them."""

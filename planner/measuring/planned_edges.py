@@ -1,0 +1,238 @@
+"""What a plan needs to know of registration to the part's own edges: stretches of edges, and from where each is seen.
+
+Whether a stretch is hidden is looked up: rays go from it in the directions of an octahedral grid until they leave the
+part. It counts as seen where all four directions around that of the camera are free. The grid is turned off the axes of
+the part, so that no ray of it lies in a face.
+
+Registration may find less than what is seen. So `FOUND_SHARE` of each edge counts, with larger errors of single points
+than were found in images.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from errors.measurands import Geometry, Line
+from errors.measurands.geometry import FLOOR_PX
+from errors.registration import Imaging, Stretches
+from planner.camera.camera import Camera
+from planner.measuring.fit import CORRELATION_PX
+from planner.measuring.register import bias_of
+from planner.measuring.registered import prior_covariance
+from planner.measuring.samples import APART_PX, END_PX, POSE, PartEdges, PartModel
+from planner.measuring.verdict import LEAST_SHARE
+from planner.request.models import Lifts, OwnEdges, key_of
+from planner.request.planned import PlannedTarget, sample_points
+from planner.request.request import Request
+from planner.request.targets import OWN_EDGES, DimensionTarget, RegistrationRecord
+
+Array = NDArray[np.float64]
+
+FOUND_SHARE = LEAST_SHARE
+"""Share of what an image shows of the part that is found: with less, a lamp must explain what is dark."""
+NOISE_PX = 0.2
+"""Standard deviation of a found point: residuals in images were 0.1 to 0.2 px."""
+STRETCH_PX = 60.0
+"""Length of a stretch at the focus distance."""
+GRID = 32
+"""Directions along each side of the octahedral grid."""
+MOST_BLUR = 3.0
+"""Blur of an edge that still counts, in that at the limits of the depth of field."""
+MARGIN_PX = 10.0
+"""Strip along the image's border in which nothing counts."""
+
+_LEAST = 3
+_LEAST_CIRCLE = 8
+_MOST = 24
+_LIFT_MM = 0.03
+# digits that all machines compute alike
+_DIGITS = 9
+# angles that are no multiples of anything
+_TURN = (0.3217, 0.7411, 0.5263)
+_RAYS = 100
+
+
+def planned_edges(request: Request, surfaces_mm: float | None = None) -> OwnEdges:
+    """Return how surely registration to the part's own edges will tell poses and values.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked; its pose uncertainty is what is known before registration.
+    surfaces_mm : float, optional
+        Standard deviation of the position of faces along their normals, mm. Default: the largest of the targets.
+
+    Returns
+    -------
+    OwnEdges
+        For any pose.
+    """
+    single = request.single
+    targets = dict(single.measured)
+    model = PartModel(single.space.solid, targets)
+    if surfaces_mm is None:
+        surfaces_mm = max((one.surfaces_mm for one in targets.values()), default=0.0)
+    before = prior_covariance(
+        model, request.pose_uncertainty.covariance, surfaces_mm, request.camera
+    )
+    sigmas = np.sqrt(np.diag(before))[POSE:].reshape(-1, 3)
+    floor = max((one.localisation.floor_px for one in targets.values()), default=0.0) or FLOOR_PX
+    return OwnEdges(
+        before[:POSE, :POSE].copy(),
+        _stretches(model, request.camera, sigmas),
+        _imaging(request.camera, bias_of(floor)),
+        {
+            key_of(one.name, one.witness.entities): _lifts(model, one.name, targets[one.name])
+            for one in single.targets
+            if isinstance(one, DimensionTarget)
+        },
+    )
+
+
+def registered_request(request: Request, how: RegistrationRecord | None) -> Request:
+    """Return a request whose values are read from registered images.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked.
+    how : RegistrationRecord or None
+        How poses are known; None for no better than planned.
+    """
+    if how is None:
+        return request
+    if how.method == OWN_EDGES:
+        return replace(request, registered=planned_edges(request, how.surfaces_mm))
+    return replace(request, registered=how.pose_uncertainty)
+
+
+def _imaging(camera: Camera, bias_px: float) -> Imaging:
+    matrix = camera.matrix
+    width, height = camera.resolution
+    sharp = 1.0 / camera.focus_distance_mm
+    return Imaging(
+        (float(matrix[0, 0]), float(matrix[1, 1])),
+        (float(matrix[0, 2]), float(matrix[1, 2])),
+        (float(width), float(height)),
+        (sharp, 1.0 / camera.depth_of_field_mm[0] - sharp, MOST_BLUR),
+        NOISE_PX,
+        CORRELATION_PX,
+        float(bias_px),
+        MARGIN_PX,
+        APART_PX,
+        END_PX,
+        FOUND_SHARE,
+    )
+
+
+def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
+    edges = model.edges.edges
+    step = STRETCH_PX * camera.focus_distance_mm / float(camera.matrix.diagonal()[:2].max())
+    number = []
+    parts = []
+    for k, edge in enumerate(edges):
+        length = _length(edge.geometry)
+        least = _LEAST if isinstance(edge.geometry, Line) else _LEAST_CIRCLE
+        n = int(np.clip(np.ceil(length / step), least, _MOST))
+        along = (np.arange(n) + 0.5) / n
+        points, tangents, normals = edge.at(along)
+        moves = model.displacement(edge, points)
+        number.append(np.full(n, k, dtype=np.int64))
+        parts.append((points, tangents, np.full(n, length / n), along, moves, normals))
+    edge_of = np.concatenate(number)
+    points, tangents, lengths, along, moves, normals = (
+        np.concatenate(one) for one in zip(*parts, strict=True)
+    )
+    turn = Rotation.from_euler("xyz", _TURN).as_matrix()
+    return Stretches(
+        _rounded(points),
+        _rounded(tangents),
+        _rounded(lengths),
+        _rounded(moves),
+        edge_of,
+        _rounded(along),
+        np.array([_span(edge.geometry) for edge in edges]),
+        np.array([model.carried_by[edge.name] for edge in edges], dtype=np.int64),
+        _free(model.edges, edge_of, (points, normals), turn),
+        _rounded(turn),
+        sigmas,
+    )
+
+
+def _rounded(values: Array) -> Array:
+    return np.ascontiguousarray(np.round(values, _DIGITS) + 0.0)
+
+
+def _length(geometry: Geometry) -> float:
+    if isinstance(geometry, Line):
+        return float(geometry.length)
+    return float(geometry.radius_mm * geometry.span_rad)
+
+
+def _span(geometry: Geometry) -> float:
+    """Return the angle of a circle, rad, and 0 for a line."""
+    return 0.0 if isinstance(geometry, Line) else float(geometry.span_rad)
+
+
+def _free(
+    edges: PartEdges, edge_of: NDArray[np.int64], where: tuple[Array, Array], turn: Array
+) -> NDArray[np.bool_]:
+    """Return in which directions of the grid points (m, 3) with normals (m, 2, 3) are seen; (m, n, n)."""
+    points, normals = where
+    across = np.linspace(-1.0, 1.0, GRID)
+    a, b = np.meshgrid(across, across, indexing="ij")
+    c = 1.0 - np.abs(a) - np.abs(b)
+    x = np.where(c < 0, (1.0 - np.abs(b)) * np.where(a >= 0, 1.0, -1.0), a)
+    y = np.where(c < 0, (1.0 - np.abs(a)) * np.where(b >= 0, 1.0, -1.0), b)
+    ways = np.stack([x, y, c], axis=2)
+    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+    ways = ways @ turn
+    chord = np.array([edge.chord_mm for edge in edges.edges])[edge_of]
+    above = normals.sum(axis=1)
+    above /= np.maximum(np.linalg.norm(above, axis=1, keepdims=True), 1e-9)
+    lifted = points + (_LIFT_MM + 2 * chord)[:, None] * above
+    extent = float(np.linalg.norm(np.ptp(edges.solid.vertices, axis=0)))
+    free = np.empty((len(points), GRID, GRID), dtype=np.bool_)
+    for first in range(0, len(points), _RAYS):
+        some = lifted[first : first + _RAYS, None, None]
+        rays = np.broadcast_to(2 * extent * ways, (len(some), *ways.shape))
+        free[first : first + _RAYS] = ~edges.scene.blocked(some, rays)
+    return free
+
+
+def _lifts(model: PartModel, name: str, target: PlannedTarget) -> Lifts:
+    """Return how surfaces move the entities of a target, as far as its value feels it."""
+    measured = model.measured[name]
+    motions = np.zeros((len(measured), 2, 3, 6))
+    frames = target.measurand.frames
+    for k, (edge, frame) in enumerate(zip(measured, frames, strict=True)):
+        points = sample_points(edge.geometry, 8)
+        moved = model.displacement(edge, points)
+        if target.measurand.in_image:
+            # along itself it makes no error
+            kept = np.eye(3) - np.outer(frame.x, frame.x)
+        else:
+            # in its plane, it is what is measured
+            normal = np.cross(frame.x, frame.y)
+            kept = np.outer(normal, normal)
+        motions[k] = _rigid(points, kept @ moved).reshape(2, 3, 6)
+    surfaces = np.array([model.carried_by[edge.name] for edge in measured], dtype=np.int64)
+    return Lifts(surfaces, _rounded(motions))
+
+
+def _rigid(points: Array, moved: Array) -> Array:
+    """Return the vectors and turns (k, 6) about the origin that move points (m, 3) as stated (m, 3, k)."""
+    middle = points.mean(axis=0)
+    off = points - middle
+    size = np.abs(off).max()
+    rows = np.zeros((len(points), 3, 6))
+    rows[:, :, :3] = np.eye(3)
+    for i in range(3):
+        rows[:, :, 3 + i] = np.cross(np.eye(3)[i], off) / size
+    found = np.linalg.lstsq(rows.reshape(-1, 6), moved.reshape(3 * len(points), -1), rcond=1e-9)[0]
+    turn = found[3:].T / size
+    return np.concatenate([found[:3].T - np.cross(turn, middle), turn], axis=1)

@@ -1,0 +1,361 @@
+"""A registered image: the camera's pose, the deviations of the part's surfaces, and how sure both are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from aspectgraph.entities.carriers import PARAMETERS
+from aspectgraph.solid.ray_scene import RayScene
+from planner.camera.camera import Camera
+from planner.measuring.samples import POSE, PartEdge, PartModel
+from planner.request.targets import LEAST_POSE
+
+# The lamp that fits an image: the one that makes the grey values beside the edges that were
+# found.
+#
+# A matt face is as bright as the cosine of the angle at which light comes (Lambert), less with
+# the distance of a lamp near it. A face in a shadow is as bright as the surroundings.
+
+
+Array = NDArray[np.float64]
+
+LEAST_KNOWN = 300
+"""A lamp is fitted to this many samples at least."""
+
+_CLIPPED = 0.97
+_LEAST_WEIGHT = 1e-6
+_LEAST_SPREAD = 1e-12
+# a direction that is no axis of anything
+_ANY_WAY = np.array([0.3, 0.5, 0.8])
+# scale of the robust fit, in shares of white
+_SCALE = 0.03
+_FIT_ROUNDS = 5
+# directions and distances, in that of the camera, from which the search starts; it goes on from the best of them
+_WAYS = 80
+_FAR = (0.6, 1.2, 3.0)
+_STARTS = 2
+_LOWEST = -0.1
+_MANY = 800
+_EVALUATIONS = 60
+# of the first simplex: logarithm of the distance, and turns
+_SIMPLEX = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
+_FALLOFFS = (0.0, 2.0)
+_LIFT_MM = 0.01
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp that fits an image.
+
+    Attributes
+    ----------
+    place : array (3,)
+        Where it is, mm.
+    falloff : float
+        Power of the distance that its light is divided by.
+    unit_mm : float
+        Unit of that distance: how far the camera is.
+    gain, ambient : float
+        Grey value that it makes at right angles at this distance, and that of shadows.
+    cost : float
+        How badly it fits.
+    background : float
+        Grey value behind the part.
+    """
+
+    place: Array
+    falloff: float
+    unit_mm: float
+    gain: float
+    ambient: float
+    cost: float
+    background: float = 0.0
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Places on faces that an image shows.
+
+    Attributes
+    ----------
+    points, normals : array (..., 3)
+        In the part's frame, mm; unit vectors towards the camera.
+    eye, middle : array (3,)
+        Where the camera is, and the middle of the faces, mm.
+    scene : RayScene
+        The part.
+    """
+
+    points: Array
+    normals: Array
+    eye: Array
+    middle: Array
+    scene: RayScene
+
+    def chosen(self, which: NDArray[Any]) -> Faces:
+        """Return some of the places."""
+        return replace(self, points=self.points[which], normals=self.normals[which])
+
+    def light(self, places: Array) -> tuple[Array, Array]:
+        """Return the light of lamps as if they were far away, 1 at right angles and 0 in shadows; and distances, mm.
+
+        Lamps broadcast against the places on faces.
+        """
+        way = places - self.points
+        length = np.linalg.norm(way, axis=-1)
+        cosine = np.maximum((way * self.normals).sum(axis=-1), 0.0) / length
+        lifted = self.points + _LIFT_MM * self.normals
+        lit = ~self.scene.blocked(lifted, places - lifted)
+        return cosine * lit, length
+
+    def lamps(
+        self, places: Array, grey: Array, falloffs: tuple[float, ...] = _FALLOFFS
+    ) -> list[Lamp]:
+        """Return the lamps at some places (k, 3) that fit grey values (m,) best, for each falloff."""
+        light, length = self.light(places[:, None])
+        unit = float(np.linalg.norm(self.eye - self.middle))
+        return [
+            Lamp(place, falloff, unit, *map(float, fit))
+            for falloff in falloffs
+            for place, *fit in zip(
+                places, *_gains(light * (unit / length) ** falloff, grey), strict=True
+            )
+        ]
+
+    def shaded(self, lamp: Lamp) -> Array:
+        """Return the grey values (...,) that a lamp makes."""
+        light, length = self.light(lamp.place)
+        bright = light * (lamp.unit_mm / length) ** lamp.falloff
+        return np.minimum(lamp.gain * bright + lamp.ambient, 1.0)
+
+
+def _gains(light: Array, grey: Array) -> tuple[Array, Array, Array]:
+    """Return gains and ambient light, not negative, for which light (k, m) fits grey values (m,) robustly; (k,).
+
+    And the costs (Cauchy).
+    """
+    weight = np.ones_like(light)
+    for _ in range(_FIT_ROUNDS):
+        total = weight.sum(axis=-1)
+        x = (weight * light).sum(axis=-1) / total
+        y = (weight * grey).sum(axis=-1) / total
+        spread = (weight * (light - x[:, None]) ** 2).sum(axis=-1)
+        common = (weight * (light - x[:, None]) * (grey - y[:, None])).sum(axis=-1)
+        gain = np.maximum(common / np.maximum(spread, _LEAST_SPREAD), 0.0)
+        ambient = y - gain * x
+        # without ambient light where it would be negative
+        square = np.maximum((weight * light**2).sum(axis=-1), _LEAST_SPREAD)
+        gain = np.where(ambient < 0, (weight * light * grey).sum(axis=-1) / square, gain)
+        ambient = np.maximum(ambient, 0.0)
+        shaded = gain[:, None] * light + ambient[:, None]
+        square = ((grey - np.minimum(shaded, 1.0)) / _SCALE) ** 2
+        # what is overexposed says only that it is bright
+        clipped = (shaded >= 1.0) & (grey >= _CLIPPED)
+        weight = np.where(clipped, _LEAST_WEIGHT, 1.0 / (1.0 + square))
+    return gain, ambient, np.log1p(square).sum(axis=-1)
+
+
+def fitted(faces: Faces, grey: Array) -> Lamp:
+    """Return the lamp that fits the grey values (m,) of faces best: the best ones of a grid, made better."""
+    order = np.random.default_rng(0).permutation(len(grey))
+    few = order[:LEAST_KNOWN]
+    many = order[:_MANY]
+    coarse = faces.chosen(few)
+    places = _places(faces)
+    starts = sorted(coarse.lamps(places, grey[few]), key=lambda one: one.cost)
+    fine = faces.chosen(many)
+
+    def moved(move: Array, start: Lamp) -> Lamp:
+        place = _moved(faces, start.place, move)
+        return fine.lamps(place[None], grey[many], (start.falloff,))[0]
+
+    found = []
+    for start in starts[:_STARTS]:
+        best = minimize(
+            lambda move, start: moved(move, start).cost,
+            np.zeros(3),
+            (start,),
+            "Nelder-Mead",
+            options={"maxfev": _EVALUATIONS, "initial_simplex": _SIMPLEX},
+        )
+        found.append(moved(best.x, start))
+    return min(found, key=lambda one: one.cost)
+
+
+def _places(faces: Faces) -> Array:
+    """Return places of lamps (n, 3) around the faces, on the camera's side and a little behind it."""
+    towards = faces.eye - faces.middle
+    distance = np.linalg.norm(towards)
+    axis = towards / distance
+    first = np.cross(axis, _ANY_WAY)
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    count = np.arange(_WAYS) + 0.5
+    height = 1.0 - (1.0 - _LOWEST) * count / _WAYS
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * count
+    flat = np.sqrt(1.0 - height**2)
+    ways = np.stack([flat * np.cos(turn), flat * np.sin(turn), height], axis=1)
+    ways = ways @ np.stack([first, second, axis])
+    return np.concatenate([faces.middle + far * distance * ways for far in _FAR])
+
+
+def _moved(faces: Faces, place: Array, move: Array) -> Array:
+    """Return a place that is moved away from the faces by a factor exp(move[0]), and turned about them by the rest."""
+    way = place - faces.middle
+    first = np.cross(way, _ANY_WAY)
+    first *= np.linalg.norm(way) / np.linalg.norm(first)
+    second = np.cross(way, first) / np.linalg.norm(way)
+    turned = way + move[1] * first + move[2] * second
+    return np.asarray(faces.middle + np.exp(move[0]) * turned)
+
+
+SAMPLE = np.dtype(
+    [
+        *(("u", float), ("v", float), ("state", np.int64)),
+        *(("edge", np.int64), ("planned_u", float), ("planned_v", float)),
+    ]
+)
+"""A sample of a registration."""
+FREE_PX = 10.0
+"""Standard deviation of a surface that a target measures, in pixels at the focus distance.
+
+Nothing is assumed of it: edges are searched half as far. With more, camera and surfaces could move together along a
+curved valley, and at 0.02 mm a pixel the registration did not come to rest.
+"""
+CYLINDER_SHARE = 3.0
+"""Standard deviation of radius and place of other cylinders, in that of planes: holes are less accurate than faces."""
+TILT_SHARE = 0.5
+"""How far a plane is lifted at its extent by each tilt, in the standard deviation of its offset."""
+LEAST_MM = 1e-4
+"""Standard deviation of surfaces that are said to be exact: none is."""
+
+
+@dataclass(frozen=True)
+class Registered:
+    """What is known of one image's pose and of the part's surfaces.
+
+    Attributes
+    ----------
+    cam2world : array (4, 4)
+        Estimated pose.
+    deviations : array (3k,)
+        Estimated deviations of the surfaces, mm, see `aspectgraph.entities.carriers`.
+    covariance : array (6 + 3k, 6 + 3k)
+        Joint covariance of the displacement of the camera in its own frame (mm, rad) and the deviations.
+    method : str
+        "given", "planned" or "own edges".
+    shift_px : float
+        How far the image was off its prediction, px; the median over samples.
+    used : int
+        Samples that the estimate is from.
+    offered : int
+        Samples that were searched for.
+    misfit_px : float
+        Median distance of found points from the registered part, px.
+    blur_px : float
+        Standard deviation of the image's blur across edges, px.
+    chi2 : float
+        Square of the pose's displacement in standard deviations of the plan's uncertainty; 6 on average.
+    notes : tuple of str
+        What the user should know.
+    warnings : tuple of str
+        What of the request is not as stated.
+    prior : array (6 + 3k, 6 + 3k) or None
+        What was known before the image; None if nothing is estimated.
+    samples : structured array (m,)
+        u, v: the samples at the registered pose, px; state: see `planner.measuring.scans.State`; edge: number of
+        the sample's edge; planned_u, planned_v: the sample at the planned pose.
+    lamps : dict of str to Lamp
+        The lamps of images that one fits.
+    """
+
+    cam2world: Array
+    deviations: Array = field(repr=False)
+    covariance: Array = field(repr=False)
+    method: str
+    shift_px: float = 0.0
+    used: int = 0
+    offered: int = 0
+    misfit_px: float = float("nan")
+    blur_px: float = float("nan")
+    chi2: float = float("nan")
+    notes: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = field(default=())
+    prior: Array | None = field(default=None, repr=False)
+    samples: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, SAMPLE), repr=False)
+    lamps: Mapping[str, Lamp] = field(default_factory=dict, repr=False)
+
+    def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
+        """Return where points (n, 3) of an edge are, with the estimated deviations."""
+        own = self.deviations[model.unknowns_of(edge) - POSE]
+        if not own.any():
+            return points
+        return points + model.displacement(edge, points) @ own
+
+
+def prior_covariance(
+    model: PartModel, pose_covariance: Array, surfaces_mm: float, camera: Camera | None = None
+) -> Array:
+    """Return what is known of pose and surfaces before an image is looked at: a covariance (6 + 3k, 6 + 3k).
+
+    Parameters
+    ----------
+    model : PartModel
+        The part.
+    pose_covariance : array (6, 6)
+        Of the planned pose, mm and rad.
+    surfaces_mm : float
+        Standard deviation of the position of faces, mm.
+    camera : Camera, optional
+        Of surfaces that a target measures, nothing is assumed that its images show, see `FREE_PX`. Default: they are
+        as the others.
+
+    Returns
+    -------
+    array (6 + 3k, 6 + 3k)
+        The covariance.
+    """
+    variances = np.zeros(model.n_unknowns)
+    sigma = max(surfaces_mm, LEAST_MM)
+    free_mm = 0.0
+    if camera is not None:
+        free_mm = FREE_PX * camera.focus_distance_mm / float(camera.matrix.diagonal()[:2].min())
+    for k, one in enumerate(model.carriers.surfaces):
+        start = POSE + PARAMETERS * k
+        if one.is_plane:
+            sigmas = sigma * np.array([1.0, TILT_SHARE, TILT_SHARE])
+        else:
+            sigmas = np.full(PARAMETERS, CYLINDER_SHARE * sigma)
+        if k in model.free:
+            sigmas = np.maximum(sigmas, free_mm)
+        variances[start : start + PARAMETERS] = sigmas**2
+    covariance = np.diag(variances)
+    # a robot that is said to be exact, or exact in some direction, is not
+    covariance[:POSE, :POSE] = pose_covariance + np.diag(LEAST_POSE**2)
+    return covariance
+
+
+def as_given(
+    model: PartModel, cam2world: Array, pose_covariance: Array, surfaces_mm: float, method: str
+) -> Registered:
+    """Return an image whose pose is given, with its covariance; nothing is estimated."""
+    covariance = prior_covariance(model, pose_covariance, surfaces_mm)
+    nothing = np.zeros(model.n_unknowns - POSE)
+    return Registered(np.asarray(cam2world, dtype=np.float64), nothing, covariance, method)
+
+
+def displaced(cam2world: Array, moves: Array) -> Array:
+    """Return poses (n, 4, 4) that are displaced by (n, 6), mm and rad, in the camera's own frame."""
+    moves = np.atleast_2d(moves)
+    step = np.zeros((len(moves), 4, 4))
+    step[:, :3, :3] = Rotation.from_rotvec(moves[:, 3:]).as_matrix()
+    step[:, :3, 3] = moves[:, :3]
+    step[:, 3, 3] = 1.0
+    return np.asarray(cam2world @ step)

@@ -1,0 +1,627 @@
+"""Samples: points of the part's sharp edges, rims and arcs, as one camera pose shows them.
+
+A sample is visible if the ray from the camera reaches a place just above it, outside the material. Where another line
+of the part lies close in the image, a sample says nothing certain: a scan across it could find the other line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from aspectgraph.entities.carriers import PARAMETERS, Carriers
+from aspectgraph.solid.ray_scene import RayScene
+from errors.measurands import Circle, Geometry, Line
+from planner.camera.camera import Camera
+from planner.camera.imaging import image_of
+from planner.camera.pose import world_to_cam
+from planner.exceptions import RequestError
+from planner.request.planned import PlannedTarget
+
+if TYPE_CHECKING:
+    from aspectgraph import Arc, Solid
+
+
+# Sharp edges of a part, and points on many of them at once.
+
+
+Array = NDArray[np.float64]
+
+_NOTHING = np.zeros(3)
+
+
+@dataclass(frozen=True)
+class PartEdge:
+    """A sharp edge of the part.
+
+    Attributes
+    ----------
+    name : str
+        Its id, such as "e17", "r3" or "a5".
+    geometry : Line or Circle
+        Where it is, mm.
+    edge_ids : tuple of int
+        Edges of the solid: one, or the chords of a circle in their order.
+    normals : array (n, 2, 3)
+        Outward unit normals of both faces, for each of these.
+    chord_mm : float
+        Largest distance of a chord from the circle.
+    """
+
+    name: str
+    geometry: Geometry
+    edge_ids: tuple[int, ...]
+    normals: Array
+    chord_mm: float = 0.0
+
+    def at(self, shares: Array) -> tuple[Array, Array, Array]:
+        """Return points (n, 3), unit tangents (n, 3) and normals of both faces (n, 2, 3) at shares (n,) of it."""
+        return EdgeTable([self]).at(np.zeros(len(shares), dtype=np.int64), shares)
+
+
+class EdgeTable:
+    """Some edges, as arrays.
+
+    Parameters
+    ----------
+    edges : sequence of PartEdge
+        The edges.
+
+    Attributes
+    ----------
+    chord_mm : array (e,)
+        Largest distance of each edge's chords from its circle.
+    """
+
+    def __init__(self, edges: Sequence[PartEdge]) -> None:
+        self.edges = list(edges)
+        self.chord_mm = np.array([edge.chord_mm for edge in edges])
+        shapes = [edge.geometry for edge in edges]
+        self._round = np.array([isinstance(one, Circle) for one in shapes])
+        self._radius = np.array([one.radius_mm if isinstance(one, Circle) else 1 for one in shapes])
+        self._span = np.array([one.span_rad if isinstance(one, Circle) else 0 for one in shapes])
+        # where it starts or has its centre; the way along it, or two radii at right angles; its direction, or axis
+        vectors = [
+            (one.p, one.q - one.p, _NOTHING, one.direction)
+            if isinstance(one, Line)
+            else (one.centre, *one.basis, one.axis)
+            for one in shapes
+        ]
+        self._origin, self._x, self._y, self._way = np.array(vectors).transpose(1, 0, 2)
+        self._count = np.array([len(edge.normals) for edge in edges])
+        self._first = np.cumsum(self._count) - self._count
+        self._normals = np.concatenate([edge.normals for edge in edges])
+
+    def at(self, number: NDArray[np.int64], shares: Array) -> tuple[Array, Array, Array]:
+        """Return points (n, 3), unit tangents (n, 3) and normals of both faces (n, 2, 3).
+
+        Parameters
+        ----------
+        number : array of int (n,)
+            Number of each point's edge.
+        shares : array (n,)
+            Where on it, in [0, 1].
+        """
+        origin = self._origin[number]
+        x = self._x[number]
+        points = origin + shares[:, None] * x
+        tangents = self._way[number]
+        curved = self._round[number]
+        own = number[curved]
+        angle = (shares[curved] * self._span[own])[:, None]
+        radius = self._radius[own][:, None]
+        points[curved] = origin[curved] + radius * (
+            np.cos(angle) * x[curved] + np.sin(angle) * self._y[own]
+        )
+        tangents[curved] = np.cross(self._way[own], points[curved] - origin[curved]) / radius
+        chord = np.clip((shares * self._count[number]).astype(int), 0, self._count[number] - 1)
+        return points, tangents, self._normals[self._first[number] + chord]
+
+
+STEP_PX = 2.5
+"""Distance of samples along an edge in the image."""
+APART_PX = 5.0
+"""A sample with another line of the part at most this far away in the image is left out."""
+END_PX = 6.0
+"""Samples of a straight edge begin this far from its ends in the image: other lines meet there."""
+
+_OUTLINE = 65
+# of an outline: how far an edge may go beyond it
+_BEYOND = 0.01
+# samples that an edge has at least
+_LEAST = 4
+# how far above the surface a sample is looked at
+_LIFT_MM = 0.03
+# of a length: steps along an edge that give its direction in the image
+_AHEAD = 1e-4
+# cosine from which on a face is level with a rim
+_LEVEL = 0.999
+# where nothing is
+_FAR_PX = -1e6
+# samples that are looked at around each one
+_NEIGHBOURS = 8
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples (m) of several edges in one image.
+
+    Attributes
+    ----------
+    edge : array of int (m,)
+        Which edge each is of.
+    share : array (m,)
+        Where on it, in [0, 1].
+    points, tangents : array (m, 3)
+        In the part's frame, mm; unit vectors.
+    visible : array of bool (m,)
+        Whether nothing hides it, and it is in the image.
+    apart : array of bool (m,)
+        Whether no other line is near.
+    """
+
+    edge: NDArray[np.int64]
+    share: Array
+    points: Array
+    tangents: Array
+    visible: NDArray[np.bool_]
+    apart: NDArray[np.bool_]
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Which samples are visible and apart from other lines (m,)."""
+        return self.visible & self.apart
+
+    def of(self, edge: int) -> Samples:
+        """Return the samples of one edge, by its number."""
+        return self.chosen(self.edge == edge)
+
+    def chosen(self, which: NDArray[np.bool_]) -> Samples:
+        """Return some of the samples, given which (m,)."""
+        return Samples(
+            self.edge[which],
+            self.share[which],
+            self.points[which],
+            self.tangents[which],
+            self.visible[which],
+            self.apart[which],
+        )
+
+
+class PartEdges:
+    """All sharp edges, rims and arcs of a part, and rays that tell what hides them.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    """
+
+    def __init__(self, solid: Solid) -> None:
+        self.solid = solid
+        self.scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+        curves = [*solid.rims(), *solid.arcs()]
+        chords = {edge_id for curve in curves for edge_id in curve.edge_ids}
+        round_faces = [self._round_faces(curve) for curve in curves]
+        straight = [
+            edge
+            for edge in solid.straight_edges()
+            if edge.id not in chords
+            and not any(faces.issuperset(edge.faces) for faces in round_faces)
+        ]
+        self.edges = [
+            *(self.edge_of(f"e{e.id}", Line(*solid.edge_points(e.id)), (e.id,)) for e in straight),
+            *(
+                self.edge_of(c.id, circle_of(c), c.edge_ids, max(c.chord_mm, c.residual_mm))
+                for c in curves
+            ),
+        ]
+
+    @cached_property
+    def _table(self) -> EdgeTable:
+        return EdgeTable(self.edges)
+
+    @cached_property
+    def _outlines(self) -> Array:
+        return outlines_of(self._table)
+
+    def _round_faces(self, curve: Arc) -> set[int]:
+        """Return the facets of the round surface beside a rim or arc: in a mesh, edges between them look sharp."""
+        faces = np.array([self.solid.edges[i].faces for i in curve.edge_ids])
+        level = np.abs(self.solid.normals[faces] @ curve.axis) > _LEVEL
+        return set(faces[~level].tolist())
+
+    def edge_of(
+        self, name: str, geometry: Geometry, edge_ids: Sequence[int], chord_mm: float = 0.0
+    ) -> PartEdge:
+        """Return an edge with the normals of its faces."""
+        faces = np.array([self.solid.edges[i].faces for i in edge_ids])
+        return PartEdge(name, geometry, tuple(edge_ids), self.solid.normals[faces], chord_mm)
+
+    def samples(
+        self, cam2world: Array, camera: Camera, edges: Sequence[PartEdge], margin_px: float
+    ) -> Samples:
+        """Return the samples of some edges at a pose.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+        camera : Camera
+            The camera.
+        edges : sequence of PartEdge
+            The edges.
+        margin_px : float
+            Samples keep this distance from the image's border.
+        """
+        table = EdgeTable(edges)
+        images = pixels_of(outlines_of(table), cam2world, camera)
+        return self._samples(table, images, cam2world, camera, margin_px)
+
+    def shown(self, cam2world: Array, camera: Camera) -> ShownEdges:
+        """Return all edges as they are seen from a pose.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+        camera : Camera
+            The camera.
+        """
+        images = pixels_of(self._outlines, cam2world, camera)
+        # between the points of an outline, an edge goes a little beyond them
+        room = _BEYOND * np.ptp(images, axis=1) + 1.0
+        low = images.min(axis=1) - room
+        high = images.max(axis=1) + room
+        outside = np.any((high < 0) | (low > np.array(camera.resolution)), axis=1)
+        images[outside] = np.nan
+        found = self._samples(self._table, images, cam2world, camera, 0.0)
+        found = found.chosen(found.visible)
+        return ShownEdges(self.edges, found, pixels_of(found.points, cam2world, camera))
+
+    def _samples(
+        self, table: EdgeTable, images: Array, cam2world: Array, camera: Camera, margin_px: float
+    ) -> Samples:
+        """Return the samples of edges, given the images (e, k, 2) of their outlines; none where these are nan."""
+        shares = sample_shares(table.edges, images)
+        number = np.repeat(np.arange(len(shares)), [len(own) for own in shares])
+        share = np.concatenate(shares)
+        points, tangents, normals = table.at(number, share)
+        visible = in_image(pixels_of(points, cam2world, camera), camera, margin_px)
+        chord = table.chord_mm[number[visible]]
+        visible[visible] = self._visible(points[visible], normals[visible], chord, cam2world)
+        return Samples(number, share, points, tangents, visible, np.ones_like(visible))
+
+    def _visible(
+        self, points: Array, normals: Array, chord_mm: Array, cam2world: Array
+    ) -> NDArray[np.bool_]:
+        """Return which points (n, 3) nothing hides."""
+        above = normals.sum(axis=1)
+        above /= np.maximum(np.linalg.norm(above, axis=1, keepdims=True), 1e-9)
+        lifted = points + (_LIFT_MM + 2 * chord_mm)[:, None] * above
+        origin = np.asarray(cam2world)[:3, 3]
+        return np.asarray(~self.scene.blocked(origin, lifted - origin))
+
+
+class ShownEdges:
+    """All edges of a part as one pose shows them, and which places of the image are apart from them.
+
+    Parameters
+    ----------
+    edges : sequence of PartEdge
+        All edges.
+    samples : Samples
+        Their visible samples (m).
+    pixels : array (m, 2)
+        Images of these, px.
+    """
+
+    def __init__(self, edges: Sequence[PartEdge], samples: Samples, pixels: Array) -> None:
+        self.samples = samples
+        self.pixels = pixels
+        self._tree = cKDTree(pixels) if len(pixels) else None
+        self._holders: dict[int, list[int]] = {}
+        for number, edge in enumerate(edges):
+            for edge_id in edge.edge_ids:
+                self._holders.setdefault(edge_id, []).append(number)
+        self._edges = edges
+
+    def apart(
+        self,
+        edges: Sequence[PartEdge],
+        number: NDArray[np.int64],
+        pixels: Array,
+        half_px: float = 0.0,
+    ) -> NDArray[np.bool_]:
+        """Return which places (n,) have no visible sample of another edge near.
+
+        Parameters
+        ----------
+        edges : sequence of PartEdge
+            Edges that are asked about.
+        number : array of int (n,)
+            Which of them each place is on.
+        pixels : array (n, 2)
+            Where it is, px.
+        half_px : float
+            How far scans are searched: another line is apart if it lies farther away, and by `APART_PX` at least.
+        """
+        if self._tree is None:
+            return np.ones(len(number), dtype=np.bool_)
+        same = np.zeros((len(edges), len(self._edges)), dtype=np.bool_)
+        for k, edge in enumerate(edges):
+            for edge_id in edge.edge_ids:
+                same[k, self._holders.get(edge_id, [])] = True
+        count = self._tree.n
+        finite = np.where(np.isfinite(pixels), pixels, _FAR_PX)
+        # an edge's own samples are near, too: the first ones of other edges are looked for among so many
+        k = min(_NEIGHBOURS + 2 * int(max(half_px - APART_PX, 0.0)), count)
+        distance, index = self._tree.query(finite, k=k, distance_upper_bound=max(APART_PX, half_px))
+        distance = distance.reshape(len(finite), k)
+        index = np.minimum(index.reshape(len(finite), k), count - 1)
+        foreign = ~same[number[:, None], self.samples.edge[index]]
+        return ~np.any(np.isfinite(distance) & foreign, axis=1)
+
+
+def circle_of(curve: Arc) -> Circle:
+    """Return a rim or arc as a circle that starts where its first chord does."""
+    x = curve.reference
+    y = np.cross(curve.axis, x)
+    start = np.cos(curve.start_rad) * x + np.sin(curve.start_rad) * y
+    span = min(curve.end_rad - curve.start_rad, 2 * np.pi)
+    return Circle(curve.centre, curve.axis, curve.radius_mm, start, span)
+
+
+def outlines_of(table: EdgeTable) -> Array:
+    """Return points equally far apart on each edge (e, k, 3), mm."""
+    count = len(table.edges)
+    number = np.repeat(np.arange(count), _OUTLINE)
+    shares = np.tile(np.linspace(0.0, 1.0, _OUTLINE), count)
+    return table.at(number, shares)[0].reshape(count, _OUTLINE, 3)
+
+
+def sample_shares(edges: Sequence[PartEdge], outlines: Array) -> list[Array]:
+    """Return where samples lie on each edge, equally far apart in the image: shares (n,); none behind the camera.
+
+    Parameters
+    ----------
+    edges : sequence of PartEdge
+        The edges.
+    outlines : array (e, k, 2)
+        Images of their points of `outlines_of`, px.
+    """
+    steps = np.linalg.norm(np.diff(outlines, axis=1), axis=2)
+    along = np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
+    ends = np.array([END_PX if isinstance(edge.geometry, Line) else 0.0 for edge in edges])
+    room = along[:, -1] - 2 * ends
+    # not a number behind the camera
+    count = np.where(room > 0, room / STEP_PX, 0.0).astype(int)
+    grid = np.linspace(0.0, 1.0, _OUTLINE)
+    shares = [np.empty(0) for _ in edges]
+    for k in np.flatnonzero(count >= _LEAST):
+        places = ends[k] + (np.arange(count[k]) + 0.5) * room[k] / count[k]
+        shares[k] = np.interp(places, along[k], grid)
+    return shares
+
+
+def pixels_of(points: Array, cam2world: Array, camera: Camera) -> Array:
+    """Return images (n, 2) in px of points (n, 3) in mm; nan behind the camera."""
+    local = world_to_cam(points, cam2world)
+    depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
+    return image_of(camera, local / depth)
+
+
+def across_of(points: Array, tangents: Array, cam2world: Array, camera: Camera) -> Array:
+    """Return the unit vectors (n, 2) across edges in the image, to the right of where the tangents (n, 3) go."""
+    size = np.linalg.norm(points - np.asarray(cam2world)[:3, 3], axis=1)[:, None]
+    step = _AHEAD * size * tangents
+    along = pixels_of(points + step, cam2world, camera) - pixels_of(
+        points - step, cam2world, camera
+    )
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    return np.stack([-along[:, 1], along[:, 0]], axis=1)
+
+
+def in_image(pixels: Array, camera: Camera, margin_px: float) -> NDArray[np.bool_]:
+    """Return which places (n, 2) are on the sensor, with a margin."""
+    limit = np.array(camera.resolution) - 1 - margin_px
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.all((pixels >= margin_px) & (pixels <= limit), axis=1))
+
+
+# What measuring needs to know of a part, found once: its edges, the surfaces that carry them, the
+# plan's targets.
+
+
+POSE = 6
+"""Numbers of a camera's displacement, which come first among the unknowns of an image."""
+
+# a requested circle is the part's if centre and radius agree to this share of the radius
+_SAME = 1e-3
+# of arcs, rad
+_ANGLE = 1e-3
+# edges meet where their ends are this near
+_MEETS_MM = 1e-3
+# a stretch of an edge lies on it as near as this
+_ON_MM = 1e-2
+# cosine from which on a surface faces across an entity, and so moves its value
+_ACROSS = 0.1
+
+
+class PartModel:
+    """Edges, surfaces and targets of a part.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    targets : mapping of str to PlannedTarget
+        What is measured, by name.
+
+    Attributes
+    ----------
+    edges : PartEdges
+        All sharp edges, rims and arcs.
+    measured : dict of str to tuple of PartEdge
+        The entities of each target.
+    carried_by : dict of str to (int, int)
+        Numbers of the surfaces that carry each edge, by the edge's name.
+    free : set of int
+        Surfaces whose deviation some target measures.
+
+    Raises
+    ------
+    RequestError
+        If the part lacks an entity of a target.
+    """
+
+    def __init__(self, solid: Solid, targets: Mapping[str, PlannedTarget]) -> None:
+        self.solid = solid
+        self.edges = PartEdges(solid)
+        self.carriers = Carriers(solid)
+        self._curves = {curve.id: curve for curve in (*solid.rims(), *solid.arcs())}
+        self.carried_by: dict[str, tuple[int, int]] = {}
+        for edge in self.edges.edges:
+            self._carry(edge)
+        self._shown: tuple[bytes, Camera, ShownEdges] | None = None
+        self.measured = {
+            name: tuple(self._entity(one, name) for one in target.geometry)
+            for name, target in targets.items()
+        }
+        self.free: set[int] = set()
+        for name, target in targets.items():
+            self._free_surfaces(target, self.measured[name])
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of unknowns of an image: the pose, and the deviations of all surfaces."""
+        return POSE + PARAMETERS * len(self.carriers.surfaces)
+
+    def unknowns_of(self, edge: PartEdge) -> NDArray[np.int64]:
+        """Return which unknowns are those of the surfaces that carry an edge (6,)."""
+        starts = POSE + PARAMETERS * np.array(self.carried_by[edge.name])
+        return np.concatenate([start + np.arange(PARAMETERS) for start in starts])
+
+    def displacement(self, edge: PartEdge, points: Array) -> Array:
+        """Return how points (n, 3) of an edge move with `unknowns_of` it; (n, 3, 6)."""
+        return self.carriers.displacement(self.carried_by[edge.name], points)
+
+    def shown(self, cam2world: Array, camera: Camera) -> ShownEdges:
+        """Return all edges as they are seen from a pose; what the pose asked for last shows is kept."""
+        key = np.ascontiguousarray(cam2world).tobytes()
+        if self._shown is None or self._shown[0] != key or self._shown[1] is not camera:
+            self._shown = key, camera, self.edges.shown(cam2world, camera)
+        return self._shown[2]
+
+    def leaving(self, edge: PartEdge, end: Array) -> list[PartEdge]:
+        """Return the straight edges that leave an end (3,) of an edge."""
+        return [
+            other
+            for other in self.edges.edges
+            if isinstance(other.geometry, Line)
+            and not set(other.edge_ids) & set(edge.edge_ids)
+            and min(np.linalg.norm(other.geometry.p - end), np.linalg.norm(other.geometry.q - end))
+            < _MEETS_MM
+        ]
+
+    def _carry(self, edge: PartEdge) -> None:
+        if edge.name in self._curves:
+            pair = self.carriers.of_curve(self._curves[edge.name])
+        else:
+            pair = self.carriers.of_edge(edge.edge_ids[0])
+        self.carried_by[edge.name] = pair
+
+    def _entity(self, geometry: Geometry, target: str) -> PartEdge:
+        """Return the part's edge for an entity of a target."""
+        if isinstance(geometry, Circle):
+            return self._curve(geometry, target)
+        from aspectgraph import resolve_entities
+        from aspectgraph.exceptions import EntityError
+
+        try:
+            found = resolve_entities(self.solid, {target: (geometry.p, geometry.q)})[target]
+        except EntityError as error:
+            if (stretch := self._stretch(geometry)) is not None:
+                return stretch
+            rule = "must be the one that was planned"
+            raise RequestError.of_rule("part", rule, f"another: {error}".rstrip(".")) from error
+        name = "+".join(f"e{i}" for i in found.edge_ids)
+        edge = self.edges.edge_of(name, geometry, found.edge_ids)
+        self._carry(edge)
+        return edge
+
+    def _stretch(self, line: Line) -> PartEdge | None:
+        """Return the part's edge that a line is a stretch of, as long as the line; None if there is none."""
+        for edge in self.edges.edges:
+            one = edge.geometry
+            if not isinstance(one, Line):
+                continue
+            ends = np.array([line.p, line.q]) - one.p
+            along = ends @ one.direction
+            off = np.linalg.norm(ends - along[:, None] * one.direction, axis=1)
+            if (
+                off.max() <= _ON_MM
+                and along.min() >= -_ON_MM
+                and along.max() <= one.length + _ON_MM
+            ):
+                return self.edges.edge_of(edge.name, line, edge.edge_ids)
+        return None
+
+    def _curve(self, geometry: Circle, target: str) -> PartEdge:
+        allowed = _SAME * geometry.radius_mm
+        for curve in self._curves.values():
+            same_size = abs(curve.radius_mm - geometry.radius_mm) <= allowed
+            if not same_size or np.linalg.norm(curve.centre - geometry.centre) > allowed:
+                continue
+            if _holds(curve, geometry):
+                return next(edge for edge in self.edges.edges if edge.name == curve.id)
+        raise RequestError.of_rule(
+            "part", "must be the one that was planned", f"one without the rim or arc of {target!r}"
+        )
+
+    def _free_surfaces(self, target: PlannedTarget, edges: tuple[PartEdge, ...]) -> None:
+        frames = target.measurand.frames
+        if target.in_image:
+            self._free_ends(edges[0])
+            return
+        for edge, frame in zip(edges, frames, strict=True):
+            pair = self.carried_by[edge.name]
+            if isinstance(edge.geometry, Line):
+                for k in pair:
+                    middle = edge.geometry.middle[None]
+                    normal = self.carriers.surfaces[k].normals(middle)[0]
+                    if abs(normal @ frame.y) > _ACROSS:
+                        self.free.add(k)
+            else:
+                self.free.add(pair[1])
+
+    def _free_ends(self, edge: PartEdge) -> None:
+        """Let the surfaces that end an edge be free: those of the edges that leave its ends, across it."""
+        line = edge.geometry
+        if not isinstance(line, Line):
+            return
+        for end in (line.p, line.q):
+            for other in self.leaving(edge, end):
+                for k in self.carried_by[other.name]:
+                    normal = self.carriers.surfaces[k].normals(end[None])[0]
+                    if abs(normal @ line.direction) > _ACROSS:
+                        self.free.add(k)
+
+
+def _holds(curve: Arc, geometry: Circle) -> bool:
+    """Return whether a rim or arc is the one of a circle's angles: one circle may carry several arcs."""
+    span = curve.end_rad - curve.start_rad
+    if span < geometry.span_rad - _ANGLE:
+        return False
+    if span >= 2 * np.pi - _ANGLE:
+        return True
+    (middle,) = geometry.points(np.array([geometry.span_rad / 2])) - geometry.centre
+    across = np.cross(curve.axis, curve.reference)
+    angle = float(np.arctan2(middle @ across, middle @ curve.reference))
+    return bool((angle - curve.start_rad) % (2 * np.pi) <= span)

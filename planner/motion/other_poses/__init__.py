@@ -1,1 +1,0 @@
-"""Other poses that inspect the same as a setting, for a robot that does not reach the setting's own."""

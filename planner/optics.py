@@ -1,0 +1,507 @@
+"""Which body, lens, working distance and aperture of the catalogue can measure what is wanted, and how well."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.argument_kinds import MAPPING, check_fraction, check_kinds
+from planner.camera.camera import Camera
+from planner.camera.catalogue import camera_parts, check_bodies
+from planner.camera.pose import PoseUncertainty, look_at, world_to_cam
+from planner.exceptions import RequestError
+from planner.options import InspectionOptions
+from planner.request.constraints import Constraints, Requirements
+from planner.request.defaults import position_margin_mm
+from planner.request.dimension_files import (
+    localisation_or_default,
+    surfaces_or_default,
+    with_surfaces_of_call,
+)
+from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
+from planner.request.models import Means
+from planner.request.reach import TargetSpace
+from planner.request.targets import Target
+from planner.text_table import Column, table_lines
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+
+
+# A proposal of optics, and a table of several.
+
+
+@dataclass(frozen=True, repr=False)
+class OpticsProposal:
+    """A camera with a lens and its settings, and how well it measures each target.
+
+    The values are those of the best pose tried for each target.
+
+    Attributes
+    ----------
+    body, lens : str
+        Names of camera and lens in the catalogue.
+    camera : Camera
+        Both together, with the aperture set and the focus at the working distance.
+    required : float
+        The required probability.
+    probability : dict of str to float
+        Per target, P(error at most the permitted one). It is 0 if no pose tried meets every
+        constraint.
+    share : dict of str to float
+        Ratio of the expanded uncertainty U (k = 2) to the permitted error, per target with a pose.
+    poses : dict of str to array (4, 4)
+        Those poses, cam2world, mm.
+    """
+
+    body: str
+    lens: str
+    camera: Camera
+    required: float
+    probability: dict[str, float]
+    share: dict[str, float]
+    poses: dict[str, NDArray[np.float64]] = field(compare=False)
+
+    def __repr__(self) -> str:
+        """Show the optics and how many items they measure as required."""
+        how = f"f/{self.camera.f_number:g} at {self.working_distance_mm:g} mm"
+        return f"<OpticsProposal: {self.camera.name}, {how}: {len(self.able)} of {len(self.probability)} items>"
+
+    @property
+    def working_distance_mm(self) -> float:
+        """Distance from the front nodal point to the plane in focus."""
+        return self.camera.focus_distance_mm
+
+    @property
+    def able(self) -> tuple[str, ...]:
+        """Targets measured with the required probability."""
+        return tuple(name for name, p in self.probability.items() if p >= self.required)
+
+    @property
+    def worst_share(self) -> float:
+        """Largest ratio of U to the permitted error among `able`; inf without any."""
+        return max((self.share[name] for name in self.able), default=float("inf"))
+
+    @property
+    def field_mm(self) -> tuple[float, float]:
+        """Width and height of the field of view at the working distance."""
+        left, top, right, bottom = self.camera.field().inner
+        return (right - left) * self.working_distance_mm, (bottom - top) * self.working_distance_mm
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the proposal as plain values, without the poses.
+
+        Returns
+        -------
+        dict
+            Ready for JSON.
+        """
+        return {
+            "body": self.body,
+            "lens": self.lens,
+            "camera": self.camera.to_dict(),
+            "able": list(self.able),
+            "probability": dict(self.probability),
+            "share": dict(self.share),
+        }
+
+
+def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
+    """Return proposals as a table of plain text.
+
+    Parameters
+    ----------
+    proposals : sequence of OpticsProposal
+        In the order of `propose_optics`: the best first.
+    most : int
+        Largest number of rows.
+
+    Returns
+    -------
+    str
+        A heading, and a line per proposal: camera, lens, f-number, working distance, depth of field
+        and field of view. Then follow how many targets it measures as required, and the largest
+        ratio of U to the permitted error among them.
+
+    Examples
+    --------
+    >>> from planner import Camera, OpticsProposal, optics_table
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> able = OpticsProposal("a body", "a lens", camera, 0.9, {"rim": 0.97}, {"rim": 0.8}, {})
+    >>> heading, _, row = optics_table([able]).splitlines()
+    >>> print(heading)
+    body    lens    f/  distance  sharp (mm)  field (mm)  targets  U / permitted
+    >>> print(row)
+    a body  a lens   8    300 mm  266 to 343   308 x 258      1/1           80 %
+    """
+    return "\n".join(table_lines(OPTICS_COLUMNS, optics_rows(proposals, most), None))
+
+
+OPTICS_COLUMNS = (
+    Column("body"),
+    Column("lens"),
+    Column("f/", right=True),
+    Column("distance", right=True),
+    Column("sharp (mm)", right=True),
+    Column("field (mm)", right=True),
+    Column("targets", right=True),
+    Column("U / permitted", right=True),
+)
+"""Columns of the table of proposals."""
+
+
+def optics_rows(proposals: Sequence[OpticsProposal], most: int) -> list[tuple[str, ...]]:
+    """Return a row per proposal, in the columns of `OPTICS_COLUMNS`.
+
+    Parameters
+    ----------
+    proposals : sequence of OpticsProposal
+        In the order of `propose_optics`.
+    most : int
+        Largest number of rows.
+    """
+    rows: list[tuple[str, ...]] = []
+    for one in proposals[:most]:
+        width, height = one.field_mm
+        row = (
+            one.body,
+            one.lens,
+            f"{one.camera.f_number:g}",
+            f"{one.working_distance_mm:g} mm",
+            one.camera.depth_of_field_text,
+            f"{width:.0f} x {height:.0f}",
+            f"{len(one.able)}/{len(one.probability)}",
+            f"{100 * one.worst_share:.0f} %" if one.able else "-",
+        )
+        rows.append(row)
+    return rows
+
+
+# Which optics can do it: bodies and lenses of the catalogue, tried at several working distances.
+#
+# Every item that is wanted is looked at from fixed directions, its middle in focus, with the
+# sensor level and on end. What a pose must satisfy beside the image does not depend on the camera
+# and is asked once. The aperture is not searched for: depth of field grows as it closes, until
+# diffraction blurs as much as is allowed. An Airy disk has the diameter 2.44 λ N d / f at the
+# image distance d (Born and Wolf, Principles of Optics, 8.5.2). Three standard deviations of the
+# camera's position are kept from the ends of the depth of field: close up it can be less than a
+# robot's error.
+
+
+@dataclass(frozen=True)
+class OpticsRule:
+    """What is tried.
+
+    Attributes
+    ----------
+    wavelength_mm : float
+        Of the light: green.
+    blur_px : float
+        Largest blur that counts as sharp, of defocus and of diffraction each, in pixels of the smaller pitch.
+    stops : tuple of float
+        F-numbers.
+    directions : int
+        Viewing directions on a sphere, beside the axes and the diagonals of the part's frame.
+    """
+
+    wavelength_mm: float = 0.00055
+    blur_px: float = 2.0
+    stops: tuple[float, ...] = (1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0)
+    directions: int = 48
+
+
+RULE = OpticsRule()
+# steps of about 1.6, as of preferred numbers
+DISTANCES_MM = (100.0, 160.0, 250.0, 400.0, 630.0, 1000.0, 1600.0)
+_OF_IMAGE = ("resolution_mm", "focus_mm", "field_of_view_px")
+
+
+def propose_optics(
+    solid: Solid,
+    wanted: Mapping[str, Any],
+    pose_uncertainty: PoseUncertainty,
+    *,
+    bodies: Sequence[str] | None = None,
+    accuracy: float = 0.98,
+    probability: float = 0.9,
+    distances_mm: Sequence[float] = DISTANCES_MM,
+    options: InspectionOptions | None = None,
+) -> tuple[OpticsProposal, ...]:
+    """Rank cameras and lenses of the catalogue by how well they measure the targets.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    wanted : mapping
+        Name to `Dimension`, or to an edge, rim or arc: its length, diameter or radius is measured.
+    pose_uncertainty : PoseUncertainty
+        Uncertainty of the camera's real pose about the planned one.
+    bodies : sequence of str, optional
+        Names of cameras in the catalogue. Default: all.
+    accuracy : float
+        Required accuracy A in (0, 1) of targets without a requirement of their own.
+    probability : float
+        Required probability, in (0, 1), that a measurement is accurate.
+    distances_mm : sequence of float
+        Working distances to try, mm, from the front nodal point to the middle of a target.
+    options : InspectionOptions, optional
+        Constraints, workspace, localisation and surfaces, as in `plan_inspection`.
+
+    Returns
+    -------
+    tuple of OpticsProposal
+        The best working distance of each camera and lens that fit each other. The first proposal
+        measures most targets as required. Among equals, the largest ratio of U to the permitted
+        error is smallest. Poses that were not tried may measure further targets.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    EntityError
+        If an entity is not one of the part's.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import PoseUncertainty, propose_optics
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> sigma = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> rim = {"rim": [[60, 20, 10], [60, 40, 10]]}
+    >>> best = propose_optics(block, rim, sigma, bodies=["basler-acA2440-20gm"], distances_mm=[250.0])[0]
+    >>> best.able
+    ('rim',)
+    """
+    from planner.request.resolve import resolve_wanted
+
+    check_kinds(
+        solid=(solid, "Solid"),
+        wanted=(wanted, MAPPING),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
+    check_fraction("accuracy", accuracy)
+    check_fraction("probability", probability)
+    if not wanted:
+        raise RequestError.of_rule("wanted", "must hold at least one item", "none")
+    distances = _checked(distances_mm)
+    fitting = _fitting(bodies)
+    options = options or InspectionOptions()
+    found_by = localisation_or_default(options.localisation, wanted.values())
+    options = replace(options, localisation=found_by)
+    wanted = with_surfaces_of_call(wanted, options.surfaces_mm, found_by)
+    entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
+    space = _space(solid, entities, targets, max(distances), options)
+    views = _views(space, targets, distances, _limits(options, pose_uncertainty))
+    best: dict[tuple[str, str], OpticsProposal] = {}
+    for (body, lens), distance in itertools.product(fitting, distances):
+        camera = _set(body, lens, distance)
+        if camera is None:
+            continue
+        proposal = _judged((body, lens), camera, views, (pose_uncertainty, probability, options))
+        if (body, lens) not in best or _rank(proposal) < _rank(best[body, lens]):
+            best[body, lens] = proposal
+    return tuple(sorted(best.values(), key=_rank))
+
+
+def _checked(distances_mm: Sequence[float]) -> list[float]:
+    distances = [float(distance) for distance in distances_mm]
+    if not distances or not all(math.isfinite(one) and one > 0 for one in distances):
+        raise RequestError.of_rule(
+            "distances_mm", "must be finite and positive, at least one", repr(distances_mm)
+        )
+    return distances
+
+
+def _fitting(bodies: Sequence[str] | None) -> list[tuple[str, str]]:
+    """Return the pairs of body and lens whose image circle covers the sensor."""
+    parts = camera_parts()
+    chosen = list(parts["body"]) if bodies is None else list(bodies)
+    check_bodies(chosen)
+    return [
+        (body, lens)
+        for body, lens in itertools.product(chosen, parts["lens"])
+        if _diagonal_mm(parts["body"][body]) <= parts["lens"][lens]["image_circle_mm"]
+    ]
+
+
+def _diagonal_mm(body: Mapping[str, Any]) -> float:
+    return math.hypot(
+        *(n * pitch for n, pitch in zip(body["resolution"], body["pixel_pitch_mm"], strict=True))
+    )
+
+
+def _set(body: str, lens: str, distance: float) -> Camera | None:
+    """Return a body and a lens focused at a distance, as far closed as diffraction allows; None if it is too close."""
+    parts = camera_parts()
+    sensor = parts["body"][body]
+    glass = parts["lens"][lens]
+    f = glass["focal_length_mm"]
+    if distance < glass["closest_object_mm"]:
+        return None
+    blur = RULE.blur_px * min(sensor["pixel_pitch_mm"])
+    # d / f = s / (s - f)
+    limit = blur * (distance - f) / (2.44 * RULE.wavelength_mm * distance)
+    widest = glass["widest_f_number"]
+    narrowest = glass["narrowest_f_number"]
+    sharp = [stop for stop in RULE.stops if widest <= stop <= min(narrowest, limit)]
+    return Camera(
+        focal_length_mm=f,
+        pixel_pitch_mm=tuple(sensor["pixel_pitch_mm"]),
+        resolution=tuple(sensor["resolution"]),
+        f_number=max(sharp, default=widest),
+        focus_distance_mm=distance,
+        largest_blur_mm=blur,
+        name=f"{body} with {lens}",
+    )
+
+
+def _space(
+    solid: Solid,
+    entities: Mapping[str, Any],
+    targets: Sequence[Target],
+    farthest: float,
+    options: InspectionOptions,
+) -> TargetSpace:
+    from aspectgraph import compute_regions
+
+    size = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
+    box = solid.bounds + np.array([[-1.0], [1.0]]) * (farthest + size)
+    regions = options.space or compute_regions(
+        solid,
+        entities,
+        workspace=box if options.workspace is None else options.workspace,
+        executor=options.executor,
+    )
+    return TargetSpace.of(regions, targets)
+
+
+def _limits(options: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
+    """Return the limits that do not depend on the camera; it stands in for all."""
+    camera = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
+    return InspectionOptions(
+        stand_off_mm=options.stand_off_mm,
+        min_length_px=options.min_length_px,
+        field_margin_px=0.0,
+        visibility_radius_mm=options.visibility_radius_mm,
+        reach=options.reach,
+    ).requirements(camera, pose_uncertainty)
+
+
+@dataclass(frozen=True)
+class _View:
+    """An item, what of it must be in the picture, and by distance the poses that see it."""
+
+    target: Target
+    constraints: Constraints
+    poses: dict[float, NDArray[np.float64]]
+
+
+def _views(
+    space: TargetSpace, targets: Sequence[Target], distances: Sequence[float], need: Requirements
+) -> list[_View]:
+    camera = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
+    views = []
+    for target in targets:
+        constraints = Constraints(space, [target.name], camera, need, [target])
+        others = [name for name in constraints.constraint_names if name not in _OF_IMAGE]
+        poses = {}
+        for distance in distances:
+            tried = _around(constraints.sphere_centre, distance)
+            slacks = constraints.slacks(tried, others)
+            poses[distance] = tried[
+                np.all([margins.min(axis=(1, 2)) >= 0 for margins in slacks.values()], axis=0)
+            ]
+        views.append(_View(target, constraints, poses))
+    return views
+
+
+def _around(centre: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
+    """Return poses (n, 4, 4) that look at a point from a distance: the sensor level, and a quarter turned."""
+    k = np.arange(RULE.directions) + 0.5
+    # Fibonacci's lattice: equal steps of height, turned by the golden angle
+    z = 1.0 - 2.0 * k / RULE.directions
+    turn = math.pi * (3.0 - math.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - z**2)
+    lattice = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+    diagonals = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) / math.sqrt(3.0)
+    eyes = centre + distance * np.concatenate([np.eye(3), -np.eye(3), diagonals, lattice])
+    return np.concatenate([look_at(eyes, centre, roll=roll) for roll in (0.0, math.pi / 2)])
+
+
+def _judged(
+    names: tuple[str, str],
+    camera: Camera,
+    views: Sequence[_View],
+    required_of: tuple[PoseUncertainty, float, InspectionOptions],
+) -> OpticsProposal:
+    pose_uncertainty, required, options = required_of
+    near, far = camera.depth_of_field_mm
+    margin = max(options.focus_margin_mm or 0.0, position_margin_mm(pose_uncertainty))
+    if 2 * margin >= far - near:
+        nothing = {view.target.name: 0.0 for view in views}
+        return OpticsProposal(*names, camera, required, nothing, {}, {})
+    # what is said holds for all points; otherwise each keeps more the farther it is from the axis
+    reserve = options.requirements(camera, pose_uncertainty).focus_reserve
+    need = replace(options, focus_margin_mm=margin).requirements(camera, pose_uncertainty)
+    lens = Lens.of(
+        camera,
+        need.min_length_px * max(camera.pixel_pitch_mm),
+        need.border_px,
+        need.focus_margin_mm,
+        reserve,
+    )
+    means = Means(
+        camera,
+        pose_uncertainty,
+        localisation=options.localisation,
+        surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
+    )
+    probability = {}
+    share = {}
+    poses = {}
+    for view in views:
+        name = view.target.name
+        best = _best(view, lens, means)
+        probability[name] = 0.0 if best is None else best[0]
+        if best is not None:
+            _, share[name], poses[name] = best
+    return OpticsProposal(*names, camera, required, probability, share, poses)
+
+
+def _best(view: _View, lens: Lens, means: Means) -> tuple[float, float, NDArray[np.float64]] | None:
+    """Return the probability, U over the permitted error and the pose of what sees an item best; None if none does."""
+    tried = view.poses[means.camera.focus_distance_mm]
+    slacks = image_slacks(lens, world_to_cam(view.constraints.segments, tried))
+    slacks[:, ~view.constraints.resolved, RESOLUTION] = np.inf
+    poses = tried[slacks.min(axis=(1, 2), initial=np.inf) >= 0]
+    if not len(poses):
+        return None
+    model = view.target.description(means)
+    inverse = np.linalg.inv(poses)
+    probability = model.probability(inverse)
+    best = int(np.argmax(probability))
+    described = model.describe(inverse[best])
+    return (
+        float(probability[best]),
+        described.expanded_uncertainty / described.permitted_error,
+        poses[best],
+    )
+
+
+def _rank(proposal: OpticsProposal) -> tuple[Any, ...]:
+    least = min(proposal.probability.values())
+    return (
+        -len(proposal.able),
+        proposal.worst_share,
+        -least,
+        proposal.working_distance_mm,
+        proposal.body,
+        proposal.lens,
+    )

@@ -1,0 +1,307 @@
+"""A plan as rows: for data frames, for CSV files, and as a table that notebooks show."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from html import escape
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.argument_kinds import check_kinds
+from planner.files import write_text
+from planner.request.words import features_text
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+    from aspectgraph import Solid
+    from planner.request.planned import PlannedTarget
+    from planner.request.reach import Space
+    from planner.rows import Row
+
+
+_STYLE = "text-align:left;padding:2px 10px"
+_DEG = math.degrees(1.0)
+
+
+class PlanTables:
+    """What an `InspectionPlan` shows of itself; it brings the fields."""
+
+    part: str
+    settings: tuple[Any, ...]
+    entities: Mapping[str, np.ndarray]
+    dimensions: Mapping[str, Any]
+    uninspectable: Mapping[str, str]
+    accuracy: float
+    probability: float
+    lower_bound: int
+    simulation: Any
+
+    @cached_property
+    def targets(self) -> dict[str, PlannedTarget]:
+        """The targets by name: the length of an edge, or the value of a dimension."""
+        from planner.request.planned import PlannedLength
+
+        return {
+            name: self.dimensions.get(name) or PlannedLength.of(name, ends, self.accuracy)
+            for name, ends in self.entities.items()
+        }
+
+    def ends_of(self, setting: Any, name: str) -> np.ndarray:
+        """Return two points far apart of what a setting measures a target from.
+
+        Parameters
+        ----------
+        setting : SensorSetting
+            One of its settings.
+        name : str
+            A target that it measures.
+
+        Returns
+        -------
+        array (2, 3)
+            mm, in the part's frame.
+        """
+        from planner.request.planned import targets_of
+
+        if name not in getattr(setting, "witness", {}):
+            return np.asarray(self.entities[name])
+        points = targets_of(self.targets, setting)[name].points
+        apart = np.linalg.norm(points[:, None] - points, axis=-1)
+        return np.asarray(points[list(np.unravel_index(np.argmax(apart), apart.shape))])
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return all measurements as rows, one per setting and entity.
+
+        ``pandas.DataFrame(plan.rows())`` makes a table of them.
+
+        Returns
+        -------
+        list of dict
+            A row has ``setting`` (from 1), ``name``, ``kind``, ``entities``, ``nominal``,
+            ``permitted_error`` and ``unit``. ``entities`` are the ids that the setting measures it
+            from. Of a target that is not inspected they are all sets that could. ``n_features``
+            counts the features of the target, of which one is measured; it is 1 unless the request
+            asks for one feature per pattern.
+            ``permitted_error_px`` is the error in the image (None for angles). ``p_all`` is the
+            probability that the displaced camera measures the target, see `SensorSetting` (None if
+            it was not counted). ``probability`` is that of the error alone. ``simulated``,
+            ``simulated_low``, ``simulated_high`` and ``verdict`` come from the simulation, or are
+            None. ``standard_uncertainty`` is u of the measured value. ``variance_translation``,
+            ``variance_rotation``, ``variance_localisation``, ``variance_localisation_floor`` and
+            ``variance_surfaces`` add up to u² (None for short arcs).
+            ``search_window_px`` is the distance to search on either side of the prediction.
+            ``warnings`` holds sentences or None. ``reason`` is None in these rows. ``x``, ``y``,
+            ``z`` are the camera's position in mm. ``rx``, ``ry``, ``rz`` are its rotation vector,
+            camera to part, in degrees. ``margin_`` with a constraint's name is the smallest margin
+            of the setting. Rows of entities that are not inspected follow, with their reason.
+            Unknown values are None. All rows have the same keys.
+        """
+        from planner.rows import measured_rows
+
+        found = [
+            {**_values(row, self.targets[row.name].n_features), "reason": None, **_pose(setting)}
+            for setting, rows in zip(self.settings, measured_rows(self), strict=True)
+            for row in rows
+        ]
+        for name, reason in self.uninspectable.items():
+            found.append({"setting": None, **self._wanted(name), "reason": reason})
+        keys = dict.fromkeys(key for row in found for key in row)
+        return [{**keys, **row} for row in found]
+
+    def to_dataframe(self) -> Any:
+        """Return `rows` as a data frame of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per setting and entity.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+
+        Examples
+        --------
+        >>> from planner import read_plan
+        >>> plan = read_plan("examples/two_pocket_block_plan.json")
+        >>> try:
+        ...     names = list(plan.to_dataframe()["name"])
+        ... except ImportError:
+        ...     names = [row["name"] for row in plan.rows()]
+        >>> names
+        ['e1', 'e4']
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError(
+                "to_dataframe() needs pandas. Install it with: pip install pandas; "
+                "rows() and to_csv() need nothing."
+            ) from None
+        return pandas.DataFrame(self.rows())
+
+    def plot(self, solid: Solid | None = None, space: Space | None = None) -> go.Figure:
+        """Draw the plan in 3-D, like `plan_figure`: part, entities, and cameras in order.
+
+        Parameters
+        ----------
+        solid : Solid, optional
+            The part of the plan. Without it, the figure shows only the targets and cameras.
+        space : VisibilityRegions or EntityAspectGraph, optional
+            Gives the viewing domains. They are hidden until you click them in the legend.
+
+        Returns
+        -------
+        plotly.graph_objects.Figure
+            A notebook shows it; ``write_html`` saves it.
+
+        Examples
+        --------
+        >>> from aspectgraph import read_solid
+        >>> from planner import read_plan
+        >>> plan = read_plan("examples/two_pocket_block_plan.json")
+        >>> figure = plan.plot(read_solid("examples/two_pocket_block.off"))
+        >>> type(figure).__name__
+        'Figure'
+        """
+        if solid is not None:
+            check_kinds(solid=(solid, "Solid"))
+        # the pictures are built upon plans, so their package is known by its name here
+        figure = import_module("planner.report.figure")
+        return figure.plan_figure(self, solid, space)
+
+    def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
+        """Return `rows` as CSV text with a heading (RFC 4180), and write it to a file if given.
+
+        Parameters
+        ----------
+        path : str or os.PathLike, optional
+            The file; an existing one is replaced.
+
+        Returns
+        -------
+        str
+            The text. None becomes an empty cell, and numbers are written without loss. Text that a
+            spreadsheet would run, such as the name ``=1+1``, begins with an apostrophe.
+            `read_entities` removes it again.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        from aspectgraph.entities.entity_files import csv_text
+
+        rows = self.rows()
+        text = csv_text(list(rows[0]) if rows else ["setting", "name"], rows)
+        if path is not None:
+            write_text(path, text)
+        return text
+
+    def _repr_html_(self) -> str:
+        """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""
+        from errors.formatting import frequency_text, probability_text
+
+        head = ("", "camera at (mm)", "entities", "smallest P", "simulated")
+        lines = [_line(head, "th")]
+        for k, setting in enumerate(self.settings):
+            place = ", ".join(f"{c:.1f}" for c in setting.position)
+            rates = self.simulation.rates[k].values() if self.simulation is not None else ()
+            worst = min(rates, key=lambda rate: rate.frequency, default=None)
+            least = min(setting.promise[name] for name in setting.entities)
+            simulated = "not yet" if worst is None else frequency_text(worst.successes, worst.n)
+            lines.append(
+                _line(
+                    (
+                        str(k + 1),
+                        place,
+                        ", ".join(setting.entities),
+                        probability_text(least),
+                        simulated,
+                    )
+                )
+            )
+        n = len(self.entities) - len(self.uninspectable)
+        total = len(self.entities)
+        settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
+        features = features_text([one.n_features for one in self.dimensions.values()])
+        caption = (
+            f"{self.part or 'part'}: {n} of {total} inspected in {settings} (at least "
+            f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
+            f"{'; ' if features else ''}{features}"
+        )
+        reasons = "".join(
+            f"<li>{escape(name)}: {escape(why)}</li>" for name, why in self.uninspectable.items()
+        )
+        missing = f"<p>Not inspected:</p><ul>{reasons}</ul>" if reasons else ""
+        caption = f'<caption style="text-align:left">{escape(caption)}</caption>'
+        return f"<div><table>{caption}{''.join(lines)}</table>{missing}</div>"
+
+    def _wanted(self, name: str) -> dict[str, Any]:
+        """Return what is to be measured, and how well."""
+        target = self.targets[name]
+        return {
+            "name": name,
+            "kind": target.kind,
+            "entities": "; ".join(", ".join(way) for way in target.ways),
+            "nominal": target.nominal,
+            "permitted_error": target.permitted_error,
+            "unit": target.unit,
+            "n_features": target.n_features,
+        }
+
+
+def _values(row: Row, n_features: int) -> dict[str, Any]:
+    """Return a row without what it is made of."""
+    # a plan is read without loading what computes errors
+    from errors.formatting import below_one
+    from errors.measurands.measurand_model import SOURCES
+
+    rate = row.rate
+    return {
+        "setting": row.setting,
+        "name": row.name,
+        "kind": row.kind,
+        "entities": ", ".join(row.entities),
+        "nominal": row.nominal,
+        "permitted_error": row.permitted_error,
+        "unit": row.unit,
+        "n_features": n_features,
+        "permitted_error_px": row.permitted_error_px,
+        "p_all": None if row.p_all is None else below_one(row.p_all),
+        "probability": below_one(row.probability),
+        "simulated": None if rate is None else rate.frequency,
+        "simulated_low": None if rate is None else rate.low,
+        "simulated_high": None if rate is None else rate.high,
+        "verdict": None if rate is None else rate.verdict,
+        "standard_uncertainty": row.standard_uncertainty,
+        **{f"variance_{source}": row.budget.get(source) for source in SOURCES},
+        "search_window_px": row.search_window_px,
+        "warnings": "; ".join(warning.text for warning in row.warnings) or None,
+    }
+
+
+def _pose(setting: Any) -> dict[str, Any]:
+    """Return place and turn of a camera, and its margins."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_matrix(setting.cam2world[:3, :3]).as_rotvec() * _DEG
+    place = dict(zip(("x", "y", "z"), map(float, setting.position), strict=True))
+    turns = dict(zip(("rx", "ry", "rz"), map(float, turn), strict=True))
+    return {
+        **place,
+        **turns,
+        **{f"margin_{name}": float(value) for name, value in setting.margins.items()},
+    }
+
+
+def _line(cells: Sequence[str], tag: str = "td") -> str:
+    inside = "".join(f'<{tag} style="{_STYLE}">{escape(cell)}</{tag}>' for cell in cells)
+    return f"<tr>{inside}</tr>"

@@ -1,1 +1,0 @@
-"""The head of a report: where the plan comes from, and the part with all targets called out."""

@@ -1,0 +1,429 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aspectgraph import Arc, Edge, EntityAspectGraph, Rim, Solid
+from errors.formatting import frequency_text, interval_text, probability_text
+from planner.plan import InspectionPlan
+from planner.progress import visible
+from planner.report.tables import nearest_limits
+from planner.report.wording import (
+    count,
+    features_cell,
+    features_sentence,
+    lamp_texts,
+    margin_texts,
+    names_by_reason,
+    percent,
+    promise_sentence,
+    share_text,
+    shown_sentence,
+    simulation_sentence,
+    unshown_texts,
+    verdict,
+    window_texts,
+)
+from planner.request.planned import targets_of, words_of
+from planner.request.words import tolerance_text
+from planner.text_table import Cell, Column, WholePieces, listed, print_table, print_text, words
+from planner.verify.simulate_setting import CONFIRMED
+
+if TYPE_CHECKING:
+    from aspectgraph import EdgeEnd
+    from planner.request.planned import PlannedTarget
+    from planner.sensor_setting import SensorSetting
+    from planner.verify.simulate_plan import SimulationResult
+    from planner.verify.simulate_setting import SuccessRate
+
+
+# What the commands say with ``--json``: plain values in mm and degrees, for other programs.
+
+
+def part_record(
+    solid: Solid, edges: Iterable[Edge], curves: Iterable[Arc], notes: Iterable[str] = ()
+) -> dict[str, Any]:
+    """Return what a part consists of: its box in mm, and its edges, rims and arcs by id; notes of its own and more."""
+    return {
+        "part": solid.name,
+        "bounds": np.asarray(solid.bounds, dtype=float).tolist(),
+        "faces": len(solid.faces),
+        "notes": [*solid.notes, *notes],
+        "edges": [
+            {
+                "id": edge.id,
+                "ends": np.asarray(solid.edge_points(edge.id), dtype=float).tolist(),
+                "length": float(solid.edge_length_mm(edge.id)),
+                "turn": float(edge.turn_deg),
+                "faces": list(edge.faces),
+                "end_kinds": [{"kind": end.kind, "arc": end.arc} for end in solid.edge_ends(edge)],
+            }
+            for edge in edges
+        ],
+        "curves": [
+            {
+                "id": curve.id,
+                "kind": "rim" if isinstance(curve, Rim) else "arc",
+                "radius": float(curve.radius_mm),
+                "centre": np.asarray(curve.centre, dtype=float).tolist(),
+                "axis": np.asarray(curve.axis, dtype=float).tolist(),
+            }
+            for curve in curves
+        ],
+    }
+
+
+def graph_record(result: EntityAspectGraph, path: str | Path) -> dict[str, Any]:
+    """Return the viewing domains of a graph, which are adjacent, and where the GraphML is."""
+    nodes = result.graph.nodes
+    listed = result.regions.listed_as
+    return {
+        "entities": list(result.entity_names),
+        "workspace": np.asarray(result.workspace, dtype=float).tolist(),
+        "domains": [
+            {"id": n, "volume": float(nodes[n]["volume"]), listed: sorted(nodes[n][listed])}
+            for n in nodes
+        ],
+        "adjacent": [list(pair) for pair in result.graph.edges()],
+        "file": str(path),
+    }
+
+
+def plan_record(
+    plan: InspectionPlan, files: Sequence[str], not_planned: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return a plan as in its file, the files written, and what could not be planned, with the reason.
+
+    ``plan.features`` counts the characteristics, and those that are not planned.
+    """
+    return {"plan": plan.to_dict(), "files": list(files), "not_planned": dict(not_planned)}
+
+
+_MOST_ROWS = 60
+# of a part in a batch, the best first
+_STATUSES = ("planned", "incomplete", "refused", "failed")
+
+
+def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> None:
+    """Print what a part consists of, its straight edges, its rims and its arcs."""
+    size = np.ptp(solid.bounds, axis=0)
+    n = len(solid.straight_edges())
+    chosen = "" if len(edges) == n else f"{len(edges)} of "
+    text = (
+        f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
+        f"{count(len(solid.edges), 'edge')}, {chosen}{count(n, 'sharp straight edge')}, "
+        f"{_vector(size, ' x ')} mm"
+    )
+    print_text(words(text, [f"{solid.name}:"]))
+    for note in solid.notes:
+        print_text(f"note: {note}")
+    rows = []
+    n_tangent = 0
+    for edge in edges:
+        start, end = solid.edge_points(edge.id)
+        ends = solid.edge_ends(edge)
+        n_tangent += any(at.kind == "tangent" for at in ends)
+        length = f"{np.linalg.norm(end - start):.3f}"
+        turn = f"{edge.turn_deg:+.1f}"
+        row = (str(edge.id), _vector(start), _vector(end), length, turn, words(_ends_text(ends)))
+        rows.append(row)
+    print_table(_EDGE_COLUMNS, rows)
+    if n_tangent:
+        print_text(
+            f"note: {n_tangent} of {count(len(edges), 'edge')} end in a tangent arc, so their length "
+            "is undefined; distances and angles are not affected"
+        )
+    for kind in ("rim", "arc"):
+        _print_curves(
+            kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")]
+        )
+
+
+_EDGE_COLUMNS = (
+    Column("id", right=True),
+    Column("from (mm)", right=True),
+    Column("to (mm)", right=True),
+    Column("length (mm)", right=True),
+    Column("turn (deg)", right=True),
+    Column("ends"),
+)
+
+
+def _ends_text(ends: Sequence[EdgeEnd]) -> str:
+    """Return both ends of an edge: "corner", the id of a tangent arc, or "tangent"; one if equal."""
+    texts = [end.arc or end.kind for end in ends]
+    return ", ".join(dict.fromkeys(texts))
+
+
+def _print_curves(kind: str, curves: Sequence[Any]) -> None:
+    """Print the rims or arcs of a part, if it has any."""
+    if not curves:
+        return
+    n_chords = sum(len(curve.edge_ids) for curve in curves)
+    print(f"{count(len(curves), kind)}, {count(n_chords, 'chord')}")
+    columns = (
+        Column("id", right=True),
+        Column("diameter (mm)" if kind == "rim" else "radius (mm)", right=True),
+        Column("centre (mm)", right=True),
+        Column("axis", right=True),
+        Column("chords", right=True),
+        Column("off by (mm)", right=True),
+    )
+    rows = []
+    for curve in curves:
+        size = 2 * curve.radius_mm if kind == "rim" else curve.radius_mm
+        place = (_vector(curve.centre), _vector(curve.axis))
+        chords = (str(len(curve.edge_ids)), f"{curve.chord_mm:.3f}")
+        rows.append((curve.id, f"{size:.3f}", *place, *chords))
+    print_table(columns, rows)
+    if curves[0].fitted:
+        print_text(
+            f"note: these {kind}s are circles fitted to chords, because the mesh holds no circles"
+        )
+
+
+def print_graph(graph: EntityAspectGraph) -> None:
+    """Print the size of an aspect graph and its domains, largest lists first."""
+    nodes = graph.graph.nodes
+    listed_as = graph.regions.listed_as
+    lists = {frozenset(nodes[n][listed_as]) for n in nodes}
+    domains = "viewing domain" if listed_as == "observable" else "light domain"
+    print_text(
+        f"{count(len(nodes), domains)}, "
+        f"{count(graph.graph.number_of_edges(), 'adjacency', 'adjacencies')}, "
+        f"{count(len(lists), 'distinct list')} of "
+        f"{count(len(graph.entity_names), 'entity', 'entities')}"
+    )
+    low, high = graph.workspace
+    print_text(f"workspace: {_vector(low)} to {_vector(high)} mm")
+    columns = (Column("domain", right=True), Column("volume (mm3)", right=True), Column(listed_as))
+    ordered = sorted(nodes, key=lambda n: (-len(nodes[n][listed_as]), n))
+    rows = [
+        (str(n), f"{nodes[n]['volume']:.4g}", listed(nodes[n][listed_as] or ("none",)))
+        for n in ordered[:_MOST_ROWS]
+    ]
+    print_table(columns, rows)
+    if len(ordered) > _MOST_ROWS:
+        print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
+
+
+def print_dimensions(dimensions: Sequence[Any]) -> None:
+    """Print the dimensions of a model: values, and the entities that measure them or why none do."""
+    able = [dimension for dimension in dimensions if dimension.entities is not None]
+    n_stated = sum(dimension.tolerance is not None for dimension in dimensions)
+    n_characteristics = sum(bool(ways) for dimension in able for ways in dimension.features)
+    roles = Counter(dimension.role for dimension in dimensions if dimension.role)
+    special = "".join(f", {n} {role}" for role, n in sorted(roles.items()))
+    print_text(
+        f"{count(len(dimensions), 'dimension')}, {n_stated} with a tolerance{special}, {len(able)} measurable: "
+        f"{count(n_characteristics, 'characteristic')}"
+    )
+    columns = (
+        Column("name"),
+        Column("kind"),
+        Column("nominal", right=True),
+        Column("tolerance", right=True),
+        Column("features", right=True),
+        Column("entities or reason"),
+    )
+    print_table(columns, [_dimension_row(dimension) for dimension in dimensions])
+    for dimension in dimensions:
+        if dimension.note:
+            print_text(words(f"note: {dimension.name}: {dimension.note}", [f"{dimension.name}:"]))
+
+
+def _dimension_row(dimension: Any) -> tuple[Cell, ...]:
+    nominal = "" if dimension.nominal is None else f"{dimension.nominal:.6g} {dimension.unit}"
+    tolerance = ""
+    if dimension.tolerance is not None:
+        tolerance = f"{tolerance_text(dimension.tolerance)} {dimension.unit}"
+    if dimension.tolerance_class is not None:
+        tolerance = f"{dimension.tolerance_class} {tolerance}".rstrip()
+    if dimension.role is not None:
+        tolerance = f"{tolerance} {dimension.role}".lstrip()
+    entities = (
+        words(dimension.reason or "")
+        if dimension.entities is None
+        else listed(map(str, dimension.entities))
+    )
+    kind = dimension.kind.replace("_", " ")
+    return (dimension.name, kind, nominal, tolerance, str(dimension.n_features), entities)
+
+
+def print_plan(plan: InspectionPlan) -> None:
+    """Print the plan: settings, what each measures and how surely, and what cannot be inspected.
+
+    Of the margins of a setting only the tightest is shown; plan.json and the report hold all.
+    """
+    names = list(plan.entities)
+    columns = (
+        Column("setting", right=True),
+        Column("camera at (mm)", right=True),
+        Column("measures", right=True),
+        Column("tightest margin"),
+    )
+    rows = []
+    for k, setting in enumerate(plan.settings):
+        place = _vector(setting.position, " ", 1)
+        margin = words(tightest_margin(plan, setting))
+        rows.append((str(k + 1), place, str(len(setting.entities)), margin))
+    print_table(columns, rows)
+    if rows:
+        print()
+    print_table(*_measurements(plan))
+    _print_not_inspected(plan)
+    for k in range(len(plan.settings)):
+        for text in [*window_texts(plan, k), *lamp_texts(plan, k)]:
+            print_text(words(f"setting {k + 1}: {text}", names), indent="  ")
+    print_text(words(verdict(plan), names))
+
+
+def _print_not_inspected(plan: InspectionPlan) -> None:
+    """Print which targets are not inspected, and why; a reason of several once."""
+    for reason, names in names_by_reason(plan.uninspectable).items():
+        print_text(words(f"not inspected: {', '.join(names)}: {reason}", plan.entities))
+
+
+def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, ...]]]:
+    """Return the columns and rows of what each setting measures."""
+    words = words_of(plan.targets)
+    columns = [Column(words.items[0]), Column("setting", right=True)]
+    if words.requirement_column:
+        columns.append(Column("measured"))
+    several = any(len(target.ways) > 1 for target in plan.targets.values())
+    columns += [Column("by")] if several else []
+    counted = any(setting.p_all for setting in plan.settings)
+    columns += [Column("P_all", right=True)] if counted else []
+    columns += [Column("P", right=True), Column("simulated")]
+    rows: list[tuple[Cell, ...]] = []
+    for k, setting in enumerate(plan.settings):
+        rates = plan.simulation.rates[k] if plan.simulation else {}
+        targets = targets_of(plan.targets, setting)
+        for name in setting.entities:
+            stated = [setting.promise[name]] if counted else []
+            stated.append(setting.probability[name])
+            texts = [probability_text(p, plan.probability) for p in stated]
+            simulated = _interval(rates.get(name))
+            measured = [_measured(plan.targets[name])] if words.requirement_column else []
+            by = [", ".join(targets[name].entities)] if several else []
+            rows.append((name, str(k + 1), *measured, *by, *texts, simulated))
+    return columns, rows
+
+
+def tightest_margin(plan: InspectionPlan, setting: SensorSetting) -> str:
+    """Return the margin that leaves the smallest share of its room, with its unit.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        Gives the request.
+    setting : SensorSetting
+        One of its settings.
+
+    Returns
+    -------
+    str
+        Like ``focus: 9 % left (+0.51 mm)``. The probability is not a margin; empty if no margin is a number.
+    """
+    for limit in nearest_limits(plan, setting):
+        if limit.key is not None:
+            margin = margin_texts({limit.key: setting.margins[limit.key]})[0]
+            value = margin.removeprefix(limit.name).strip()
+            return f"{limit.name}: {share_text(limit.share)} left ({value})"
+    return ""
+
+
+def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
+    """Print predicted probabilities beside simulated frequencies."""
+    columns = (
+        Column(words_of(plan.targets).items[0]),
+        Column("setting", right=True),
+        Column("predicted", right=True),
+        Column("frequency", right=True),
+        Column("interval", right=True),
+        Column(""),
+    )
+    names = list(plan.entities)
+    rows = []
+    for k, rates in enumerate(result.rates):
+        for name, rate in rates.items():
+            interval = interval_text(rate.low, rate.high, " .. ")
+            predicted = probability_text(rate.predicted, plan.probability)
+            frequency = frequency_text(rate.successes, rate.n)
+            rows.append((name, str(k + 1), predicted, frequency, interval, words(rate.verdict)))
+    print_table(columns, rows)
+    _print_not_inspected(plan)
+    if plan.features_text:
+        print_text(features_sentence(plan))
+    print_text(words(simulation_sentence(result), names))
+    if result.shown is not None:
+        print_text(shown_sentence(result.shown))
+        for k in range(len(plan.settings)):
+            for text in unshown_texts(result.shown, k):
+                print_text(words(f"setting {k + 1}: {text}", names), indent="  ")
+    if plan.settings:
+        print_text(promise_sentence(plan))
+    if any(result.rates):
+        print_text(f"All intervals hold together with {percent(result.confidence)} confidence.")
+
+
+def _measured(target: PlannedTarget) -> Cell:
+    """Return a cell that says what is measured and how wrong it may be."""
+    nominal, error = target.requirement_texts
+    texts = (f"{nominal},", *_split(error), features_cell(target) and f"({features_cell(target)})")
+    return WholePieces(tuple(filter(None, texts)))
+
+
+def _split(error: str) -> tuple[str, ...]:
+    """Return "error up to" and the rest, between which a narrow terminal may break."""
+    start = "error up to "
+    return (start.strip(), error.removeprefix(start))
+
+
+def _interval(rate: SuccessRate | None) -> Cell:
+    """Return the frequency and its interval, and what they say of the prediction unless they confirm it."""
+    if rate is None:
+        return ""
+    verdict_text = "" if rate.verdict == CONFIRMED else rate.verdict
+    frequency = frequency_text(rate.successes, rate.n)
+    interval = f"({interval_text(rate.low, rate.high, ' .. ')})"
+    return WholePieces((frequency, interval, *verdict_text.split()))
+
+
+def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> str:
+    return separator.join(f"{value + 0.0:.{digits}f}" for value in np.round(list(values), digits))
+
+
+def print_batch(results: Sequence[Any]) -> None:
+    """Print how many parts are planned, and of the others the reasons (`PartResult`)."""
+    counts = {status: sum(result.status == status for result in results) for status in _STATUSES}
+    texts = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
+    print_text(f"{count(len(results), 'part')}: {texts}")
+    lacking = [result for result in results if result.status != _STATUSES[0]]
+    for result in lacking[:_MOST_ROWS]:
+        text = f"{result.part} is {result.status}: {result.reason}"
+        print_text(words(text, [result.part]), indent="  ")
+    if len(lacking) > _MOST_ROWS:
+        print(f"and {len(lacking) - _MOST_ROWS} more, see the tables")
+
+
+def print_written(files: Sequence[str], folder: str, to_open: str) -> None:
+    """Print how many files were written, and which one to open.
+
+    Parameters
+    ----------
+    files : sequence of str
+        All of them.
+    folder : str
+        The folder they are in.
+    to_open : str
+        The one to begin with.
+    """
+    # a path stays on one line, so that it can be copied
+    print(visible(f"{count(len(files), 'file')} in {folder.rstrip('/')}/; open {to_open}"))

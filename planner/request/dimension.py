@@ -1,0 +1,558 @@
+"""What a drawing asks for: a named quantity over one or more entities, with how wrong its measurement may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from planner.argument_kinds import (
+    ABOVE_0_TO_1,
+    NOT_NEGATIVE,
+    POSITIVE,
+    NumberRule,
+    check_count,
+    check_fraction,
+    check_number,
+)
+from planner.exceptions import RequestError
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from aspectgraph.solid.rims import Arc
+
+
+# Tolerance classes of ISO 286 in a request: checked where they are given, and resolved on the
+# part.
+
+
+def checked_class(text: str, kind: str) -> str:
+    """Return a tolerance class as ISO 286 writes it.
+
+    Parameters
+    ----------
+    text : str
+        Such as "H7".
+    kind : str
+        Kind of its dimension.
+
+    Raises
+    ------
+    RequestError
+        If it is no class, or a dimension of this kind has none.
+    """
+    from aspectgraph import ToleranceError
+    from aspectgraph.dimensions.tolerances import KINDS_WITH_CLASS, ToleranceClass
+
+    try:
+        found = str(ToleranceClass.of(text))
+    except ToleranceError as error:
+        raise RequestError.of_rule("tolerance", error.rule, error.got, hint=error.hint) from None
+    if kind not in KINDS_WITH_CLASS:
+        raise RequestError.of_rule(
+            "tolerance",
+            f"must be two numbers, because only a {', '.join(KINDS_WITH_CLASS[:-1])} or {KINDS_WITH_CLASS[-1]} "
+            "has a tolerance class",
+            f"{found!r} for a {kind.replace('_', ' ')}",
+        )
+    return found
+
+
+def class_limits(tolerance_class: str, nominal_mm: float) -> tuple[float, float]:
+    """Return the limit deviations of a tolerance class that was checked, mm.
+
+    Parameters
+    ----------
+    tolerance_class : str
+        Such as "H7".
+    nominal_mm : float
+        Nominal size.
+
+    Raises
+    ------
+    RequestError
+        If ISO 286 has no limits of this class for the nominal size.
+    """
+    from aspectgraph import ToleranceError, tolerance_class_deviations
+
+    try:
+        return tolerance_class_deviations(tolerance_class, nominal_mm)
+    except ToleranceError as error:
+        raise RequestError.of_rule("tolerance", error.rule, error.got, hint=error.hint) from None
+
+
+def check_side(tolerance_class: str, solid: Solid, arcs: Sequence[Arc]) -> None:
+    """Refuse the class of a shaft for the rim of a hole, and that of a hole for the rim of a shaft.
+
+    Parameters
+    ----------
+    tolerance_class : str
+        Such as "H7"; capitals are for holes.
+    solid : Solid
+        The part.
+    arcs : sequence of Rim or Arc
+        What is measured. A circle that is neither is not checked.
+
+    Raises
+    ------
+    RequestError
+        If they contradict each other.
+    """
+    from aspectgraph.dimensions.tolerances import is_in_hole
+
+    for_hole = tolerance_class.isupper()
+    for arc in arcs:
+        in_hole = is_in_hole(solid, arc)
+        if in_hole is not None and in_hole != for_hole:
+            rule = "holes, in capitals" if in_hole else "shafts, in small letters"
+            side = "a hole" if in_hole else "a shaft"
+            raise RequestError.of_rule(
+                "tolerance",
+                f"must be a class of {rule}, because {arc.id} is the rim of {side}",
+                repr(tolerance_class),
+            )
+
+
+QUARTER = 0.25
+"""Share of a tolerance's half width that a measurement error may take: the usual 4 : 1 test uncertainty ratio."""
+
+_POSITIVE = NumberRule("must be a positive number", POSITIVE.holds)
+
+MOST_PLACES = 100
+"""Places along an edge at most."""
+
+_REQUIREMENTS = ("tolerance", "tolerance_class", "max_error", "accuracy")
+
+Target = Any
+"""What stands for an entity: an id (17, "r3", "a0"), an `Edge`, `Rim` or `Entity`, or two end points in mm."""
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A quantity to measure in one image, with the permitted error.
+
+    Give at most one of ``tolerance``, ``tolerance_class``, ``max_error`` and ``accuracy``. Without
+    any, the accuracy of the call applies.
+
+    Parameters
+    ----------
+    kind : str
+        "length", "distance", "angle", "diameter", "radius", "centre_distance" or "centre_to_edge",
+        or another kind registered with `errors.measurands`.
+    entities : tuple
+        Entities that must be visible: ids (``17``, ``"r3"``, ``"a0"``), `Edge`, `Rim` or `Entity`
+        objects, or two end points in mm.
+    tolerance : (float, float), optional
+        Lower and upper deviation from the nominal value that the drawing allows, mm (angles: degrees).
+        A text is a tolerance class.
+    max_error : float, optional
+        Largest permitted error of the measurement, mm (angles: degrees).
+    accuracy : float, optional
+        A in (0, 1). The permitted error is the fraction 1 − A of the nominal value, as in the
+        paper.
+    share : float
+        Permitted error as a share of half the tolerance's width.
+    direction : (float, float, float), optional
+        Direction of a distance in the part's frame. Default: across the two lines.
+    n_features : int
+        Number of features that the dimension stands for, such as the holes of a pattern. The
+        entities measure one of them. Plans and reports count the others as not planned. To measure
+        all of them, see `dimensions_to_plan`.
+    alternatives : tuple of tuple
+        Other sets of entities that give the same value, such as the lower rim of a through hole. A
+        setting measures the dimension by any one set. See `any_of`.
+    tolerance_class : str, optional
+        A class of ISO 286 instead of the tolerance, such as ``"H7"`` for a hole or ``"g6"`` for a
+        shaft. Its limits are those of the nominal value. Only a diameter, a distance or a length
+        can have one.
+    surfaces_mm : float, optional
+        Standard deviation of the position of its faces along their normals, mm. Default: that of
+        the call.
+    surfaces_from : str
+        The tolerance of the model that `surfaces_mm` follows from. A value of the call replaces
+        it. Empty if you state it.
+
+    places : int
+        Number of positions along two edges at which a distance is measured, 100 at most. Each is a
+        characteristic of its own, such as ``"width [2 of 3 places]"``, on its own stretches. They
+        divide the length over which the edges face each other into equal parts.
+
+    Raises
+    ------
+    RequestError
+        If a value breaks its rule.
+
+    Examples
+    --------
+    >>> from planner import Dimension
+    >>> Dimension.diameter("r3", tolerance_mm=(-0.05, 0.05)).permitted_error(12.0)
+    0.0125
+    >>> Dimension.diameter("r3", tolerance="H7").with_limits(20.0).tolerance
+    (0.0, 0.021)
+    """
+
+    kind: str
+    entities: tuple[Target, ...]
+    tolerance: tuple[float, float] | None = None
+    max_error: float | None = None
+    accuracy: float | None = None
+    share: float = QUARTER
+    direction: tuple[float, float, float] | None = None
+    n_features: int = 1
+    alternatives: tuple[tuple[Target, ...], ...] = ()
+    tolerance_class: str | None = None
+    surfaces_mm: float | None = None
+    surfaces_from: str = ""
+    places: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "entities", tuple(self.entities))
+        object.__setattr__(self, "alternatives", tuple(map(tuple, self.alternatives)))
+        given = [name for name in _REQUIREMENTS if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise RequestError(
+                f"a dimension must have one of tolerance, max_error and accuracy. Got {', '.join(given)}."
+            )
+        tolerance: Any = self.tolerance
+        if isinstance(tolerance, str):
+            object.__setattr__(self, "tolerance_class", tolerance)
+            object.__setattr__(self, "tolerance", None)
+        if self.tolerance_class is not None:
+            object.__setattr__(
+                self, "tolerance_class", checked_class(self.tolerance_class, self.kind)
+            )
+        if self.tolerance is not None:
+            object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
+        if self.max_error is not None:
+            check_number("max_error", self.max_error, _POSITIVE)
+        if self.accuracy is not None:
+            check_fraction("accuracy", self.accuracy)
+        check_number("share", self.share, ABOVE_0_TO_1)
+        if self.direction is not None:
+            object.__setattr__(self, "direction", _checked_direction(self.direction))
+        if self.surfaces_mm is not None:
+            check_number("surfaces_mm", self.surfaces_mm, NOT_NEGATIVE)
+        whole = isinstance(self.n_features, int) and not isinstance(self.n_features, bool)
+        if not (whole and self.n_features >= 1):
+            raise RequestError.of_rule(
+                "n_features", "must be a whole number, 1 or more", repr(self.n_features)
+            )
+        check_count("places", self.places, 1, MOST_PLACES)
+        if self.places > 1 and (self.kind != "distance" or len(self.entities) != 2):
+            raise RequestError.of_rule(
+                "places",
+                "must be 1 unless it is a distance of two edges",
+                f"{self.places} for a {self.kind.replace('_', ' ')}",
+            )
+
+    @classmethod
+    def length(cls, edge: Target, **requirement: Any) -> Dimension:
+        """Return the length of an edge, as in the paper.
+
+        Parameters
+        ----------
+        edge : int, str, Edge, Entity or end points
+            The edge.
+        **requirement
+            ``tolerance_mm`` (lower, upper), ``tolerance`` (a class, ``"H7"``),
+            ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            The new dimension.
+        """
+        return cls("length", (edge,), **_in_mm(requirement))
+
+    @classmethod
+    def distance(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
+        """Return the distance of two parallel edges.
+
+        Parameters
+        ----------
+        first, second : int, str, Edge, Entity or end points
+            The edges.
+        **requirement
+            ``tolerance_mm`` (lower, upper), ``tolerance`` (a class, ``"H7"``),
+            ``max_error_mm`` or ``accuracy``; ``share``, ``direction``, ``places``: `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            The new dimension.
+        """
+        return cls("distance", (first, second), **_in_mm(requirement))
+
+    @classmethod
+    def angle(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
+        """Return the angle of two edges.
+
+        Parameters
+        ----------
+        first, second : int, str, Edge, Entity or end points
+            The edges.
+        **requirement
+            ``tolerance_deg`` (lower, upper), ``max_error_deg`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            The new dimension.
+        """
+        return cls("angle", (first, second), **_renamed(requirement, "deg"))
+
+    @classmethod
+    def diameter(cls, rim: Target, **requirement: Any) -> Dimension:
+        """Return the diameter of a rim or arc.
+
+        Parameters
+        ----------
+        rim : str, Rim, Arc or Entity
+            The rim or arc.
+        **requirement
+            ``tolerance_mm`` (lower, upper), ``tolerance`` (a class, ``"H7"``),
+            ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            The new dimension.
+
+        Raises
+        ------
+        RequestError
+            If a value breaks its rule.
+        """
+        return cls("diameter", (rim,), **_in_mm(requirement))
+
+    @classmethod
+    def radius(cls, rim: Target, **requirement: Any) -> Dimension:
+        """Return the radius of a rim or arc.
+
+        Parameters
+        ----------
+        rim : str, Rim, Arc or Entity
+            The rim or arc.
+        **requirement
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            The new dimension.
+        """
+        return cls("radius", (rim,), **_in_mm(requirement))
+
+    @classmethod
+    def centre_distance(cls, first: Target, second: Target, **requirement: Any) -> Dimension:
+        """Return the distance of the centres of two rims or arcs.
+
+        Parameters
+        ----------
+        first, second : str, Rim, Arc or Entity
+            The rims or arcs.
+        **requirement
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; ``share``, ``direction``: `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            The new dimension.
+        """
+        return cls("centre_distance", (first, second), **_in_mm(requirement))
+
+    @classmethod
+    def centre_to_edge(cls, rim: Target, edge: Target, **requirement: Any) -> Dimension:
+        """Return the distance from a rim's centre to the line of an edge.
+
+        Parameters
+        ----------
+        rim : str, Rim, Arc or Entity
+            The rim or arc.
+        edge : int, str, Edge, Entity or end points
+            The edge.
+        **requirement
+            ``tolerance_mm`` (lower, upper), ``max_error_mm`` or ``accuracy``; and ``share``, see `Dimension`.
+
+        Returns
+        -------
+        Dimension
+            The new dimension.
+        """
+        return cls("centre_to_edge", (rim, edge), **_in_mm(requirement))
+
+    @classmethod
+    def any_of(cls, dimensions: Sequence[Dimension]) -> Dimension:
+        """Return one dimension from several that give the same value by different entities.
+
+        Parameters
+        ----------
+        dimensions : sequence of Dimension
+            They differ only in their entities. The first is preferred where several serve equally.
+
+        Returns
+        -------
+        Dimension
+            The first, with the entities of the others as ``alternatives``.
+
+        Raises
+        ------
+        RequestError
+            If there is none, or two of them differ in more than their entities.
+
+        Examples
+        --------
+        >>> from planner import Dimension
+        >>> upper, lower = (Dimension.diameter(rim, tolerance_mm=(0, 0.1)) for rim in ("r3", "r7"))
+        >>> Dimension.any_of([upper, lower]).witnesses
+        (('r3',), ('r7',))
+        """
+        given = tuple(dimensions)
+        if not given:
+            raise RequestError.of_rule("any_of", "must hold at least one dimension", "none")
+        first = given[0]
+        for other in given[1:]:
+            if replace(other, entities=first.entities, alternatives=first.alternatives) != first:
+                raise RequestError.of_rule(
+                    "any_of", "must hold dimensions that differ only in their entities", repr(other)
+                )
+        others = [way for one in given for way in one.witnesses][1:]
+        return replace(first, alternatives=tuple(others))
+
+    @property
+    def witnesses(self) -> tuple[tuple[Target, ...], ...]:
+        """The sets of entities, each of which gives the value; ``entities`` first."""
+        return (self.entities, *self.alternatives)
+
+    def with_accuracy(self, accuracy: float) -> Dimension:
+        """Return the dimension with an accuracy, where it has no requirement of its own.
+
+        Parameters
+        ----------
+        accuracy : float
+            A in (0, 1).
+
+        Returns
+        -------
+        Dimension
+            The same dimension, if it has a requirement.
+        """
+        if any(getattr(self, name) is not None for name in _REQUIREMENTS):
+            return self
+        return replace(self, accuracy=accuracy)
+
+    def with_limits(self, nominal: float) -> Dimension:
+        """Return the dimension with the limits of its tolerance class as its tolerance.
+
+        Parameters
+        ----------
+        nominal : float
+            Nominal value, mm.
+
+        Returns
+        -------
+        Dimension
+            The same dimension, if it has no tolerance class.
+
+        Raises
+        ------
+        RequestError
+            If ISO 286 has no limits of this class for the nominal value.
+        """
+        if self.tolerance_class is None:
+            return self
+        limits = class_limits(self.tolerance_class, nominal)
+        return replace(self, tolerance=limits, tolerance_class=None)
+
+    def permitted_error(self, nominal: float, accuracy: float | None = None) -> float:
+        """Return the largest permitted error of the measurement, in the unit of the nominal value.
+
+        Parameters
+        ----------
+        nominal : float
+            Nominal value, mm (angles: degrees), positive.
+        accuracy : float, optional
+            Accuracy where the dimension has no requirement of its own.
+
+        Returns
+        -------
+        float
+            Half the tolerance's width times the share; or the error given; or (1 − A) times the nominal value.
+
+        Raises
+        ------
+        RequestError
+            If there is no requirement, or the permitted error is not smaller than the nominal value.
+        """
+        dimension = self.with_accuracy(accuracy) if accuracy is not None else self
+        dimension = dimension.with_limits(nominal)
+        if dimension.tolerance is not None:
+            error = dimension.share * (dimension.tolerance[1] - dimension.tolerance[0]) / 2
+        elif dimension.max_error is not None:
+            error = float(dimension.max_error)
+        elif dimension.accuracy is not None:
+            return (1 - dimension.accuracy) * nominal
+        else:
+            raise RequestError(f"a {self.kind} needs a tolerance, max_error or accuracy. Got none.")
+        if error >= nominal:
+            raise RequestError(
+                f"the permitted error of a {self.kind} must be smaller than its nominal value {nominal:.6g}. "
+                f"Got {error:.6g}."
+            )
+        return error
+
+
+def _in_mm(requirement: dict[str, Any]) -> dict[str, Any]:
+    return _renamed(requirement, "mm")
+
+
+def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
+    """Take the unit off the names of what is asked; refuse names and units that are not known."""
+    names = {f"tolerance_{unit}": "tolerance", f"max_error_{unit}": "max_error"}
+    names |= {
+        name: name
+        for name in ("accuracy", "share", "direction", "tolerance_class", "surfaces_mm", "places")
+    }
+    if isinstance(requirement.get("tolerance"), str):
+        # deviations have their unit in the name; a class has none
+        names["tolerance"] = "tolerance_class"
+    unknown = [name for name in requirement if name not in names]
+    if unknown:
+        raise RequestError(
+            f"what is asked of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
+        )
+    return {names[name]: value for name, value in requirement.items()}
+
+
+def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:
+    try:
+        lower, upper = (float(value) for value in given)
+    except (OverflowError, TypeError, ValueError) as error:
+        raise RequestError.of_rule(
+            "tolerance",
+            "must be two numbers, lower and upper deviation, or a class such as H7",
+            repr(given),
+        ) from error
+    if not (math.isfinite(lower) and math.isfinite(upper)):
+        raise RequestError.of_rule("tolerance", "must be finite", repr(given))
+    if lower >= upper:
+        raise RequestError.of_rule(
+            "tolerance",
+            "must have its lower deviation below its upper one",
+            f"[{lower:g}, {upper:g}]",
+        )
+    return lower, upper
+
+
+def _checked_direction(given: Sequence[float]) -> tuple[float, float, float]:
+    try:
+        values = tuple(float(value) for value in given)
+    except (OverflowError, TypeError, ValueError) as error:
+        raise RequestError.of_rule("direction", "must be three numbers", repr(given)) from error
+    size = math.hypot(*values)
+    if len(values) != 3 or not (math.isfinite(size) and size > 0):
+        raise RequestError.of_rule(
+            "direction", "must be three numbers, not all of them 0", repr(given)
+        )
+    return values[0] / size, values[1] / size, values[2] / size

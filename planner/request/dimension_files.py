@@ -1,0 +1,403 @@
+"""Dimensions and entities as a file of the command line holds them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aspectgraph.dimensions.records import unique_names
+from aspectgraph.entities.entity_files import parse_names
+from errors.checks import check_not_negative
+from errors.exceptions import InvalidParameterError
+from errors.measurands.geometry import Localisation
+from planner.argument_kinds import check_kinds
+from planner.exceptions import RequestError
+from planner.request.dimension import QUARTER, Dimension
+from planner.request.words import characteristic_name
+
+if TYPE_CHECKING:
+    from aspectgraph import ModelDimension
+    from aspectgraph.dimensions import SurfaceZone
+    from aspectgraph.dimensions.records import Way
+
+
+# What is assumed of points in the image and of the part's faces where a request does not say it.
+
+
+SURFACES_MM = 0.02
+"""Standard deviation of a face's position along its normal, mm, where it is not given.
+
+A place within a zone of 0.07 mm has it, if all of the zone is equally likely: 0.07 / sqrt(12). That is between the
+tolerance grades IT8 (0.054 mm) and IT9 (0.087 mm) of sizes of 80 to 120 mm (ISO 286-1), which milling holds.
+"""
+
+
+def surfaces_of_zone(zone: SurfaceZone | None) -> tuple[float | None, str]:
+    """Return how far a face is off its place by a tolerance of the model, and that tolerance in words.
+
+    Every place in a zone of width t is taken as equally likely: t / sqrt(12), the standard deviation where only limits
+    are known (JCGM 100:2008, 4.3.7). A zone that does not say where the face is makes nothing better than the default.
+
+    Parameters
+    ----------
+    zone : SurfaceZone or None
+        The zone; None if the model states none.
+
+    Returns
+    -------
+    (float or None, str)
+        One standard deviation, mm, and such as "profile 0.1 mm". None and an empty text without a zone.
+    """
+    if zone is None:
+        return None, ""
+    sigma = zone.width_mm / math.sqrt(12.0)
+    return (
+        sigma if zone.places else max(sigma, SURFACES_MM),
+        f"{zone.tolerance} {zone.width_mm:.4g} mm",
+    )
+
+
+def with_surfaces_of_call(
+    items: Mapping[str, Any], surfaces_mm: float | None, localisation: Localisation
+) -> dict[str, Any]:
+    """Return what is wanted without the positions of faces that follow from the model, if those of the call apply.
+
+    Parameters
+    ----------
+    items : mapping of str to value
+        What is wanted, by name.
+    surfaces_mm : float or None
+        Position of the faces, as it was given. If it was, it takes the place of the model's.
+    localisation : Localisation
+        With whole pixels, faces are where the model has them, if nothing was given.
+    """
+    if surfaces_mm is None and localisation.model != "rounding":
+        return dict(items)
+    return {
+        name: replace(item, surfaces_mm=None, surfaces_from="")
+        if isinstance(item, Dimension) and item.surfaces_from
+        else item
+        for name, item in items.items()
+    }
+
+
+def localisation_or_default(
+    localisation: Localisation | None, items: Iterable[Any]
+) -> Localisation:
+    """Return how well points are found.
+
+    Parameters
+    ----------
+    localisation : Localisation or None
+        As it was given.
+    items : iterable
+        What is wanted. Without a `Dimension`, values of edges, rims and arcs are measured as in the paper.
+
+    Returns
+    -------
+    Localisation
+        By default that of sub-pixel work for dimensions, otherwise whole pixels.
+    """
+    if localisation is not None:
+        return localisation
+    if any(isinstance(item, Dimension) for item in items):
+        return Localisation.gaussian()
+    return Localisation.rounding()
+
+
+def surfaces_or_default(surfaces_mm: float | None, localisation: Localisation | None) -> float:
+    """Return how far faces are off their place, one standard deviation, mm.
+
+    Parameters
+    ----------
+    surfaces_mm : float or None
+        As it was given.
+    localisation : Localisation or None
+        With whole pixels, which are the paper's model, nothing is assumed; None is whole pixels.
+
+    Returns
+    -------
+    float
+        0 or more, mm.
+
+    Raises
+    ------
+    RequestError
+        If it is negative or not finite.
+    """
+    if surfaces_mm is None:
+        rounded = localisation is None or localisation.model == "rounding"
+        return 0.0 if rounded else SURFACES_MM
+    try:
+        return check_not_negative(surfaces_mm, "surfaces_mm")
+    except InvalidParameterError as error:
+        raise RequestError.of_rule(
+            "surfaces_mm", error.rule or "must be a number", error.got or repr(surfaces_mm)
+        ) from None
+
+
+_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any")
+# in the unit of the values, mm or degrees
+_UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
+_ANGLES = ("deg", "rad")
+
+
+def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER) -> dict[str, Any]:
+    """Read what is to be inspected from a .toml or .json file.
+
+    Each name stands for an edge (``rim = 17`` or two end points: its length at the call's accuracy), or for a table
+    with a kind and its entities, and what is asked: ``bore = { diameter = "r3", tolerance = [-0.05, 0.05] }``,
+    ``step = { distance = [17, 18], max_error = 0.02 }``, ``rim = { edge = 17, max_error = 0.05 }``. Values are mm
+    (angles: degrees), or of the ``unit`` given. A tolerance may be a class: ``tolerance = "H7"``. Other entities that
+    give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
+    A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; names stand at top level or in a table ``dimensions``.
+    kinds : tuple of str
+        Kinds of dimensions that are known.
+    share : float
+        Permitted error as a share of half the tolerance's width, of dimensions that state none.
+
+    Returns
+    -------
+    dict of str to Dimension or edge
+        By name, in the file's order.
+
+    Raises
+    ------
+    RequestError
+        If the file cannot be read, or what it says breaks a rule.
+    """
+    content = _content(Path(path))
+    content = content.get("dimensions", content)
+    if not isinstance(content, dict) or not content:
+        raise RequestError(
+            f"a file of dimensions must hold one name at least. Got none in {Path(path).name}."
+        )
+    return {name: _wanted(name, value, kinds, share) for name, value in content.items()}
+
+
+def _content(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise RequestError.of_rule(
+            "dimensions", "must be 'all' or name an existing file", repr(str(path))
+        )
+    try:
+        content = parse_names(path)
+    except ValueError as error:
+        raise RequestError(
+            f"a file of dimensions must be valid TOML or JSON. Got {path.name}: {error}."
+        ) from error
+    if not isinstance(content, dict):
+        raise RequestError(
+            f"a file of dimensions must hold names. Got {path.name} with {type(content).__name__}."
+        )
+    return content
+
+
+def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    kind = [key for key in value if key in kinds or key == "edge"]
+    unknown = [key for key in value if key not in (*kinds, "edge", *_OPTIONS)]
+    if unknown:
+        raise RequestError(
+            f"dimension {name!r} must be made of a kind (edge, {', '.join(kinds)}) and {', '.join(_OPTIONS)}. "
+            f"Got {unknown[0]!r}."
+        )
+    if len(kind) != 1:
+        raise RequestError(
+            f"dimension {name!r} must have one kind. Got {', '.join(kind) or 'none'}."
+        )
+    try:
+        stated = {"share": share, **value}
+        return _dimension("length" if kind[0] == "edge" else kind[0], value[kind[0]], stated)
+    except RequestError as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+
+
+def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
+    unit = value.get("unit", "deg" if kind == "angle" else "mm")
+    known = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
+    if unit not in known:
+        raise RequestError.of_rule("unit", f"must be one of {', '.join(known)}", repr(unit))
+    options = {key: value[key] for key in _OPTIONS if key in value and key not in ("unit", "any")}
+    factor = _UNITS[unit]
+    if isinstance(options.get("tolerance"), list):
+        options["tolerance"] = tuple(
+            _scaled(deviation, factor) for deviation in options["tolerance"]
+        )
+    if "max_error" in options:
+        options["max_error"] = _scaled(options["max_error"], factor)
+    others = value.get("any", [])
+    if not isinstance(others, list):
+        raise RequestError.of_rule("any", "must be a list of sets of entities", repr(others))
+    return Dimension(
+        kind, _entities(entities), alternatives=tuple(map(_entities, others)), **options
+    )
+
+
+def _entities(given: Any) -> tuple[Any, ...]:
+    several = isinstance(given, list) and not _is_end_points(given)
+    return tuple(given) if several else (given,)
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return value
+    try:
+        return value * factor
+    except OverflowError:
+        # a whole number beyond all others is refused like one that is infinite
+        return math.inf if value > 0 else -math.inf
+
+
+def _is_end_points(value: list[Any]) -> bool:
+    """Whether a list is two points of three numbers rather than two entities."""
+    return len(value) == 2 and all(
+        isinstance(point, list)
+        and len(point) == 3
+        and all(isinstance(x, int | float) for x in point)
+        for point in value
+    )
+
+
+# Dimensions of a CAD model as a request: one characteristic for each feature of a pattern.
+
+
+ROLE_REASONS = {
+    "reference": "it is a reference dimension, given for information only",
+    "basic": "it is a basic dimension, theoretically exact and without a tolerance of its own",
+}
+"""Why a dimension of the model is not planned although it can be measured, by its role."""
+
+
+def dimensions_to_plan(
+    stated: Iterable[ModelDimension],
+    *,
+    share: float = QUARTER,
+    one_per_pattern: bool = False,
+    reference: bool = False,
+    basic: bool = True,
+) -> tuple[dict[str, Dimension], dict[str, str]]:
+    """Turn dimensions of a CAD model into a request for `plan_inspection`.
+
+    A characteristic is one dimension on one feature. A dimension of 30 holes becomes 30
+    characteristics, such as ``"Linear Size.11 [3 of 30]"``. Each has its own entities.
+    Reference dimensions are left out, because they are given for information only.
+
+    Parameters
+    ----------
+    stated : iterable of ModelDimension
+        The dimensions, as `aspectgraph.read_dimensions` returns them.
+    share : float
+        Permitted error as a share of half the tolerance's width, in (0, 1].
+    one_per_pattern : bool
+        Measure each dimension on one of its features. The plan then counts the others as not
+        planned.
+    reference : bool
+        Plan reference dimensions, too.
+    basic : bool
+        Plan basic dimensions, which are theoretically exact. They have no tolerance of their own,
+        so the accuracy of the call applies.
+
+    Returns
+    -------
+    wanted : dict of str to Dimension
+        The characteristics that can be measured, in the order of the model.
+    left_out : dict of str to str
+        The others, with the reason.
+
+    Raises
+    ------
+    RequestError
+        If a tolerance or the share breaks its rule, or an item is no ModelDimension.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_dimensions, read_solid
+    >>> from planner import dimensions_to_plan
+    >>> part = "examples/nist_ctc_03_ap242.stp.gz"
+    >>> stated = read_dimensions(part, read_solid(part))
+    >>> wanted, left_out = dimensions_to_plan(stated)
+    >>> len(stated), len(wanted)
+    (10, 13)
+    >>> left_out
+    {'Linear Size.11': 'it is a reference dimension, given for information only'}
+    >>> [name for name in wanted if name.startswith("Linear Size.5")]
+    ['Linear Size.5 [1 of 2]', 'Linear Size.5 [2 of 2]']
+    """
+    omitted = [
+        role for role, planned in (("reference", reference), ("basic", basic)) if not planned
+    ]
+    found = [item for one in stated for item in _items(one, share, one_per_pattern, omitted)]
+    # the model may already use a name that a feature of a pattern gets
+    names = unique_names([name for name, _ in found])
+    wanted: dict[str, Dimension] = {}
+    left_out: dict[str, str] = {}
+    for name, (_, item) in zip(names, found, strict=True):
+        if isinstance(item, Dimension):
+            wanted[name] = item
+        else:
+            left_out[name] = item
+    return wanted, left_out
+
+
+def _items(
+    stated: ModelDimension, share: float, one_per_pattern: bool, omitted: Sequence[str]
+) -> list[tuple[str, Dimension | str]]:
+    """Return the name of each characteristic, with its request or the reason why it has none."""
+    check_kinds(stated=(stated, "ModelDimension"))
+    if stated.role is not None and stated.role in omitted:
+        return [(stated.name, ROLE_REASONS[stated.role])]
+    if stated.entities is None:
+        return [(stated.name, stated.reason or "")]
+    # without a list of features the entities are those of the only one
+    own = [k for k, ways in enumerate(stated.features) if ways and ways[0] == stated.entities]
+    first = stated.features[own[0]] if own else (stated.entities,)
+    n = len(stated.features)
+    # of records that were made by hand, none may be stated
+    zones = stated.surfaces or (None,) * n
+    if one_per_pattern or n == 1:
+        zone = zones[own[0]] if own else None
+        count = stated.n_features if one_per_pattern else 1
+        return [(stated.name, _dimension_of_model_dimensions(stated, first, share, zone, count))]
+    found: list[tuple[str, Dimension | str]] = []
+    for k, (ways, reason) in enumerate(zip(stated.features, stated.feature_reasons, strict=True)):
+        item = (
+            _dimension_of_model_dimensions(stated, ways, share, zones[k]) if ways else reason or ""
+        )
+        found.append((characteristic_name(stated.name, k + 1, n), item))
+    return found
+
+
+def _dimension_of_model_dimensions(
+    stated: ModelDimension,
+    ways: Sequence[Way],
+    share: float,
+    zone: SurfaceZone | None,
+    n_features: int = 1,
+) -> Dimension:
+    """Return a dimension of the model, on any of the sets of entities given, with its own tolerance."""
+    along = stated.direction if stated.kind in ("distance", "centre_distance") else None
+    surfaces_mm, surfaces_from = surfaces_of_zone(zone)
+    try:
+        return Dimension(
+            stated.kind,
+            ways[0],
+            tolerance=stated.tolerance,
+            share=share,
+            direction=along,
+            n_features=n_features,
+            alternatives=tuple(ways[1:]),
+            surfaces_mm=surfaces_mm,
+            surfaces_from=surfaces_from,
+        )
+    except RequestError as error:
+        raise RequestError(f"dimension {stated.name!r}: {error}") from error

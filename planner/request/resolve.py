@@ -1,0 +1,586 @@
+"""Dimensions resolved on the part: which entities, which points, which value, which permitted error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors.measurands import Circle, Line, Measurand, MeasurandError
+from errors.measurands.kinds import are_parallel
+from errors.measurands.measurand import measurand
+from planner.exceptions import RequestError
+from planner.request.dimension import Dimension, check_side
+from planner.request.targets import (
+    PREFERRED,
+    DimensionTarget,
+    Target,
+    Witness,
+    WitnessChoice,
+    edge_target,
+    kept_witnesses,
+)
+from planner.request.words import place_name
+
+if TYPE_CHECKING:
+    from aspectgraph import Entity, Solid, Stretch
+    from aspectgraph.solid.rims import Arc
+
+
+# Stretches of edges in place of whole edges: a metrologist looks at a short piece of each side of
+# a wide slot.
+#
+# A distance of 1.3 mm between edges of 35 mm asks for a picture of 35 mm, all of it in focus and
+# unhidden, if the whole edges must be seen. The value is there on any short piece of both. What
+# is measured is the distance at that place: the form of the faces is not averaged (two-point
+# size, ISO 14405-1).
+
+
+MOST_PIECES = 12
+"""Pieces of an edge at most."""
+_AT_STRETCHES = ("distance", "angle", "centre_to_edge")
+
+
+def stretch_ways(
+    solid: Solid, kind: str, way: Sequence[Entity], stretch_mm: float
+) -> list[tuple[Any, ...]]:
+    """Return sets of entities with stretches in place of long edges, along the edges.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    kind : str
+        Kind of the dimension. A length needs the whole edge.
+    way : sequence of Entity
+        Entities that give the value.
+    stretch_mm : float
+        Edges and stretches longer than this, mm, are cut into pieces of about this length.
+
+    Returns
+    -------
+    list of tuple
+        Items as `Dimension` takes them: a `Stretch` of each long edge, beside that of the other edge; the rest as it
+        is. None, if no edge is long.
+    """
+    if kind not in _AT_STRETCHES:
+        return []
+    cut = [k for k, entity in enumerate(way) if _is_long(entity, stretch_mm)]
+    if not cut:
+        return []
+    pieces = {k: _pieces(solid, way[k], stretch_mm) for k in cut}
+    if any(not own for own in pieces.values()):
+        return []
+    longest, *others = sorted(cut, key=lambda k: -len(pieces[k]))
+    found = []
+    for stretch, middle in pieces[longest]:
+        chosen: dict[int, Any] = {longest: stretch}
+        for k in others:
+            chosen[k] = _nearest(pieces[k], middle)
+        found.append(tuple(chosen.get(k, entity) for k, entity in enumerate(way)))
+    return list(dict.fromkeys(found))
+
+
+def _is_long(entity: Entity, stretch_mm: float) -> bool:
+    """Tell whether an entity is one edge or stretch that is worth cutting: into two pieces at least."""
+    if entity.kind != "edge" or len(entity.edge_ids) != 1:
+        return False
+    return _length(entity) > 1.5 * stretch_mm
+
+
+def _length(entity: Entity) -> float:
+    return float(np.linalg.norm(entity.endpoints[1] - entity.endpoints[0]))
+
+
+def _pieces(
+    solid: Solid, entity: Entity, stretch_mm: float
+) -> list[tuple[Stretch, NDArray[np.float64]]]:
+    """Return the pieces of an edge or of a stretch of one, and the middle of each, mm."""
+    from aspectgraph import Stretch, pieces_of_edge
+
+    edge = entity.edge_ids[0]
+    start, end = solid.edge_points(edge)
+    cut: Sequence[Stretch]
+    if isinstance(entity.part, Stretch):
+        whole = entity.part
+        n = min(MOST_PIECES, math.ceil(_length(entity) / stretch_mm - 1e-9))
+        cuts = [whole.start + Fraction(k, n) * whole.share for k in range(n + 1)]
+        cut = [Stretch(edge, *ends) for ends in pairwise(cuts)]
+    else:
+        cut = pieces_of_edge(solid, edge, stretch_mm, at_most=MOST_PIECES)
+    return [(one, start + float(one.start + one.end) / 2 * (end - start)) for one in cut]
+
+
+def _nearest(
+    pieces: Sequence[tuple[Stretch, NDArray[np.float64]]], place: NDArray[np.float64]
+) -> Stretch:
+    """Return the piece whose middle is nearest; of equally near ones the first."""
+    away = [round(float(np.linalg.norm(middle - place)), 6) for _, middle in pieces]
+    return pieces[int(np.argmin(away))][0]
+
+
+# Places along an edge: one distance, asked for at several places, is several characteristics.
+#
+# A stretch measures the distance where it lies (two-point size, ISO 14405-1). How the two faces
+# lie to each other along the edges, only several of them tell. So the length over which the two
+# edges face each other is divided into equal parts, and the distance is asked for on each.
+
+
+# cuts where edges do not face each other over their whole length are as fine as those of `facing_cuts`
+_FINEST_CUT = 1 << 10
+# of a share; ends of edges that face each other are off by the rounding of their coordinates
+_ROUNDING = 1e-6
+
+
+class _Side(NamedTuple):
+    """An edge, or a stretch of one: shares of the edge, and its ends (2, 3) in mm."""
+
+    edge: int
+    start: Fraction
+    end: Fraction
+    ends: NDArray[np.float64]
+
+
+def with_places(solid: Solid, wanted: Mapping[str, Any]) -> dict[str, Any]:
+    """Return items with one dimension for each place, where a dimension asks for several.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    wanted : mapping
+        Name to what is to be inspected.
+
+    Returns
+    -------
+    dict
+        The items in their order; those with places follow each other from the first edge's first vertex on.
+
+    Raises
+    ------
+    RequestError
+        If the edges of such a dimension have no such places; it names the dimension.
+    """
+    found: dict[str, Any] = {}
+    for name, item in wanted.items():
+        if not isinstance(item, Dimension) or item.places == 1:
+            found[name] = item
+            continue
+        try:
+            parts = _at_places(solid, item)
+        except RequestError as error:
+            raise RequestError(f"dimension {name!r}: {error}") from error
+        names = [place_name(name, k + 1, item.places) for k in range(item.places)]
+        taken = [one for one in names if one in wanted]
+        if taken:
+            raise RequestError.of_rule(
+                "the name", f"of a place of {name!r} must be free", repr(taken[0])
+            )
+        found.update(zip(names, parts, strict=True))
+    return found
+
+
+def _at_places(solid: Solid, dimension: Dimension) -> list[Dimension]:
+    """Return the dimension at each of its places."""
+    ways = [[_side(solid, given) for given in way] for way in dimension.witnesses]
+    first = ways[0]
+    origin = first[0].ends[0]
+    along = _direction(first[0])
+    reach = [sorted(((side.ends - origin) @ along).tolist()) for side in first]
+    begin = max(low for low, _ in reach)
+    end = min(high for _, high in reach)
+    if not end - begin > _ROUNDING * float(np.ptp(reach)):
+        raise _refused(dimension, "edges that do not face each other")
+    n = dimension.places
+    cuts = [begin + (end - begin) * k / n for k in range(n + 1)]
+    stretched = [[_stretches(side, origin, along, cuts) for side in way] for way in ways]
+    if any(None in side for side in stretched[0]):
+        raise _refused(dimension, f"{n} places on {end - begin:.4g} mm of its edges")
+    useless = [way for way, sides in zip(ways[1:], stretched[1:], strict=True) if not _reach(sides)]
+    if useless:
+        edges = ", ".join(str(side.edge) for side in useless[0])
+        raise RequestError.of_rule(
+            "any", "must hold edges beside a place of the first ones", f"edges {edges}"
+        )
+    return [
+        _at_place(dimension, [[side[k] for side in way] for way in stretched]) for k in range(n)
+    ]
+
+
+def _at_place(dimension: Dimension, ways: Sequence[Sequence[Any]]) -> Dimension:
+    """Return the dimension at one place, by the sets of entities that reach it."""
+    first, *others = (tuple(way) for way in ways if None not in way)
+    return replace(dimension, entities=first, alternatives=tuple(others), places=1)
+
+
+def _reach(sides: Sequence[Sequence[Any]]) -> bool:
+    """Return whether at some place each of the sides has a stretch."""
+    return any(None not in at_place for at_place in zip(*sides, strict=True))
+
+
+def _refused(dimension: Dimension, got: str) -> RequestError:
+    rule = "must be 1 unless two edges face each other for so many stretches"
+    return RequestError.of_rule("places", rule, f"{dimension.places} for {got}")
+
+
+def _side(solid: Solid, given: Any) -> _Side:
+    """Return what an item of the dimension stands for; one whole edge, or a stretch of one."""
+    from aspectgraph import EntityError, resolve_entities
+
+    try:
+        entity: Entity = next(iter(resolve_entities(solid, {"it": given}).values()))
+    except EntityError as error:
+        raise RequestError(str(error)) from error
+    if entity.kind != "edge" or len(entity.edge_ids) != 1:
+        kind = f"a {entity.kind}" if entity.kind == "rim" else f"an {entity.kind}"
+        got = kind if entity.kind != "edge" else f"a chain of {len(entity.edge_ids)} edges"
+        raise RequestError.of_rule("places", "must be 1 unless both entities are edges", got)
+    edge = entity.edge_ids[0]
+    part: Any = entity.part
+    start, end = (Fraction(0), Fraction(1)) if part is None else (part.start, part.end)
+    first, last = solid.edge_points(edge)
+    return _Side(
+        edge, start, end, np.array([first + float(one) * (last - first) for one in (start, end)])
+    )
+
+
+def _direction(side: _Side) -> NDArray[np.float64]:
+    along = side.ends[1] - side.ends[0]
+    return np.asarray(along / np.linalg.norm(along))
+
+
+def _stretches(
+    side: _Side, origin: NDArray[np.float64], along: NDArray[np.float64], cuts: Sequence[float]
+) -> list[Any]:
+    """Return the stretch of an edge between each two cuts along a direction; None where it does not reach."""
+    from aspectgraph import Stretch
+
+    if not are_parallel(_direction(side), along):
+        return [None] * (len(cuts) - 1)
+    low, high = ((side.ends - origin) @ along).tolist()
+    shares = [_share((cut - low) / (high - low)) for cut in cuts]
+    found: list[Any] = []
+    for ends in pairwise(shares):
+        first, last = sorted(side.start + share * (side.end - side.start) for share in ends)
+        fits = side.start <= first < last <= side.end
+        found.append(_part(Stretch, side.edge, first, last) if fits else None)
+    return found
+
+
+def _share(value: float) -> Fraction:
+    """Return a share as a short fraction: thirds stay thirds, whatever their last digits."""
+    return Fraction(value).limit_denominator(_FINEST_CUT)
+
+
+def _part(stretch: Any, edge: int, first: Fraction, last: Fraction) -> Any:
+    """Return a stretch, or the edge itself if it is all of it."""
+    return edge if last - first == 1 else stretch(edge, first, last)
+
+
+_DIAMETERS = 8
+"""Diameters of a circle that must be in the picture; a polygon of twice as many corners is drawn around the circle."""
+
+SAME_VALUE = 1e-3
+"""Nominal values that differ by no more than this are the same, mm (angles: degrees)."""
+
+_MEASURED_OF = {"edge": "length", "rim": "diameter", "arc": "radius"}
+"""What is measured of an entity that is no part of a dimension, as drawings dimension it."""
+
+
+def is_circle(item: object) -> bool:
+    """Return whether an item of a request is a rim or arc, by its id or itself, and no dimension."""
+    from aspectgraph.entities.entity import is_curve_id
+    from aspectgraph.solid.rims import Arc
+
+    return (
+        isinstance(item, Arc) or is_curve_id(item) or getattr(item, "kind", None) in ("rim", "arc")
+    )
+
+
+def resolve_wanted(
+    solid: Solid,
+    wanted: Mapping[str, Any],
+    accuracy: float,
+    as_lengths: bool = False,
+    choice: WitnessChoice = PREFERRED,
+) -> tuple[dict[str, Entity], tuple[Target, ...]]:
+    """Find the entities of what is to be inspected, and what is asked of them.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    wanted : mapping
+        Name to `Dimension`; or to an edge, rim or arc: an id, an `Edge`, `Rim`, `Arc` or `Entity`, or two end points.
+        Of a rim the diameter is measured, of an arc the radius.
+    accuracy : float
+        Accuracy where a dimension has no requirement of its own, and of rims and arcs.
+    as_lengths : bool
+        Whether edges are dimensions, too: their lengths; the paper's model rounds their ends to pixels.
+    choice : WitnessChoice
+        Which witnesses of a dimension are kept.
+
+    Returns
+    -------
+    entities : dict of str to Entity
+        Every entity that is needed once: an edge under its item's name, the others under their ids.
+    targets : tuple of Target
+        The items, in order. A dimension with places is a target for each of them.
+
+    Raises
+    ------
+    RequestError
+        If a dimension cannot be measured as asked; it names it.
+    EntityError
+        If an entity is not one of the part's.
+    """
+    from aspectgraph import resolve_entities
+
+    wanted = with_places(solid, wanted)
+    plain = {name: item for name, item in wanted.items() if not isinstance(item, Dimension)}
+    entities: dict[str, Entity] = resolve_entities(solid, plain) if plain else {}
+    known = {_key(entity): name for name, entity in entities.items()}
+    targets: list[Target] = []
+    for name, item in wanted.items():
+        if isinstance(item, Dimension):
+            ways = _ways(solid, name, item, choice, (known, entities))
+            targets.append(_dimension_target(solid, name, item, ways, accuracy, choice))
+            continue
+        entity = entities[name]
+        if entity.kind == "edge" and entity.part is not None:
+            raise RequestError(
+                f"entity {name!r} must be a whole edge, because a stretch has no length of its own. "
+                f"Got {entity.part}."
+            )
+        if entity.kind == "edge" and not as_lengths:
+            targets.append(edge_target(name, entity.endpoints))
+            continue
+        dimension = Dimension(_MEASURED_OF[entity.kind], (name,), accuracy=accuracy)
+        targets.append(_dimension_target(solid, name, dimension, [[entity]], accuracy, choice))
+    needed = {entity for one in targets for witness in one.witnesses for entity in witness.entities}
+    return {name: entity for name, entity in entities.items() if name in needed}, tuple(targets)
+
+
+_Known = tuple[dict[tuple[frozenset[int], Any], str], dict[str, "Entity"]]
+
+
+def _key(entity: Entity) -> tuple[frozenset[int], Any]:
+    """Return what two names of one entity have in common."""
+    return frozenset(entity.edge_ids), entity.part
+
+
+def _ways(
+    solid: Solid, name: str, dimension: Dimension, choice: WitnessChoice, found: _Known
+) -> list[list[Entity]]:
+    """Return the entities of each witness: those that are given, and stretches in place of long edges."""
+    whole = [
+        [_entity_of(solid, name, given, found) for given in way] for way in dimension.witnesses
+    ]
+    if not math.isfinite(choice.stretch_mm):
+        return whole
+    cut = [
+        [_entity_of(solid, name, given, found) for given in stretched]
+        for way in whole[: choice.most]
+        for stretched in stretch_ways(solid, dimension.kind, way, choice.stretch_mm)
+    ]
+    return [*whole, *cut]
+
+
+def _entity_of(solid: Solid, name: str, given: Any, found: _Known) -> Entity:
+    """Return what an item of a dimension stands for; an entity that others need, too, is the same one."""
+    from aspectgraph import EntityError, resolve_entities
+
+    known, entities = found
+    try:
+        resolved = resolve_entities(solid, {_label(given): given})
+    except EntityError as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+    label, entity = next(iter(resolved.items()))
+    key = _key(entity)
+    if key not in known:
+        # an item may have the name that an id would give
+        label = next(text for text in _labels(label) if text not in entities)
+        known[key] = label
+        entities[label] = next(iter(resolve_entities(solid, {label: given}).values()))
+    return entities[known[key]]
+
+
+def _labels(label: str) -> Iterator[str]:
+    yield label
+    yield from (f"{label} ({number})" for number in range(2, 10_000))
+
+
+def _label(given: Any) -> str:
+    """Return a name for an entity that has none: its id."""
+    known_as = getattr(given, "id", getattr(given, "name", given))
+    if isinstance(known_as, bool):
+        raise RequestError(
+            f"an entity must be an id, an edge, a rim or two end points. Got {given!r}."
+        )
+    if isinstance(known_as, int | np.integer):
+        return f"e{known_as}"
+    if isinstance(known_as, str):
+        return known_as
+    try:
+        return "edge from " + " to ".join(
+            "(" + ", ".join(f"{x:.6g}" for x in point) + ")" for point in known_as
+        )
+    except (TypeError, ValueError):
+        return repr(known_as)
+
+
+def _dimension_target(
+    solid: Solid,
+    name: str,
+    dimension: Dimension,
+    ways: list[list[Entity]],
+    accuracy: float,
+    choice: WitnessChoice,
+) -> DimensionTarget:
+    """Return the target that a dimension is, given the entities of each of its witnesses."""
+    curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
+    try:
+        values = [_value_of(solid, dimension, parts, curves) for parts in ways]
+        ways, values = _without_other_stretches(dimension, ways, values)
+        if dimension.tolerance_class is not None:
+            dimension = dimension.with_limits(values[0].nominal)
+        permitted = min(dimension.permitted_error(one.nominal, accuracy) for one in values)
+    except (MeasurandError, RequestError) as error:
+        raise RequestError(f"dimension {name!r}: {error}") from error
+    witnesses = [_witness(parts, value) for parts, value in zip(ways, values, strict=True)]
+    _check_same_value(name, witnesses)
+    kept = kept_witnesses(witnesses, choice)
+    for entity in {one.name: one for k in kept for one in ways[k]}.values():
+        _check_chords(name, entity, curves, permitted)
+    return DimensionTarget(name, tuple(witnesses[k] for k in kept), dimension, permitted)
+
+
+def _without_other_stretches(
+    dimension: Dimension, ways: list[list[Entity]], values: list[Measurand]
+) -> tuple[list[list[Entity]], list[Measurand]]:
+    """Leave out stretches in place of long edges that give another value, as of edges that are not quite parallel."""
+    given = len(dimension.witnesses)
+    first = values[0].nominal
+    own = [k for k, one in enumerate(values) if k < given or abs(one.nominal - first) <= SAME_VALUE]
+    return [ways[k] for k in own], [values[k] for k in own]
+
+
+def _value_of(
+    solid: Solid,
+    dimension: Dimension,
+    parts: list[Entity],
+    curves: Mapping[tuple[int, ...], Arc],
+) -> Measurand:
+    """Return the value that entities give; a class of tolerance must be for a hole or shaft as they are."""
+    if dimension.tolerance_class is not None:
+        arcs = [curves[entity.edge_ids] for entity in parts if entity.edge_ids in curves]
+        check_side(dimension.tolerance_class, solid, arcs)
+    geometry = [_geometry(solid, entity, curves) for entity in parts]
+    return measurand(dimension.kind, geometry, direction=dimension.direction)
+
+
+def _witness(parts: list[Entity], value: Measurand) -> Witness:
+    """Return entities that give a value together."""
+    pieces = [_segments(item) for item in value.geometry]
+    return Witness(
+        tuple(dict.fromkeys(entity.name for entity in parts)),
+        np.concatenate([segments for segments, _ in pieces]),
+        np.concatenate([resolved for _, resolved in pieces]),
+        _farthest(np.concatenate([_own_points(item) for item in value.geometry])),
+        value,
+    )
+
+
+def _check_same_value(name: str, witnesses: list[Witness]) -> None:
+    """Refuse alternatives that give another value than the first one."""
+    first = witnesses[0].measurand.nominal
+    for witness in witnesses[1:]:
+        nominal = witness.measurand.nominal
+        if abs(nominal - first) > SAME_VALUE:
+            raise RequestError(
+                f"dimension {name!r}: all its sets of entities must give the same nominal value, "
+                f"{first:.6g} as {', '.join(witnesses[0].entities)}. "
+                f"Got {nominal:.6g} of {', '.join(witness.entities)}."
+            )
+
+
+def _geometry(solid: Solid, entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | Circle:
+    """Return an entity as the error model takes it."""
+    if entity.kind == "edge":
+        return Line(*entity.endpoints)
+    arc = curves[entity.edge_ids] if entity.part is None else _run_arc(solid, entity)
+    if entity.kind == "rim":
+        return Circle(arc.centre, arc.axis, arc.radius_mm)
+    return Circle(
+        arc.centre,
+        arc.axis,
+        arc.radius_mm,
+        entity.points[0] - arc.centre,
+        arc.end_rad - arc.start_rad,
+    )
+
+
+def _run_arc(solid: Solid, entity: Entity) -> Arc:
+    """Return the arc that a run of a rim or arc is."""
+    from aspectgraph import Run, run_arc
+
+    assert isinstance(entity.part, Run)
+    return run_arc(solid, entity.part)
+
+
+def _check_chords(
+    name: str, entity: Entity, curves: Mapping[tuple[int, ...], Arc], permitted: float
+) -> None:
+    """Refuse a circle that is known only by too few chords for what is asked of it."""
+    arc = curves.get(entity.edge_ids)
+    if arc is None or not arc.fitted or arc.chord_mm <= permitted:
+        return
+    n = len(arc.edge_ids)
+    span = arc.end_rad - arc.start_rad
+    needed = math.ceil(span / (2 * math.acos(max(0.0, 1 - permitted / arc.radius_mm))))
+    raise RequestError(
+        f"dimension {name!r}: {entity.kind} {arc.id} must have at least {needed} chords, because a "
+        f"mesh does not state the true circle and {permitted:.4g} mm of error are permitted. "
+        f"Got {n}, {arc.chord_mm:.4g} mm off the circle."
+    )
+
+
+def _segments(geometry: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return pairs of points (s, 2, 3) that hold an entity in the picture, and which must be long enough; (s,)."""
+    if isinstance(geometry, Line):
+        return np.array([[geometry.p, geometry.q]]), np.ones(1, bool)
+    if geometry.is_closed:
+        points = geometry.points(np.arange(2 * _DIAMETERS) * (math.pi / _DIAMETERS))
+        outer = geometry.centre + (points - geometry.centre) / math.cos(math.pi / (2 * _DIAMETERS))
+        return np.stack([outer[:_DIAMETERS], outer[_DIAMETERS:]], axis=1), np.ones(_DIAMETERS, bool)
+    # the ends, and corners of a polygon around the arc in pairs, of which only the ends tell how long the image is
+    step = geometry.span_rad / (2 * _DIAMETERS)
+    middles = geometry.points((np.arange(2 * _DIAMETERS) + 0.5) * step)
+    outer = geometry.centre + (middles - geometry.centre) / math.cos(step / 2)
+    pairs = np.concatenate(
+        [
+            geometry.points(np.array([0.0, geometry.span_rad], dtype=np.float64))[None],
+            outer.reshape(-1, 2, 3),
+        ]
+    )
+    return pairs, np.arange(len(pairs)) == 0
+
+
+def _own_points(geometry: Line | Circle) -> NDArray[np.float64]:
+    """Return points that lie on an entity itself; (m, 3)."""
+    if isinstance(geometry, Line):
+        return np.array([geometry.p, geometry.q])
+    span = 2 * math.pi if geometry.is_closed else geometry.span_rad
+    return geometry.points(np.linspace(0.0, span, 2 * _DIAMETERS + 1))
+
+
+def _farthest(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the two points (2, 3) of several that are farthest apart."""
+    apart = np.linalg.norm(points[:, None] - points, axis=-1)
+    return points[list(np.unravel_index(np.argmax(apart), apart.shape))]

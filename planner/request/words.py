@@ -1,0 +1,215 @@
+"""Tolerances as a drawing has them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+# Characteristics: one dimension on one feature. Their names, and how many a plan leaves out.
+#
+# A dimension of a pattern applies to each of its holes. A plan measures each of them, or one per
+# pattern if the request says so. A distance may also be asked for at several places along its
+# edges.
+
+
+_NUMBERED = re.compile(r" \[\d+ of \d+( places)?\]( #\d+)?$")
+
+
+def characteristic_name(dimension: str, k: int, n: int) -> str:
+    """Return the name of a dimension on one feature of a pattern.
+
+    Parameters
+    ----------
+    dimension : str
+        Name of the dimension.
+    k, n : int
+        Number of the feature, from 1, and number of all features.
+
+    Examples
+    --------
+    >>> from planner.request.words import characteristic_name
+    >>> characteristic_name("Linear Size.11", 3, 30)
+    'Linear Size.11 [3 of 30]'
+    """
+    return f"{dimension} [{k} of {n}]"
+
+
+def place_name(dimension: str, k: int, n: int) -> str:
+    """Return the name of a dimension at one of several places along its edges.
+
+    Parameters
+    ----------
+    dimension : str
+        Name of the dimension.
+    k, n : int
+        Number of the place, from 1, and number of all places.
+
+    Examples
+    --------
+    >>> from planner.request.words import place_name
+    >>> place_name("width", 2, 3)
+    'width [2 of 3 places]'
+    """
+    return f"{dimension} [{k} of {n} places]"
+
+
+def is_characteristic(name: str) -> bool:
+    """Return whether a name is that of a dimension on one feature of a pattern, or at one place.
+
+    Parameters
+    ----------
+    name : str
+        Name of a target.
+    """
+    return _NUMBERED.search(name) is not None
+
+
+def n_not_planned(counts: Sequence[int]) -> int:
+    """Return how many characteristics a plan leaves out that measures one feature of each dimension.
+
+    Parameters
+    ----------
+    counts : sequence of int
+        Features of each dimension, 1 or more.
+    """
+    return sum(counts) - len(counts)
+
+
+def features_text(counts: Sequence[int]) -> str:
+    """Say how many characteristics are not planned; nothing if every dimension applies to one.
+
+    Parameters
+    ----------
+    counts : sequence of int
+        Features of each dimension, 1 or more.
+
+    Examples
+    --------
+    >>> from planner.request.words import features_text
+    >>> features_text([1, 6, 30, 4, 30, 1])
+    '6 dimensions, 72 characteristics: 66 not planned'
+    """
+    missing = n_not_planned(counts)
+    if not missing:
+        return ""
+    dimensions = "1 dimension" if len(counts) == 1 else f"{len(counts)} dimensions"
+    return f"{dimensions}, {sum(counts)} characteristics: {missing} not planned"
+
+
+# How pages and tables speak of targets: of edges, of dimensions, and of both in one plan.
+
+
+@dataclass(frozen=True)
+class TargetWords:
+    """The words for the targets of one kind, or of a plan.
+
+    ``{share}`` stands for the share of a length that may be wrong, such as ``2 %``.
+
+    Attributes
+    ----------
+    items : (str, str)
+        What tables of the terminal call one target, and several.
+    nouns : (str, str)
+        The same on a page.
+    seen : str
+        Entities whose visibility is computed.
+    value_head, value : str
+        Head of a column of nominal values, and the format of a cell.
+    accuracy : str
+        What the accuracy of a request means.
+    error, found : str
+        The largest error that counts as accurate, and what must be found in the image.
+    localisation : tuple of str
+        What to say besides the models of dimensions.
+    simulated : str
+        What a simulation does at each displaced pose.
+    bold : str
+        What edge maps draw in bold.
+    requirement_column : bool
+        Whether a table needs a column with what is measured: it differs from row to row.
+    """
+
+    items: tuple[str, str]
+    nouns: tuple[str, str]
+    seen: str
+    value_head: str
+    value: str
+    accuracy: str
+    error: str
+    found: str
+    simulated: str
+    bold: str
+    localisation: tuple[str, ...] = ()
+    requirement_column: bool = True
+
+
+EDGES = TargetWords(
+    items=("entity", "entities"),
+    nouns=("edge", "edges"),
+    seen="edges",
+    value_head="Length (mm)",
+    value="{0.nominal:.3f}",
+    accuracy="error at most {share} of an edge's image",
+    error="{share} of the edge's image length",
+    found="the edge is found",
+    simulated="projected the edges, rounded their ends to pixels and measured them. "
+    "An end outside the image counts as a failure.",
+    bold="measured edges and their ends in bold",
+    requirement_column=False,
+)
+DIMENSIONS = TargetWords(
+    items=("dimension", "dimensions"),
+    nouns=("dimension", "dimensions"),
+    seen="edges, rims and arcs",
+    value_head="Nominal",
+    value="{0.value_text}",
+    accuracy="dimensions without a tolerance: error at most {share} of the nominal value",
+    error="the permitted one",
+    found="the target is found",
+    simulated="moved the faces by the error of their position, projected points of the entities, "
+    "added the error of the localisation model, carried them back to the part with the planned pose, and fitted them. "
+    "A point outside the image counts as a failure.",
+    bold="measured lines and circles in bold",
+)
+_ONE_OR_MORE = ("characteristic", "characteristics")
+CHARACTERISTICS = replace(DIMENSIONS, items=_ONE_OR_MORE, nouns=_ONE_OR_MORE)
+"""Of a plan in which a dimension on several features is a target on each of them."""
+MIXED = TargetWords(
+    items=("edge or dimension", "edges and dimensions"),
+    nouns=("edge or dimension", "edges and dimensions"),
+    seen=DIMENSIONS.seen,
+    value_head=DIMENSIONS.value_head,
+    value=DIMENSIONS.value,
+    accuracy=f"{DIMENSIONS.accuracy}; {EDGES.accuracy}",
+    error=f"{DIMENSIONS.error} (for an edge, {{share}} of its image length)",
+    found=DIMENSIONS.found,
+    localisation=("of edges, both ends on whole pixels",),
+    simulated=f"{DIMENSIONS.simulated} For edges that are not dimensions, it {EDGES.simulated}",
+    bold=f"{DIMENSIONS.bold}, edges with their ends",
+)
+
+
+def deviation_text(deviation: float) -> str:
+    """Return a deviation that a tolerance allows, with its sign; 0 has none.
+
+    Parameters
+    ----------
+    deviation : float
+        mm (angles: degrees).
+    """
+    return f"{deviation:+.4g}" if deviation else "0"
+
+
+def tolerance_text(tolerance: tuple[float, float]) -> str:
+    """Return a tolerance as a drawing has it, such as "±0.05" or "0/-0.2".
+
+    Parameters
+    ----------
+    tolerance : (float, float)
+        Lower and upper deviation, mm (angles: degrees).
+    """
+    lower, upper = tolerance
+    if lower == -upper:
+        return f"±{upper:.4g}"
+    return "/".join(deviation_text(limit) for limit in (upper, lower))

@@ -1,1 +1,0 @@
-"""Cells in which the robot holds the part, and the camera stands still."""

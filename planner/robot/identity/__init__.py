@@ -1,1 +1,0 @@
-"""What tells one robot cell from another, and in what two of them differ."""

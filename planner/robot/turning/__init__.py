@@ -1,1 +1,0 @@
-"""Turntables: the part turns about an axis, by angles that are further branches of a pose."""

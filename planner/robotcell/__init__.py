@@ -1,0 +1,30 @@
+"""Robot cells: where an arm with a camera in its hand can be without touching anything.
+
+**Guarantee.** Joints that are told as reaching a pose bring the camera there, within their limits, and keep the
+clearance. What is told as not reached was refused by a reason in words; only "beyond the arm's reach" is a proof.
+"""
+
+from planner.robotcell.arm import Joint, Robot
+from planner.robotcell.bodies import Box
+from planner.robotcell.cell import Cell
+from planner.robotcell.collisions import Closeness
+from planner.robotcell.held_part_cell import HeldPartCell
+from planner.robotcell.joint_checks import PoseReach
+from planner.robotcell.placement import Placement, propose_placements
+from planner.robotcell.reachability import Reachability
+from planner.robotcell.standing import Fixturing, Grip
+
+__all__ = [
+    "Box",
+    "Cell",
+    "Closeness",
+    "Fixturing",
+    "Grip",
+    "HeldPartCell",
+    "Joint",
+    "Placement",
+    "PoseReach",
+    "Reachability",
+    "Robot",
+    "propose_placements",
+]

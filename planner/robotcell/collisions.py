@@ -1,0 +1,578 @@
+"""Distances between the arm, the camera and what stands around them.
+
+Every body of the arm is a convex hull, covered by spheres. Spheres bound all distances of many configurations at once;
+fcl is asked for the pairs that they leave open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from threading import RLock
+from typing import Any
+
+import numpy as np
+
+from planner.robotcell.arm import Robot
+from planner.robotcell.bodies import Body, Box, Hull, grown, hull_of, mesh_of
+from planner.robotcell.branches import Chain, needed
+from planner.robotcell.standing import Standing, Turntable, geometry_of, transform_of
+from planner.robotcell.urdf import carry, compose, invert
+
+HAND = 6
+"""The segment that carries the camera."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """A body of the arm or of the camera.
+
+    Attributes
+    ----------
+    name : str
+        Its link, or ``camera``.
+    segment : int
+        Number of the joint frame F_k it is fixed to; 0 is the base.
+    hull : Hull
+        The body in that frame.
+    is_held : bool
+        Whether it is no link, but what the hand carries.
+    """
+
+    name: str
+    segment: int
+    hull: Hull
+    is_held: bool = False
+
+
+@dataclass(frozen=True, order=True)
+class Closeness:
+    """Two bodies and their distance.
+
+    Attributes
+    ----------
+    mm : float
+        Distance; 0 if they touch.
+    first, second : str
+        Their names; empty if there are no two bodies.
+    """
+
+    mm: float
+    first: str
+    second: str
+
+
+class Arm:
+    """The moving bodies, and which of them may touch each other.
+
+    Parameters
+    ----------
+    bodies : sequence of Moving
+        By their segments.
+    """
+
+    def __init__(self, bodies: Sequence[Moving]) -> None:
+        fcl = needed("fcl")
+        self.bodies = tuple(bodies)
+        # bodies of fcl are moved before they are compared, which only one thread may do at a time
+        self.lock = RLock()
+        self.near_by_mount: dict[tuple[int, int], float] = {}
+        """Pairs of a link and what the hand carries that the mount leaves so little, mm: they may only not touch."""
+        self._grown: dict[tuple[int, float], Any] = {}
+        self.placed = [fcl.CollisionObject(geometry_of(body.hull)) for body in bodies]
+        self.centres = [body.hull.corners.mean(axis=0) for body in bodies]
+        segments = [body.segment for body in bodies]
+        self.own_pairs = [
+            (a, b) for b in range(len(bodies)) for a in range(b) if _may_touch(bodies[a], bodies[b])
+        ]
+        self.moving = [i for i, segment in enumerate(segments) if segment > 0]
+        self.hand = [i for i, segment in enumerate(segments) if segment == HAND]
+        self.spheres = [body.hull.centres for body in bodies]
+        self.radii = np.concatenate([body.hull.radii for body in bodies])
+        counts = [len(body.hull.radii) for body in bodies]
+        self.starts = np.concatenate([[0], np.cumsum(counts)])
+
+    def keeps_clearance(self, first: int, second: int) -> bool:
+        """Return whether two of the bodies must keep the clearance, not only not touch."""
+        is_held = self.bodies[first].is_held or self.bodies[second].is_held
+        return is_held and (first, second) not in self.near_by_mount
+
+    def sphere_centres(self, frames: np.ndarray, which: Sequence[int]) -> np.ndarray:
+        """Return the centres (n, s, 3) of the spheres of bodies, for frames (n, 7, 4, 4)."""
+        placed = [carry(frames[:, self.bodies[i].segment], self.spheres[i]) for i in which]
+        return np.concatenate(placed, axis=1)
+
+    def sphere_radii(self, which: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the radii (s,) of the spheres of bodies, and where each body's begin."""
+        radii = [self.bodies[i].hull.radii for i in which]
+        starts = np.cumsum([0, *(len(one) for one in radii[:-1])])
+        return np.concatenate(radii), starts
+
+    def place(self, number: int, frames: np.ndarray, grown_mm: float = 0.0) -> Any:
+        """Return the body of fcl, moved to where it is in one configuration's frames (7, 4, 4)."""
+        if grown_mm == 0:
+            placed = self.placed[number]
+        elif (number, grown_mm) in self._grown:
+            placed = self._grown[number, grown_mm]
+        else:
+            outer = geometry_of(grown(self.bodies[number].hull, grown_mm))
+            placed = self._grown.setdefault(
+                (number, grown_mm), needed("fcl").CollisionObject(outer)
+            )
+        placed.setTransform(transform_of(frames[self.bodies[number].segment]))
+        return placed
+
+
+def _may_touch(a: Moving, b: Moving) -> bool:
+    """Return whether two bodies can come closer: neighbours in the chain touch always."""
+    return abs(a.segment - b.segment) >= (1 if a.is_held or b.is_held else 2)
+
+
+class Surroundings:
+    """The arm among bodies that stand still.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm with the camera.
+    standing : sequence of Standing
+        Obstacles and the part.
+    clearance_mm : float
+        Smallest distance to keep, except between links of the arm, and what is mounted nearer to a link: these may
+        only not touch, since where they are is known.
+    left_out : iterable of (int, int)
+        Pairs of the arm's bodies that are not looked at.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        standing: Sequence[Standing],
+        clearance_mm: float,
+        left_out: Iterable[tuple[int, int]] = (),
+    ) -> None:
+        dropped = set(left_out)
+        own = [pair for pair in arm.own_pairs if pair not in dropped]
+        rest = [i for i in arm.moving if arm.bodies[i].segment != HAND]
+        self.hand = PairGroup(arm, standing, arm.hand, [], clearance_mm)
+        self.rest = PairGroup(arm, standing, rest, own, clearance_mm)
+        self.all = PairGroup(arm, standing, arm.moving, own, clearance_mm)
+
+
+class PairGroup:
+    """Pairs of bodies that are looked at together.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm with the camera.
+    standing : sequence of Standing
+        What stands still.
+    moving : sequence of int
+        Bodies of the arm that are compared with it.
+    own : sequence of (int, int)
+        Pairs of the arm's own bodies.
+    clearance_mm : float
+        See `Surroundings`.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        standing: Sequence[Standing],
+        moving: Sequence[int],
+        own: Sequence[tuple[int, int]],
+        clearance_mm: float,
+    ) -> None:
+        self._arm = arm
+        self._standing = tuple(standing)
+        self._moving = list(moving)
+        self._own = list(own)
+        self._clearance_mm = clearance_mm
+        self._pairs = [(i, j, False) for j in range(len(standing)) for i in moving]
+        self._pairs += [(a, b, True) for a, b in own]
+        self.required = np.array(
+            [
+                clearance_mm if not both or arm.keeps_clearance(first, second) else 0.0
+                for first, second, both in self._pairs
+            ]
+        )
+
+    @property
+    def pairs(self) -> list[tuple[int, int, bool]]:
+        """The pairs: a body of the arm, and a body that stands still or, if the third is true, one of the arm."""
+        return self._pairs
+
+    @property
+    def arm(self) -> Arm:
+        """The arm with the camera."""
+        return self._arm
+
+    @property
+    def standing(self) -> tuple[Standing, ...]:
+        """What stands still."""
+        return self._standing
+
+    def names(self, column: int) -> tuple[str, str]:
+        """Return the names of a pair by its number."""
+        first, second, both = self._pairs[column]
+        other = self._arm.bodies[second].name if both else self._standing[second].name
+        return self._arm.bodies[first].name, other
+
+    def bounds(self, frames: np.ndarray) -> np.ndarray:
+        """Return lower bounds (n, p) of the distances of all pairs, for frames (n, 7, 4, 4)."""
+        return np.concatenate([self._standing_bounds(frames), self._own_bounds(frames)], axis=1)
+
+    def _standing_bounds(self, frames: np.ndarray) -> np.ndarray:
+        if not self._moving or not self._standing:
+            return np.empty((len(frames), 0))
+        centres = self._arm.sphere_centres(frames, self._moving)
+        radii, starts = self._arm.sphere_radii(self._moving)
+        bounds = [
+            np.minimum.reduceat(body.distance_bound(centres) - radii, starts, axis=1)
+            for body in self._standing
+        ]
+        return np.concatenate(bounds, axis=1)
+
+    def _own_bounds(self, frames: np.ndarray) -> np.ndarray:
+        bounds = np.empty((len(frames), len(self._own)))
+        if not self._own:
+            return bounds
+        arm = self._arm
+        centres = arm.sphere_centres(frames, range(len(arm.bodies)))
+        for column, (a, b) in enumerate(self._own):
+            first = slice(arm.starts[a], arm.starts[a + 1])
+            second = slice(arm.starts[b], arm.starts[b + 1])
+            apart = centres[:, first, None] - centres[:, None, second]
+            radii = arm.radii[first, None] + arm.radii[None, second]
+            bounds[:, column] = (np.sqrt((apart**2).sum(axis=-1)) - radii).min(axis=(1, 2))
+        return bounds
+
+    def open_rows(self, bounds: np.ndarray) -> np.ndarray:
+        """Return in which rows (n,) of bounds (n, p) a pair is left that may be too near."""
+        return np.asarray(self._may_be_near(bounds).any(axis=1))
+
+    def _may_be_near(self, bounds: np.ndarray) -> np.ndarray:
+        return np.asarray((bounds < self.required) | (bounds <= 0))
+
+    def blocker(self, frames: np.ndarray, bounds: np.ndarray) -> int:
+        """Return the number of a pair that is too near in one configuration's frames (7, 4, 4), or -1."""
+        left = np.flatnonzero(self._may_be_near(bounds))
+        for column in left[np.argsort(bounds[left], kind="stable")]:
+            if self._is_near(int(column), frames):
+                return int(column)
+        return -1
+
+    def _is_near(self, column: int, frames: np.ndarray) -> bool:
+        """Return whether a pair touches or is nearer than required."""
+        with self._arm.lock:
+            return self._looks_near(column, frames)
+
+    def _looks_near(self, column: int, frames: np.ndarray) -> bool:
+        number, other, both = self._pairs[column]
+        required = float(self.required[column])
+        if not both and not isinstance(self._standing[other].shape, Hull):
+            fcl = needed("fcl")
+            body = self._standing[other]
+            # distances to meshes take long, and most bodies are farther than required
+            outer = self._arm.place(number, frames, self._clearance_mm)
+            if not fcl.collide(outer, body.placed):
+                segment = frames[self._arm.bodies[number].segment]
+                return body.holds(carry(segment, self._arm.centres[number][None])[0])
+        mm = self.distance(column, frames)
+        return mm <= 0 or mm < required
+
+    def closest(
+        self, frames: np.ndarray, bounds: np.ndarray, required: np.ndarray, enough: float
+    ) -> tuple[float, int]:
+        """Return a lower bound of what the pairs have left over a distance, and the closest pair.
+
+        Parameters
+        ----------
+        frames, bounds : array (7, 4, 4), (p,)
+            One configuration and its bounds.
+        required : array (p,)
+            Distances to keep, mm.
+        enough : float
+            From here on bounds suffice; below the result is exact, and -inf if a pair touches.
+        """
+        best = np.inf
+        pair = -1
+        left = bounds - required
+        for column in np.argsort(left, kind="stable"):
+            if left[column] >= min(best, enough):
+                break
+            mm = self.distance(int(column), frames)
+            exact = mm - float(required[column]) if mm > 0 else -np.inf
+            if exact < best:
+                best = exact
+                pair = int(column)
+        else:
+            return best, pair
+        return min(best, float(left[column])), pair
+
+    def distance(self, column: int, frames: np.ndarray) -> float:
+        """Return the distance of a pair in one configuration's frames (7, 4, 4), mm; 0 if it touches."""
+        with self._arm.lock:
+            return self._distance(column, frames)
+
+    def _distance(self, column: int, frames: np.ndarray) -> float:
+        fcl = needed("fcl")
+        number, other, both = self._pairs[column]
+        first = self._arm.place(number, frames)
+        if both:
+            return max(0.0, float(fcl.distance(first, self._arm.place(other, frames))))
+        body = self._standing[other]
+        if not isinstance(body.shape, Hull):
+            if fcl.collide(first, body.placed):
+                return 0.0
+            segment = frames[self._arm.bodies[number].segment]
+            if body.holds(carry(segment, self._arm.centres[number][None])[0]):
+                return 0.0
+        return max(0.0, float(fcl.distance(first, body.placed)))
+
+
+def bodies_of(robot: Robot, cam2flange: np.ndarray, camera: Sequence[Body]) -> list[Moving]:
+    """Return the links of an arm, and behind them what its hand carries, given in the camera's frame."""
+    bodies = [
+        Moving(name, segment, hull)
+        for segment, (name, hulls) in enumerate(zip(robot.segment_names, robot.hulls, strict=True))
+        for hull in hulls
+    ]
+    in_hand = compose(robot.chain.tip, cam2flange)
+    for body in camera:
+        points = body.corners() if isinstance(body, Box) else mesh_of(body, "camera_body")[0]
+        bodies.append(Moving("camera", HAND, hull_of(carry(in_hand, points), "camera_body"), True))
+    return bodies
+
+
+def farthest_points(chain: Chain, arm: Arm) -> np.ndarray:
+    """Return how far from each joint's axis (6,) a point of the arm can be, at most: lengths of links add up; mm."""
+    offsets = np.sqrt((chain.steps[:, :3, 3] ** 2).sum(axis=1))
+    farthest = np.zeros(HAND + 1)
+    for body in arm.bodies:
+        size = float(np.sqrt((body.hull.corners**2).sum(axis=1)).max())
+        farthest[body.segment] = max(farthest[body.segment], size)
+    levers = np.zeros(HAND)
+    for joint in range(HAND):
+        lengths = np.concatenate([[0.0], np.cumsum(offsets[joint + 1 :])])
+        levers[joint] = (lengths + farthest[joint + 1 :]).max()
+    return levers
+
+
+# How far a straight move in joints stays free, proven at single configurations.
+#
+# Two bodies that are d apart and must keep m cannot come too near before one has moved by d - m
+# as seen from the other. Only the joints between them do that, each by its turn times its lever:
+# the distance of the farthest point of the moving body from the joint's axis.
+
+
+class Advance:
+    """The pairs of bodies of an arm, and how fast each may approach.
+
+    Parameters
+    ----------
+    chain : Chain
+        Where the joints are.
+    arm : Arm
+        The moving bodies.
+    group : PairGroup
+        The pairs that are looked at.
+    """
+
+    def __init__(self, chain: Chain, arm: Arm, group: PairGroup) -> None:
+        self._group = group
+        self._segments = np.array([body.segment for body in arm.bodies])
+        self._centres = np.array(arm.centres)
+        corners = [body.hull.corners for body in arm.bodies]
+        self._radii = np.array(
+            [
+                np.sqrt(((points - centre) ** 2).sum(axis=1)).max()
+                for points, centre in zip(corners, arm.centres, strict=True)
+            ]
+        )
+        n_joints = len(chain.steps)
+        # joint k turns a body of segment s if k < s
+        self._turned = np.arange(n_joints)[:, None] < self._segments[None, :]
+        self._levers = np.where(self._turned, static_levers(chain, arm), 0.0)
+        pairs = group.pairs
+        self._moving = np.array([second if both else first for first, second, both in pairs], int)
+        fixed = [self._segments[first] if both else 0 for first, _, both in pairs]
+        between = np.arange(n_joints)[:, None] >= np.array(fixed, int)[None, :]
+        self._between = between & self._turned[:, self._moving]
+
+    def shares(
+        self,
+        frames: np.ndarray,
+        turn: np.ndarray,
+        reach: np.ndarray,
+        kept: float,
+        others_mm: np.ndarray | float = 0.0,
+    ) -> np.ndarray:
+        """Return which share of a turn is free to both sides of configurations.
+
+        Parameters
+        ----------
+        frames : array (n, 7, 4, 4)
+            The frames of the joints.
+        turn : array (6,)
+            The move, rad.
+        reach : array (n,)
+            Shares of it beyond which nothing need be known.
+        kept : float
+            Share of the clearance that pairs must keep.
+        others_mm : array (p,) or float
+            How far the other body of each pair moves on the whole turn, at most.
+
+        Returns
+        -------
+        array (n,)
+            At most `reach`. Not positive if the configuration itself is not free.
+        """
+        group = self._group
+        motions = self._motions(frames, np.abs(turn), reach) + others_mm
+        required = kept * group.required
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # pairs that do not move against each other are as near as they were
+            bounds = np.where(motions > 0, (group.bounds(frames) - required) / motions, np.inf)
+        result = np.minimum(bounds.min(axis=1, initial=np.inf), reach)
+        for row in np.flatnonzero(result < reach):
+            result[row] = self._exact(
+                frames[row], bounds[row], required, motions[row], float(reach[row])
+            )
+        return result
+
+    def _exact(
+        self,
+        frames: np.ndarray,
+        bounds: np.ndarray,
+        required: np.ndarray,
+        motions: np.ndarray,
+        reach: float,
+    ) -> float:
+        best = reach
+        for column in np.argsort(bounds, kind="stable"):
+            if bounds[column] >= best:
+                break
+            gap = self._group.distance(int(column), frames)
+            # bodies that touch are too near, even if they need keep no distance
+            share = (gap - required[column]) / motions[column] if gap > 0 else -1.0
+            best = min(best, share)
+            if best <= 0:
+                break
+        return best
+
+    def _motions(self, frames: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
+        """Return how far (n, p) the bodies of each pair move against each other, per whole turn."""
+        origins = frames[:, 1:, None, :3, 3]
+        axes = frames[:, 1:, None, :3, 2]
+        own = frames[:, self._segments]
+        centres = np.einsum("nbij,bj->nbi", own[:, :, :3, :3], self._centres) + own[:, :, :3, 3]
+        apart = centres[:, None] - origins
+        along = (apart * axes).sum(axis=-1, keepdims=True)
+        now = np.sqrt(((apart - along * axes) ** 2).sum(axis=-1)) + self._radii
+        # joints behind an axis carry the body away from it, or towards it
+        steps = turn[:, None] * self._levers
+        behind = np.cumsum(steps[::-1], axis=0)[::-1] - steps
+        levers = np.minimum(self._levers, now + reach[:, None, None] * behind)
+        moved = turn[:, None] * levers
+        return np.asarray((moved[:, :, self._moving] * self._between).sum(axis=1))
+
+
+def static_levers(chain: Chain, arm: Arm) -> np.ndarray:
+    """Return the largest distance (6, b) of a point of each body from each axis before it, mm.
+
+    Parameters
+    ----------
+    chain : Chain
+        Where the joints are.
+    arm : Arm
+        The moving bodies.
+    """
+    offsets = chain.steps[:, :3, 3]
+    lengths = np.sqrt((offsets**2).sum(axis=1))
+    radial = np.sqrt((offsets[:, :2] ** 2).sum(axis=1))
+    levers = np.zeros((len(chain.steps), len(arm.bodies)))
+    for number, body in enumerate(arm.bodies):
+        points = body.hull.corners
+        size = np.sqrt((points**2).sum(axis=1)).max()
+        about_own_axis = np.sqrt((points[:, :2] ** 2).sum(axis=1)).max()
+        for joint in range(body.segment):
+            if joint == body.segment - 1:
+                levers[joint, number] = about_own_axis
+            else:
+                # the next joint turns with this one, so its place along the axis does not matter
+                rest = lengths[joint + 2 : body.segment].sum()
+                levers[joint, number] = radial[joint + 1] + rest + size
+    return levers
+
+
+# How far moves stay free that turn joints and a turntable at the same time.
+#
+# What turns with the part is looked at from the turntable, where it stands still: there the arm
+# moves. A pair comes nearer at most by what the arm moves in the base, and by what the body on
+# the turntable moves: its angle times the distance of its farthest point from the axis.
+
+
+class TurnedAdvance:
+    """The pairs of an arm with what stands still, and with what turns.
+
+    Parameters
+    ----------
+    chain : Chain
+        Where the joints are.
+    still : PairGroup
+        The arm's own pairs, and those with what stands still.
+    turning : sequence of Standing
+        What turns, at the angle 0.
+    table : Turntable
+        The axis.
+    clearance_mm : float
+        Smallest distance of the arm from what turns.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        still: PairGroup,
+        turning: Sequence[Standing],
+        table: Turntable,
+        clearance_mm: float,
+    ) -> None:
+        arm: Arm = still.arm
+        self._table = table
+        group = PairGroup(arm, turning, arm.moving, [], clearance_mm)
+        self._still = Advance(chain, arm, still)
+        self._turned = Advance(chain, arm, group)
+        radii = [table.radius_mm(carry(body.pose, body.shape.corners)) for body in turning]
+        self._radii = np.array([radii[number] for _, number, _ in group.pairs])
+
+    def shares(
+        self,
+        frames: np.ndarray,
+        angles: np.ndarray,
+        turn: np.ndarray,
+        reach: np.ndarray,
+        kept: float,
+    ) -> np.ndarray:
+        """Return which share of a turn is free to both sides, as `Advance.shares` does.
+
+        Parameters
+        ----------
+        frames : array (n, 7, 4, 4)
+            The frames of the joints in the base.
+        angles : array (n,)
+            Angles of the turntable, rad.
+        turn : array (7,)
+            The move, rad; the last number is that of the turntable.
+        reach : array (n,)
+            Shares of it beyond which nothing need be known.
+        kept : float
+            Share of the clearance that pairs must keep.
+        """
+        first = self._still.shares(frames, turn[:-1], reach, kept)
+        backs = np.array([invert(self._table.pose(float(angle))) for angle in angles])
+        seen = compose(backs[:, None], frames)
+        left = np.maximum(first, 0.0)
+        second = self._turned.shares(seen, turn[:-1], left, kept, self._radii * abs(turn[-1]))
+        return np.minimum(first, second)

@@ -1,0 +1,641 @@
+"""Questions about joints in a fixturing: whether they are free, and how near anything is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.robotcell.arm import Robot
+from planner.robotcell.collisions import HAND, Advance, Closeness, Surroundings, TurnedAdvance
+from planner.robotcell.standing import Fixturing
+from planner.robotcell.urdf import N_JOINTS, carry, check_rotations, compose, invert
+
+# Which camera poses a robot reaches, and by which joints.
+#
+# A pose is asked in this order, which changes no answer: the ball that the arm reaches; the hand
+# against what stands still, the same for all branches; the branches; the rest of the arm, branch
+# by branch.
+
+
+_AT_ONCE = 2048
+TOO_FAR = "beyond the arm's reach"
+NO_BRANCH = "no joints lead to this pose"
+LIMITS = "joint limit"
+
+
+@dataclass(frozen=True, eq=False)
+class PoseReach:
+    """What is known of one camera pose.
+
+    Attributes
+    ----------
+    branches : array (k, 6), or (k, 7) on a turntable
+        Joints that reach it without collision, the nearest to home first, rad. The seventh number
+        is the angle of the turntable.
+    why : str
+        Why there are none; empty if there are.
+    """
+
+    branches: np.ndarray
+    why: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the robot reaches the pose."""
+        return not self.why
+
+    @property
+    def joints(self) -> np.ndarray:
+        """The joints (k, 6) of the robot alone."""
+        return self.branches[:, :N_JOINTS]
+
+    def with_angle(self, angle: float) -> PoseReach:
+        """Return the same with the angle of a turntable behind the joints."""
+        angles = np.full((len(self.branches), 1), angle)
+        return PoseReach(np.concatenate([self.joints, angles], axis=1), self.why)
+
+
+class ArmAt(NamedTuple):
+    """How the robot stands at a pose.
+
+    Attributes
+    ----------
+    joints : tuple of float
+        Six, rad.
+    clearance_mm : float
+        Distance of the closest two bodies.
+    closest : str
+        Their names.
+    to_limit_rad : float
+        Distance of the joints from their nearest limit.
+    singular_value : float
+        The smallest of the Jacobian, lengths divided by 500 mm.
+    angle_deg : float or None
+        Angle of the turntable, degrees; None without one.
+    """
+
+    joints: tuple[float, ...]
+    clearance_mm: float
+    closest: str
+    to_limit_rad: float
+    singular_value: float
+    angle_deg: float | None = None
+
+
+class Reacher:
+    """A robot in one fixturing.
+
+    Parameters
+    ----------
+    robot : Robot
+        The arm.
+    around : Surroundings
+        What may be touched.
+    rest : array (6,)
+        Joints that branches are compared with: the nearest comes first.
+    """
+
+    def __init__(self, robot: Robot, around: Surroundings, rest: np.ndarray) -> None:
+        self._robot = robot
+        self._around = around
+        self._rest = rest
+        first = robot.chain.steps[0][:3, 3]
+        self._shoulder = first
+        self._radius = float(robot.chain.reach_mm()[0]) * (1 + 1e-9)
+        self._tip2hand = invert(robot.chain.tip)
+
+    @property
+    def required(self) -> np.ndarray:
+        """The distances that all pairs must keep (p,), mm."""
+        return self._around.all.required
+
+    def reach(self, flanges: np.ndarray, all_branches: bool = False) -> list[PoseReach]:
+        """Return what is known of poses (n, 4, 4) of the tip in the base."""
+        pieces = range(0, len(flanges), _AT_ONCE)
+        return [
+            one
+            for start in pieces
+            for one in self._reach(flanges[start : start + _AT_ONCE], all_branches)
+        ]
+
+    def _reach(self, flanges: np.ndarray, all_branches: bool) -> list[PoseReach]:
+        why = [""] * len(flanges)
+        apart = np.sqrt(((flanges[:, :3, 3] - self._shoulder) ** 2).sum(axis=1))
+        for i in np.flatnonzero(apart > self._radius):
+            why[i] = TOO_FAR
+        left = np.flatnonzero(apart <= self._radius)
+        left = self._keep_free_hands(flanges, left, why)
+        q, owner = self._robot.solutions(flanges[left])
+        self._say_why_none(flanges, left, owner, why)
+        order = self._nearest_first(q, owner)
+        q = q[order]
+        owner = owner[order]
+        is_free, blockers = self._free_branches(q, owner, all_branches)
+        branches = [np.empty((0, 6)) for _ in flanges]
+        starts = np.searchsorted(owner, np.arange(len(left) + 1))
+        for pose, first, end in zip(left, starts, starts[1:], strict=False):
+            branches[pose] = q[first:end][is_free[first:end]]
+            if first < end and not len(branches[pose]):
+                pairs = [touching(*self._around.rest.names(k)) for k in blockers[first:end]]
+                why[pose] = most_often(pairs)
+        return [PoseReach(found, reason) for found, reason in zip(branches, why, strict=True)]
+
+    def _free_branches(
+        self, q: np.ndarray, owner: np.ndarray, all_branches: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return which branches (m, 6) are free, and the pair that blocks each other one.
+
+        Without `all_branches` what comes behind the first free one of a pose is left out. One branch of every pose is
+        looked at together, then the next of those without a free one.
+        """
+        group = self._around.rest
+        is_free = np.zeros(len(q), dtype=bool)
+        blockers = np.full(len(q), -1)
+        starts = np.searchsorted(owner, owner)
+        place = np.arange(len(q)) - starts
+        done = np.zeros(len(q), dtype=bool)
+        for turn in range(int(place.max(initial=-1)) + 1):
+            rows = np.flatnonzero((place == turn) & ~done[starts])
+            frames = self._robot.chain.frames(q[rows])
+            bounds = group.bounds(frames)
+            is_open = group.open_rows(bounds)
+            for k, row in enumerate(rows):
+                blockers[row] = group.blocker(frames[k], bounds[k]) if is_open[k] else -1
+            is_free[rows] = blockers[rows] < 0
+            if not all_branches:
+                done[starts[rows]] |= is_free[rows]
+        return is_free, blockers
+
+    def _keep_free_hands(self, flanges: np.ndarray, left: np.ndarray, why: list[str]) -> np.ndarray:
+        """Return the numbers of poses whose hand touches nothing that stands still."""
+        group = self._around.hand
+        frames = np.zeros((len(left), HAND + 1, 4, 4))
+        frames[:, HAND] = compose(flanges[left], self._tip2hand)
+        bounds = group.bounds(frames)
+        kept = np.ones(len(left), dtype=bool)
+        for row in np.flatnonzero(group.open_rows(bounds)):
+            blocker = group.blocker(frames[row], bounds[row])
+            if blocker >= 0:
+                kept[row] = False
+                why[left[row]] = touching(*group.names(blocker))
+        return left[kept]
+
+    def _say_why_none(
+        self, flanges: np.ndarray, left: np.ndarray, owner: np.ndarray, why: list[str]
+    ) -> None:
+        """Tell joint limits from poses that no joints lead to."""
+        without = np.setdiff1d(np.arange(len(left)), owner)
+        if not len(without):
+            return
+        beyond = self._robot.solvable(flanges[left[without]])
+        for i, is_limit in zip(left[without], beyond, strict=True):
+            why[i] = LIMITS if is_limit else NO_BRANCH
+
+    def _nearest_first(self, q: np.ndarray, owner: np.ndarray) -> np.ndarray:
+        """Return an order of branches: by pose, then by the time from the rest to them."""
+        seconds = (np.abs(q - self._rest) / self._robot.speeds).max(axis=1, initial=0.0)
+        return np.lexsort((np.round(seconds, 6), owner))
+
+    def free(self, q: np.ndarray) -> np.ndarray:
+        """Return which joints (n, 6) keep the clearance and their limits (n,)."""
+        within = self._robot.to_limit_rad(q) >= 0
+        frames = self._robot.chain.frames(q)
+        group = self._around.all
+        bounds = group.bounds(frames)
+        for row in np.flatnonzero(within & group.open_rows(bounds)):
+            within[row] = group.blocker(frames[row], bounds[row]) < 0
+        return np.asarray(within)
+
+    def slack(self, q: np.ndarray, required: np.ndarray, enough_mm: float) -> np.ndarray:
+        """Return lower bounds (n,) of distances beyond those required (p,), exact below `enough_mm`."""
+        frames = self._robot.chain.frames(q)
+        group = self._around.all
+        bounds = group.bounds(frames)
+        result = (bounds - required).min(axis=1, initial=np.inf)
+        for row in np.flatnonzero(result < enough_mm):
+            result[row] = group.closest(frames[row], bounds[row], required, enough_mm)[0]
+        return result
+
+    @cached_property
+    def advance(self) -> Advance:
+        """How far straight moves stay free."""
+        return Advance(self._robot.chain, self._around.all.arm, self._around.all)
+
+    def free_shares(
+        self, q: np.ndarray, turn: np.ndarray, reach: np.ndarray, kept: float
+    ) -> np.ndarray:
+        """Return which share of a turn is proven free in both directions from joints.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6)
+            Joints, rad.
+        turn : array, shape (6,)
+            A straight move in joints, rad.
+        reach : array, shape (n,)
+            Largest shares of it that are of interest.
+        kept : float
+            Share of the clearance that must be kept.
+
+        Returns
+        -------
+        array, shape (n,)
+            Joints ``q + t * turn`` are free for all t of a smaller size. At most `reach`. It is not
+            positive if the joints themselves are not free. Limits of joints do not count.
+        """
+        return self.advance.shares(self._robot.chain.frames(q), turn, reach, kept)
+
+    def shapes(self, q: np.ndarray) -> list[tuple[str, bool, np.ndarray, np.ndarray]]:
+        """Return everything at joints (6,): name, whether it moves, corners in the base, triangles."""
+        frames = self._robot.chain.frames(q[None])[0]
+        group = self._around.all
+        moving = [
+            (body.name, True, carry(frames[body.segment], body.hull.corners), body.hull.triangles)
+            for body in group.arm.bodies
+        ]
+        standing = [
+            (body.name, False, carry(body.pose, body.shape.corners), body.shape.triangles)
+            for body in group.standing
+        ]
+        return moving + standing
+
+    def closest(self, q: np.ndarray, links_mm: float) -> tuple[float, str, str]:
+        """Return the distance of the closest two bodies, and their names, for joints (6,).
+
+        Of the arm's own pairs those count that are nearer than `links_mm`.
+        """
+        frames = self._robot.chain.frames(q[None])
+        group = self._around.all
+        bounds = group.bounds(frames)[0]
+        own = np.array([both for _, _, both in group.pairs], dtype=bool)
+        found = (np.inf, -1)
+        for some, below in ((~own, np.inf), (own, links_mm)):
+            apart = np.where(some, bounds, np.inf)
+            mm, pair = group.closest(frames[0], apart, np.zeros(len(own)), np.inf)
+            if pair >= 0 and mm < min(found[0], below):
+                found = (mm, pair)
+        mm, pair = found
+        return (max(mm, 0.0), *group.names(pair)) if pair >= 0 else (np.inf, "", "")
+
+    def blocked_by(self, q: np.ndarray) -> str:
+        """Return what is wrong with joints (6,) in words; empty if nothing is."""
+        robot = self._robot
+        for number, joint in enumerate(robot.joints):
+            if not joint.lower <= q[number] <= joint.upper:
+                return f"joint {number + 1} is beyond its limit"
+        if robot.controller.margin(q) < 0:
+            return "an axis of the controller is beyond its limit"
+        frames = robot.chain.frames(q[None])
+        group = self._around.all
+        blocker = group.blocker(frames[0], group.bounds(frames)[0])
+        if blocker < 0:
+            return ""
+        words = touching(*group.names(blocker))
+        mm = group.distance(blocker, frames[0])
+        if mm <= 0:
+            return words
+        required = float(group.required[blocker])
+        return words.replace(" touches ", f" is {mm:.3g} mm from ") + f", clearance {required:g}"
+
+
+def over_angles(
+    asked: Callable[[float, np.ndarray], Sequence[PoseReach]],
+    count: int,
+    angles: Sequence[float],
+    all_branches: bool,
+) -> list[PoseReach]:
+    """Return what is known of poses on a turntable.
+
+    Parameters
+    ----------
+    asked : callable
+        ``asked(angle, rows)`` returns what is known of some of the poses at one angle.
+    count : int
+        Number of poses.
+    angles : sequence of float
+        Angles, rad; the first ones are preferred.
+    all_branches : bool
+        Whether to ask for further angles where one has been found.
+    """
+    branches: list[list[np.ndarray]] = [[] for _ in range(count)]
+    reasons: list[list[str]] = [[] for _ in range(count)]
+    for angle in angles:
+        rows = np.array([k for k in range(count) if all_branches or not branches[k]], dtype=int)
+        for k, one in zip(rows, asked(angle, rows), strict=True):
+            if one.reached:
+                branches[k].append(one.with_angle(angle).branches)
+            else:
+                reasons[k].append(one.why)
+    nothing = np.empty((0, N_JOINTS + 1))
+    return [
+        PoseReach(np.concatenate([nothing, *found]), "" if found else most_often(why))
+        for found, why in zip(branches, reasons, strict=True)
+    ]
+
+
+def touching(first: str, second: str) -> str:
+    """Return two bodies that are too near, in words; the camera is named first."""
+    if second == "camera":
+        first, second = second, first
+    return f"{first} touches {second}"
+
+
+def most_often(reasons: Sequence[str]) -> str:
+    """Return the reason that is given most often; the first by the alphabet of equal ones."""
+    counts = Counter(reasons)
+    return min(counts, key=lambda text: (-counts[text], text)) if counts else ""
+
+
+LINKS_NEAR_MM = 5.0
+"""Two links of the arm are named as the closest objects only if they are nearer than this."""
+
+
+class JointChecks(ABC):
+    """What a `Cell` says of joints: six, or seven in a fixturing on a turntable, whose angle is the last."""
+
+    robot: Robot
+    cam2flange: np.ndarray
+
+    @abstractmethod
+    def _reacher(self, name: str, angle: float = 0.0) -> Reacher:
+        """Return what knows one fixturing at an angle of its turntable."""
+
+    @abstractmethod
+    def _turned(self, name: str) -> TurnedAdvance:
+        """Return what knows moves on a turntable."""
+
+    @abstractmethod
+    def _fixturing(self, name: str) -> Fixturing:
+        """Return a fixturing by its name."""
+
+    def _by_angle(
+        self, q: np.ndarray, fixturing: str
+    ) -> Iterator[tuple[np.ndarray, Reacher, np.ndarray]]:
+        """Yield the rows of joints (n, 6) or (n, 7) at each angle, what knows it, and the robot's joints."""
+        angles = q[:, N_JOINTS] if q.shape[1] > N_JOINTS else np.zeros(len(q))
+        for angle in dict.fromkeys(angles.tolist()):
+            rows = np.flatnonzero(angles == angle)
+            yield rows, self._reacher(fixturing, angle), q[rows, :N_JOINTS]
+
+    def part2base(self, fixturing: str, angle: float = 0.0) -> np.ndarray:
+        """Return where the part is.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+        angle : float
+            Angle of its turntable, rad.
+
+        Returns
+        -------
+        array, shape (4, 4)
+            The part's frame in the base, mm.
+        """
+        one = self._fixturing(fixturing)
+        return one.part2base if one.table is None else compose(one.table.pose(angle), one.part2base)
+
+    def part_at(self, q: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return where the part is at joints.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (4, 4)
+            The part's frame in the base, mm.
+        """
+        return self.part2base(fixturing, float(np.sum(q[N_JOINTS:])))
+
+    def flange(self, cam2world: np.ndarray, fixturing: str, angle: float = 0.0) -> np.ndarray:
+        """Return the poses of the tip for poses of the camera.
+
+        Parameters
+        ----------
+        cam2world : array, shape (n, 4, 4) or (4, 4)
+            Poses of the camera in the part's frame, mm.
+        fixturing : str
+            Name of a fixturing.
+        angle : float
+            Angle of its turntable, rad.
+
+        Returns
+        -------
+        array, shape (n, 4, 4) or (4, 4)
+            Poses of the tip in the base, mm.
+        """
+        camera = compose(self.part2base(fixturing, angle), check_rotations("cam2world", cam2world))
+        return compose(camera, invert(self.cam2flange))
+
+    def cam2world(self, q: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return the poses of the camera for joints.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6), or (n, 7) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (n, 4, 4)
+            Poses of the camera in the part's frame, mm.
+        """
+        joints = np.asarray(q, dtype=np.float64)
+        camera = compose(self.robot.forward(joints[:, :N_JOINTS]), self.cam2flange)
+        angles = joints[:, N_JOINTS:].sum(axis=1).tolist()
+        parts = [self.part2base(fixturing, angle) for angle in angles]
+        return compose(invert(np.array(parts).reshape(-1, 4, 4)), camera)
+
+    def limits(self, fixturing: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and the largest joints of moves.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (6,), or (7,) on a turntable
+            Least joints, rad.
+        array, shape (6,), or (7,) on a turntable
+            Largest joints, rad.
+        """
+        table = self._fixturing(fixturing).table
+        if table is None:
+            return self.robot.lower, self.robot.upper
+        low, high = table.range
+        return np.append(self.robot.lower, low), np.append(self.robot.upper, high)
+
+    def rates(self, fixturing: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the largest speeds and accelerations.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (6,), or (7,) on a turntable
+            Speeds, rad/s.
+        array, shape (6,), or (7,) on a turntable
+            Accelerations, rad/s².
+        """
+        robot = self.robot
+        table = self._fixturing(fixturing).table
+        if table is None:
+            return robot.speeds, robot.accelerations
+        return (
+            np.append(robot.speeds, table.speed),
+            np.append(robot.accelerations, table.acceleration),
+        )
+
+    def free(self, q: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return which joints are within limits and keep the clearance.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6), or (n, 7) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array of bool, shape (n,)
+            True where nothing is too near.
+        """
+        joints = np.asarray(q, dtype=np.float64)
+        result = np.zeros(len(joints), dtype=bool)
+        for rows, reacher, own in self._by_angle(joints, fixturing):
+            result[rows] = reacher.free(own)
+        return result
+
+    def blocked_by(self, q: np.ndarray, fixturing: str) -> str:
+        """Return what is wrong with joints, in words.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        str
+            Empty if they are free.
+        """
+        ((_, reacher, own),) = self._by_angle(np.asarray(q, dtype=np.float64)[None], fixturing)
+        return reacher.blocked_by(own[0])
+
+    def clearance(
+        self, q: np.ndarray, fixturing: str, *, links_mm: float = LINKS_NEAR_MM
+    ) -> Closeness:
+        """Return what arm or camera is nearest to: the part, an obstacle, or a link of the arm that is very near.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+        links_mm : float
+            Pairs of the arm's own links count only if they are nearer than this: some are near in all joints.
+
+        Returns
+        -------
+        Closeness
+            Names of the closest two objects and their distance, mm.
+        """
+        ((_, reacher, own),) = self._by_angle(np.asarray(q, dtype=np.float64)[None], fixturing)
+        return Closeness(*reacher.closest(own[0], links_mm))
+
+    def slack_bound(
+        self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf, *, share: float = 1.0
+    ) -> np.ndarray:
+        """Return by how much all distances exceed those required, at least, for joints (n, 6).
+
+        Parameters
+        ----------
+        q : array, shape (n, 6), or (n, 7) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+        enough_mm : float
+            Below this the result is exact; above, a quick lower bound.
+        share : float
+            Share of the clearance that is required.
+
+        Returns
+        -------
+        array, shape (n,)
+            Millimetres; negative if the clearance is not kept, -inf if objects touch.
+        """
+        joints = np.asarray(q, dtype=np.float64)
+        result = np.empty(len(joints))
+        for rows, reacher, own in self._by_angle(joints, fixturing):
+            result[rows] = reacher.slack(own, share * reacher.required, enough_mm)
+        return result
+
+    def free_shares(
+        self, q: np.ndarray, turn: np.ndarray, reach: np.ndarray, kept: float, *, fixturing: str
+    ) -> np.ndarray:
+        """Return which share of a straight move is proven free in both directions from joints.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6), or (n, 7) on a turntable
+            Joints, rad.
+        turn : array, shape (6,), or (7,) on a turntable
+            The move, rad.
+        reach : array, shape (n,)
+            Largest shares of it that are of interest.
+        kept : float
+            Share of the clearance that must be kept.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (n,)
+            See `Reacher.free_shares`.
+        """
+        if self._fixturing(fixturing).table is None:
+            return self._reacher(fixturing).free_shares(q, turn, reach, kept)
+        frames = self.robot.chain.frames(q[:, :N_JOINTS])
+        return self._turned(fixturing).shares(frames, q[:, N_JOINTS], turn, reach, kept)
+
+    def shapes(
+        self, q: np.ndarray, fixturing: str
+    ) -> list[tuple[str, bool, np.ndarray, np.ndarray]]:
+        """Return everything at joints: name, whether it moves, corners in the base, triangles.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        list of tuple
+            The arm first.
+        """
+        ((_, reacher, own),) = self._by_angle(np.asarray(q, dtype=np.float64)[None], fixturing)
+        return reacher.shapes(own[0])

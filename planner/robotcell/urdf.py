@@ -1,0 +1,585 @@
+"""URDF files: the chain from the base link to the tip, and what is fixed to each of its links.
+
+A URDF is in metres; what comes out is in millimetres. Collision geometry is read, or the visual one where a link has
+no other. Joints off the chain, such as those of a gripper, stand at zero.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+import numpy as np
+
+from planner.argument_kinds import shown
+from planner.exceptions import RobotError
+
+# Products of poses, summed in one order everywhere: what BLAS adds up differs between its
+# versions.
+
+
+_ROTATION = 2e-6
+"""Rounding a rotation to 6 decimals changes R·Rᵀ by at most 5e-7 · 2√3 = 1.74e-6."""
+_POLAR = 2
+_NO_NOISE = 1e-14
+
+
+def compose(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the poses (..., 4, 4) first · second; shapes broadcast."""
+    return np.einsum("...ij,...jk->...ik", first, second)
+
+
+def invert(pose: np.ndarray) -> np.ndarray:
+    """Return the inverses of poses (..., 4, 4)."""
+    result = np.zeros_like(pose)
+    turned = np.swapaxes(pose[..., :3, :3], -1, -2)
+    result[..., :3, :3] = turned
+    result[..., :3, 3] = -np.einsum("...ij,...j->...i", turned, pose[..., :3, 3])
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def carry(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return points (m, 3) moved by poses (..., 4, 4); (..., m, 3)."""
+    return np.einsum("...ij,mj->...mi", pose[..., :3, :3], points) + pose[..., None, :3, 3]
+
+
+def from_rpy(xyz: np.ndarray, rpy: np.ndarray) -> np.ndarray:
+    """Return a pose (4, 4) of URDF's numbers: turned about fixed x, then y, then z, then shifted."""
+    roll, pitch, yaw = (float(angle) for angle in rpy)
+    cr = np.cos(roll)
+    sr = np.sin(roll)
+    cp = np.cos(pitch)
+    sp = np.sin(pitch)
+    cy = np.cos(yaw)
+    sy = np.sin(yaw)
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    pose[:3, 3] = xyz
+    return pose
+
+
+def to_axis(axis: np.ndarray) -> np.ndarray:
+    """Return a pose (4, 4) without shift whose z axis is a unit vector; the identity for z itself."""
+    pose = np.eye(4)
+    if np.array_equal(axis, (0.0, 0.0, 1.0)):
+        return pose
+    least = np.zeros(3)
+    least[int(np.abs(axis).argmin())] = 1.0
+    across = np.cross(least, axis)
+    across /= np.sqrt((across**2).sum())
+    pose[:3, 0] = across
+    pose[:3, 1] = np.cross(axis, across)
+    pose[:3, 2] = axis
+    return pose
+
+
+def about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Return the rotation (3, 3) about a unit vector, by the formula of Rodrigues."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return (
+        np.eye(3)
+        + np.sin(angle) * cross
+        + (1 - np.cos(angle)) * np.einsum("ij,jk->ik", cross, cross)
+    )
+
+
+def check_rotations(name: str, value: np.ndarray) -> np.ndarray:
+    """Return poses (..., 4, 4) with the rotations nearest to theirs; those without noise stay as they are.
+
+    The polar factor by the iteration X (3 - XᵀX) / 2 of Björck and Bowie (1971): an error e becomes 3/4 e².
+
+    Raises
+    ------
+    RobotError
+        A rotation is none to 6 decimals.
+    """
+    poses = np.array(value, dtype=np.float64)
+    turns = poses[..., :3, :3]
+    noise = np.abs(np.einsum("...ij,...kj->...ik", turns, turns) - np.eye(3)).max(axis=(-2, -1))
+    if not (noise <= _ROTATION).all():
+        wrong = turns[~(noise <= _ROTATION)][0]
+        hint = "give 6 decimals, or divide the columns by the scale"
+        raise RobotError.of_rule(name, "must hold a rotation", shown(wrong.tolist()), hint=hint)
+    is_noisy = noise > _NO_NOISE
+    noisy = turns[is_noisy]
+    for _ in range(_POLAR):
+        square = np.einsum("nji,njk->nik", noisy, noisy)
+        noisy = 1.5 * noisy - 0.5 * np.einsum("nij,njk->nik", noisy, square)
+    turns[is_noisy] = noisy
+    return poses
+
+
+def check_pose(name: str, value: Any) -> np.ndarray:
+    """Return a pose (4, 4) with the nearest rotation, or raise `RobotError` if it is no rigid motion.
+
+    A rotation is one to 6 decimals. What is left of its digits' noise is taken out.
+
+    Raises
+    ------
+    RobotError
+        Shape, a number that is not finite, the last row, a mirror image or a rotation that is none.
+    """
+    try:
+        pose = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.shape != (4, 4):
+        got = str(pose.shape) if pose.size else shown(value)
+        raise RobotError.of_rule(name, "must have shape (4, 4)", got)
+    if not np.isfinite(pose).all():
+        raise RobotError.of_rule(name, "must hold finite numbers", shown(pose.tolist()))
+    if not np.array_equal(pose[3], (0.0, 0.0, 0.0, 1.0)):
+        raise RobotError.of_rule(name, "must have the last row 0 0 0 1", shown(pose[3].tolist()))
+    pose = check_rotations(name, pose)
+    turn = pose[:3, :3]
+    handed = float(np.einsum("i,i->", np.cross(turn[0], turn[1]), turn[2]))
+    if handed < 0:
+        hint = "an axis points the wrong way"
+        raise RobotError.of_rule(
+            name, "must have a determinant of 1, not a mirror image", "-1", hint=hint
+        )
+    pose.flags.writeable = False
+    return pose
+
+
+_MM = 1000.0
+_TURNS = ("revolute", "continuous")
+_LONGEST_M = 50.0
+_SPEEDS_HINT = "a cell file states it in [robot] as speeds, in rad/s: one number or six"
+N_JOINTS = 6
+"""Joints of an arm."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Geometry that is fixed to a segment.
+
+    Attributes
+    ----------
+    kind : {"mesh", "box", "cylinder", "sphere"}
+        What it is.
+    size : tuple of float
+        Scale of a mesh with mm for its unit (3,); edges of a box (3,); radius and length of a cylinder; radius; mm.
+    pose : array (4, 4)
+        Its frame in that of the segment.
+    file : str
+        The mesh as the URDF names it.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    pose: np.ndarray
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A turning joint of the chain, in rad and seconds.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    origin : array (4, 4)
+        Its frame in that of the link before it, fixed joints in between included.
+    axis : array (3,)
+        Unit vector in its own frame.
+    lower, upper, speed : float
+        Limits.
+    """
+
+    name: str
+    origin: np.ndarray
+    axis: np.ndarray
+    lower: float
+    upper: float
+    speed: float
+
+
+@dataclass(frozen=True)
+class UrdfArm:
+    """A serial arm as a file describes it.
+
+    Attributes
+    ----------
+    name : str
+        Name of the robot.
+    joints : tuple of UrdfJoint
+        Six, from the base to the tip.
+    tip : array (4, 4)
+        Frame of the tip in that of the last joint.
+    segments : tuple of str
+        Names of the base link and of the links behind the joints.
+    shapes : tuple of tuple of Shape
+        What is fixed to each segment.
+    notes : tuple of str
+        What of the file does not count, in words.
+    """
+
+    name: str
+    joints: tuple[UrdfJoint, ...]
+    tip: np.ndarray
+    segments: tuple[str, ...]
+    shapes: tuple[tuple[Shape, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+class _Tree:
+    """Links and joints of a file by name."""
+
+    def __init__(self, root: ElementTree.Element) -> None:
+        self.name = root.get("name", "")
+        for kind in ("link", "joint"):
+            _check_distinct(kind, [_name(element) for element in root.findall(kind)])
+        self.links = {_name(link): link for link in root.findall("link")}
+        self.above: dict[str, ElementTree.Element] = {}
+        self.below: dict[str, list[ElementTree.Element]] = {}
+        for joint in root.findall("joint"):
+            parent, child = (_end(joint, which) for which in ("parent", "child"))
+            for link in (parent, child):
+                if link not in self.links:
+                    rule = f"must name links of the file in joint {_name(joint)!r}"
+                    raise RobotError.of_rule("urdf", rule, repr(link))
+            if child in self.above:
+                raise RobotError.of_rule(
+                    "urdf", "must hang every link on one joint", f"two for {child!r}"
+                )
+            self.above[child] = joint
+            self.below.setdefault(parent, []).append(joint)
+        self._check_root()
+
+    def _check_root(self) -> None:
+        """Raise if links hang on nothing: they would be left out."""
+        roots = [link for link in self.links if link not in self.above]
+        if len(roots) > 1:
+            names = " and ".join(map(repr, roots))
+            raise RobotError.of_rule(
+                "urdf", "must have one link that hangs on no joint", f"{len(roots)}: {names}"
+            )
+
+    def check_mimics(self, chain: Iterable[ElementTree.Element]) -> None:
+        """Raise if a joint follows another one in a way that is not modelled.
+
+        Joints off the chain stand at zero. So one that follows such a joint without an offset does, too.
+        """
+        on_chain = {_name(joint) for joint in chain}
+        for joint in (joint for joints in self.below.values() for joint in joints):
+            mimic = joint.find("mimic")
+            if mimic is None:
+                continue
+            name = _name(joint)
+            followed = mimic.get("joint", "")
+            offset = _numbers(mimic.get("offset", "0"), 1, f"offset of joint {name!r}")[0]
+            if name in on_chain or followed in on_chain or offset != 0:
+                raise RobotError.of_rule(
+                    "urdf",
+                    "must have joints that move by themselves",
+                    f"mimic: joint {name!r} follows {followed!r}",
+                )
+
+    def joints_to(self, tip: str) -> list[ElementTree.Element]:
+        """Return the joints from the root to a link."""
+        chain: list[ElementTree.Element] = []
+        link = tip
+        while link in self.above:
+            if len(chain) > len(self.above):
+                raise RobotError.of_rule("urdf", "must not close a circle of joints", repr(tip))
+            chain.append(self.above[link])
+            link = _end(chain[-1], "parent")
+        return chain[::-1]
+
+
+def _check_distinct(kind: str, names: list[str]) -> None:
+    """Raise if two elements have one name: one of them would be left out."""
+    for name in names:
+        if names.count(name) > 1:
+            rule = f"must give every {kind} a name of its own"
+            raise RobotError.of_rule("urdf", rule, f"{names.count(name)} called {name!r}")
+
+
+def read_urdf(
+    text: str, tip: str, base: str | None = None, speeds: Sequence[float] | np.ndarray | None = None
+) -> UrdfArm:
+    """Return the arm that a URDF describes.
+
+    Parameters
+    ----------
+    text : str
+        The file.
+    tip : str
+        Link the camera is fixed to.
+    base : str, optional
+        Link whose frame is the robot's base. Default: ``base_link`` where there is one, otherwise the first link.
+    speeds : array (6,), optional
+        Largest speeds of the joints, rad/s. Default: those of the file.
+
+    Raises
+    ------
+    RobotError
+        The text is no URDF, a link is missing, or the chain is no arm of six turning joints with limits and speeds.
+    """
+    tree = _Tree(_root(text))
+    for parameter, link in (("tip", tip), ("base", base)):
+        if link is not None and link not in tree.links:
+            raise RobotError.of_rule(
+                parameter, "must be a link of the robot", repr(link), hint=_listed(tree.links)
+            )
+    chain = tree.joints_to(tip)
+    moving = [joint for joint in chain if joint.get("type") != "fixed"]
+    _check_moving(moving, tip)
+    tree.check_mimics(chain)
+    links = _bodies(tree, chain, moving)
+    base = _base(base, tree, links[0])
+    links[0] = _seen_from(links[0], base)
+    joints = []
+    for number, (before, joint) in enumerate(zip(links, moving, strict=False)):
+        origin = compose(before[_end(joint, "parent")], _origin(joint))
+        joints.append(_moving_joint(joint, origin, None if speeds is None else speeds[number]))
+    _check_size(joints, links[-1][tip])
+    notes: list[str] = []
+    shapes = tuple(
+        tuple(
+            shape for link, pose in body.items() for shape in _shapes(tree.links[link], pose, notes)
+        )
+        for body in links
+    )
+    segments = (base, *(_end(joint, "child") for joint in moving))
+    return UrdfArm(tree.name, tuple(joints), links[-1][tip], segments, shapes, tuple(notes))
+
+
+def _bodies(
+    tree: _Tree, chain: list[ElementTree.Element], moving: list[ElementTree.Element]
+) -> list[dict[str, np.ndarray]]:
+    """Return what moves as one with the first link and with each moving joint: poses (4, 4) by link."""
+    starts = [_end(chain[0], "parent"), *(_end(joint, "child") for joint in moving)]
+    bodies = []
+    for start in starts:
+        body = {start: np.eye(4)}
+        left = [start]
+        while left:
+            link = left.pop()
+            for joint in tree.below.get(link, ()):
+                if joint not in moving:
+                    child = _end(joint, "child")
+                    body[child] = compose(body[link], _origin(joint))
+                    left.append(child)
+        bodies.append(body)
+    return bodies
+
+
+def _base(base: str | None, tree: _Tree, fixed: Mapping[str, np.ndarray]) -> str:
+    """Return the base link; it must not move."""
+    if base is None:
+        return "base_link" if "base_link" in fixed else next(iter(fixed))
+    if base not in fixed:
+        raise RobotError.of_rule(
+            "base", "must be a link before the first joint", repr(base), hint=_listed(fixed)
+        )
+    return base
+
+
+def _seen_from(body: Mapping[str, np.ndarray], link: str) -> dict[str, np.ndarray]:
+    """Return poses in the frame of one of the links."""
+    inverse = invert(body[link])
+    return {name: compose(inverse, pose) for name, pose in body.items()}
+
+
+def _root(text: str) -> ElementTree.Element:
+    """Return the element of the robot."""
+    _check_plain_xml(text)
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise RobotError.of_rule("urdf", "must be XML", str(error)) from None
+    # http://www.ros.org/wiki/xacro and others
+    spaces = [one for one in root.iter() if re.match(r"\{[^}]*ros\.org[^}]*\}", str(one.tag))]
+    if spaces or any(map(_is_unexpanded, (*root.iter("link"), *root.iter("joint")))):
+        hint = "xacrodoc writes the URDF of a xacro: xacrodoc robot.urdf.xacro -o robot.urdf"
+        raise RobotError.of_rule("urdf", "must be expanded", "a xacro file", hint=hint)
+    if root.tag != "robot":
+        raise RobotError.of_rule("urdf", "must hold the element robot", shown(root.tag))
+    return root
+
+
+def _check_plain_xml(text: str) -> None:
+    """Raise at a DOCTYPE, before any entity is read; one within a comment is none."""
+
+    def refuse(*_: object) -> None:
+        raise RobotError.of_rule("urdf", "must hold no DOCTYPE and no entities", "one")
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise RobotError.of_rule("urdf", "must be XML", str(error)) from None
+
+
+def _is_unexpanded(element: ElementTree.Element) -> bool:
+    """Return whether a link or a joint holds what xacro would replace."""
+    texts = [word for one in element.iter() for word in (*one.attrib.values(), one.text or "")]
+    return any("${" in word or "$(" in word for word in texts)
+
+
+def _check_moving(moving: list[ElementTree.Element], tip: str) -> None:
+    """Raise unless the chain has six turning joints."""
+    for number, joint in enumerate(moving, start=1):
+        kind = joint.get("type")
+        if kind not in _TURNS:
+            raise RobotError.of_rule(
+                "urdf", f"must turn in every joint to {tip!r}", f"{kind} for joint {number}"
+            )
+    if len(moving) != N_JOINTS:
+        rule = f"must have six joints between base and {tip!r}"
+        names = ", ".join(map(_name, moving))
+        raise RobotError.of_rule("urdf", rule, f"{len(moving)}: {names}")
+
+
+def _moving_joint(joint: ElementTree.Element, origin: np.ndarray, speed: float | None) -> UrdfJoint:
+    """Return a joint with its limits; its speed may come from elsewhere."""
+    name = _name(joint)
+    limit = joint.find("limit")
+    values = {} if limit is None else dict(limit.attrib)
+    if joint.get("type") == "continuous":
+        values |= {"lower": repr(-2 * math.pi), "upper": repr(2 * math.pi)}
+    for key in ("lower", "upper"):
+        if key not in values:
+            raise RobotError.of_rule("urdf", f"must state {key} of joint {name!r}", "none")
+    lower, upper = (
+        _numbers(values[key], 1, f"{key} of joint {name!r}")[0] for key in ("lower", "upper")
+    )
+    if not lower < upper:
+        rule = f"must have lower below upper for joint {name!r}"
+        raise RobotError.of_rule("urdf", rule, f"{lower:g} and {upper:g}")
+    if speed is None:
+        speed = _stated_speed(values, name)
+    stated = joint.find("axis")
+    text = "1 0 0" if stated is None else stated.get("xyz", "1 0 0")
+    axis = np.array(_numbers(text, 3, f"axis of joint {name!r}"))
+    length = math.sqrt(float((axis**2).sum()))
+    if length == 0:
+        raise RobotError.of_rule("urdf", f"must have an axis for joint {name!r}", text)
+    return UrdfJoint(name, origin, axis / length, lower, upper, speed)
+
+
+def _stated_speed(values: Mapping[str, str], name: str) -> float:
+    """Return the largest speed of a joint that its limits state, rad/s."""
+    if "velocity" not in values:
+        rule = f"must state velocity of joint {name!r}"
+        raise RobotError.of_rule("urdf", rule, "none", hint=_SPEEDS_HINT)
+    speed = _numbers(values["velocity"], 1, f"velocity of joint {name!r}")[0]
+    if speed <= 0:
+        rule = f"must have a positive velocity for joint {name!r}"
+        raise RobotError.of_rule("urdf", rule, f"{speed:g}", hint=_SPEEDS_HINT)
+    return speed
+
+
+def _shapes(link: ElementTree.Element, pose: np.ndarray, notes: list[str]) -> list[Shape]:
+    """Return the geometry of a link whose frame is given, and note what is no body."""
+    for kind in ("collision", "visual"):
+        shapes = [_shape(element, pose, _name(link)) for element in link.findall(kind)]
+        bodies = [shape for shape in shapes if _is_body(shape)]
+        notes += [
+            f"the {shape.kind} of link {_name(link)!r} has size 0 and is no body"
+            for shape in shapes
+            if not _is_body(shape)
+        ]
+        if bodies:
+            return bodies
+    return []
+
+
+def _is_body(shape: Shape) -> bool:
+    return shape.kind == "mesh" or min(shape.size) > 0
+
+
+def _shape(element: ElementTree.Element, pose: np.ndarray, link: str) -> Shape:
+    """Return one geometry."""
+    placed = compose(pose, _origin(element))
+    geometry = element.find("geometry")
+    for shape in () if geometry is None else geometry:
+        what = f"{shape.tag} of link {link!r}"
+        if shape.tag == "mesh":
+            scale = _numbers(shape.get("scale", "1 1 1"), 3, f"scale of {what}")
+            size = tuple(_MM * number for number in scale)
+            return Shape("mesh", size, placed, shape.get("filename", ""))
+        if shape.tag == "box":
+            size = _numbers(shape.get("size", ""), 3, f"size of {what}")
+        elif shape.tag == "cylinder":
+            size = tuple(
+                _numbers(shape.get(key, ""), 1, f"{key} of {what}")[0]
+                for key in ("radius", "length")
+            )
+        elif shape.tag == "sphere":
+            size = _numbers(shape.get("radius", ""), 1, f"radius of {what}")
+        else:
+            continue
+        # a dummy that marks a frame has no size at all; one number of 0 among others is a slip
+        if min(size) < 0 or (min(size) == 0 and max(size) > 0):
+            raise RobotError.of_rule("urdf", f"must have a positive size for {what}", repr(size))
+        return Shape(shape.tag, tuple(_MM * number for number in size), placed)
+    raise RobotError.of_rule(
+        "urdf", f"must have a mesh, box, cylinder or sphere in link {link!r}", "none"
+    )
+
+
+def _origin(element: ElementTree.Element) -> np.ndarray:
+    """Return the pose (4, 4) of an origin, mm."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    xyz = _numbers(origin.get("xyz", "0 0 0"), 3, "xyz of an origin")
+    rpy = _numbers(origin.get("rpy", "0 0 0"), 3, "rpy of an origin")
+    return from_rpy(_MM * np.array(xyz), np.array(rpy))
+
+
+def _numbers(text: str, count: int, what: str) -> tuple[float, ...]:
+    """Return the finite numbers of an attribute."""
+    try:
+        numbers = tuple(float(word) for word in text.split())
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        rule = f"must hold {count} finite numbers for {what}"
+        raise RobotError.of_rule("urdf", rule, shown(text))
+    return numbers
+
+
+def _check_size(joints: list[UrdfJoint], tip: np.ndarray) -> None:
+    """Refuse lengths that are in millimetres."""
+    lengths = [
+        math.sqrt(float((pose[:3, 3] ** 2).sum())) for pose in (*(j.origin for j in joints), tip)
+    ]
+    metres = sum(lengths) / _MM
+    if metres > _LONGEST_M:
+        raise RobotError.of_rule(
+            "urdf",
+            "must be in metres",
+            f"an arm that is {metres:,.0f} m long",
+            hint="are its lengths and meshes in mm?",
+        )
+
+
+def _name(element: ElementTree.Element) -> str:
+    return element.get("name", "")
+
+
+def _end(joint: ElementTree.Element, which: str) -> str:
+    """Return the parent or the child of a joint."""
+    link = joint.find(which)
+    return "" if link is None else link.get("link", "")
+
+
+def _listed(names: Iterable[str]) -> str:
+    return "there are " + ", ".join(names)

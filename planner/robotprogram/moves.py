@@ -1,0 +1,551 @@
+"""The shortest round whose moves are all proven free: checked only where the round goes.
+
+Times begin as those of straight moves. The moves of the shortest round are checked, and a blocked
+one counts as longer by about the mean of the ways around that are known. Where the shortest round still
+needs it, a way around is sought, and its own time counts. This ends when the round holds moves only
+that are proven free.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from planner.robotprogram.program_record import Move
+from planner.robotprogram.tour import (
+    EXACT_UP_TO,
+    KICKS,
+    JointRates,
+    Tour,
+    move_times,
+    shortest_tour,
+)
+
+# Straight joint moves that are proven free: conservative advancement.
+#
+# At any joints of the line, the distances of all bodies prove that a share of the whole move to
+# both sides is free too: no body can move far enough to touch another. The middle is asked first,
+# and what it leaves open is halved again. Steps would miss thin bodies.
+
+
+MOST_POSES = 4000
+"""A line that needs more poses counts as blocked."""
+_LEAST_SHARE = 2e-5
+
+
+class JointSpace(Protocol):
+    """What a move needs to know of a robot and what stands around it."""
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Least joints (k,), rad."""
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Largest joints (k,), rad."""
+
+    def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
+        """Return which share of a turn (k,) is free to both sides of joints (n, k): at most reach (n,)."""
+
+
+class MoveCheck(NamedTuple):
+    """Result of a check.
+
+    Attributes
+    ----------
+    free : bool
+        Whether the move is proven to keep the distance.
+    poses : int
+        Poses whose distances were computed.
+    blocked_at : float
+        Where it could not be proven, as a share of the move; nan if it is free.
+    """
+
+    free: bool
+    poses: int
+    blocked_at: float = np.nan
+
+
+def check_move(space: JointSpace, start: np.ndarray, end: np.ndarray) -> MoveCheck:
+    """Prove that a straight joint move is free, or say where that fails.
+
+    Parameters
+    ----------
+    space : JointSpace
+        The robot and its surroundings.
+    start, end : array (k,)
+        Joints, rad.
+
+    Returns
+    -------
+    MoveCheck
+        Free only if proven. A line on which less than 0.00002 of it is free around some joints
+        counts as blocked.
+    """
+    turn = np.asarray(end) - np.asarray(start)
+    open_parts = np.array([[0.0, 1.0]])
+    asked = 0
+    while len(open_parts):
+        middles = open_parts.mean(axis=1)
+        halves = (open_parts[:, 1] - open_parts[:, 0]) / 2
+        shares = space.free_shares(start + middles[:, None] * turn, turn, halves)
+        asked += len(middles)
+        blocked = shares < np.minimum(halves, _LEAST_SHARE)
+        if blocked.any() or asked > MOST_POSES:
+            return MoveCheck(False, asked, float(middles[int(shares.argmin())]))
+        open_parts = _left_open(open_parts, middles, shares)
+    return MoveCheck(True, asked)
+
+
+def _left_open(parts: np.ndarray, middles: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Return what the middles do not prove: up to two parts of each."""
+    before = np.stack([parts[:, 0], middles - shares], axis=1)
+    after = np.stack([middles + shares, parts[:, 1]], axis=1)
+    both = np.concatenate([before, after])
+    # what rounding leaves of a part is less than any share that is asked for
+    return both[both[:, 1] - both[:, 0] > 1e-12]
+
+
+def check_path(space: JointSpace, path: np.ndarray) -> MoveCheck:
+    """Check the straight moves between the joints (n, k) of a path, see `check_move`."""
+    asked = 0
+    for start, end in itertools.pairwise(path):
+        found = check_move(space, start, end)
+        asked += found.poses
+        if not found.free:
+            return MoveCheck(False, asked, found.blocked_at)
+    return MoveCheck(True, asked)
+
+
+# A way around what blocks a straight joint move: two trees that grow towards each other.
+#
+# RRT-Connect (Kuffner and LaValle, 2000), then shortcuts. Every piece of the result is proven
+# free by `planner.robotprogram.moves`. The same seed gives the same way.
+
+
+# a shortcut must save this share of the time
+_LEAST_GAIN = 0.02
+
+
+class DetourEffort(NamedTuple):
+    """How long a way around is sought.
+
+    Attributes
+    ----------
+    trials : int
+        Random joints that the trees grow towards.
+    step_rad : float
+        Longest piece added at a time, over the joints.
+    shortcuts : int
+        Pieces that a straight move may replace.
+    """
+
+    trials: int = 400
+    step_rad: float = 0.5
+    shortcuts: int = 20
+
+
+class _Tree:
+    """Joints that are connected to a root by free moves."""
+
+    def __init__(self, root: np.ndarray):
+        self.joints = [root]
+        self.parents = [-1]
+
+    def nearest(self, target: np.ndarray) -> int:
+        gaps = np.abs(np.array(self.joints) - target).max(axis=1)
+        return int(gaps.argmin())
+
+    def add(self, joints: np.ndarray, parent: int) -> int:
+        self.joints.append(joints)
+        self.parents.append(parent)
+        return len(self.joints) - 1
+
+    def way_to(self, node: int) -> list[np.ndarray]:
+        """Return the joints from the root to a node."""
+        way = []
+        while node >= 0:
+            way.append(self.joints[node])
+            node = self.parents[node]
+        return way[::-1]
+
+
+class Detours:
+    """Finds ways around obstacles in one space.
+
+    Parameters
+    ----------
+    space : JointSpace
+        The robot and its surroundings.
+    rates : JointRates
+        Of its joints; shortcuts save time.
+    effort : DetourEffort
+        How long to seek.
+    """
+
+    def __init__(
+        self,
+        space: JointSpace,
+        rates: JointRates,
+        effort: DetourEffort | None = None,
+    ):
+        self._space = space
+        self.rates = rates
+        self._effort = effort or DetourEffort()
+
+    def find(
+        self, start: np.ndarray, end: np.ndarray, seed: int | list[int] = 0
+    ) -> np.ndarray | None:
+        """Return joints (m, k) from start to end, proven free in between; None if no way is found.
+
+        Parameters
+        ----------
+        start, end : array (k,)
+            Joints, rad.
+        seed : int or list of int
+            Of the random joints.
+        """
+        rng = np.random.default_rng(seed)
+        way = self._connect(np.asarray(start), np.asarray(end), rng)
+        return None if way is None else self._shortened(np.array(way), rng)
+
+    def is_free(self, start: np.ndarray, end: np.ndarray) -> bool:
+        """Return whether the straight move is proven free."""
+        return check_move(self._space, start, end).free
+
+    def _connect(
+        self, start: np.ndarray, end: np.ndarray, rng: np.random.Generator
+    ) -> list[np.ndarray] | None:
+        trees = [_Tree(start), _Tree(end)]
+        limits = (self._space.lower, self._space.upper)
+        # near both ends, and every other pair of times as far as the joints go
+        boxes = [
+            np.clip([np.minimum(start, end) - around, np.maximum(start, end) + around], *limits)
+            for around in (np.pi / 2, 2 * np.pi)
+        ]
+        for trial in range(self._effort.trials):
+            growing = trial % 2
+            first = trees[growing]
+            other = trees[1 - growing]
+            low, high = boxes[trial // 2 % 2]
+            target = _drawn(low, high, rng)
+            node = self._grown(first, target, greedy=False)
+            if node is None:
+                continue
+            met = self._grown(other, first.joints[node], greedy=True)
+            if met is not None and np.array_equal(other.joints[met], first.joints[node]):
+                way = first.way_to(node) + other.way_to(met)[::-1][1:]
+                return way if growing == 0 else way[::-1]
+        return None
+
+    def _grown(self, tree: _Tree, target: np.ndarray, *, greedy: bool) -> int | None:
+        """Grow a tree towards joints by one step, or on as far as it is free; return the last node."""
+        node = tree.nearest(target)
+        last = None
+        while True:
+            here = tree.joints[node]
+            turn = target - here
+            length = float(np.abs(turn).max())
+            if length == 0.0:
+                return node
+            arrives = length <= self._effort.step_rad
+            there = target if arrives else here + turn * (self._effort.step_rad / length)
+            if not self.is_free(here, there):
+                return last
+            node = tree.add(there, node)
+            last = node
+            if arrives or not greedy:
+                return last
+
+    def _shortened(self, way: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Replace pieces between random points of the way by straight moves that are free and quicker."""
+        way = self._straightened(way)
+        for _ in range(self._effort.shortcuts):
+            if len(way) == 2:
+                break
+            legs = np.sort(rng.choice(len(way) - 1, 2, replace=False))
+            first, last = (
+                way[leg] + share * (way[leg + 1] - way[leg])
+                for leg, share in zip(legs, rng.uniform(0, 1, 2), strict=True)
+            )
+            shorter = np.concatenate([way[: legs[0] + 1], [first, last], way[legs[1] + 1 :]])
+            shorter = _without_repeats(shorter)
+            is_worth = self.seconds(shorter) < (1.0 - _LEAST_GAIN) * self.seconds(way)
+            if is_worth and self.is_free(first, last):
+                way = shorter
+        return self._straightened(way)
+
+    def _straightened(self, way: np.ndarray) -> np.ndarray:
+        """Leave out joints between which the straight move is free and quicker, first ones first."""
+        k = 1
+        while k < len(way) - 1:
+            shorter = np.delete(way, k, axis=0)
+            quicker = self.seconds(shorter) < self.seconds(way)
+            if quicker and self.is_free(way[k - 1], way[k + 1]):
+                way = shorter
+                k = max(k - 1, 1)
+            else:
+                k += 1
+        return way
+
+    def seconds(self, way: np.ndarray) -> float:
+        """Return the time of a way (m, k) with a stop at each of its joints."""
+        return float(move_times(way[:-1], way[1:], self.rates).sum())
+
+
+def _drawn(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return random joints (k,); one that cannot turn takes no random number."""
+    joints = low.copy()
+    turns = high > low
+    joints[turns] = rng.uniform(low[turns], high[turns])
+    return joints
+
+
+def _without_repeats(way: np.ndarray) -> np.ndarray:
+    changed = np.abs(np.diff(way, axis=0)).max(axis=1) > 0
+    return way[np.concatenate([[True], changed])]
+
+
+# of a move without a way
+_BLOCKED_S = 1e6
+# how much longer a way around takes than the straight move, before one is known
+_LONGER = 1.25
+# how often a round is disturbed when all of its moves are known
+_KICKS_AGAIN = 2
+# place and branch
+_End = tuple[int, int]
+_HOME: _End = (0, 0)
+# an end that no way leads to is cut off after so many failures
+_FAILURES = 2
+_FAILURES_OF_HOME = 6
+# place and branch at both ends of a move
+_Leg = tuple[int, int, int, int]
+
+
+class CheckedTour(NamedTuple):
+    """A round of moves that are proven free.
+
+    Attributes
+    ----------
+    order : tuple of int
+        The settings, from 0, in the order of the visits.
+    branches : tuple of int
+        The branch in each of them.
+    moves : tuple of Move
+        From home to the first, from each to the next, and back.
+    dropped : tuple of int
+        Settings that no free way was found to.
+    """
+
+    order: tuple[int, ...]
+    branches: tuple[int, ...]
+    moves: tuple[Move, ...]
+    dropped: tuple[int, ...]
+
+
+def straight_costs(
+    home: np.ndarray, branches: Sequence[np.ndarray], rates: JointRates
+) -> np.ndarray:
+    """Return the times of straight moves between all branches, as `shortest_tour` takes them.
+
+    Parameters
+    ----------
+    home : array (k,)
+        Joints, rad.
+    branches : sequence of array (b, k)
+        The branches of each setting, at least one.
+    rates : JointRates
+        Of the robot.
+
+    Returns
+    -------
+    array (n + 1, n + 1, b, b)
+        Seconds; inf for branches that a setting does not have.
+    """
+    n = len(branches) + 1
+    most = max((len(group) for group in branches), default=1)
+    joints = np.full((n, most, len(home)), np.nan)
+    joints[0, 0] = home
+    for place, group in enumerate(branches, 1):
+        joints[place, : len(group)] = group
+    known = ~np.isnan(joints[..., 0])
+    usable = known[:, None, :, None] & known[None, :, None, :]
+    filled = np.where(np.isnan(joints), 0.0, joints)
+    times = move_times(filled[:, None, :, None], filled[None, :, None, :], rates)
+    return np.where(usable, times, np.inf)
+
+
+class TourChecker:
+    """Finds the round through settings in one fixturing.
+
+    Parameters
+    ----------
+    detours : Detours
+        Checks moves, and finds ways around.
+    home : array (k,)
+        Joints at which the round begins and ends, rad.
+    branches : sequence of array (b, k)
+        The branches of each setting, at least one.
+    penalties : array (n, b)
+        Seconds by which a branch must be quicker than another one to be preferred.
+    seed : int
+        Of the ways around.
+    """
+
+    def __init__(
+        self,
+        detours: Detours,
+        home: np.ndarray,
+        branches: Sequence[np.ndarray],
+        penalties: np.ndarray,
+        seed: int = 0,
+    ):
+        self._detours = detours
+        self._joints = [home[None], *branches]
+        self._costs = straight_costs(home, branches, detours.rates)
+        self._penalties = np.zeros(self._costs.shape[1:3])
+        self._penalties[1:] = penalties / 2
+        self._moves: dict[_Leg, Move | None] = {}
+        # seconds of straight moves that are blocked, whose ways around are not known
+        self._blocked: dict[_Leg, float] = {}
+        self._longer: list[float] = []
+        self._linked: set[_End] = set()
+        self._failures: Counter[_End] = Counter()
+        self._left = list(range(len(branches)))
+        self._order: list[int] | None = None
+        self._seed = seed
+
+    def run(self) -> CheckedTour:
+        """Return the round; settings without a free way are dropped one by one."""
+        kicks = KICKS
+        while self._left:
+            tour = self._tour(kicks)
+            legs = self._legs(tour)
+            unchecked = [leg for leg in legs if leg not in self._moves]
+            for leg in unchecked:
+                self._check(leg)
+            if unchecked:
+                kicks = 0
+                continue
+            blocked = [leg for leg in legs if self._moves[leg] is None]
+            if not blocked and kicks == 0 and len(self._left) > EXACT_UP_TO:
+                # only a round that is known as a whole is worth disturbing again
+                kicks = _KICKS_AGAIN
+                continue
+            if not blocked:
+                order = tuple(self._left[k] for k in tour.order)
+                return CheckedTour(order, tour.branches, self._driven(legs), self._dropped)
+            self._left.remove(self._worst(blocked))
+        return CheckedTour((), (), (), self._dropped)
+
+    @property
+    def _dropped(self) -> tuple[int, ...]:
+        return tuple(k for k in range(len(self._joints) - 1) if k not in self._left)
+
+    def _tour(self, kicks: int) -> Tour:
+        """Return the shortest round through the settings that are left, by the times known."""
+        places = [0, *(k + 1 for k in self._left)]
+        chosen = np.ix_(places, places)
+        penalties = self._penalties[places]
+        extra = penalties[:, None, :, None] + penalties[None, :, None, :]
+        costs = self._costs[chosen] + extra
+        if self._order is None:
+            tour = shortest_tour(costs)
+        else:
+            # a few times have changed since
+            start = [self._left.index(k) + 1 for k in self._order if k in self._left]
+            tour = shortest_tour(costs, kicks, start)
+        self._order = [self._left[k] for k in tour.order]
+        return tour
+
+    def _legs(self, tour: Tour) -> list[_Leg]:
+        places = [(0, 0)]
+        places += [
+            (self._left[k] + 1, branch) for k, branch in zip(tour.order, tour.branches, strict=True)
+        ]
+        places.append((0, 0))
+        return [(*first, *last) for first, last in pairwise(places)]
+
+    def _check(self, leg: _Leg) -> None:
+        """Check the straight move of a leg; if it is known to be blocked, seek a way around."""
+        first, branch, last, branch_there = leg
+        if first > last:
+            # both directions are one way
+            self._check((last, branch_there, first, branch))
+            return
+        start = self._joints[first][branch]
+        end = self._joints[last][branch_there]
+        if leg in self._blocked:
+            self._go_around(leg, start, end)
+            return
+        straight = np.array([start, end])
+        seconds = self._detours.seconds(straight)
+        if self._detours.is_free(start, end):
+            self._settle(leg, straight, seconds)
+        else:
+            self._blocked[leg] = seconds
+            self._set_cost(leg, self._estimate * seconds)
+
+    def _go_around(self, leg: _Leg, start: np.ndarray, end: np.ndarray) -> None:
+        """Seek a way around for a blocked leg, and learn from it how much longer others may be."""
+        straight = self._blocked.pop(leg)
+        way = self._detours.find(start, end, [self._seed, *leg])
+        if way is None:
+            self._settle(leg, None, _BLOCKED_S)
+            self._count_failure(leg[:2], leg[2:])
+            self._count_failure(leg[2:], leg[:2])
+            return
+        seconds = self._detours.seconds(way)
+        self._settle(leg, way, seconds)
+        self._longer.append(seconds / straight)
+        for other, alone in self._blocked.items():
+            self._set_cost(other, self._estimate * alone)
+
+    def _count_failure(self, end: _End, other: _End) -> None:
+        """Cut off an end that no way leads to from ends that others do lead to."""
+        if end in self._linked:
+            return
+        if end != _HOME and other != _HOME and other not in self._linked:
+            return
+        self._failures[end] += 1
+        if self._failures[end] < (_FAILURES_OF_HOME if end == _HOME else _FAILURES):
+            return
+        branches = [(i, a) for i, group in enumerate(self._joints) for a in range(len(group))]
+        for there in branches:
+            leg = (*min(end, there), *max(end, there))
+            if leg not in self._moves and there[0] != end[0]:
+                self._blocked.pop(leg, None)
+                self._settle(leg, None, _BLOCKED_S)
+
+    @property
+    def _estimate(self) -> float:
+        # the first guess counts once, since a single long way around says little of others
+        return (_LONGER + sum(self._longer)) / (1 + len(self._longer))
+
+    def _settle(self, leg: _Leg, way: np.ndarray | None, seconds: float) -> None:
+        """Keep the way of a leg, and the same way back."""
+        first, branch, last, branch_there = leg
+        back = (last, branch_there, first, branch)
+        if way is not None:
+            self._linked |= {(first, branch), (last, branch_there)}
+        self._moves[leg] = None if way is None else Move(way, seconds)
+        self._moves[back] = None if way is None else Move(way[::-1], seconds)
+        self._set_cost(leg, seconds)
+
+    def _set_cost(self, leg: _Leg, seconds: float) -> None:
+        first, branch, last, branch_there = leg
+        self._costs[first, last, branch, branch_there] = seconds
+        self._costs[last, first, branch_there, branch] = seconds
+
+    def _worst(self, blocked: list[_Leg]) -> int:
+        """Return the setting at most blocked moves; of several the last one."""
+        ends = [place for leg in blocked for place in (leg[0], leg[2]) if place > 0]
+        return max(set(ends), key=lambda place: (ends.count(place), place)) - 1
+
+    def _driven(self, legs: list[_Leg]) -> tuple[Move, ...]:
+        return tuple(move for leg in legs if (move := self._moves[leg]) is not None)

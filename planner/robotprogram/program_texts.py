@@ -1,0 +1,946 @@
+"""Robot programs in the languages of controllers.
+
+**Guarantee.** All formats hold the same joints, in the same order. A pose target would leave the
+branch to the controller, so there is none. A program of a controller stops at its start unless the
+robot stands at home, because only moves from there are checked. Who lets it go on answers for the way
+to home, which is driven slowly.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import date
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from aspectgraph.entities.entity_files import NumberText, table_text
+from planner.argument_kinds import (
+    ABOVE_0_TO_1,
+    NOT_NEGATIVE,
+    NumberRule,
+    check_count,
+    check_kinds,
+    check_number,
+    shown,
+)
+from planner.exceptions import RequestError
+from planner.files import write_text
+from planner.robotcell.arm import ControllerAxes
+from planner.robotprogram.program_record import (
+    LEAST_SPEED,
+    TURNTABLE,
+    FixturedTour,
+    Move,
+    RobotProgram,
+)
+from planner.robotprogram.tour import JointRates, LeadingAxis, leading_axis, move_times, profile
+from planner.sensor_setting import image_name
+
+# What every program does, in no maker's language: moves, images, and what stands at its head.
+
+
+N_AXES = 6
+"""Joints of the robot; behind them may be the angle of a turntable."""
+
+LEAST_SPEEDS = {"krl": 0.01}
+"""Least share of the speeds that a language can say, where that is more than `LEAST_SPEED`: KRL has whole percents."""
+
+LEAST_RATE = 1e-4
+"""Least speed, rad/s, and acceleration, rad/s², of a joint that a program states."""
+
+# controllers count milliseconds; a pulse of RAPID lasts 2000 s at most
+_LEAST_S = 0.001
+_MOST_S = {"settle_s": 3600.0, "pulse_s": 2000.0, "timeout_s": 3600.0}
+
+NO_HOME_CHECK = "This file does not check where the robot stands: whoever drives it must."
+
+CAUTION = "Run at reduced speed first. Checked against the model of the cell only."
+
+
+@dataclass(frozen=True)
+class CameraSignals:
+    """How a program asks for an image, and waits for it.
+
+    Parameters
+    ----------
+    settle_s : float
+        Wait after each stop, s: 0, or from 0.001 to 3600. Programs state milliseconds.
+    trigger_output : int
+        Number of the digital output that triggers the camera.
+    ready_input : int
+        Number of the digital input at which the camera says that the image is taken.
+    pulse_s : float
+        Length of the trigger, from 0.001 to 2000 s.
+    timeout_s : float
+        The program stops if the camera is silent for longer: from 0.001 to 3600 s.
+
+    Raises
+    ------
+    RequestError
+        If a number breaks its rule.
+
+    Examples
+    --------
+    >>> from planner import CameraSignals
+    >>> CameraSignals(settle_s=1.0, trigger_output=4).ready_input
+    1
+    """
+
+    settle_s: float = 0.5
+    trigger_output: int = 1
+    ready_input: int = 1
+    pulse_s: float = 0.1
+    timeout_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        for name, most in _MOST_S.items():
+            seconds = check_number(name, getattr(self, name), NOT_NEGATIVE)
+            if seconds != 0.0 or name != "settle_s":
+                check_number(name, seconds, _from_to(_LEAST_S, most, name == "settle_s"))
+        for name in ("trigger_output", "ready_input"):
+            check_count(name, getattr(self, name), 0, 4096)
+
+
+def _from_to(least: float, most: float, or_zero: bool) -> NumberRule:
+    text = f"must be {'0, or ' if or_zero else ''}from {least:g} to {most:g} s"
+    return NumberRule(text, lambda number: least <= number <= most)
+
+
+def check_program_speed(speed: float, language: str) -> None:
+    """Refuse a share of the speeds that a language cannot say.
+
+    Parameters
+    ----------
+    speed : float
+        The share.
+    language : str
+        Name of the format.
+
+    Raises
+    ------
+    RequestError
+        If it is too small.
+    """
+    check_number("speed", speed, ABOVE_0_TO_1)
+    least = LEAST_SPEEDS.get(language, LEAST_SPEED)
+    if speed < least:
+        rule = f"must be at least {least:g} for {language}"
+        raise RequestError.of_rule("speed", rule, f"{speed:g}")
+
+
+def time_text(seconds: float) -> str:
+    """Return seconds to a millisecond, without an exponent."""
+    return f"{seconds:.3f}".rstrip("0").rstrip(".")
+
+
+def rate_text(value: float, name: str) -> str:
+    """Return a speed in rad/s or an acceleration in rad/s² without an exponent.
+
+    Raises
+    ------
+    RequestError
+        If it is less than a controller drives at.
+    """
+    if value < LEAST_RATE:
+        rule = f"must be at least {LEAST_RATE:g} for the slowest joint"
+        raise RequestError.of_rule(name, rule, shown(value))
+    return f"{value:.6f}" if value >= 1.0 else f"{value:.9f}"
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A straight joint move.
+
+    Attributes
+    ----------
+    joints : array (k,)
+        Where it ends, rad.
+    axes : array (k,)
+        The same as the controller counts, rad.
+    seconds : float
+        Its time.
+    lead : LeadingAxis
+        Rates of the controller's axis that turns farthest.
+    """
+
+    joints: np.ndarray
+    axes: np.ndarray
+    seconds: float
+    lead: LeadingAxis
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image to be taken.
+
+    Attributes
+    ----------
+    setting_idx : int
+        Index of the setting in the plan, from 0.
+    """
+
+    setting_idx: int
+
+    @property
+    def image(self) -> str:
+        """Name of the file, after the plan's setting."""
+        return image_name(self.setting_idx)
+
+    @property
+    def label(self) -> str:
+        """The name without its suffix."""
+        return self.image.rpartition(".")[0]
+
+
+def steps_of(tour: FixturedTour, program: RobotProgram) -> Iterator[Drive | Picture]:
+    """Yield the moves and images of a round in their order; it begins and ends at home."""
+    rates = program.rates_of(tour)
+    for stop in tour.stops:
+        yield from _drives(stop.move, rates, program.controller)
+        yield Picture(stop.setting_idx)
+    yield from _drives(tour.back, rates, program.controller)
+
+
+def _drives(move: Move, rates: JointRates, controller: ControllerAxes) -> Iterator[Drive]:
+    for start, end in pairwise(move.joints):
+        # a move to where the robot stands is none
+        if np.array_equal(start, end):
+            continue
+        joints = leading_axis(start, end, rates)
+        axes = controller.of(end)
+        # an axis that is coupled may turn farther than any joint, in the same time
+        farther = np.abs(axes - controller.of(start)).max() / np.abs(end - start).max()
+        lead = LeadingAxis(joints.speed * farther, joints.acceleration * farther)
+        yield Drive(end, axes, float(move_times(start, end, rates)), lead)
+
+
+def head_lines(program: RobotProgram, made: date) -> list[str]:
+    """Return the lines at the head of a program, without the signs of a comment.
+
+    Parameters
+    ----------
+    program : RobotProgram
+        The program.
+    made : date
+        The day.
+    """
+    lines = [
+        f"Inspection of {plain(program.part or 'a part', 80)} with {plain(program.robot, 40)}",
+        f"Made by aspectgraph on {made.isoformat()}.",
+        CAUTION,
+        *(f"Digest of the {name}: {value}" for name, value in program.digests.items()),
+        "Joints: " + ", ".join(plain(name, 40) for name in program.joint_names),
+        f"Settings: {program.n_stops}; moves take {program.seconds:.1f} s at the program's speed, "
+        f"which is {100 * program.speed:.3g} % of the joints' speeds",
+        *(_turntable_lines(program)),
+        *_axes_lines(program),
+        *_home_lines(program),
+        f"Every move keeps {program.keep_mm:g} mm to part and obstacles in the model.",
+        *(_flange_line(program)),
+        *(
+            f"Setting {k + 1} has another pose than in the first plan: {plain(text, 120)}"
+            for k, text in program.replaced.items()
+        ),
+        *(f"Not reached: setting {k + 1}: {plain(w, 120)}" for k, w in program.unreached.items()),
+        *(f"Warning: {plain(text, 160)}" for text in program.warnings),
+    ]
+    return lines
+
+
+def _axes_lines(program: RobotProgram) -> Iterator[str]:
+    for text in program.controller.texts():
+        yield f"{text[0].upper()}{text[1:]}."
+
+
+def _home_lines(program: RobotProgram) -> list[str]:
+    """Return what the operator must know of the start."""
+    tolerance = program.start.tolerance_rad
+    return [
+        f"Start with each axis within {tolerance:g} rad ({np.degrees(tolerance):.2g} degrees) of home. "
+        f"From there every way to home keeps {program.keep_mm:g} mm in the model.",
+        "The way to home from elsewhere is not checked: the operator drives there by hand, or looks "
+        "whether the way is free.",
+    ]
+
+
+def tolerance_deg(program: RobotProgram) -> str:
+    """Return how far an axis may be from home, in degrees, rounded down."""
+    return f"{np.floor(np.degrees(program.start.tolerance_rad) * 1e4) / 1e4:.4f}"
+
+
+def _turntable_lines(program: RobotProgram) -> Iterator[str]:
+    for tour in program.tours:
+        if tour.turntable is not None:
+            speed = np.degrees(float(tour.turntable.speeds[0]))
+            name = plain(tour.fixturing, 40)
+            yield (
+                f"Fixturing {name} is on a turntable, which turns with the robot by at most "
+                f"{speed:.1f} degrees per second. At 0 the part is put on it."
+            )
+
+
+def _flange_line(program: RobotProgram) -> Iterator[str]:
+    for tour in program.tours[:1]:
+        stop = tour.stops[0]
+        x, y, z = stop.flange[:3, 3]
+        qx, qy, qz, qw = Rotation.from_matrix(stop.flange[:3, :3]).as_quat(canonical=True)
+        yield (
+            f"Compare with the pendant: at setting {stop.setting_idx + 1} the flange is at "
+            f"x {x:.2f}, y {y:.2f}, z {z:.2f} mm, "
+            f"quaternion w {qw:.5f}, x {qx:.5f}, y {qy:.5f}, z {qz:.5f}"
+        )
+
+
+def plain(text: str, most: int = 60) -> str:
+    """Return a name as every controller reads it: no quotes, no line breaks, ASCII, not too long."""
+    found = re.sub(r"[^A-Za-z0-9 _.,:;()+/%=-]", "_", text)
+    return found if len(found) <= most else f"{found[: most - 3]}..."
+
+
+def degrees(joints: np.ndarray) -> list[str]:
+    """Return joints in degrees with six decimals, which is less than 0.02 µrad."""
+    return [_number(value, 6) for value in np.degrees(joints)]
+
+
+def radians(joints: np.ndarray) -> list[str]:
+    """Return joints in rad with eight decimals."""
+    return [_number(value, 8) for value in joints]
+
+
+def _number(value: float, decimals: int) -> str:
+    text = f"{value:.{decimals}f}"
+    # no controller needs to read -0
+    return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+# KRL for KUKA controllers: point-to-point moves by axis angles.
+
+
+_SLOW_PERCENT = 1
+
+
+def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
+    """Return the program in KRL; joints in degrees, one speed for all moves.
+
+    Parameters
+    ----------
+    program : RobotProgram
+        The program.
+    signals : CameraSignals
+        Trigger and answer of the camera; KRL waits for the answer without an end.
+    made : date
+        The day, for the head.
+    """
+    percent = max(1, math.floor(100 * program.speed + 1e-9))
+    lines = [
+        "DEF inspection( )",
+        *(f"; {line}" for line in head_lines(program, made)),
+        "; Compare signs and zeros of the axes with the robot before you drive.",
+        "; $VEL_AXIS is a share of this controller's speeds, so times differ from those above.",
+        "INT i",
+        "BAS(#INITMOV,0)",
+    ]
+    if program.turns:
+        lines.append("; E1 is the turntable, in degrees; 0 is where the part is put on it.")
+    for tour in program.tours:
+        lines += _round(tour, program, signals, percent)
+    return "\n".join([*lines, "END"]) + "\n"
+
+
+def _axes(joints: np.ndarray) -> str:
+    return f"{{{','.join(f'{axis} {value}' for axis, value in _named(joints))}}}"
+
+
+def _named(joints: np.ndarray) -> list[tuple[str, str]]:
+    """Return the axes with their angles in degrees; a turntable is E1."""
+    names = [*(f"A{k}" for k in range(1, N_AXES + 1)), "E1"]
+    return list(zip(names, degrees(joints), strict=False))
+
+
+def _speeds(percent: int, turns: bool) -> list[str]:
+    """Return the statements that set the shares of the axes' speeds and accelerations."""
+    lines = [
+        "FOR i=1 TO 6",
+        f"  $VEL_AXIS[i]={percent}",
+        f"  $ACC_AXIS[i]={percent}",
+        "ENDFOR",
+    ]
+    return [*lines, f"$VEL_EXTAX[1]={percent}", f"$ACC_EXTAX[1]={percent}"] if turns else lines
+
+
+def _round(
+    tour: FixturedTour, program: RobotProgram, signals: CameraSignals, percent: int
+) -> list[str]:
+    home = program.controller.of(program.home_of(tour))
+    lines = [
+        f"; Put the part in fixturing {plain(tour.fixturing, 40)}, then start again.",
+        "HALT",
+        *_home_check(home, tolerance_deg(program)),
+        *_speeds(_SLOW_PERCENT, program.turns),
+        f"PTP {_axes(home)}",
+        *_speeds(percent, program.turns),
+    ]
+    for step in steps_of(tour, program):
+        if isinstance(step, Drive):
+            lines.append(f"PTP {_axes(step.axes)}")
+        else:
+            lines += [
+                f"; {step.image}",
+                f"WAIT SEC {time_text(signals.settle_s)}",
+                f"$OUT[{signals.trigger_output}]=TRUE",
+                f"WAIT SEC {time_text(signals.pulse_s)}",
+                f"$OUT[{signals.trigger_output}]=FALSE",
+                f"WAIT FOR $IN[{signals.ready_input}]",
+            ]
+    return lines
+
+
+def _home_check(home: np.ndarray, tolerance: str) -> list[str]:
+    """Return a halt where the robot is not at home; who starts again answers for the way there."""
+    far = " OR ".join(
+        f"(ABS($AXIS_ACT.{axis}-({value}))>{tolerance})" for axis, value in _named(home)
+    )
+    return [
+        f"IF {far} THEN",
+        "  ; The robot is not at home, and the way there is not checked.",
+        "  ; Drive there by hand. Or start again only if the way is free: the robot drives there slowly.",
+        "  HALT",
+        "ENDIF",
+    ]
+
+
+# RAPID for ABB controllers: a module with one joint target for each move.
+
+
+_NO_AXIS = "9E9"
+_N_EXTERNAL = 6
+
+
+def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
+    """Return the program in RAPID; joints in degrees, the time of each move as its speed.
+
+    Parameters
+    ----------
+    program : RobotProgram
+        The program.
+    signals : CameraSignals
+        Times of trigger and answer; the signals are called ``doCamera`` and ``diCamera``.
+    made : date
+        The day, for the head.
+    """
+    home = np.append(program.home, 0.0) if program.turns else program.home
+    targets = [
+        f"  CONST jointtarget jHome:={_target(program.controller.of(home))};",
+        # of the tool in mm/s and degrees/s; the other numbers are of external axes
+        "  CONST speeddata vHome:=[100,5,100,5];",
+    ]
+    body: list[str] = []
+    for tour in program.tours:
+        _add_round(tour, program, targets, body)
+    lines = [
+        "MODULE Inspection",
+        *(f"  ! {line}" for line in head_lines(program, made)),
+        f"  ! doCamera is digital output {signals.trigger_output}, diCamera is digital input {signals.ready_input}.",
+        "  ! Replace tool0 by a tool with the mass of the camera.",
+        *(["  ! eax_a is the turntable; at 0 the part is put on it."] if program.turns else []),
+        *targets,
+        "  PROC main()",
+        *body,
+        "  ENDPROC",
+        *_go_home(program),
+        *_take_image(signals),
+        "ENDMODULE",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _target(joints: np.ndarray) -> str:
+    """Return a target; the angle of a turntable is the first external axis."""
+    angles = degrees(joints)
+    external = [*angles[N_AXES:], *[_NO_AXIS] * _N_EXTERNAL][:_N_EXTERNAL]
+    return f"[[{','.join(angles[:N_AXES])}],[{','.join(external)}]]"
+
+
+def _add_round(
+    tour: FixturedTour, program: RobotProgram, targets: list[str], body: list[str]
+) -> None:
+    """Add the targets and the statements of a round."""
+    body.append(f'    UIMsgBox "Part in fixturing {plain(tour.fixturing, 40)}?";')
+    body.append("    GoHome;")
+    for step in steps_of(tour, program):
+        if isinstance(step, Drive):
+            name = f"j{len(targets) - 1:04d}"
+            targets.append(f"  CONST jointtarget {name}:={_target(step.axes)};")
+            # the controller drives in no time of 0
+            seconds = max(step.seconds, _LEAST_S)
+            body.append(f"    MoveAbsJ {name},v1000\\T:={seconds:.3f},fine,tool0;")
+        else:
+            body.append(f'    TakeImage "{step.image}";')
+
+
+def _go_home(program: RobotProgram) -> list[str]:
+    """Return how the robot is driven to home: from near it, or where the operator lets it."""
+    tolerance = tolerance_deg(program)
+    far = [f"Abs(now.robax.rax_{k}-jHome.robax.rax_{k})>{tolerance}" for k in range(1, 7)]
+    if program.turns:
+        far.append(f"Abs(now.extax.eax_a-jHome.extax.eax_a)>{tolerance}")
+    return [
+        "  PROC GoHome()",
+        "    VAR jointtarget now;",
+        "    VAR bool isFar:=FALSE;",
+        "    VAR btnres answer;",
+        "    now:=CJointT();",
+        *(
+            line
+            for test in far
+            for line in (
+                f"    IF {test} THEN",
+                "      isFar:=TRUE;",
+                "    ENDIF",
+            )
+        ),
+        "    IF isFar THEN",
+        '      UIMsgBox\\Header:="The robot is not at home",'
+        '"The way to home is not checked."'
+        '\\MsgLine2:="OK: it is free, drive there slowly."'
+        '\\MsgLine3:="Cancel: stop the program."'
+        "\\Buttons:=btnOKCancel\\Icon:=iconWarning\\Result:=answer;",
+        "      IF answer<>resOK THEN",
+        "        EXIT;",
+        "      ENDIF",
+        "    ENDIF",
+        "    MoveAbsJ jHome,vHome,fine,tool0;",
+        "  ENDPROC",
+    ]
+
+
+def _take_image(signals: CameraSignals) -> list[str]:
+    """Return how an image is taken."""
+    return [
+        "  PROC TakeImage(string name)",
+        f"    WaitTime\\InPos,{time_text(signals.settle_s)};",
+        "    TPWrite name;",
+        f"    PulseDO\\PLength:={time_text(signals.pulse_s)},doCamera;",
+        f"    WaitDI diCamera,1\\MaxTime:={time_text(signals.timeout_s)};",
+        "  ENDPROC",
+    ]
+
+
+# ROS: trajectories as JSON, one for each move, in the fields of trajectory_msgs/JointTrajectory.
+#
+# Between the points of a trajectory the acceleration is constant, so a controller that
+# interpolates with cubic splines drives exactly the trapezoid that was planned.
+
+
+def ros_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
+    """Return the program as JSON for ROS; joints in rad.
+
+    Parameters
+    ----------
+    program : RobotProgram
+        The program.
+    signals : CameraSignals
+        The settling time stands before each image.
+    made : date
+        The day, for the head.
+    """
+    data = {
+        "about": [*head_lines(program, made), NO_HOME_CHECK, *_driver_lines(program)],
+        "joint_names": list(program.joint_names),
+        "start_at": _start_at(program.home, program),
+        "rounds": [
+            {
+                "fixturing": tour.fixturing,
+                **_start_of(tour, program),
+                "steps": [
+                    step
+                    for stop in tour.stops
+                    for step in (
+                        _trajectory(stop.move, tour, program),
+                        _image(Picture(stop.setting_idx), signals),
+                    )
+                ]
+                + [_trajectory(tour.back, tour, program)],
+            }
+            for tour in program.tours
+        ],
+    }
+    return json.dumps(data, indent=1) + "\n"
+
+
+def _start_of(tour: FixturedTour, program: RobotProgram) -> dict[str, Any]:
+    """Return where a round with a turntable starts: there is one joint more than above."""
+    if tour.turntable is None:
+        return {}
+    return {
+        "joint_names": list(program.names_of(tour)),
+        "start_at": _start_at(program.home_of(tour), program),
+    }
+
+
+def _start_at(home: np.ndarray, program: RobotProgram) -> dict[str, Any]:
+    """Return home, how near it the robot must stand, and how fast it may be driven there."""
+    start = program.start
+    return {
+        "positions": home.tolist(),
+        "tolerance": start.tolerance_rad,
+        "speed_to_home": start.speed,
+    }
+
+
+def _driver_lines(program: RobotProgram) -> list[str]:
+    """Return whose task coupled axes are."""
+    if not program.controller.coupled:
+        return []
+    return ["All positions are joints of the URDF: the driver of the robot must couple its axes."]
+
+
+def _image(picture: Picture, signals: CameraSignals) -> dict[str, Any]:
+    return {
+        "settle_s": signals.settle_s,
+        "trigger": picture.label,
+        "image": picture.image,
+        "wait_for_camera_s": signals.timeout_s,
+    }
+
+
+def _trajectory(move: Move, tour: FixturedTour, program: RobotProgram) -> dict[str, Any]:
+    points = [_point(move.joints[0], np.zeros_like(move.joints[0]), 0.0)]
+    begun = 0.0
+    for start, end in pairwise(move.joints):
+        if np.array_equal(start, end):
+            continue
+        piece = _points(start, end, begun, program.rates_of(tour))
+        begun += piece.pop("end")
+        points += piece["points"]
+    return {"joint_trajectory": {"joint_names": list(program.names_of(tour)), "points": points}}
+
+
+def _points(start: np.ndarray, end: np.ndarray, begun: float, rates: JointRates) -> dict[str, Any]:
+    found = profile(start, end, rates)
+    turn = end - start
+    points = []
+    rows = list(zip(*found, strict=True))[1:]
+    for k, (seconds, share, rate) in enumerate(rows):
+        # the last one is exactly where the move ends
+        place = end if k == len(rows) - 1 else start + share * turn
+        points.append(_point(place, rate * turn, begun + seconds))
+    return {"points": points, "end": float(found.seconds[-1])}
+
+
+def _point(joints: np.ndarray, speeds: Sequence[float], seconds: float) -> dict[str, Any]:
+    whole, nanoseconds = divmod(round(seconds * 1e9), 1_000_000_000)
+    return {
+        "positions": [float(value) for value in joints],
+        "velocities": [float(value) for value in speeds],
+        "time_from_start": {"sec": whole, "nanosec": nanoseconds},
+    }
+
+
+# A table of the moves and images, for spreadsheets and programs of your own.
+
+
+_FIRST = ("fixturing", "step", "seconds", "setting", "image")
+
+
+def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
+    """Return a row for each move; joints and the angle of a turntable in rad. Lines of the head begin with ``#``.
+
+    Parameters
+    ----------
+    program : RobotProgram
+        The program.
+    signals : CameraSignals
+        The settling time stands in the head.
+    made : date
+        The day, for the head.
+    """
+    names = [*program.joint_names, *([TURNTABLE] if program.turns else [])]
+    coupled = sorted({axis for axis, _, _ in program.controller.coupled})
+    columns = [f"{plain(name, 40)}_rad" for name in names]
+    heading = [*_FIRST, *columns, *(f"axis_{axis}_of_controller_rad" for axis in coupled)]
+    table: list[list[str]] = []
+    for tour in program.tours:
+        name = plain(tour.fixturing, 40)
+        home = _angles(program.home_of(tour), program, coupled, len(names))
+        table.append(_row(name, "start", 0.0, home))
+        for step in steps_of(tour, program):
+            if isinstance(step, Drive):
+                angles = _angles(step.joints, program, coupled, len(names))
+                table.append(_row(name, "move", step.seconds, angles))
+            else:
+                # the image is taken where the last move ended
+                table[-1][1] = "image"
+                table[-1][3] = str(step.setting_idx + 1)
+                table[-1][4] = step.image
+    head = [
+        *head_lines(program, made),
+        NO_HOME_CHECK,
+        f"Wait {time_text(signals.settle_s)} s before each image.",
+    ]
+    return table_text(heading, table, head, "\n")
+
+
+def _row(fixturing: str, step: str, seconds: float, angles: Sequence[str]) -> list[str]:
+    return [fixturing, step, *map(NumberText, [f"{seconds:.3f}", "", "", *angles])]
+
+
+def _angles(
+    joints: np.ndarray, program: RobotProgram, coupled: Sequence[int], width: int
+) -> list[str]:
+    """Return the joints, and behind them the controller's axes that are coupled."""
+    angles = radians(joints)
+    axes = radians(program.controller.of(joints))
+    # a round without a turntable leaves its column empty
+    return [*angles, *[""] * (width - len(angles)), *(axes[axis - 1] for axis in coupled)]
+
+
+# URScript for Universal Robots: a function that is sent to the controller as a whole.
+
+
+def urscript_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
+    """Return the program in URScript; joints in rad, rates of the leading joint in rad/s and rad/s².
+
+    Parameters
+    ----------
+    program : RobotProgram
+        The program.
+    signals : CameraSignals
+        Trigger and answer of the camera.
+    made : date
+        The day, for the head.
+
+    Raises
+    ------
+    RequestError
+        If the part lies on a turntable, which URScript does not drive together with the joints.
+    """
+    if program.turns:
+        rule = "must be rapid, krl, ros, csv or json for a part on a turntable"
+        hint = "URScript drives no external axis together with the joints"
+        raise RequestError.of_rule("format", rule, "'urscript'", hint=hint)
+    lines = [
+        *(f"# {line}" for line in head_lines(program, made)),
+        "# Send it as a whole to port 30002, or load it as a script file and call inspection().",
+        "def inspection():",
+        f"  home = {_joints(program.controller.of(program.home))}",
+        *_home_function(program),
+        *_functions(signals),
+    ]
+    for tour in program.tours:
+        lines += _round_of_urscript(tour, program)
+    return "\n".join([*lines, "end"]) + "\n"
+
+
+def _joints(joints: np.ndarray) -> str:
+    return f"[{', '.join(radians(joints))}]"
+
+
+def _home_function(program: RobotProgram) -> list[str]:
+    """Return a function that drives to home: from near it, or where the operator lets it."""
+    words = "The robot is not at home. The way there is not checked. Continue only if it is free."
+    speed = rate_text(program.start.speed, "speed")
+    acceleration = rate_text(float(program.rates.accelerations.min()), "accelerations")
+    return [
+        "  def go_home(joints):",
+        "    actual = get_actual_joint_positions()",
+        "    is_far = False",
+        "    i = 0",
+        "    while i < 6:",
+        f"      if norm(actual[i] - joints[i]) > {program.start.tolerance_rad:g}:",
+        "        is_far = True",
+        "      end",
+        "      i = i + 1",
+        "    end",
+        "    if is_far:",
+        f'      popup("{words}", title="inspection", warning=True, blocking=True)',
+        "    end",
+        f"    movej(joints, a={acceleration}, v={speed})",
+        "  end",
+    ]
+
+
+def _functions(signals: CameraSignals) -> list[str]:
+    """Return the local functions: a stop, and an image."""
+    return [
+        "  def stop_with(reason):",
+        '    popup(reason, title="inspection", error=True, blocking=True)',
+        "    halt",
+        "  end",
+        "  def take_image(name):",
+        f"    sleep({time_text(signals.settle_s)})",
+        "    textmsg(name)",
+        f"    set_standard_digital_out({signals.trigger_output}, True)",
+        f"    sleep({time_text(signals.pulse_s)})",
+        f"    set_standard_digital_out({signals.trigger_output}, False)",
+        "    waited = 0",
+        f"    while not get_standard_digital_in({signals.ready_input}):",
+        "      sleep(0.01)",
+        "      waited = waited + 0.01",
+        f"      if waited > {time_text(signals.timeout_s)}:",
+        '        stop_with("The camera does not answer.")',
+        "      end",
+        "    end",
+        "  end",
+    ]
+
+
+def _round_of_urscript(tour: FixturedTour, program: RobotProgram) -> list[str]:
+    name = plain(tour.fixturing, 40)
+    lines = [
+        f"  # fixturing {name}",
+        f'  popup("Part in fixturing {name}?", title="inspection", blocking=True)',
+        "  go_home(home)",
+    ]
+    for step in steps_of(tour, program):
+        if isinstance(step, Drive):
+            acceleration = rate_text(step.lead.acceleration, "accelerations")
+            speed = rate_text(step.lead.speed, "speed")
+            lines.append(f"  movej({_joints(step.axes)}, a={acceleration}, v={speed})")
+        else:
+            lines.append(f'  take_image("{step.image}")')
+    return lines
+
+
+# Writing a robot program in one of the formats.
+
+
+_Writer = Callable[[RobotProgram, CameraSignals, date], str]
+
+
+def _json_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
+    return json.dumps(program.to_dict(), indent=1, allow_nan=False) + "\n"
+
+
+_WRITERS: dict[str, _Writer] = {
+    "urscript": urscript_text,
+    "rapid": rapid_text,
+    "krl": krl_text,
+    "ros": ros_text,
+    "csv": csv_text,
+    "json": _json_text,
+}
+FORMATS = {
+    "urscript": "inspection.script",
+    "rapid": "inspection.mod",
+    "krl": "inspection.src",
+    "ros": "inspection_ros.json",
+    "csv": "inspection.csv",
+    "json": "program.json",
+}
+"""The formats, and the usual name of a file in each."""
+
+_BY_SUFFIX = {".script": "urscript", ".mod": "rapid", ".src": "krl", ".csv": "csv", ".json": "json"}
+
+
+def program_text(
+    program: RobotProgram,
+    format: str,
+    *,
+    signals: CameraSignals | None = None,
+    made: date | None = None,
+) -> str:
+    """Return a robot program as text.
+
+    Parameters
+    ----------
+    program : RobotProgram
+        The program.
+    format : str
+        "urscript", "rapid", "krl", "ros" (trajectories as JSON), "csv" or "json" (all data).
+    signals : CameraSignals, optional
+        Trigger and answer of the camera. Default: output 1, input 1.
+    made : datetime.date, optional
+        The day at the head of the program. Default: today.
+
+    Returns
+    -------
+    str
+        Joints in rad, except "rapid" and "krl", which are in degrees.
+
+    Raises
+    ------
+    RequestError
+        If the format is unknown, an argument has the wrong type, or the language cannot say the
+        program's speed.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, program_text, read_plan, robot_program
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> program = robot_program(plan, block, Cell.from_toml("examples/cell.toml"))
+    >>> program_text(program, "rapid").splitlines()[0]
+    'MODULE Inspection'
+    """
+    check_kinds(program=(program, "RobotProgram"))
+    if format not in _WRITERS:
+        rule = f"must be one of {', '.join(_WRITERS)}"
+        raise RequestError.of_rule("format", rule, shown(format))
+    check_program_speed(program.speed, format)
+    given = CameraSignals() if signals is None else signals
+    return _WRITERS[format](program, given, date.today() if made is None else made)
+
+
+def write_program(
+    program: RobotProgram,
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    signals: CameraSignals | None = None,
+) -> Path:
+    """Write a robot program. The file appears whole or not at all.
+
+    Parameters
+    ----------
+    program : RobotProgram
+        The program.
+    path : str or os.PathLike
+        The file; an existing one is replaced.
+    format : str, optional
+        As for `program_text`. Default: by the suffix .script, .mod, .src, .csv or .json.
+    signals : CameraSignals, optional
+        Trigger and answer of the camera.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    RequestError
+        If neither format nor suffix is known.
+    OutputError
+        If it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from aspectgraph import read_solid
+    >>> from planner import Cell, read_plan, robot_program, write_program
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> program = robot_program(plan, block, Cell.from_toml("examples/cell.toml"))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_program(program, folder + "/inspection.src").name
+    'inspection.src'
+    """
+    path = Path(path)
+    if format is None:
+        format = _BY_SUFFIX.get(path.suffix.lower())
+    if format is None:
+        rule = f"must end in {', '.join(_BY_SUFFIX)}, or format must be given"
+        raise RequestError.of_rule("path", rule, shown(str(path)))
+    write_text(path, program_text(program, format, signals=signals))
+    return path

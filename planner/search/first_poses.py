@@ -1,0 +1,405 @@
+"""Feasible poses to begin with: the paper's restricted sampling, and a repair for requests where draws hardly ever fit.
+
+Draws come from the covering domains (`ViewpointSampler`). Where too few of them satisfy all constraints, the least
+violating ones are moved step by step towards feasibility: each round keeps the best poses and tries normal steps
+around them, ever smaller. A pose that leaves the covering domains fails the visibility constraint, so it is never
+among the feasible ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ga import Chromosome
+from planner.camera.camera import Camera
+from planner.camera.pose import aim, look_at
+from planner.effort.effort import NORMAL
+from planner.effort.poses import Repair
+from planner.request.camera_limits import boxes_reach, focus_reach_mm
+from planner.request.constraints import Constraints
+
+if TYPE_CHECKING:
+    from aspectgraph import CellSet
+
+
+# Viewpoints drawn uniformly from the covering domains, as far as the lens can focus there.
+#
+# An entity's end at depth z is at most z / cos(θ) away, θ being the angle of the sensor's corner.
+# So in every feasible setting each end is between D_min and D_max / cos(θ) from the nodal point:
+# the viewpoint lies in the *shell*, the intersection of one spherical shell per end. In a wide
+# workspace the shell is a small part of the covering domains and plain volume-weighted draws
+# would hardly ever hit it.
+#
+# Guarantee: every viewpoint returned lies in the covering domains and in the shell, and is
+# uniform there. That holds because each of the three ways to propose viewpoints is uniform on a
+# set that contains the intersection, and what lies outside the intersection is rejected. The way
+# with the smallest such set is taken.
+
+
+_BATCH = 4096
+
+
+class ViewpointSampler:
+    """Uniform draws from the intersection of convex cells and the focus shell.
+
+    Parameters
+    ----------
+    cells : CellSet
+        The covering domains.
+    ends : array (k, 2, 3)
+        Ends of the entities, mm.
+    camera : Camera
+        Gives D_min, D_max and θ.
+
+    Attributes
+    ----------
+    bounds : array (2, 3)
+        Box that contains the intersection, mm; `empty` if it is known to be empty.
+    proposal : {"cells", "shell", "boxes"}
+        How viewpoints are proposed.
+    """
+
+    def __init__(self, cells: CellSet, ends: np.ndarray, camera: Camera) -> None:
+        self.cells = cells
+        self.points = ends.reshape(-1, 3)
+        self.near, self.far = focus_reach_mm(camera)
+        # a mean of the ends: no viewpoint is farther from it than from the farthest end
+        self._centre = self.points.mean(axis=0)
+        spread = np.linalg.norm(self.points - self._centre, axis=1).max()
+        self._radii = max(self.near - spread, 0.0), self.far
+        self._clip_boxes()
+        if not self.empty:
+            self._choose_proposal()
+
+    def _clip_boxes(self) -> None:
+        """Clip the bounding box of every cell to the box that contains the shell."""
+        self._parts = list(self.cells)
+        corners = np.array(
+            [[part.vertices.min(axis=0), part.vertices.max(axis=0)] for part in self._parts]
+        )
+        corners = corners.reshape(-1, 2, 3)
+        low = np.maximum(corners[:, 0], (self.points - self.far).max(axis=0))
+        high = np.minimum(corners[:, 1], (self.points + self.far).min(axis=0))
+        self._kept = np.flatnonzero(
+            (low < high).all(axis=1) & boxes_reach(low, high, self.points, self.near, self.far)
+        )
+        self._low = low[self._kept]
+        self._high = high[self._kept]
+        self.empty = not len(self._kept)
+        self.bounds = (
+            np.empty((2, 0))
+            if self.empty
+            else np.array([self._low.min(axis=0), self._high.max(axis=0)])
+        )
+
+    def _choose_proposal(self) -> None:
+        inner, outer = self._radii
+        sizes = {
+            "cells": float(self.cells.volume),
+            "shell": 4 / 3 * np.pi * (outer**3 - inner**3) if np.isfinite(outer) else np.inf,
+            "boxes": float(np.prod(self._high - self._low, axis=1).sum()),
+        }
+        self.proposal = min(sizes, key=sizes.__getitem__)
+
+    def in_shell(self, positions: np.ndarray) -> np.ndarray:
+        """Return which positions (n, 3) have every end at a distance that can be in focus; (n,) bool."""
+        local = positions - self._centre
+        (inner, outer) = self._radii
+        squared = (local**2).sum(axis=1)
+        result = (squared >= inner**2) & (squared <= outer**2)
+        rows = np.flatnonzero(result)
+        ends = self.points - self._centre
+        of_ends = squared[rows, None] - 2 * local[rows] @ ends.T + (ends**2).sum(axis=1)
+        result[rows] = (of_ends.min(axis=1) >= self.near**2) & (of_ends.max(axis=1) <= self.far**2)
+        return result
+
+    def sample(self, n: int, rng: np.random.Generator, max_proposals: int = 500_000) -> np.ndarray:
+        """Draw up to n viewpoints (m, 3); fewer (perhaps none) if so many proposals do not yield more."""
+        found = []
+        total = 0
+        proposed = 0
+        while not self.empty and total < n and proposed < max_proposals:
+            batch = self._propose(_BATCH, rng)
+            proposed += _BATCH
+            found.append(batch)
+            total += len(batch)
+        return np.concatenate(found)[:n] if found else np.empty((0, 3))
+
+    def _propose(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Propose n viewpoints and return those in cells and shell."""
+        if self.proposal == "cells":
+            positions = self.cells.sample(n, rng)
+            return positions[self.in_shell(positions)]
+        if self.proposal == "shell":
+            positions = self._shell_points(n, rng)
+            positions = positions[self.in_shell(positions)]
+            return positions[self.cells.contains(positions)] if len(positions) else positions
+        return self._box_points(n, rng)
+
+    def _shell_points(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        direction = rng.normal(size=(n, 3))
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        inner, outer = self._radii
+        radius = np.cbrt(rng.uniform(inner**3, outer**3, n))
+        return self._centre + radius[:, None] * direction
+
+    def _box_points(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Draw from the cells' boxes by volume; keep what lies in that very cell (cells do not overlap)."""
+        volumes = np.prod(self._high - self._low, axis=1)
+        chosen = rng.choice(len(volumes), size=n, p=volumes / volumes.sum())
+        positions = rng.uniform(self._low[chosen], self._high[chosen])
+        keep = self.in_shell(positions)
+        positions = positions[keep]
+        chosen = chosen[keep]
+        planes = self._half_spaces[chosen]
+        return positions[
+            ((planes[..., :3] @ positions[:, :, None])[..., 0] + planes[..., 3] <= 0).all(axis=1)
+        ]
+
+    @property
+    def _half_spaces(self) -> np.ndarray:
+        """Half-spaces (m, s, 4) of the kept cells, padded with 0·x − 1 <= 0, which always holds."""
+        if not hasattr(self, "_padded"):
+            planes = [np.asarray(self._parts[i].half_spaces, dtype=float) for i in self._kept]
+            self._padded = np.tile([0.0, 0.0, 0.0, -1.0], (len(planes), max(map(len, planes)), 1))
+            for row, own in zip(self._padded, planes, strict=True):
+                row[: len(own)] = own
+        return self._padded
+
+    def cell_of(self, position: np.ndarray) -> np.ndarray | None:
+        """Return the half-spaces (s, 4) of the cell that contains a position (3,), or None."""
+        inside = (self._half_spaces[..., :3] @ position + self._half_spaces[..., 3] <= 0).all(
+            axis=1
+        )
+        return self._half_spaces[np.argmax(inside)] if inside.any() else None
+
+
+class WorkspaceSampler(ViewpointSampler):
+    """Uniform draws from the whole workspace: what the restriction to the covering domains is measured against."""
+
+    def __init__(
+        self, cells: CellSet, ends: np.ndarray, camera: Camera, workspace: np.ndarray
+    ) -> None:
+        super().__init__(cells, ends, camera)
+        if not self.empty:
+            self.bounds = np.array(workspace, dtype=np.float64)
+            self.proposal = "workspace"
+
+    def _propose(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        return rng.uniform(self.bounds[0], self.bounds[1], (n, 3))
+
+
+# Bits to poses and back: six genes of M bits, the paper's section 4.1.
+#
+# Genes 1–3 are the position of the front nodal point in a box around the viewpoints that may be
+# used. Genes 4–6 are pan, tilt and roll away from looking straight at the entities. Pan and tilt
+# end at the angle of the sensor's corner: turned farther, the entities would leave the image.
+# Roll is a full turn.
+
+
+class PoseEncoding:
+    """A box of positions and a range of angles, written as bits.
+
+    Parameters
+    ----------
+    bounds : array (2, 3)
+        Lowest and highest position, mm.
+    target : array (3,)
+        Point that pan = tilt = 0 looks at, mm.
+    max_turn_rad : float
+        Largest pan and tilt.
+    gene_bits : int
+        Bits per gene (M).
+    gray : bool
+        Gray code instead of plain binary.
+
+    Guarantee
+    ---------
+    ``decode(encode(x))`` differs from x by at most half a step, range / (2^M − 1) / 2, in every parameter.
+    """
+
+    def __init__(
+        self,
+        bounds: np.ndarray,
+        target: np.ndarray,
+        max_turn_rad: float,
+        gene_bits: int = 16,
+        gray: bool = True,
+    ) -> None:
+        self.chromosome = Chromosome(6, gene_bits, gray)
+        self.target = np.asarray(target, dtype=np.float64)
+        turn = [max_turn_rad, max_turn_rad, np.pi]
+        self.low = np.concatenate([bounds[0], np.negative(turn)])
+        self.high = np.concatenate([bounds[1], turn])
+
+    @property
+    def n_bits(self) -> int:
+        """Length of a chromosome."""
+        return self.chromosome.n_bits
+
+    def parameters(self, bits: np.ndarray) -> np.ndarray:
+        """Return (x, y, z in mm, pan, tilt, roll in rad) (n, 6) of chromosomes (n, 6·M)."""
+        return self.chromosome.decode(bits, self.low, self.high)
+
+    def poses(self, parameters: np.ndarray) -> np.ndarray:
+        """Return cam2world (n, 4, 4) of parameters (n, 6)."""
+        return look_at(parameters[:, :3], self.target, *parameters[:, 3:].T)
+
+    def parameters_of(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return the parameters (n, 6) of poses (n, 4, 4), the inverse of `poses`; they may be outside the range."""
+        positions = cam2world[:, :3, 3]
+        turned = np.swapaxes(aim(positions, self.target), 1, 2) @ cam2world[:, :3, :3]
+        angles = Rotation.from_matrix(turned).as_euler("YXZ") if len(turned) else np.empty((0, 3))
+        return np.hstack([positions, angles])
+
+    def decode(self, bits: np.ndarray) -> np.ndarray:
+        """Return cam2world (n, 4, 4) of chromosomes (n, 6·M)."""
+        return self.poses(self.parameters(bits))
+
+    def encode(self, parameters: np.ndarray) -> np.ndarray:
+        """Return the chromosomes (n, 6·M) nearest to parameters (n, 6); values outside the range are clipped."""
+        span = self.high - self.low
+        fractions = (parameters - self.low) / np.where(span > 0, span, 1.0)
+        return self.chromosome.encode(np.clip(fractions, 0.0, 1.0))
+
+    def draw_turns(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """Draw pan, tilt and roll (n, 3): every second one looks straight at the target, the others anywhere."""
+        turns = rng.uniform(self.low[3:], self.high[3:], (n, 3))
+        turns[::2, :2] = 0.0
+        return turns
+
+
+@dataclass
+class Start:
+    """Feasible chromosomes, and what was tried to find them.
+
+    Attributes
+    ----------
+    bits : array (n, n_bits)
+        Feasible chromosomes.
+    tried : array (m, 6)
+        Parameters of poses that were tried and kept for an explanation: the least violating first.
+    drawn, feasible_drawn : int
+        Poses drawn from the covering domains, and how many of them were feasible.
+    """
+
+    bits: np.ndarray
+    tried: np.ndarray
+    drawn: int
+    feasible_drawn: int
+
+
+def draw_start(
+    n: int,
+    sampler: ViewpointSampler,
+    encoding: PoseEncoding,
+    constraints: Constraints,
+    rng: np.random.Generator,
+    max_draws: int = 8192,
+    known: np.ndarray | None = None,
+    repairing: Repair = NORMAL.search.repair,
+) -> Start:
+    """Return up to n feasible chromosomes: known poses (m, 4, 4) first, then draws, then the repair."""
+    tried = [np.empty((0, 6)) if known is None else encoding.parameters_of(known)]
+    bits, ok = snap(tried[0], encoding, constraints)
+    found = [bits[ok]]
+    drawn = 0
+    hits = int(ok.sum())
+    given = hits
+    while hits < n and drawn < max_draws and not _gives_up(constraints, repairing):
+        positions = sampler.sample(repairing.batch, rng)
+        if not len(positions):
+            break
+        parameters = np.hstack([positions, encoding.draw_turns(len(positions), rng)])
+        bits, ok = snap(parameters, encoding, constraints)
+        drawn += len(bits)
+        hits += int(ok.sum())
+        found.append(bits[ok])
+        tried.append(parameters)
+        if len(positions) < repairing.batch:
+            # viewpoints are so rare that more draws would take long
+            break
+    nearest = np.concatenate(tried)
+    if hits < n and len(nearest) and not _gives_up(constraints, repairing):
+        nearest = _least_violating(nearest, encoding, constraints, repairing)
+        repaired, nearest = repair(n - hits, nearest, encoding, constraints, rng, repairing)
+        found.append(repaired)
+    return Start(np.concatenate(found)[:n], nearest, drawn, hits - given)
+
+
+def snap(
+    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints
+) -> tuple[np.ndarray, np.ndarray]:
+    """Encode parameters (m, 6); return the bits and whether the pose *they* stand for is feasible."""
+    bits = encoding.encode(parameters)
+    return bits, constraints.feasible(encoding.decode(bits))
+
+
+def repair(
+    n: int,
+    tried: np.ndarray,
+    encoding: PoseEncoding,
+    constraints: Constraints,
+    rng: np.random.Generator,
+    repairing: Repair,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
+    pool = tried[: repairing.pool]
+    found = []
+    missed = _violation(pool, encoding, constraints)
+    for step in np.geomspace(repairing.first_step, repairing.last_step, repairing.rounds):
+        children = neighbours(pool, repairing.children, step, encoding, rng)
+        bits, ok = snap(children, encoding, constraints)
+        found.append(bits[ok])
+        if sum(map(len, found)) >= n or _gives_up(constraints, repairing):
+            break
+        both = np.concatenate([missed, _violation(children, encoding, constraints)])
+        best = np.argsort(both, kind="stable")[: repairing.pool]
+        pool = np.concatenate([pool, children])[best]
+        missed = both[best]
+    return np.concatenate(found)[:n], pool
+
+
+def _gives_up(constraints: Constraints, repairing: Repair) -> bool:
+    """Return whether so many poses met all else and none was reached by the robot that no more are tried.
+
+    Whether a pose is reached is a yes or no, which gives the repair no slope.
+    """
+    arm = constraints.arm
+    return arm.n_reached == 0 and arm.n_asked >= repairing.most_unreached
+
+
+def neighbours(
+    pool: np.ndarray, n: int, step: float, encoding: PoseEncoding, rng: np.random.Generator
+) -> np.ndarray:
+    """Return n normal steps (n, 6) around members of the pool, of `step` times the range; roll wraps around."""
+    span = encoding.high - encoding.low
+    children = pool[rng.integers(len(pool), size=n)] + rng.normal(size=(n, 6)) * span * step
+    children[:, 5] = (children[:, 5] + np.pi) % (2 * np.pi) - np.pi
+    return np.clip(children, encoding.low, encoding.high)
+
+
+def _least_violating(
+    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints, repairing: Repair
+) -> np.ndarray:
+    """Return those of the parameters (m, 6) whose poses violate least, sorted; at most so many as repair keeps.
+
+    Images of ends cost little. What they miss is missed at least, so the costly rest is asked of the hopeful only.
+    """
+    at_least = constraints.violation(encoding.poses(parameters), images_only=True)
+    best_first = np.argsort(at_least, kind="stable")
+    some = best_first[: repairing.children]
+    enough = np.sort(_violation(parameters[some], encoding, constraints))[: repairing.pool][-1]
+    hopeful = np.flatnonzero(at_least <= enough)
+    violation = _violation(parameters[hopeful], encoding, constraints)
+    return parameters[hopeful[np.argsort(violation, kind="stable")[: repairing.pool]]]
+
+
+def _violation(
+    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints
+) -> np.ndarray:
+    return constraints.violation(encoding.poses(parameters))

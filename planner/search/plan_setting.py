@@ -1,0 +1,542 @@
+"""One sensor setting for one set of entities: the paper's genetic search, section 4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from numbers import Integral
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ga import GAResult, maximize
+from planner.argument_kinds import ITEMS, check_kinds
+from planner.camera.camera import Camera
+from planner.camera.pose import PoseUncertainty
+from planner.detectability.conditions import NOT_ASKED, Detectability
+from planner.effort.poses import Search
+from planner.exceptions import RequestError
+from planner.request.constraints import Constraints, Requirements
+from planner.request.defaults import (
+    check_focus_margin,
+    check_showing,
+    pose_margin_px,
+    position_margin_mm,
+)
+from planner.request.reach import Reach, Space
+from planner.request.request import Objective, Request
+from planner.request.targets import check_is_edge
+from planner.search.first_poses import PoseEncoding, ViewpointSampler, WorkspaceSampler, draw_start
+from planner.search.infeasible import (
+    check_extent,
+    check_observable,
+    check_resolvable,
+    explain_infeasible,
+    explain_positions,
+    missing_corners,
+)
+from planner.search.refine import Ascent, best_apart, best_around, turned_views
+from planner.sensor_setting import SensorSetting
+
+if TYPE_CHECKING:
+    from aspectgraph import CellSet
+
+
+# A given pose as a sensor setting: what it inspects, how surely, and with what margins.
+
+
+def setting_at(
+    request: Request,
+    cam2world: np.ndarray,
+    names: Sequence[str],
+    message: str,
+    seed: int | None = None,
+    nfev: int = 1,
+) -> SensorSetting:
+    """Describe a pose as a setting that inspects some of the entities of a request.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked.
+    cam2world : array (4, 4)
+        The pose.
+    names : sequence of str
+        The entities it is to inspect.
+    message : str
+        Where it comes from.
+    seed : int, optional
+        Seed of the work that found it.
+    nfev : int
+        Poses evaluated for it.
+
+    Returns
+    -------
+    SensorSetting
+        With the probabilities and margins of these entities; whether they suffice is not asked.
+    """
+    pose = np.asarray(cam2world)[None]
+    own = request.at_pose(pose[0], names)
+    # what a request without a choice has made already
+    modelled = own if request.has_choice else request
+    idx = [modelled.names.index(name) for name in names]
+    wanted = np.isin(np.arange(len(modelled.names)), idx)[None]
+    probability = modelled.objective.probability_where(pose, wanted)
+    by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
+    margins = own.constraints.margins(pose)
+    return SensorSetting(
+        cam2world=cam2world,
+        entities=tuple(names),
+        probability={name: by_idx[i] for name, i in zip(names, idx, strict=True)},
+        margins={name: float(margin.min()) for name, margin in margins.items()},
+        fitness=float(sum(by_idx.values())),
+        nfev=nfev,
+        generations=0,
+        message=message,
+        seed=seed,
+        witness={name: own.chosen[name] for name in names if name in own.chosen},
+        registered=own.known_at(pose[0], names),
+    )
+
+
+def without(request: Request, setting: SensorSetting, names: Sequence[str]) -> SensorSetting:
+    """Return a setting without some of its entities; of the others it states what it stated.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked.
+    setting : SensorSetting
+        The setting.
+    names : sequence of str
+        The entities it loses.
+
+    Returns
+    -------
+    SensorSetting
+        The same pose; its margins are those of what is left.
+    """
+    kept = tuple(name for name in setting.entities if name not in names)
+    if not kept:
+        return replace(setting, entities=(), probability={}, p_all={}, registered=None)
+    fewer = setting_at(
+        request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev
+    )
+    stated = {name: setting.probability[name] for name in kept}
+    counted = {name: setting.p_all[name] for name in kept if name in setting.p_all}
+    return replace(
+        fewer,
+        generations=setting.generations,
+        probability=stated,
+        p_all=counted,
+        # all of them held together, so fewer of them did
+        p_all_together=setting.p_all_together,
+        p_all_poses=setting.p_all_poses,
+    )
+
+
+# The search for one pose: restricted sampling, the genetic algorithm, local refinement.
+
+
+# no pose is worth improving that misses the largest fitness there can be by so little, as a share
+_PERFECT = 1e-5
+
+
+@dataclass(frozen=True)
+class FoundPose:
+    """The best pose of a search (4, 4), its fitness, and how the search went; see `SensorSetting` for the fields."""
+
+    cam2world: np.ndarray
+    fitness: float
+    nfev: int
+    generations: int
+    message: str
+    history: tuple[float, ...]
+
+
+def search_pose(
+    cells: CellSet,
+    constraints: Constraints,
+    objective: Objective,
+    search: Search,
+    rng: np.random.Generator,
+    known: np.ndarray | None = None,
+    callback: Callable[..., Any] | None = None,
+) -> FoundPose:
+    """Search the best pose in the covering domains.
+
+    Parameters
+    ----------
+    cells : CellSet
+        The covering domains.
+    constraints, objective : Constraints, Objective
+        What must hold, and what is maximised.
+    search : Search
+        How to search.
+    rng : numpy.random.Generator
+        Source of chance.
+    known : array (m, 4, 4), optional
+        Poses to begin with; the outcome is never worse than the best feasible one of them.
+    callback : callable, optional
+        See `ga.maximize`.
+
+    Raises
+    ------
+    InfeasibleError
+        If no feasible pose is found; it says why.
+    """
+    known = np.empty((0, 4, 4)) if known is None else known
+    sampler = _sampler(cells, constraints, search)
+    if sampler.empty:
+        raise explain_positions(constraints, cells, rng)
+    turn = constraints.camera.half_diagonal_rad
+    encoding = PoseEncoding(
+        sampler.bounds, constraints.sphere_centre, turn, search.gene_bits, search.gray_code
+    )
+    start = draw_start(
+        search.population,
+        sampler,
+        encoding,
+        constraints,
+        rng,
+        search.max_draws,
+        known,
+        search.repair,
+    )
+    known = known[constraints.feasible(known)]
+    if len(start.bits):
+        result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
+        outcome = _outcome(result, encoding)
+    elif len(known):
+        # feasible only between the steps of the encoding: what is left is to refine
+        result = None
+        message = "No encoded pose is feasible; the known poses were refined."
+        outcome = FoundPose(known[0], -np.inf, 0, 0, message, ())
+    else:
+        if not len(start.tried):
+            raise explain_positions(constraints, cells, rng)
+        source = rng if search.explain else None
+        raise explain_infeasible(constraints, encoding, start.tried, source)
+    ascent = Ascent(
+        sampler,
+        encoding,
+        objective,
+        constraints,
+        _enough(objective),
+        outcome.cam2world,
+        outcome.fitness,
+        search=search,
+    )
+    ascent.consider(known)
+    if search.refines and ascent.fitness < ascent.enough:
+        ascent.climb(np.concatenate([_starts(result, start.bits, ascent, search, rng), known]))
+        ascent.mirror()
+    nfev = outcome.nfev + ascent.nfev
+    return replace(outcome, cam2world=ascent.cam2world, fitness=ascent.fitness, nfev=nfev)
+
+
+def _sampler(cells: CellSet, constraints: Constraints, search: Search) -> ViewpointSampler:
+    """Return where positions are drawn."""
+    if search.sampling != "workspace":
+        return ViewpointSampler(cells, constraints.ends, constraints.camera)
+    workspace = constraints.space.workspace
+    return WorkspaceSampler(cells, constraints.ends, constraints.camera, workspace)
+
+
+def _starts(
+    result: GAResult | None,
+    first: np.ndarray,
+    ascent: Ascent,
+    search: Search,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return the poses (m, 4, 4) to refine from, given how the genetic algorithm ended and its first chromosomes."""
+    encoding = ascent.encoding
+    poses = [
+        turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng, search.starts)
+    ]
+    if result is not None:
+        bits = np.vstack([result.x, result.population])
+        fitness = np.append(result.fun, result.fitness)
+        best = best_apart(bits, fitness, encoding, search.refine_starts, search.starts)
+        first = encoding.decode(first)
+        poses += [
+            encoding.decode(best),
+            best_around(first, ascent.objective.fitness(first), search.spread_starts),
+        ]
+        ascent.nfev += len(first)
+    return np.concatenate(poses)
+
+
+def _evolve(
+    bits: np.ndarray,
+    encoding: PoseEncoding,
+    constraints: Constraints,
+    objective: Objective,
+    search: Search,
+    rng: np.random.Generator,
+    callback: Callable[..., Any] | None,
+) -> GAResult:
+    """Run the genetic algorithm from feasible chromosomes; too few of them are repeated."""
+    return maximize(
+        lambda population: objective.fitness(encoding.decode(population)),
+        encoding.n_bits,
+        feasible=lambda population: constraints.feasible(encoding.decode(population)),
+        initial=np.resize(bits, (search.population, encoding.n_bits)),
+        rng=rng,
+        callback=callback,
+        target=_enough(objective) if search.stop_at_perfect else None,
+        **search.ga_options(),
+    )
+
+
+def _outcome(result: GAResult, encoding: PoseEncoding) -> FoundPose:
+    history = tuple(result.history.best_so_far.tolist())
+    pose = encoding.decode(result.x[None])[0]
+    return FoundPose(
+        pose, float(result.fun), int(result.nfev), int(result.nit), result.message, history
+    )
+
+
+def _enough(objective: Objective) -> float:
+    return objective.highest * (1.0 - _PERFECT)
+
+
+def plan_setting(
+    space: Space,
+    names: Sequence[str],
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    *,
+    accuracy: float = 0.98,
+    rng: int | np.random.Generator | None = 0,
+    stand_off_mm: float = 50.0,
+    min_length_px: float = 20.0,
+    field_margin_px: float | None = None,
+    field_of_view: str = "exact",
+    visibility_radius_mm: float | None = None,
+    focus_margin_mm: float = 0.0,
+    showing: Detectability = NOT_ASKED,
+    reach: Reach | None = None,
+    objective: str = "sum",
+    model: str = "joint",
+    search: Search | None = None,
+    start: ArrayLike | None = None,
+    callback: Callable[..., Any] | None = None,
+) -> SensorSetting:
+    """Find the pose that inspects a set of entities with the highest probability.
+
+    Guarantee: the setting meets every constraint. Every individual of every population lies in the
+    covering domains. The same arguments with the same integer `rng` give the same setting.
+
+    Parameters
+    ----------
+    space : VisibilityRegions or EntityAspectGraph
+        Viewpoints from which the entities are observable.
+    names : sequence of str
+        The entities to inspect together.
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        Uncertainty of the camera's real pose about the planned one.
+    accuracy : float
+        Required accuracy A in (0, 1). The permitted error is the fraction 1 − A of the length.
+    rng : int, numpy.random.Generator or None
+        Seed or source of chance; None takes a fresh seed, reported in the setting.
+
+    Returns
+    -------
+    SensorSetting
+        The best setting found.
+
+    Other Parameters
+    ----------------
+    stand_off_mm : float
+        Smallest distance between the front nodal point and the part, mm.
+    min_length_px : float
+        Smallest length of an entity in the image, in pixels of the larger pitch (L_min of eq 16).
+    field_margin_px : float, optional
+        Width of the strip along the sensor's edges to keep free, px, so that no end leaves the
+        image. Default: three standard deviations of the motion of a point on the axis under the
+        pose uncertainty.
+    field_of_view : {"exact", "cone"}
+        "exact": both ends are inside the rectangular sensor. "cone": the paper's conservative cone.
+    visibility_radius_mm : float, optional
+        Entities must also be observable from all points up to this distance from the pose, mm, so
+        that a displaced camera sees them. Default: three standard deviations of the position.
+    focus_margin_mm : float
+        Narrow both limits of the depth of field by this distance, mm, so that a displaced camera is
+        still in focus. With four standard deviations of its position, blurred images are rare.
+        Default: 0.
+    showing : Detectability
+        Conditions under which software can find edges in the image. Default: none, as in the paper.
+    reach : ReachRegion or callable, optional
+        Region in which the front nodal point may be. It is a `BoxRegion`, `SphereRegion`,
+        `MeshRegion` or another object with a method ``margin``, or ``callable(positions) -> bool``
+        of shape (n,). Default: the whole workspace.
+    objective : {"sum", "min"}
+        Maximise the sum of the probabilities (the paper) or the smallest.
+    model : {"joint", "independent", "montecarlo"}
+        Error model, see `errors.success_probability`.
+    search : Search, optional
+        How to search; `Search.paper()` is the paper's plain algorithm.
+    start : array (m, 4, 4), optional
+        Poses cam2world to start from. The setting is never worse than the best feasible one of
+        them.
+    callback : callable, optional
+        ``callback(ga.Generation)`` after every generation; a true return value stops the search.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    InfeasibleError
+        If the search finds no setting that meets the constraints. The error names constraint,
+        entity and amount.
+
+    Examples
+    --------
+    >>> from aspectgraph import compute_regions, read_solid
+    >>> from planner import Camera, PoseUncertainty, plan_setting
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> regions = compute_regions(block, {"e1": [[60, 20, 10], [60, 40, 10]], "e2": [[60, 20, 10], [60, 20, 30]]})
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> setting = plan_setting(regions, ["e1", "e2"], camera, uncertainty, accuracy=0.95)
+    >>> min(setting.probability.values()) > 0.99, min(setting.margins.values()) >= 0
+    (True, True)
+    """
+    check_kinds(
+        names=(names, ITEMS),
+        camera=(camera, "Camera"),
+        pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
+    )
+    names = check_names(space, names)
+    for name in names:
+        check_is_edge(name, space.entities[name])
+    if field_margin_px is None:
+        field_margin_px = pose_margin_px(camera, pose_uncertainty)
+    if visibility_radius_mm is None:
+        visibility_radius_mm = position_margin_mm(pose_uncertainty)
+    need = Requirements(
+        min_length_px=min_length_px,
+        field_margin_px=field_margin_px,
+        field_of_view=field_of_view,
+        stand_off_mm=stand_off_mm,
+        reach=reach,
+        visibility_radius_mm=visibility_radius_mm,
+        focus_margin_mm=check_focus_margin(focus_margin_mm, camera),
+        showing=check_showing(showing, camera),
+    )
+    request = Request(space, names, camera, pose_uncertainty, accuracy, requirements=need)
+    return best_setting(
+        request,
+        rng,
+        objective=objective,
+        model=model,
+        search=search,
+        start=start,
+        callback=callback,
+    )
+
+
+def best_setting(
+    request: Request,
+    rng: int | np.random.Generator | None,
+    *,
+    objective: str = "sum",
+    model: str = "joint",
+    search: Search | None = None,
+    start: ArrayLike | None = None,
+    callback: Callable[..., Any] | None = None,
+) -> SensorSetting:
+    """Find the best pose for all entities of a request: `plan_setting` for those who have the request.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked.
+    rng : int, numpy.random.Generator or None
+        Seed or source of chance.
+    objective, model, search, start, callback
+        As in `plan_setting`.
+
+    Returns
+    -------
+    SensorSetting
+        The best setting found.
+
+    Raises
+    ------
+    RequestError
+        If an option breaks its rule.
+    InfeasibleError
+        If no setting can be found that satisfies the constraints.
+    """
+    generator, seed = _check_rng(rng)
+    constraints = request.constraints
+    goal = request.objective_of(objective, model)
+    check_resolvable(constraints)
+    check_extent(constraints)
+    for error in missing_corners(constraints).values():
+        raise error
+    cells = check_observable(request.space, request.names)
+    outcome = search_pose(
+        cells, constraints, goal, search or Search(), generator, _check_poses(start), callback
+    )
+    pose = outcome.cam2world[None]
+    probability = goal.probability(pose)[0]
+    return SensorSetting(
+        cam2world=outcome.cam2world,
+        entities=request.names,
+        probability=dict(zip(request.names, probability.tolist(), strict=True)),
+        margins={name: float(margin.min()) for name, margin in constraints.margins(pose).items()},
+        fitness=outcome.fitness,
+        nfev=outcome.nfev,
+        generations=outcome.generations,
+        message=outcome.message,
+        seed=seed,
+        history=outcome.history,
+        witness={name: request.chosen[name] for name in request.names if name in request.chosen},
+        registered=request.known_at(outcome.cam2world, request.names),
+    )
+
+
+def check_names(space: Space, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names as a tuple, or raise `RequestError` if there are none, one is unknown or one comes twice."""
+    names = (names,) if isinstance(names, str) else tuple(str(name) for name in names)
+    if not names:
+        raise RequestError.of_rule("names", "must hold at least one entity", "none")
+    for name in names:
+        if name not in space.entities:
+            raise RequestError.of_rule(
+                "names", f"must be entities ({', '.join(map(str, space.entity_names))})", repr(name)
+            )
+        if names.count(name) > 1:
+            raise RequestError.of_rule("names", "must be different", f"{name!r} twice")
+    return names
+
+
+def _check_rng(rng: object) -> tuple[np.random.Generator, int | None]:
+    if isinstance(rng, np.random.Generator):
+        return rng, None
+    if rng is None:
+        rng = int(np.random.SeedSequence().generate_state(1)[0])
+    if not isinstance(rng, Integral) or isinstance(rng, bool) or rng < 0:
+        raise RequestError.of_rule(
+            "rng", "must be a non-negative integer, a numpy Generator or None", repr(rng)
+        )
+    return np.random.default_rng(int(rng)), int(rng)
+
+
+def _check_poses(start: ArrayLike | None) -> np.ndarray:
+    """Return poses (m, 4, 4) to begin with, or raise `RequestError` if they are not rigid."""
+    poses = np.empty((0, 4, 4)) if start is None else np.asarray(start, dtype=np.float64)
+    poses = poses[None] if poses.shape == (4, 4) else poses
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise RequestError(f"start must have the shape (m, 4, 4). Got {poses.shape}.")
+    rotations = poses[:, :3, :3]
+    if not np.allclose(rotations @ np.swapaxes(rotations, 1, 2), np.eye(3), atol=1e-6):
+        raise RequestError("start must hold rigid poses. Got a rotation that is not orthonormal.")
+    return poses

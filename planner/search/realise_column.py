@@ -1,0 +1,649 @@
+"""One column's run of the genetic algorithm, as a task for any executor, and the reasons when it fails."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.camera.pose import pose_between
+from planner.effort.poses import Centring
+from planner.exceptions import InfeasibleError
+from planner.executors import Shared
+from planner.request.request import Request
+from planner.request.targets import PoseKnowledge
+from planner.search.evolution import centred, least_share
+from planner.search.infeasible import missing_corners
+from planner.search.judge import Judge, perturbed
+from planner.search.plan_setting import best_setting, setting_at, without
+from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
+from planner.verify.p_all import (
+    MOST_REQUIRED,
+    DisplacedChecks,
+    JointCounts,
+    poses_needed,
+    successes_needed,
+)
+from planner.verify.simulate_setting import Posed, simulate_setting
+
+# a shortfall is more than nothing
+_LEAST = 1e-9
+
+# what a failing constraint means to the person who reads the plan
+_MEANING = {
+    "visibility": ReasonKind.UNOBSERVABLE,
+    "resolution_mm": ReasonKind.TOO_SHORT,
+    "focus_mm": ReasonKind.OUT_OF_FOCUS,
+    "field_of_view_px": ReasonKind.TOO_LARGE,
+    "field_of_view_mm": ReasonKind.TOO_LARGE,
+    "workspace_mm": ReasonKind.OUT_OF_REACH,
+    "reach": ReasonKind.OUT_OF_REACH,
+    "robot": ReasonKind.OUT_OF_REACH,
+    "clearance_mm": ReasonKind.TOO_NEAR,
+    "corner_deg": ReasonKind.NO_CORNER,
+    "separation_px": ReasonKind.LINE_NEARBY,
+}
+
+
+def realise(
+    shared: Shared, names: Sequence[str], seed: int, start: np.ndarray | None = None
+) -> Outcome:
+    """Look for a setting that inspects a set of entities: first by the sum of probabilities, then by the smallest.
+
+    Parameters
+    ----------
+    shared : Shared of Judge
+        Holds the request.
+    names : tuple of str
+        The column.
+    seed : int
+        Seed of the run.
+    start : array (m, 4, 4), optional
+        Poses to begin with, such as the candidate that promised the column.
+
+    Returns
+    -------
+    Outcome
+        The setting (it may miss the threshold for some entities), or the reason why there is none.
+    """
+    judge: Judge = shared.value
+    if start is not None:
+        return _realised(judge, judge.request.at_pose(start[0], names), seed, start)
+    # without a pose to go by, each witness of the target is tried until one serves
+    outcome = Outcome()
+    for k in range(max(len(judge.request.find_target(name).witnesses) for name in names)):
+        chosen = {
+            name: min(k, len(judge.request.find_target(name).witnesses) - 1) for name in names
+        }
+        tried = _realised(judge, judge.request.choosing(chosen, names), seed, start)
+        if outcome.setting is None or _least(tried) > _least(outcome):
+            outcome = outcome if tried.setting is None and k else tried
+        if _least(outcome) >= judge.request.probability:
+            break
+    return outcome
+
+
+def _least(outcome: Outcome) -> float:
+    """Return the least probability that a run reached; below 0 if it found no setting."""
+    return -1.0 if outcome.setting is None else min(outcome.setting.probability.values())
+
+
+def _realised(judge: Judge, request: Request, seed: int, start: np.ndarray | None) -> Outcome:
+    """Look for a setting that inspects all targets of a request, each by its only witness."""
+    names = request.names
+    best = None
+    for objective in ("sum", "min"):
+        try:
+            # only of a single entity it is told why it is not inspected
+            search = replace(judge.effort.search, explain=len(names) == 1)
+            setting = best_setting(request, seed, objective=objective, search=search, start=start)
+        except InfeasibleError as error:
+            return Outcome(reason=Reason.of(meaning(error), error))
+        if best is None or min(setting.probability.values()) > min(best.probability.values()):
+            best = setting
+        if min(best.probability.values()) >= request.probability or len(names) == 1:
+            break
+    return Outcome(best)
+
+
+def without_corners(judge: Judge) -> dict[str, Reason]:
+    """Return the entities that no pose can inspect as they lack a corner that is asked for, and the reason."""
+    return {
+        name: Reason.of(meaning(error), error)
+        for name, error in missing_corners(judge.request.first.constraints).items()
+    }
+
+
+def meaning(error: InfeasibleError) -> ReasonKind:
+    """Return what keeps entities from being inspected."""
+    if error.together or not error.constraint:
+        return ReasonKind.NO_FEASIBLE_VIEW
+    if error.constraint == "visibility" and not error.proven:
+        return ReasonKind.IN_VIEW_FROM_NO_POSE_TRIED
+    return _MEANING[error.constraint]
+
+
+class Supported(NamedTuple):
+    """A setting, and what simulation supports of it.
+
+    Attributes
+    ----------
+    setting : SensorSetting
+    entities : frozenset of str
+        Those of its entities that simulation does not contradict, and that have the required P_all.
+    """
+
+    setting: SensorSetting
+    entities: frozenset[str]
+
+
+class _Tried(NamedTuple):
+    """A pose that was simulated: by how much it promises too much, and what falls short, if that was asked."""
+
+    pose: SensorSetting | PosedOnly
+    excess: dict[str, float]
+    short: dict[str, float] | None
+
+    def supported(self, judge: Judge, seed: int) -> frozenset[str]:
+        """Return the entities that simulation supports."""
+        most = judge.effort.support.too_high
+        kept = tuple(name for name, too_much in self.excess.items() if too_much <= most)
+        short = self.short
+        if short is None and kept:
+            short = shortfalls(judge, self.pose.cam2world, kept, seed)
+        return frozenset(kept) - frozenset(short or ())
+
+
+def best_supported(
+    judge: Judge, options: Sequence[SensorSetting], seed: int, settings: int = 1
+) -> Supported:
+    """Return the first setting that simulation does not contradict, or a pose near the first that it supports.
+
+    The probability is of second order in the displacement and does not count ends that leave the image, so a pose may
+    succeed less often. If all are contradicted, the least contradicted is returned.
+
+    Parameters
+    ----------
+    judge : Judge
+    options : sequence of SensorSetting
+        For the same entities, the best first.
+    seed : int
+        Of the poses tried and displaced.
+    settings : int
+        How many settings share the trials that the effort allows a plan.
+    """
+    support = judge.effort.support
+    rng = np.random.default_rng([seed, support.trial_poses])
+    best: _Tried | None = None
+    least = np.inf
+    poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
+        options, _near(judge, options[0], rng, support.trials_of(settings))
+    )
+    for pose in poses:
+        tried = _Tried(pose, _excess(judge, pose, rng), None)
+        too_much = max(tried.excess.values())
+        if too_much <= support.too_high:
+            short = _shortfalls_below(judge, pose, seed, least - support.too_high)
+            tried = tried._replace(short=short)
+            too_much = max([too_much, *(support.too_high + miss for miss in short.values())])
+        if best is None or too_much < least:
+            best = tried
+            least = too_much
+        if least <= support.too_high:
+            break
+    assert best is not None
+    kept = best.supported(judge, seed)
+    if isinstance(best.pose, SensorSetting):
+        return Supported(best.pose, kept)
+    message = "pose near the best, supported by simulation"
+    found = best.pose
+    return Supported(
+        setting_at(judge.request, found.cam2world, found.entities, message, seed=options[0].seed),
+        kept,
+    )
+
+
+def supported_pose(
+    shared: Shared, options: Sequence[SensorSetting], seed: int, settings: int
+) -> Supported:
+    """Return what `best_supported` returns, as a task for any executor; ``shared`` holds the judge."""
+    return best_supported(shared.value, options, seed, settings)
+
+
+def without_contradicted(request: Request, settings: Sequence[Supported]) -> list[SensorSetting]:
+    """Take from settings the entities that simulation contradicts there and supports in another one.
+
+    Parameters
+    ----------
+    request : Request
+    settings : sequence of Supported
+    """
+    result = []
+    for k, (setting, supported) in enumerate(settings):
+        others = (*settings[:k], *settings[k + 1 :])
+        elsewhere = frozenset().union(*(other.entities for other in others))
+        needless = [n for n in setting.entities if n in elsewhere and n not in supported]
+        result.append(without(request, setting, needless) if needless else setting)
+    return result
+
+
+def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, float]:
+    """Return the entities that simulation contradicts in a setting, and by how much they promise too much."""
+    support = judge.effort.support
+    excess = _excess(judge, setting, np.random.default_rng([seed, support.trial_poses]))
+    suspected = tuple(name for name, too_much in excess.items() if too_much > support.too_high)
+    if not suspected:
+        return {}
+    posed = PosedOnly(
+        setting.cam2world, suspected, {name: setting.probability[name] for name in suspected}
+    )
+    rng = np.random.default_rng([seed, support.sure_poses])
+    excess = _excess(judge, posed, rng, support.sure_poses)
+    return {name: too_much for name, too_much in excess.items() if too_much > support.too_high}
+
+
+def joint_counts(
+    judge: Judge,
+    cam2world: np.ndarray,
+    names: Sequence[str],
+    seed: int,
+    at_least: int = 0,
+    needed: float = 0.0,
+) -> JointCounts:
+    """Count over displaced poses how often all that is asked of targets holds at a pose.
+
+    Parameters
+    ----------
+    judge : Judge
+        Has the request; its effort says how many poses are displaced.
+    cam2world : array (4, 4)
+        The pose.
+    names : sequence of str
+        The targets. What is counted for one depends on no other.
+    seed : int
+        Of the displaced poses.
+    at_least : int
+        Displaced poses at least.
+    needed : float
+        The count ends as soon as the bound of a target cannot become this large any more, and states too much then.
+    """
+    checks = DisplacedChecks(judge.request.at_pose(cam2world, names), names)
+    n = poses_needed(judge.threshold, max(at_least, judge.effort.support.joint_poses))
+    return checks.count(cam2world, n, seed, successes_needed(needed, n))
+
+
+def joint_bounds(
+    judge: Judge,
+    cam2world: np.ndarray,
+    names: Sequence[str],
+    seed: int,
+    needed: float = 0.0,
+) -> dict[str, tuple[float, int]]:
+    """Return a lower bound of the P_all of each target at a pose, and over how many displaced poses it was counted.
+
+    Where the first displaced poses do not decide whether a target has the required probability, more are drawn.
+
+    Parameters
+    ----------
+    judge, cam2world, names, seed
+        As `joint_counts` takes them.
+    needed : float
+        As soon as one bound is surely below this, others may state too much.
+    """
+    support = judge.effort.support
+    bounds: dict[str, tuple[float, int]] = {}
+    left = tuple(names)
+    for at_least in (support.joint_poses, support.joint_sure_poses):
+        sure = at_least == support.joint_sure_poses
+        counts = joint_counts(judge, cam2world, left, seed, at_least, needed if sure else 0.0)
+        bounds.update({name: (counts.lower[name], counts.n) for name in left})
+        left = tuple(
+            name
+            for name, hits in zip(counts.names, counts.successes, strict=True)
+            if hits >= judge.threshold * counts.n and not keeps(judge, counts.lower[name])
+        )
+        decided = [lower for name, (lower, _) in bounds.items() if name not in left]
+        if not left or min(decided, default=1.0) < needed:
+            break
+    return bounds
+
+
+def _shortfalls_below(judge: Judge, pose: Posed, seed: int, most: float) -> dict[str, float]:
+    """Return the `shortfalls` of a pose; if one of them is ``most`` or more, others may be too small."""
+    # a rounding error less than what cannot be below
+    needed = min(judge.threshold - most - _LEAST, MOST_REQUIRED)
+    return missing(judge, joint_bounds(judge, pose.cam2world, pose.entities, seed, needed))
+
+
+def shortfalls(
+    judge: Judge, cam2world: np.ndarray, names: Sequence[str], seed: int
+) -> dict[str, float]:
+    """Return the targets that do not surely have the required P_all at a pose, and by how much they miss it.
+
+    Parameters
+    ----------
+    judge, cam2world, names, seed
+        As `joint_counts` takes them.
+    """
+    bounds = joint_bounds(judge, cam2world, names, seed)
+    return missing(judge, bounds)
+
+
+def missing(judge: Judge, bounds: Mapping[str, tuple[float, int]]) -> dict[str, float]:
+    """Return the targets whose bounds of P_all are below what is required, and by how much; see `joint_bounds`."""
+    return {
+        name: max(judge.threshold - lower, _LEAST)
+        for name, (lower, _) in bounds.items()
+        if not keeps(judge, lower)
+    }
+
+
+def keeps(judge: Judge, lower: float) -> bool:
+    """Tell whether a lower bound of P_all is what is required, `MOST_REQUIRED` at most."""
+    return lower >= min(judge.threshold, MOST_REQUIRED)
+
+
+class PosedOnly(NamedTuple):
+    """What simulation asks of a setting; to state a pose's margins, too, takes longer than to simulate it."""
+
+    cam2world: np.ndarray
+    entities: tuple[str, ...]
+    probability: dict[str, float]
+    registered: PoseKnowledge | None = None
+
+
+def _excess(
+    judge: Judge, setting: Posed, rng: np.random.Generator, n: int | None = None
+) -> dict[str, float]:
+    """Simulate a setting; return by how much it promises too much for each entity."""
+    names = tuple(setting.entities)
+    known = judge.request.known_at(setting.cam2world, names)
+    rates = simulate_setting(
+        PosedOnly(setting.cam2world, names, dict(setting.probability), known),
+        judge.request.at_pose(setting.cam2world, setting.entities).measured,
+        judge.camera,
+        judge.request.pose_uncertainty,
+        accuracy=judge.accuracy,
+        n=judge.effort.support.trial_poses if n is None else n,
+        rng=rng,
+    )
+    return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
+
+
+def _near(
+    judge: Judge, setting: SensorSetting, rng: np.random.Generator, most: int
+) -> Iterator[PosedOnly]:
+    """Yield poses near a setting that inspect the same entities, so many at most."""
+    support = judge.effort.support
+    poses = perturbed(
+        np.repeat(setting.cam2world[None], support.neighbours, axis=0),
+        judge.camera.focus_distance_mm,
+        rng,
+    )
+    is_wanted = np.isin(judge.names, setting.entities)
+    tried = 0
+    # worth more than 1 is only what nearly inspects all of them: no more is looked at of the others
+    prices = is_wanted / (is_wanted.sum() - 0.5)
+    for first in range(0, len(poses), support.batch):
+        neighbours = poses[first : first + support.batch]
+        judged = judge(neighbours, prices)
+        for k in np.flatnonzero(judged.inspects[:, is_wanted].all(axis=1))[: most - tried]:
+            tried += 1
+            stated = dict(zip(judge.names, judged.probability[k].tolist(), strict=True))
+            yield PosedOnly(
+                neighbours[k], setting.entities, {name: stated[name] for name in setting.entities}
+            )
+
+
+# What simulation finds of what poses promise: each promise is simulated once, in any process.
+
+
+class Found(NamedTuple):
+    """What a simulation of a pose found.
+
+    Attributes
+    ----------
+    excess : dict of str to float
+        By how much simulation contradicts what is stated of an entity, or P_all falls short; 0 if neither.
+    bounds : dict of str to (float, int)
+        Lower bound of P_all, and over how many displaced poses, of entities that are not contradicted.
+    """
+
+    excess: dict[str, float]
+    bounds: dict[str, tuple[float, int]]
+
+
+def simulate_promises(
+    shared: Shared, cam2world: np.ndarray, stated: Mapping[str, float], seed: int
+) -> Found:
+    """Simulate what is stated of entities at a pose, as a task for any executor.
+
+    What comes out for an entity depends on nothing that is stated of others.
+
+    Parameters
+    ----------
+    shared : Shared of Judge
+        Holds the request.
+    cam2world : array (4, 4)
+        The pose.
+    stated : mapping of str to float
+        Probabilities by entity.
+    seed : int
+        Of the displaced poses.
+    """
+    judge: Judge = shared.value
+    # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
+    own = [name for name in stated if not judge.request.find_target(name).in_image]
+    excess = dict.fromkeys(stated, 0.0)
+    for names in (tuple(name for name in stated if name not in own), *((name,) for name in own)):
+        if names:
+            some = PosedOnly(cam2world, names, {name: stated[name] for name in names})
+            excess.update(promised_too_much(judge, some, seed))
+    kept = tuple(name for name in stated if excess[name] <= 0.0)
+    bounds = joint_bounds(judge, cam2world, kept, seed) if kept else {}
+    return Found({**excess, **missing(judge, bounds)}, bounds)
+
+
+class Promises:
+    """What is known of the promises of poses so far.
+
+    Parameters
+    ----------
+    shared : Shared of Judge
+        Holds the request.
+    seed : int
+        Of the displaced poses.
+    """
+
+    def __init__(self, shared: Shared, seed: int):
+        self._shared = shared
+        self._seed = seed
+        self._excess: dict[tuple[bytes, str, float], float] = {}
+        self._bounds: dict[tuple[bytes, str], tuple[float, int]] = {}
+
+    def task(self, setting: SensorSetting) -> tuple[Shared, np.ndarray, dict[str, float], int]:
+        """Return the arguments of `simulate_promises` for what a setting states and was not simulated."""
+        pose = setting.cam2world.tobytes()
+        stated = {name: setting.probability[name] for name in setting.entities}
+        new = {n: p for n, p in stated.items() if (pose, n, p) not in self._excess}
+        return self._shared, setting.cam2world, new, self._seed
+
+    def take(self, setting: SensorSetting, found: Found) -> None:
+        """Remember what was found of what a setting states."""
+        pose = setting.cam2world.tobytes()
+        for name, excess in found.excess.items():
+            self._excess[pose, name, setting.probability[name]] = excess
+        self._bounds.update({(pose, name): bound for name, bound in found.bounds.items()})
+
+    def contradicted_in(self, setting: SensorSetting) -> dict[str, float]:
+        """Return the entities of a setting that simulation contradicts or that lack P_all, and by how much."""
+        task = self.task(setting)
+        if task[2]:
+            self.take(setting, simulate_promises(*task))
+        pose = setting.cam2world.tobytes()
+        found = {n: self._excess[pose, n, setting.probability[n]] for n in setting.entities}
+        return {name: too_much for name, too_much in found.items() if too_much > 0.0}
+
+    def with_bounds(self, setting: SensorSetting) -> SensorSetting:
+        """Return a setting that states the P_all that was counted for its entities."""
+        pose = setting.cam2world.tobytes()
+        if not all((pose, name) in self._bounds for name in setting.entities):
+            return setting
+        found = {name: self._bounds[pose, name] for name in setting.entities}
+        stated = {name: min(lower, setting.probability[name]) for name, (lower, _) in found.items()}
+        # what is missed by one at least is missed by no more than all of them miss
+        together = max(1.0 - sum(1.0 - p for p in stated.values()), 0.0)
+        poses = min((n for _, n in found.values()), default=0)
+        return replace(setting, p_all=stated, p_all_together=together, p_all_poses=poses)
+
+
+# The margin step for one setting, as a task for any executor, and what the moved pose promises.
+
+
+_MOVED = "moved off its limits"
+# displaced poses in which a moved pose may not do worse, and those displaced twice as far
+_NEAR_POSES = 1000
+_FAR_POSES = 400
+_FAR_SIGMAS = 2.0
+_WORSE = 0.01
+# of the way to a pose that loses, one after the other
+_PARTS = (0.5, 0.25, 0.125)
+
+
+def centre_setting(
+    shared: Shared,
+    setting: SensorSetting,
+    seed: int,
+    poses: int,
+    centring: Centring,
+    settings: int = 1,
+    until: float = math.inf,
+) -> SensorSetting:
+    """Move a setting off its limits, and count what it promises.
+
+    Parameters
+    ----------
+    shared : Shared of Judge
+        Holds the request.
+    setting : SensorSetting
+        A setting that simulation supports.
+    seed : int
+        Of the search, and of the displaced poses.
+    poses : int
+        Displaced poses to count over, at least.
+    centring : Centring
+        How long to search.
+    settings : int
+        How many settings share the trials that the effort allows a plan.
+    until : float
+        When the search ends, as `time.time` counts: a setting whose turn comes later stays where it is.
+
+    Returns
+    -------
+    SensorSetting
+        For the same targets, with their P_all.
+    """
+    judge: Judge = shared.value
+    late = time.time() > until
+    loses = _Losses(judge, setting, seed, centring.give_up)
+    for pose in () if late else _off_limits(judge, setting, seed, centring):
+        if time.time() > until:
+            break
+        if not _inspects(judge, pose, setting.entities):
+            continue
+        own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
+        if not loses(own):
+            setting = best_supported(judge, [own, setting], seed, settings).setting
+            break
+    return with_p_all(judge, setting, seed, poses)
+
+
+def _off_limits(
+    judge: Judge, setting: SensorSetting, seed: int, centring: Centring
+) -> Iterator[np.ndarray]:
+    """Yield poses with a larger least share: a line may come into view beyond a cliff.
+
+    The first is the best one of a search. Where it loses something, poses on the way to it follow, and at last the best
+    one nearby: a second search of full length would take as long as the first, and mostly lose the same.
+    """
+    request = judge.request.at_pose(setting.cam2world, setting.entities)
+    start = setting.cam2world
+    best = centred(request, start, centring, seed)
+    if (best == start).all():
+        return
+    yield best
+    before = least_share(request, start)
+    for part in _PARTS if before is not None else ():
+        between = pose_between(start, best, part)
+        after = least_share(request, between)
+        if before is not None and after is not None and after.share > before.share:
+            yield between
+    near = centred(request, start, replace(centring, steps=centring.steps[-1:]), seed)
+    if (near != start).any():
+        yield near
+
+
+def with_p_all(judge: Judge, setting: SensorSetting, seed: int, poses: int) -> SensorSetting:
+    """Return a setting with the P_all of its targets, counted over so many displaced poses at least."""
+    if not setting.entities:
+        return setting
+    counts = joint_counts(judge, setting.cam2world, setting.entities, seed, poses)
+    sure = judge.effort.support.joint_sure_poses
+    if poses < sure and not all(keeps(judge, lower) for lower in counts.lower.values()):
+        counts = joint_counts(judge, setting.cam2world, setting.entities, seed, sure)
+    # no more is promised than the model says of the error alone
+    stated = {name: min(counts.lower[name], setting.probability[name]) for name in counts.names}
+    together = min(counts.lower_together, *stated.values())
+    return replace(setting, p_all=stated, p_all_together=together, p_all_poses=counts.n)
+
+
+def _inspects(judge: Judge, pose: np.ndarray, names: Sequence[str]) -> bool:
+    judged = judge(pose[None]).inspects[0]
+    return bool(judged[np.isin(judge.names, names)].all())
+
+
+class _Losses:
+    """Tells whether a target is measured less often from a moved pose: by more than is given up, or far away.
+
+    Both poses are displaced by the same draws.
+
+    Parameters
+    ----------
+    judge : Judge
+        Holds the request.
+    before : SensorSetting
+        The setting as it was.
+    seed : int
+        Of the displaced poses.
+    give_up : float
+        Share of them that may be lost.
+    """
+
+    def __init__(self, judge: Judge, before: SensorSetting, seed: int, give_up: float):
+        self._judge = judge
+        self._before = before
+        self._seed = seed
+        self._counts = ((1.0, _NEAR_POSES, give_up), (_FAR_SIGMAS, _FAR_POSES, _WORSE))
+        self._known: dict[float, np.ndarray] = {}
+
+    def __call__(self, after: SensorSetting) -> bool:
+        for sigmas, poses, lost in self._counts:
+            if sigmas not in self._known:
+                self._known[sigmas] = self._times_measured(self._before, sigmas, poses)
+            now = self._times_measured(after, sigmas, poses)
+            if (self._known[sigmas] - now > lost * poses + 1).any():
+                return True
+        return False
+
+    def _times_measured(self, setting: SensorSetting, sigmas: float, poses: int) -> np.ndarray:
+        """Return in how many poses, displaced so many times as far, each target of a setting is measured (k,)."""
+        asked = self._judge.request
+        wide = type(asked.pose_uncertainty)(sigmas**2 * asked.pose_uncertainty.covariance)
+        own = asked.at_pose(setting.cam2world, setting.entities)
+        checks = DisplacedChecks(replace(own, pose_uncertainty=wide), setting.entities)
+        return np.array(checks.count(setting.cam2world, poses, self._seed).successes)

@@ -1,0 +1,664 @@
+"""The stages of a plan, in order.
+
+Each stage adds to the state: columns, what excludes each other, a bound, settings. The state is kept when a stage ends,
+and within the long ones. A planning that is resumed goes on with the stage that its state names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.bound.dual_bound import ProvenBound, of_all
+from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
+from planner.cover.few_columns import few_columns, sets_to_realise
+from planner.executors import Shared, in_order
+from planner.light.lighting import Lighting, eyes_of
+from planner.light.plan_light import chosen_lamps
+from planner.plan import InspectionPlan
+from planner.progress import report
+from planner.request.request import Request
+from planner.search.candidates import (
+    Pools,
+    WarmStart,
+    derive_seed,
+    entity_poses,
+    judged_poses,
+    price_poses,
+)
+from planner.search.incumbents import SO_FAR, Incumbents, assembled
+from planner.search.judge import Judge, perturbed
+from planner.search.plan_setting import setting_at, without
+from planner.search.realise_column import without_corners
+from planner.search.run import PlanState, Run, empty_pools
+from planner.search.settle import settle
+from planner.sensor_setting import Reason, SensorSetting
+
+if TYPE_CHECKING:
+    from planner.camera.camera import Camera
+
+
+# Columns: the pools are filled from viewpoints of every entity, then improved where the cover
+# would profit.
+
+
+# entities without a view are tried so many at a time: whole numbers of what several processes take at once
+_AT_A_TIME = 16
+# rounds of column generation before that: they come across views of many, and a round costs less than trying one
+_FIRST_ROUNDS = 10
+
+
+def sample_poses(run: Run, incumbents: Incumbents) -> None:
+    """Fill the pools from viewpoints of every entity, but for those that the state has."""
+    done = run.state.entries.get("sampled", 0)
+    names = [name for name in run.names if name not in run.state.uninspectable]
+    arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in names[done:]]
+    check = run.callbacks.check
+    found = in_order(run.executor, judged_poses, arguments, check)
+    for k, (poses, judged) in enumerate(found, done + 1):
+        run.pools.add(poses, judged, run.judge.steady)
+        run.save({"sampled": k})
+        incumbents.offer_on_the_way(run)
+        run.callbacks.report(k, len(names), "candidate poses")
+
+
+def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]:
+    """Give entities that no pose inspects a run of their own; return the reasons of those that fail.
+
+    What some of them add to the plan is offered before the others are tried, as each takes seconds.
+    """
+    missing = [name for i, name in enumerate(run.names) if not run.pool.membership[:, i].any()]
+    reasons: dict[str, Reason] = {}
+    for first in range(0, len(missing), _AT_A_TIME):
+        some = missing[first : first + _AT_A_TIME]
+        for name, outcome in zip(some, run.realise([(name,) for name in some]), strict=True):
+            if name not in run.accept(outcome):
+                reasons[name] = outcome.reason_at(run.request.probability)
+        if len(reasons) < first + len(some):
+            incumbents.offer(run)
+    return reasons
+
+
+def generate_first_columns(run: Run, incumbents: Incumbents) -> None:
+    """Improve the pools a little, before targets that no pose inspects are tried alone."""
+    rounds = min(run.effort.pricing_rounds, _FIRST_ROUNDS)
+    _generate(run, incumbents, rounds, derive_seed(run.seed, ["first columns"]))
+
+
+def generate_columns(run: Run, incumbents: Incumbents) -> None:
+    """Improve the pools by column generation."""
+    _generate(run, incumbents, run.effort.pricing_rounds, run.seed)
+
+
+def _generate(run: Run, incumbents: Incumbents, rounds: int, seed: int) -> None:
+    """Improve the pools, from where the state has got."""
+
+    def offer(entries: dict[str, Any]) -> None:
+        if entries["pricing"]["done"] % run.effort.stages.improving.rounds == 0:
+            incumbents.offer(run)
+
+    warm_start = WarmStart(coverable=~np.isin(run.names, list(run.state.uninspectable)))
+    price_poses(
+        run.shared,
+        run.pools,
+        seed,
+        rounds,
+        run.executor,
+        run.callbacks,
+        warm_start,
+        run.checkpoint(offer),
+    )
+
+
+# Second step: a lower bound is proven; poses that the proof comes across join the pools.
+
+
+def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
+    """Prove a lower bound. Better plans and bounds are told on the way."""
+    state = run.state
+    inspected = _inspected(run)
+    columns = ProofColumns(run)
+
+    def improve(poses: np.ndarray) -> np.ndarray:
+        state.joined += 1
+        columns.join(poses, derive_seed(run.seed, ["joined", str(state.joined)]))
+        incumbents.offer(run)
+        return columns.membership[:, inspected]
+
+    def raised(bound: int, weights: np.ndarray | None) -> None:
+        incumbents.on_bound(run, ProvenBound(bound, SO_FAR, inspected, _of_all(weights)))
+
+    def _of_all(weights: np.ndarray | None) -> np.ndarray | None:
+        return None if weights is None else of_all(weights, inspected)
+
+    checkpoint = run.checkpoint()
+    proven = checkpoint.get("proven")
+    enough = run.callbacks.deadline.wanted_bound(state.known)
+    alone = len(state.incompatible)
+    if not inspected[np.isin(run.names, state.incompatible)].all():
+        alone = 0
+    if proven is None and alone >= enough > 0:
+        proven = alone, exclusion_proof(run.request, alone), None
+    if proven is None:
+        proven = lower_bound(
+            run.request.restricted_to(run.names_of(inspected)),
+            enough,
+            columns.membership[:, inspected],
+            effort=run.effort,
+            improve=improve,
+            checkpoint=checkpoint,
+            executor=run.executor,
+            callbacks=replace(run.callbacks, on_bound=raised),
+        )
+        run.save({"proven": list(proven)})
+    if proven[0] < alone:
+        proven = alone, exclusion_proof(run.request, alone), None
+    bound, proof, weights = proven
+    found = ProvenBound(bound, proof, inspected, _of_all(weights))
+    incumbents.on_bound(run, found)
+    return found
+
+
+def _inspected(run: Run) -> np.ndarray:
+    """Return which entities (k,) the proof is for; find at its beginning in how many settings they can be covered."""
+    state = run.state
+    if state.inspected is None:
+        state.inspected = run.pool.inspected
+        if state.inspected.any():
+            membership = run.pool.membership[:, state.inspected]
+            nodes = run.nodes(run.effort.stages.shares.refuting)
+            chosen = few_columns(membership, nodes, run.rng("known"), covering=run.effort.cover)
+            state.known = len(chosen)
+    return state.inspected
+
+
+def find_incompatible(run: Run) -> None:
+    """Find entities of which no setting inspects two: a bound long before the proof."""
+    seen = np.flatnonzero(run.pool.inspected)
+    if seen.size > 1:
+        columns = run.pool.membership[:, seen]
+        found = exclusive_entities(run.request, seen, columns, run.executor, run.effort)
+        run.state.incompatible = tuple(np.array(run.names)[found].tolist())
+
+
+def weigh_columns(run: Run) -> None:
+    """Find the columns that the proof's weights come from, where they are not those of the plan.
+
+    The proof does not use all conditions. Weights from columns that meet them all are too large for its poses, and it
+    would take most of its time to learn so, one pose after the other.
+    """
+    columns = ProofColumns(run)
+    if columns.relaxed is None:
+        return
+    poses = None
+    if run.state.weighing is None:
+        run.state.weighing = empty_pools(len(run.names))
+        poses = np.concatenate([pool.poses for pool in run.pools])
+    price_poses(
+        columns.shared,
+        run.state.weighing,
+        derive_seed(run.seed, ["weighing"]),
+        run.effort.pricing_rounds,
+        run.executor,
+        run.callbacks.silent,
+        WarmStart(poses),
+        run.checkpoint(),
+    )
+
+
+class ProofColumns:
+    """The columns that the proof's weights come from: those of the plan, or of a request without some conditions."""
+
+    def __init__(self, run: Run):
+        self._run = run
+
+    @cached_property
+    def relaxed(self) -> Request | None:
+        """The request without the conditions that the proof does not use; None if it has none."""
+        request = self._run.request
+        need = request.requirements
+        showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
+        if showing == need.showing and need.cell is None:
+            return None
+        return replace(request, requirements=replace(need, showing=showing, cell=None))
+
+    @cached_property
+    def shared(self) -> Shared:
+        """The judge of that request."""
+        assert self.relaxed is not None
+        return Shared(Judge(self.relaxed, self._run.effort))
+
+    @property
+    def _pools(self) -> Pools:
+        state = self._run.state
+        return state.pools if state.weighing is None else state.weighing
+
+    @property
+    def membership(self) -> np.ndarray:
+        """Columns (c, k)."""
+        return self._pools.realised.membership
+
+    def join(self, poses: np.ndarray, seed: int) -> None:
+        """Add what the proof came across to these columns, and to the plan's."""
+        run = self._run
+        joining = run.effort.stages.joining
+        rounds = joining.rounds_for(len(run.pool))
+        silent = run.callbacks.silent
+        start = WarmStart(poses)
+        weighing = run.state.weighing
+        # what is found without some conditions seldom meets them
+        own = rounds if weighing is None else joining.rounds
+        price_poses(run.shared, run.pools, seed, own, run.executor, silent, start)
+        if weighing is not None:
+            price_poses(self.shared, weighing, seed, rounds, run.executor, silent, start)
+
+
+# Third step: optimistic columns that would save a setting are realised or refuted.
+
+
+def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) -> None:
+    """Try to do with fewer settings, not below the bound, by optimistic columns; refute what cannot be realised.
+
+    Parameters
+    ----------
+    run : Run
+        Its pools get what was realised.
+    inspected : array of bool (k,)
+        Entities that are to be covered.
+    bound : int
+        Settings that are needed at least.
+    incumbents : Incumbents
+        Columns that make a better plan are offered.
+    """
+    left = run.effort.refutations
+    enough = None
+    rng = run.rng("refutation")
+    nodes = run.nodes(run.effort.stages.shares.refuting)
+    impossible = np.zeros((0, len(run.names)), dtype=bool)
+    while left > 0 and inspected.any():
+        realised = run.pool.membership[:, inspected]
+        if enough is None:
+            enough = len(few_columns(realised, nodes, rng, covering=run.effort.cover))
+        if enough <= 1 or bound >= run.callbacks.deadline.wanted_bound(enough):
+            return
+        near = run.pools.near.membership[:, inspected]
+        sets = sets_to_realise(
+            realised, near, impossible[:, inspected], enough, nodes, rng, run.effort.cover
+        )[:left]
+        if not sets:
+            return
+        left -= len(sets)
+        wanted = [tuple(np.array(run.names)[inspected][one].tolist()) for one in sets]
+        for names, outcome in zip(wanted, run.realise(wanted), strict=True):
+            reached = run.accept(outcome)
+            enough = None if reached else enough
+            if set(names) - set(reached):
+                impossible = np.vstack([impossible, np.isin(run.names, names)])
+        incumbents.offer(run)
+
+
+# Settings in which a lamp shows what they measure: where none does, other poses are looked for.
+#
+# The search for poses knows nothing of lamps. If lamps are asked for, what no lamp shows in any
+# of the chosen settings is looked at from other poses that inspect it: those kept in the pool,
+# and some drawn anew. Where a lamp shows it from one of these, the settings are chosen once more,
+# among the old ones and these, by what is shown of each.
+
+
+# multiples of it, without their whole parts, are spread evenly
+_GOLDEN = (5**0.5 - 1) / 2
+
+
+class _Posed(NamedTuple):
+    """Settings and what they measure, as `planner.light` asks for it."""
+
+    settings: Sequence[SensorSetting]
+    targets: Mapping[str, Any]
+    camera: Camera
+    requirements: Mapping[str, float]
+
+
+def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> InspectionPlan:
+    """Return a plan with lamps, of other settings where that shows more.
+
+    **Guarantee.** It measures what the draft measures, as surely as is asked. What a lamp shows in a setting of the
+    draft, a lamp shows in one of the result. No new setting is taken unless that holds; else the draft's are kept.
+
+    Parameters
+    ----------
+    run : Run
+        Its pool holds other poses.
+    lighting : Lighting
+        What is asked of the lamps.
+    draft : InspectionPlan
+        The settings chosen without them.
+    """
+    lit = replace(
+        draft,
+        light=chosen_lamps(lighting, draft, run.request.space.solid, run.callbacks.silent.report),
+    )
+    assert lit.light is not None
+    if lit.light.complete or lighting.together:
+        return lit
+    dark = unlit(lit)
+    places = _places(run, lighting, lit)
+    others = _shown_from_elsewhere(run, lighting, lit, dark, places) if dark else []
+    settings = _chosen_among(run, lit, others)
+    if settings == list(lit.settings):
+        return lit
+    plan = assembled(
+        run,
+        settings,
+        draft.lower_bound,
+        draft.bound_proof,
+        unfinished=draft.unfinished,
+    )
+    better = replace(
+        plan,
+        light=chosen_lamps(
+            lighting, plan, run.request.space.solid, run.callbacks.silent.report, places
+        ),
+    )
+    return better if set(unlit(better)) <= set(dark) else lit
+
+
+def unlit(plan: InspectionPlan) -> list[str]:
+    """Return the names of the targets that no lamp lights in any setting, in the order of the plan."""
+    assert plan.light is not None
+    lit = {
+        n
+        for setting, dark in zip(plan.settings, plan.light.unlit, strict=True)
+        for n in setting.entities
+        if n not in dark
+    }
+    return [name for name in plan.entities if name in plan.inspected and name not in lit]
+
+
+def _places(run: Run, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
+    """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
+    assert plan.light is not None
+    given = lighting.given
+    if given is None:
+        return np.empty((0, 3))
+    if isinstance(given, np.ndarray):
+        return given
+    return np.concatenate([plan.light.lamps, given.places(run.effort.stages.looking.places)])
+
+
+def _shown_from_elsewhere(
+    run: Run,
+    lighting: Lighting,
+    plan: InspectionPlan,
+    dark: Sequence[str],
+    places: NDArray[np.float64],
+) -> list[SensorSetting]:
+    """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
+    kept: list[SensorSetting] = []
+    for k, name in enumerate(dark):
+        poses = _poses_that_inspect(run, plan, name)
+        settings = [
+            setting_at(run.request, pose, [name], "pose in which a lamp shows it") for pose in poses
+        ]
+        lit = _shown(run, lighting, plan, settings, places)
+        seen = [setting for setting, names in zip(settings, lit, strict=True) if name in names]
+        seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
+        more = run.judge(seen_from).inspects.sum(axis=1)
+        order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
+        kept += [seen[i] for i in order[: run.effort.stages.looking.kept]]
+        report(run.callbacks.progress, k + 1, len(dark), "poses in the light")
+    full = [setting for setting in map(_with_all(run), kept) if setting.entities]
+    lit = _shown(run, lighting, plan, full, places)
+    cut = [
+        without(run.request, setting, [name for name in setting.entities if name not in names])
+        for setting, names in zip(full, lit, strict=True)
+    ]
+    return [setting for setting in cut if setting.entities]
+
+
+def _with_all(run: Run) -> Any:
+    """Return a function that takes into a setting all that its pose inspects and simulation does not contradict."""
+
+    def with_all(setting: SensorSetting) -> SensorSetting:
+        pose = setting.cam2world
+        names = run.names_of(run.judge(pose[None]).inspects[0])
+        full = setting_at(
+            run.request, pose, names, setting.message, seed=derive_seed(run.seed, names)
+        )
+        wrong = run.promises.contradicted_in(full)
+        return run.promises.with_bounds(without(run.request, full, list(wrong)) if wrong else full)
+
+    return with_all
+
+
+def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
+    """Return poses (n, 4, 4) that inspect an entity, `Looking.tried` at most: half inspect most, half are spread."""
+    looking = run.effort.stages.looking
+    column = run.names.index(name)
+    seed = derive_seed(run.seed, ["light", name])
+    known = run.pool.poses[run.pool.membership[:, column]]
+    drawn = entity_poses(run.judge, name, looking.viewpoints, seed)
+    planned = np.array([setting.cam2world for setting in plan.settings if name in setting.entities])
+    near = np.repeat(planned, looking.around, axis=0)
+    near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
+    poses = np.concatenate([known, drawn, near])
+    inspects = run.judge(poses).inspects
+    poses = poses[inspects[:, column]]
+    more = inspects[inspects[:, column]].sum(axis=1)
+    if len(poses) <= looking.tried:
+        return poses
+    # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
+    spread = np.modf(np.arange(len(poses)) * _GOLDEN)[0]
+    most = np.lexsort((spread, -more))[: looking.tried // 2]
+    rest = np.setdiff1d(np.arange(len(poses)), most)
+    others = rest[np.linspace(0, len(rest) - 1, looking.tried - len(most)).round().astype(int)]
+    return np.asarray(poses[np.concatenate([most, others])])
+
+
+def _shown(
+    run: Run,
+    lighting: Lighting,
+    plan: InspectionPlan,
+    settings: Sequence[SensorSetting],
+    places: NDArray[np.float64],
+) -> list[set[str]]:
+    """Return what lamps at some places, or the ring on the camera, show in each setting, whichever lamp it takes."""
+    names_shown: list[set[str]] = [set() for _ in settings]
+    if not settings:
+        return names_shown
+    posed = _Posed(settings, plan.targets, plan.camera, plan.requirements)
+    served = lighting.served(posed, run.request.space.solid, run.callbacks.silent.report)
+    if lighting.is_ring:
+        served.keep_own(eyes_of(posed))
+    elif lighting.is_fixed:
+        served.keep(places)
+    else:
+        served.add(places)
+    lit = np.asarray((served.contrast > 0).any(axis=0))
+    for pair, is_lit in zip(served.pairs, lit, strict=True):
+        if is_lit:
+            names_shown[pair.setting].add(pair.name)
+    return names_shown
+
+
+def _chosen_among(
+    run: Run, plan: InspectionPlan, others: Sequence[SensorSetting]
+) -> list[SensorSetting]:
+    """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays measured."""
+    assert plan.light is not None
+    dark = unlit(plan)
+    shown = {name for setting in others for name in setting.entities} | {
+        n for n in plan.inspected if n not in dark
+    }
+    old = []
+    for setting, shadows in zip(plan.settings, plan.light.unlit, strict=True):
+        needless = [name for name in shadows if name in shown]
+        old.append(without(run.request, setting, needless) if needless else setting)
+    options = [setting for setting in (*old, *others) if setting.entities]
+    if not others:
+        return options
+    columns = np.array([np.isin(run.names, setting.entities) for setting in options])
+    covered = columns.any(axis=0)
+    quality = np.array([setting.fitness / len(setting.entities) for setting in options])
+    chosen = few_columns(
+        columns[:, covered], run.nodes(), run.rng("light"), quality, run.effort.cover
+    )
+    return [options[c] for c in chosen]
+
+
+@dataclass(frozen=True)
+class Tools:
+    """What the stages work with.
+
+    Attributes
+    ----------
+    run : Run
+        The request, and what searches and remembers.
+    incumbents : Incumbents
+        The best plan so far; no stage depends on it.
+    lighting : Lighting or None
+        What is asked of lamps.
+    """
+
+    run: Run
+    incumbents: Incumbents
+    lighting: Lighting | None = None
+
+
+class Stage(NamedTuple):
+    """One stage of a plan.
+
+    Attributes
+    ----------
+    name : str
+        What the state calls it.
+    run : callable
+        ``run(state, tools)`` does it, from the beginning or from where the entries of the state have got.
+    """
+
+    name: str
+    run: Callable[[PlanState, Tools], None]
+
+
+def _sample(state: PlanState, tools: Tools) -> None:
+    sample_poses(tools.run, tools.incumbents)
+    tools.incumbents.offer(tools.run)
+
+
+def _find_incompatible(state: PlanState, tools: Tools) -> None:
+    find_incompatible(tools.run)
+    tools.incumbents.on_incompatible(tools.run)
+
+
+def _generate_first_columns(state: PlanState, tools: Tools) -> None:
+    generate_first_columns(tools.run, tools.incumbents)
+    tools.incumbents.offer(tools.run)
+    # before the columns are improved further, so that others can join what is hard to inspect
+    state.uninspectable = realise_missing_alone(tools.run, tools.incumbents)
+    tools.incumbents.offer(tools.run)
+
+
+def _generate_columns(state: PlanState, tools: Tools) -> None:
+    generate_columns(tools.run, tools.incumbents)
+    tools.incumbents.offer(tools.run)
+
+
+def _weigh(state: PlanState, tools: Tools) -> None:
+    weigh_columns(tools.run)
+
+
+def _prove_bound(state: PlanState, tools: Tools) -> None:
+    proven = prove_bound(tools.run, tools.incumbents)
+    state.bound = proven.n
+    state.proof = proven.proof
+    state.bound_of = proven.of
+    state.bound_weights = proven.weights
+    # poses that the proof came across may inspect more
+    state.inspected = state.pools.realised.inspected
+
+
+def _refute(state: PlanState, tools: Tools) -> None:
+    assert state.inspected is not None
+    refute(tools.run, state.inspected, state.bound, tools.incumbents)
+
+
+def _settle(state: PlanState, tools: Tools) -> None:
+    assert state.inspected is not None
+    settled = settle(tools.run, state.inspected)
+    state.uninspectable.update(settled.lost)
+    kept = np.isin(tools.run.names, [n for one in settled.settings for n in one.entities])
+    assert state.bound_of is not None
+    proven = ProvenBound(state.bound, state.proof, state.bound_of, state.bound_weights)
+    state.bound = proven.for_some(kept)
+    state.plan = assembled(tools.run, settled.settings, state.bound, state.proof)
+
+
+def _light(state: PlanState, tools: Tools) -> None:
+    if tools.lighting is None or state.plan is None:
+        return
+    plan = with_lamps(tools.run, tools.lighting, state.plan)
+    if unlit(plan):
+        assert state.inspected is not None
+        # where a pose was moved to, no lamp may light what one lights from where it was
+        unmoved = settle(tools.run, state.inspected, moves=False)
+        draft = assembled(tools.run, unmoved.settings, state.bound, state.proof)
+        other = with_lamps(tools.run, tools.lighting, draft)
+        if set(other.inspected) == set(plan.inspected) and len(unlit(other)) < len(unlit(plan)):
+            plan = other
+    state.plan = plan
+
+
+STAGES = (
+    Stage("candidate poses", _sample),
+    Stage("incompatible targets", _find_incompatible),
+    Stage("first columns", _generate_first_columns),
+    Stage("column generation", _generate_columns),
+    Stage("weighing", _weigh),
+    Stage("lower bound", _prove_bound),
+    Stage("refutation", _refute),
+    Stage("settings", _settle),
+    Stage("lamps", _light),
+)
+
+
+def run_stages(
+    run: Run, incumbents: Incumbents, lighting: Lighting | None = None
+) -> InspectionPlan:
+    """Do all stages that are left to do, and return the plan.
+
+    Parameters
+    ----------
+    run : Run
+        A new one; its state may be that of an earlier, interrupted one.
+    incumbents : Incumbents
+        Better plans on the way are offered to it.
+    lighting : Lighting, optional
+        What is asked of lamps.
+
+    Returns
+    -------
+    InspectionPlan
+        The same whether the planning was interrupted or not.
+    """
+    state = run.state
+    tools = Tools(run, incumbents, lighting)
+    names = [stage.name for stage in STAGES]
+    if state.stage:
+        incumbents.offer(run)
+        incumbents.on_incompatible(run)
+    else:
+        state.stage = names[0]
+        state.uninspectable = without_corners(run.judge)
+        incumbents.glance(run)
+    for stage in STAGES[names.index(state.stage) :]:
+        if stage.name != state.stage:
+            state.stage = stage.name
+            run.save({})
+        run.callbacks.stage(stage.name)
+        stage.run(state, tools)
+    assert state.plan is not None
+    return state.plan

@@ -1,1 +1,0 @@
-"""How pages, tables and names speak of what is wanted."""
