@@ -3,18 +3,13 @@
 import re
 import shutil
 import subprocess
-import sys
+import tomllib
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 import planner
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 yaml = pytest.importorskip("yaml")
 

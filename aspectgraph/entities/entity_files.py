@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import re
-import sys
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -147,11 +147,6 @@ def _shown(character: re.Match[str]) -> str:
     code = ord(character[0])
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 # Python reads no integer of more than some thousand digits
 _ID = r"[era]?\d{1,300}"

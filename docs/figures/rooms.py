@@ -7,15 +7,11 @@ Run from anywhere; writes ``rooms.svg`` beside this file, the same bytes for the
 from __future__ import annotations
 
 import ast
+import tomllib
 from html import escape
 from pathlib import Path
 
 import networkx as nx
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 from errors.checks import check_not_negative, check_positive, check_probability
 from errors.exceptions import InvalidParameterError
@@ -65,7 +65,7 @@ def acceptance_limits(
     return (lower, upper) if lower <= upper else None
 
 
-class Decision(str, Enum):
+class Decision(StrEnum):
     """What a measured value says of a part. The values are those of files."""
 
     CONFORMS = "conforms"

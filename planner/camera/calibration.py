@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+
+# Checks of a camera's numbers, and the reading of its file: errors name the field, the rule and
+# the value.
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,15 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from planner.argument_kinds import shown
 from planner.exceptions import CameraError
-
-# Checks of a camera's numbers, and the reading of its file: errors name the field, the rule and
-# the value.
-
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib  # type: ignore[no-redef]
 
 # numbers outside are slips of the pen, and what is derived from them is not finite
 _SMALLEST = 1e-9

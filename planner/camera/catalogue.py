@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
@@ -35,11 +36,6 @@ def _value(value: Any) -> str:
     # the shortest digits that give the same number back
     return repr(value)
 
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib  # type: ignore[no-redef]
 
 # what a camera takes from its body
 _BODY = ("pixel_pitch_mm", "resolution")

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
+
+# Fiducials: a ChArUco board at a known position, whose corners say where the camera is.
+#
+# Corners of a chessboard are found to a few hundredths of a pixel; corners of single markers are
+# not, whatever refines them, so those are never used. The board's own position has an
+# uncertainty, which all of its corners share.
+import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from os import PathLike
@@ -36,18 +42,6 @@ from planner.measuring.task import NotRegisteredError
 from planner.plan_file import shown
 from planner.request.targets import GIVEN, LEAST_POSE, OWN_EDGES, RegistrationRecord
 from planner.sensor_setting import setting_name
-
-# Fiducials: a ChArUco board at a known position, whose corners say where the camera is.
-#
-# Corners of a chessboard are found to a few hundredths of a pixel; corners of single markers are
-# not, whatever refines them, so those are never used. The board's own position has an
-# uncertainty, which all of its corners share.
-
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 Array = NDArray[np.float64]
 

@@ -60,7 +60,7 @@ def report_date(environment: Mapping[str, str] | None = None) -> str:
     text = (os.environ if environment is None else environment).get("SOURCE_DATE_EPOCH", "")
     is_seconds = text.isascii() and text.isdigit() and len(text) <= _SECONDS_DIGITS
     seconds = int(text) if is_seconds else time.time()
-    return datetime.datetime.fromtimestamp(seconds, datetime.timezone.utc).date().isoformat()
+    return datetime.datetime.fromtimestamp(seconds, datetime.UTC).date().isoformat()
 
 
 def facts(plan: InspectionPlan, date: str | None = None) -> str:

@@ -21,7 +21,7 @@ from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
 
 if TYPE_CHECKING:
-    from typing_extensions import Self
+    from typing import Self
 
     from errors.measurands import Measurand, MeasurandModel
     from planner.request.dimension import Dimension

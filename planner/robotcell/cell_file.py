@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from os import PathLike
@@ -278,11 +279,6 @@ def check_home_is_free(fixturing: str, words: str) -> None:
         rule = f"must be free of collisions in fixturing {fixturing!r}"
         raise RobotError.of_rule("home", rule, words)
 
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib  # type: ignore[no-redef]
 
 _FILE = (
     "robot",

@@ -166,14 +166,9 @@ class StepKernel:
                 **more_of("memory_mb"),
             )
         if header["error"] == "MissingExtraError":
-            if sys.version_info < (3, 11):
-                how = (
-                    "it has no files for Python 3.10: read them with 3.11 or newer, or read a mesh"
-                )
-            else:
-                how = how_to_install("step")
             return MissingExtraError(
-                f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {header['message']}; {how}"
+                f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {header['message']}; "
+                f"{how_to_install('step')}"
             )
         if header["error"] == "KernelError":
             return ReadError(

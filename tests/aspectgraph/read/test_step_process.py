@@ -146,23 +146,6 @@ def test_no_process_is_left_after_a_read():
     assert children(os.getpid()) == before
 
 
-@pytest.mark.parametrize(
-    ("version", "advice"),
-    [
-        ((3, 10), "read them with 3.11 or newer"),
-        ((3, 13), "from a clone of the repository: pip install '.[step]'"),
-    ],
-)
-def test_where_the_kernel_cannot_be_had_nobody_is_told_to_install_it(
-    fake_kernel, monkeypatch, version, advice
-):
-    fake_kernel.write_text("raise ImportError('No module named OCP')")
-    monkeypatch.setattr(client.sys, "version_info", version)
-    with pytest.raises(MissingExtraError, match=r"cadquery-ocp-novtk, 8 or newer") as caught:
-        read_solid(PART)
-    assert advice in str(caught.value)
-
-
 def test_without_the_extra(monkeypatch, tmp_path):
     (tmp_path / "OCP.py").write_text("raise ImportError(\"No module named 'OCP'\")")
     monkeypatch.syspath_prepend(tmp_path)

@@ -158,7 +158,7 @@ def test_the_head_says_where_the_plan_comes_from():
 def test_the_date_is_that_of_the_environment_or_today():
     # one day after the first second of 1970
     assert report_date({"SOURCE_DATE_EPOCH": "86400"}) == "1970-01-02"
-    today = datetime.datetime.now(datetime.timezone.utc).date()
+    today = datetime.datetime.now(datetime.UTC).date()
     for text in ("", "soon", "-5", "9" * 40):
         day = datetime.date.fromisoformat(report_date({"SOURCE_DATE_EPOCH": text}))
         assert 0 <= (day - today).days <= 1
