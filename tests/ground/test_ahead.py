@@ -41,7 +41,7 @@ SCRIPT = """
 import sys, json
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
-from compiled import ahead, leader
+from ground import ahead, leader
 ahead.LISTED = Path(sys.argv[1]) / "list.json"
 from ground.leader import compile_all
 from numba.core import event

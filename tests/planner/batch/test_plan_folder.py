@@ -21,9 +21,7 @@ from planner import (
     RequestError,
     plan_folder,
 )
-from planner.app import batch as part_request
-from planner.app import batch as plan_part_module
-from planner.app import batch as workers
+from planner.app import batch
 from planner.app.batch import digest_of
 from planner.app.main import main
 from planner.app.process import BAD_INPUT, INCOMPLETE
@@ -95,7 +93,7 @@ def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, m
         assert [row["status"] for row in csv.DictReader(table)] == ["planned", "planned", "refused"]
     assert not list(out.rglob("planning-state.json"))
 
-    monkeypatch.setattr(workers, "plan_part", lambda *_: pytest.fail("planned again"))
+    monkeypatch.setattr(batch, "plan_part", lambda *_: pytest.fail("planned again"))
     assert plan_folder(parts, out, request_, executor=ThreadPoolExecutor(1)) == results
 
 
@@ -105,9 +103,9 @@ def test_what_changed_is_planned_again(parts, request_, tmp_path, monkeypatch):
     with ThreadPoolExecutor(1) as executor:
         plan_folder(parts, out, request_, executor=executor)
         before = (out / "a.off" / "plan.json").read_bytes()
-        true_plan = workers.plan_part
+        true_plan = batch.plan_part
         monkeypatch.setattr(
-            workers, "plan_part", lambda *task: again.append(task[1]) or true_plan(*task)
+            batch, "plan_part", lambda *task: again.append(task[1]) or true_plan(*task)
         )
 
         def planned(request=request_):
@@ -126,13 +124,16 @@ def test_what_changed_is_planned_again(parts, request_, tmp_path, monkeypatch):
         assert planned(replace(request_, seed=1)) == ["a.off", "more/a.off", "torn.stl"]
 
 
+TRUE_PLAN_PART = batch.plan_part
+
+
 def _planned_by_a_mortal(request, part, path, folder):
     """Kill the process: on one part always, on another the first time."""
     fell = folder.parent / f"{folder.name}.fell"
     if part == "torn.stl" or (part == "a.off" and not fell.exists()):
         fell.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    return plan_part_module.plan_part(request, part, path, folder)
+    return TRUE_PLAN_PART(request, part, path, folder)
 
 
 @forked
@@ -140,7 +141,7 @@ def _planned_by_a_mortal(request, part, path, folder):
 def test_a_worker_that_dies_costs_only_the_part_that_kills_it(
     parts, request_, tmp_path, monkeypatch, jobs
 ):
-    monkeypatch.setattr(workers, "plan_part", _planned_by_a_mortal)
+    monkeypatch.setattr(batch, "plan_part", _planned_by_a_mortal)
     out = tmp_path / "out"
     results = plan_folder(parts, out, request_, jobs=jobs)
     assert [one.status for one in results] == ["planned", "planned", "failed"]
@@ -158,7 +159,7 @@ def test_errors_that_are_not_ours_are_failures_with_their_kind(
     def wrong(*_, **__):
         raise ZeroDivisionError("by nought")
 
-    monkeypatch.setattr(plan_part_module, "read_solid", wrong)
+    monkeypatch.setattr(batch, "read_solid", wrong)
     with ThreadPoolExecutor(1) as executor:
         results = plan_folder(parts, tmp_path / "out", request_, executor=executor)
     assert {(one.status, one.reason) for one in results} == {
@@ -243,14 +244,14 @@ def test_the_time_limit_ends_the_visible_regions_of_a_part(parts, request_, tmp_
 def test_what_a_time_limit_ended_is_kept_for_a_longer_one(parts, request_, tmp_path, monkeypatch):
     (parts / "torn.stl").unlink()
     (parts / "more" / "a.off").unlink()
-    true_plan = plan_part_module.plan_by_options
+    true_plan = batch.plan_by_options
 
     def ended_early(*arguments):
         return replace(true_plan(*arguments), unfinished=True)
 
-    regions = tmp_path / "out" / "a.off" / plan_part_module.REGIONS
+    regions = tmp_path / "out" / "a.off" / batch.REGIONS
     with ThreadPoolExecutor(1) as executor:
-        monkeypatch.setattr(plan_part_module, "plan_by_options", ended_early)
+        monkeypatch.setattr(batch, "plan_by_options", ended_early)
         plan_folder(parts, tmp_path / "out", request_, executor=executor)
         assert len(list(regions.glob("*.npz"))) == 2
         monkeypatch.undo()
@@ -325,7 +326,7 @@ def test_requests_that_differ_have_different_fingerprints(request_):
     others = [replace(request_, limits={name: value}) for name, value in given.items()]
     others += [replace(request_, **{name: value}) for name, value in fields_.items()]
     # a field or limit that is added must be changed here, too
-    assert set(given) == set(part_request._LIMITS)
+    assert set(given) == set(batch._LIMITS)
     assert {*fields_, "limits"} == {one.name for one in fields(PartRequest)}
     prints = {one.fingerprint for one in others}
     assert len(prints) == len(others)

@@ -14,7 +14,7 @@ BLOCK = Path(__file__).parents[3] / "examples" / "two_pocket_block.off"
 _SCRIPT = """
 import os, shutil, sys
 from pathlib import Path
-from planner.app import commands
+from planner.app import plan_commands as commands
 from planner.app.main import main
 
 here, out, block = map(Path, sys.argv[1:])

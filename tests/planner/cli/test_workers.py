@@ -15,7 +15,7 @@ from planner.executors import usable_cores
 
 _PARENT = """
 import os, sys, time
-from planner.app import commands
+from planner.app import plan_commands as commands
 with commands._executor(2) as executor:
     futures = [executor.submit(os.getpid) for _ in range(8)]
     print(*{future.result() for future in futures}, flush=True)

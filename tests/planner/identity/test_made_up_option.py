@@ -27,7 +27,7 @@ CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 PROMISE = Promise(0.98, 0.9)
 # modules that hold the names of the two classes
-_REQUEST = ("inspection_request", "resolve_request", "restore")
+_REQUEST = ("planner.identity", "planner.resolve_request", "planner.app.batch")
 _OPTIONS = (
     *("planner.inspection", "planner.app.job", "planner.app.batch"),
     *("planner.identity",),
@@ -45,8 +45,7 @@ def made_up(monkeypatch):
     request = wider(InspectionRequest, eq=False)
     options = wider(InspectionOptions)
     for name in _REQUEST:
-        monkeypatch.setattr(f"planner.identity.{name}.InspectionRequest", request)
-    monkeypatch.setattr("planner.app.batch.InspectionRequest", request)
+        monkeypatch.setattr(f"{name}.InspectionRequest", request)
     for name in _OPTIONS:
         monkeypatch.setattr(import_module(name), "InspectionOptions", options)
     monkeypatch.setattr(part_request, "_LIMITS", (*part_request._LIMITS, "made_up"))
