@@ -12,6 +12,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -94,8 +95,9 @@ PLANS = {
     "pocket_held": [POCKETS, "--entities", "9,10", *NAMED_CAMERA, "--cell", "HELD_CELL"],
 }
 PROGRAMS = ("urscript", "rapid", "krl", "ros", "csv", "json")
-# a plan's own account of how, when and by which program it was made
-ACCOUNT = ("request", "program", "version", "source", "made")
+# an account of how, when and by which program a file was made, and digests of files that hold one
+ACCOUNT = ("request", "program", "version", "source", "made", "plan")
+_ACCOUNT_IN_TEXT = re.compile(r"\b(?:[0-9a-f]{64}|\d{4}-\d\d-\d\d)\b")
 
 
 def main() -> int:
@@ -163,7 +165,8 @@ def _of_programs(name: str, out: Path, options: list[str]) -> Iterator[tuple[str
             "--out",
             str(path),
         )
-        yield f"{name}/program.{language}", _digest(path.read_bytes())
+        text = _ACCOUNT_IN_TEXT.sub("", path.read_text(encoding="utf-8"))
+        yield f"{name}/program.{language}", _digest(text.encode())
 
 
 def _run(command: str, *arguments: str) -> None:
