@@ -479,14 +479,14 @@ def partition(cx, roots, first, facets, labels):
             if cell_side(cx, cell, h) == CROSSED:
                 break
             # only where facets are not exactly planar: what lies on the cell's own boundary separates nothing in it
-            kept = start
+            slot = start
             for k in range(start, start + size):
                 if cx.face[pool[k], FACE_PLANE] != h:
-                    pool[kept] = pool[k]
-                    kept += 1
+                    pool[slot] = pool[k]
+                    slot += 1
                 else:
                     _retire(cx, pool[k])
-            size = kept - start
+            size = slot - start
         if size == 0:
             continue
         split_cell(cx, cell, h)

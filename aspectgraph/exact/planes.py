@@ -69,7 +69,7 @@ def find_parallel(planes, points, trio, resolution, plane):
     Near enough is half the resolution: it must leave some to other vertices on the plane.
     """
     best = -1
-    least = 0.5 * resolution
+    best_spread = 0.5 * resolution
     level = np.int64(0)
     for k in range(len(planes)):
         low = high = height(planes[k], points[trio[0]])
@@ -83,9 +83,9 @@ def find_parallel(planes, points, trio, resolution, plane):
             + np.float64(planes[k, 2]) ** 2
         )
         spread = np.float64(high - low) / np.sqrt(square)
-        if spread <= least:
+        if spread <= best_spread:
             best = k
-            least = spread
+            best_spread = spread
             level = low + (high - low) // 2
     if best < 0:
         return plane
@@ -170,12 +170,12 @@ def face_planes(
                 f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it."
             )
         table = np.array(planes, np.int64).reshape(-1, 4)
-        known = _same_plane(table, grid.points[loop], grid.resolution)
-        if known < 0:
-            known = len(planes)
+        number = _same_plane(table, grid.points[loop], grid.resolution)
+        if number < 0:
+            number = len(planes)
             planes.append(_made_parallel(plane, table, grid.points[loop], grid.resolution))
-        plane_of_face[face] = known
-        side_of_face[face] = 1 if normals[face] @ planes[known][:3] > 0 else -1
+        plane_of_face[face] = number
+        side_of_face[face] = 1 if normals[face] @ planes[number][:3] > 0 else -1
     return np.array(planes), plane_of_face, side_of_face
 
 

@@ -214,10 +214,12 @@ def _measure_chains(segments, pitch, band, out):
         dv = segment[1, 1] - segment[0, 1]
         major = 0 if abs(du) * pitch[1] >= abs(dv) * pitch[0] else 1
         corners = _band_corners(segment, band)
-        found = True
+        is_complete = True
         for end in range(2):
-            found = _last_pixel(segment, corners, pitch, major, end, scratch, last[end]) and found
-        if not found:
+            is_complete = (
+                _last_pixel(segment, corners, pitch, major, end, scratch, last[end]) and is_complete
+            )
+        if not is_complete:
             out[n] = np.nan
             continue
         cu = last[1, 0] - last[0, 0]

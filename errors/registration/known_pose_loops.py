@@ -172,16 +172,16 @@ def _keep_apart(edge, apart, weights, shown):
             if abs(du) > reach + abs(shown[n, 3]) or abs(dv) > rise + abs(shown[n, 4]):
                 continue
             near |= _near_points(du, dv, shown[m], shown[n], apart)
-        left = 5
+        n_clear = 5
         for k in range(5):
             if near & (1 << k):
-                left -= 1
-        weights[m] *= left / 5.0
-        shown[m, 0] *= left / 5.0
+                n_clear -= 1
+        weights[m] *= n_clear / 5.0
+        shown[m, 0] *= n_clear / 5.0
 
 
 @njit(error_model="numpy")
-def _near_points(du, dv, one, other, apart):
+def _near_points(du, dv, stretch, other, apart):
     """Return as bits which of five points of a stretch have another one near, whose middle is (du, dv) away."""
     hu = other[3]
     hv = other[4]
@@ -189,8 +189,8 @@ def _near_points(du, dv, one, other, apart):
     bits = 0
     for k in range(5):
         share = 0.4 * (k - 2)
-        pu = share * one[3] - du
-        pv = share * one[4] - dv
+        pu = share * stretch[3] - du
+        pv = share * stretch[4] - dv
         along = 0.0
         if size > 0.0:
             along = min(max((pu * hu + pv * hv) / size, -1.0), 1.0)
@@ -227,7 +227,7 @@ def _inform(information, stretches, imaging, state):
     """Add what the shown stretches say of the unknowns, in units of their standard deviations before."""
     rows, weights, shown, place, scale, count = state
     size = POSE + 2 * _OWN
-    own = np.empty((size + _BIASES, size + _BIASES))
+    sums = np.empty((size + _BIASES, size + _BIASES))
     modes = np.empty((len(weights), _BIASES))
     at = np.empty(size, np.int64)
     unit = np.empty(size)
@@ -242,10 +242,10 @@ def _inform(information, stretches, imaging, state):
             length += shown[end, 0]
             end += 1
         if total > 0.0:
-            left = max(length - 2.0 * imaging.end_px, 0.0) / length
+            share = max(length - 2.0 * imaging.end_px, 0.0) / length
             _write_modes(stretches, weights, start, end, modes)
-            _sum_edge((rows, modes), weights, start, end, left, own)
-            _leave_out_biases(own, 1.0 / imaging.bias_px**2)
+            _sum_edge((rows, modes), weights, start, end, share, sums)
+            _leave_out_biases(sums, 1.0 / imaging.bias_px**2)
             for j in range(POSE):
                 at[j] = count + j
                 unit[j] = scale[j]
@@ -256,7 +256,7 @@ def _inform(information, stretches, imaging, state):
                     unit[POSE + _OWN * side + j] = stretches.sigmas[surface, j]
             for j in range(size):
                 for k in range(size):
-                    information[at[j], at[k]] += imaging.share * own[j, k] * unit[j] * unit[k]
+                    information[at[j], at[k]] += imaging.share * sums[j, k] * unit[j] * unit[k]
         start = end
 
 
@@ -283,33 +283,33 @@ def _write_modes(stretches, weights, start, end, modes):
 
 
 @njit(error_model="numpy")
-def _sum_edge(parts, weights, start, end, left, own):
+def _sum_edge(parts, weights, start, end, share, sums):
     """Write the sums of products of what moves the stretches of an edge: unknowns, then biases."""
     rows, modes = parts
     size = rows.shape[1]
-    row = np.empty(len(own))
-    own[:] = 0.0
+    row = np.empty(len(sums))
+    sums[:] = 0.0
     for m in range(start, end):
-        w = weights[m] * left
+        w = weights[m] * share
         if w > 0.0:
             row[:size] = rows[m]
             row[size:] = modes[m]
             for j in range(len(row)):
                 for k in range(j + 1):
-                    own[j, k] += w * row[j] * row[k]
-    for j in range(len(own)):
+                    sums[j, k] += w * row[j] * row[k]
+    for j in range(len(sums)):
         for k in range(j):
-            own[k, j] = own[j, k]
+            sums[k, j] = sums[j, k]
 
 
 @njit(error_model="numpy")
-def _leave_out_biases(own, before):
+def _leave_out_biases(information, before):
     """Take from the information of unknowns what biases, the last of them, might explain as well."""
-    for b in range(len(own) - 1, len(own) - 1 - _BIASES, -1):
-        own[b, b] += before
+    for b in range(len(information) - 1, len(information) - 1 - _BIASES, -1):
+        information[b, b] += before
         for j in range(b):
             for k in range(b):
-                own[j, k] -= own[j, b] * own[b, k] / own[b, b]
+                information[j, k] -= information[j, b] * information[b, k] / information[b, b]
 
 
 @njit(error_model="numpy")
@@ -385,14 +385,14 @@ def _variance(factor, values, t, sigmas, state, out):
     n = len(factor)
     y = np.zeros(n)
     for e in range(values.gradient.shape[1]):
-        own = values.gradient[t, e]
+        gradient = values.gradient[t, e]
         for j in range(POSE):
-            y[count + j] += own[j] * scale[j]
+            y[count + j] += gradient[j] * scale[j]
         for side in range(2):
             surface = values.surfaces[t, e, side]
             if surface >= 0:
                 for j in range(_OWN):
-                    moved = _by_motion(pose, own, values.motions[t, e, side, j])
+                    moved = _by_motion(pose, gradient, values.motions[t, e, side, j])
                     y[place[surface] + j] += moved * sigmas[surface, j]
     out[1] = 0.0
     for j in range(POSE):

@@ -151,10 +151,10 @@ class StepKernel:
             )
         if code == OUT_OF_MEMORY:
             return self._complaint({"error": "MemoryError"})
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        cause = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         return ReadError(
-            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({how}), or runs out of "
-            f"its memory_mb={self.limits.memory_mb:g} MB."
+            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({cause}), or runs out "
+            f"of its memory_mb={self.limits.memory_mb:g} MB."
         )
 
     def _complaint(self, header: dict[str, Any]) -> ReadError:
@@ -167,13 +167,13 @@ class StepKernel:
             )
         if header["error"] == "MissingExtraError":
             if sys.version_info < (3, 11):
-                how = (
+                advice = (
                     "it has no files for Python 3.10: read them with 3.11 or newer, or read a mesh"
                 )
             else:
-                how = how_to_install("step")
+                advice = how_to_install("step")
             return MissingExtraError(
-                f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {header['message']}; {how}"
+                f"STEP files need the package cadquery-ocp-novtk, 8 or newer. Got {header['message']}; {advice}"
             )
         if header["error"] == "KernelError":
             return ReadError(
