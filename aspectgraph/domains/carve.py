@@ -109,6 +109,7 @@ def _true_corners(points, loop, resolution):
             w = np.float64(here[i] - before[i]), np.float64(here[j] - before[j])
             turn += (u[0] * w[1] - u[1] * w[0]) ** 2
             length += np.float64(after[axis] - before[axis]) ** 2
+        # the cross product over the length is the distance from the line
         if turn <= resolution * resolution * length:
             corners.pop(k)
             k = max(0, k - 1)
@@ -264,6 +265,7 @@ def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
         slope = planes[h, axis]
         if slope == 0:
             continue
+        # seen along the axis the ray is a point: it meets a convex piece that has it on one side of all edges
         on_left = on_right = doubtful = False
         for k in range(first[piece], first[piece + 1]):
             v = loop[k]
@@ -273,6 +275,7 @@ def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
             bx = np.float64(points[w, i] * scale - point[i])
             by = np.float64(points[w, j] * scale - point[j])
             turn = ax * by - ay * bx
+            # rounding might have turned the sign
             if abs(turn) <= 1e-15 * (abs(ax * by) + abs(ay * bx)):
                 doubtful = True
             on_left |= turn > 0
@@ -281,6 +284,7 @@ def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
             continue
         if doubtful:
             return -1
+        # the plane is ahead if its values still have to grow along the ray
         if sign_at_point(planes, h, point) * (1 if slope > 0 else -1) < 0:
             crossings += 1
     return crossings % 2

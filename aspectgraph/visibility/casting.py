@@ -250,6 +250,7 @@ def _splits(points, trio, loop, hull, resolution):
     normal_y = qz * rx - qx * rz
     normal_z = qx * ry - qy * rx
     length = np.sqrt(normal_x * normal_x + normal_y * normal_y + normal_z * normal_z)
+    # a step more than counts as on the plane
     band = (resolution + 1.0) * length
     ahead = behind = False
     for v in loop:

@@ -267,7 +267,9 @@ def _block(cx, c, plane, side, crossing):
         if place == CROSSED:
             inside = _cut_off(cx, inside, plane[j], side[j])
         elif place == (2 if side[j] > 0 else 1):
+            # beyond one plane: the set misses the rest
             return
+    # what remains lies in all half-spaces of the set
     cx.label[inside, 0] = 0
 
 

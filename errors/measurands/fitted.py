@@ -224,6 +224,7 @@ def line_noise(at, half, of_value, points, fit):
     p = np.empty(3)
     row = np.empty(6)
     c = plane_of(at, n)
+    # mean square of the places of the points along the line
     spread = half * half * (1.0 - 1.0 / (points * points)) / 3.0
     total = 0.0
     for k in range(points):
@@ -276,6 +277,7 @@ def circle_noise(at, radius, angles, solve, of_value, fit, closed):
     if closed:
         along += np.hypot(u_first - u, v_first - v)
     else:
+        # from the first to the last middle of m equal parts is (m - 1) / m of the arc
         along *= m / (m - 1.0)
     return total * _fewer(m, along, fit)
 
