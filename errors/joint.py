@@ -387,6 +387,7 @@ def _interval_probability(alpha, beta2, b_norm2, noise, low, high):
         return 1.0
     if low - mean > reach or mean - high > reach:
         return 0.0
+    # what lies outside one period, 2 pi / step, is the error of the nodes: it holds both tails
     step = 2.0 * math.pi / (max(mean - low, high - mean) + reach)
     centre = 0.5 * (low + high)
     half = 0.5 * (high - low)

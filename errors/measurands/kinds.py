@@ -407,5 +407,7 @@ def _expand_lengths(ends, distance, gradient, hessian, tangent):
             point_row(e, n, p[2], p, w, row)
             g += scale * row
             add_square(h, w, p, s, row, scale)
+        # a turn in the image lengthens in second order
         add_product(h, turn, turn, 0.5 / length)
+        # of L ln(L' / L), whose Hessian is H - g g' / L
         add_product(h, g, g, -0.5 / length)

@@ -184,6 +184,7 @@ def _coverage(corners, u, v, pitch, scratch):
         for i in range(n):
             p = polygon[i]
             q = polygon[(i + 1) % n]
+            # twice a signed area: positive inside, left of the side from a to b
             sp = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
             sq = (b[0] - a[0]) * (q[1] - a[1]) - (b[1] - a[1]) * (q[0] - a[0])
             if sp >= 0.0:
@@ -200,6 +201,7 @@ def _coverage(corners, u, v, pitch, scratch):
     for i in range(n):
         p = polygon[i]
         q = polygon[(i + 1) % n]
+        # triangles about the centre of the pixel
         area += 0.5 * ((p[0] - u) * (q[1] - v) - (p[1] - v) * (q[0] - u))
     return area / (pitch[0] * pitch[1])
 
