@@ -62,10 +62,10 @@ def read_text(
 
 def up_to_limit(file: IO[bytes], *, large: bool) -> bytes:
     """Return what an open file holds, or raise the `OSError` of :func:`read_text` if that is too much."""
-    most = LARGE_FILE_BYTES if large else SMALL_FILE_BYTES
-    data = file.read(most + 1)
-    if len(data) > most:
-        raise OSError(errno.EFBIG, f"it has more than {most / 1e6:g} MB")
+    limit = LARGE_FILE_BYTES if large else SMALL_FILE_BYTES
+    data = file.read(limit + 1)
+    if len(data) > limit:
+        raise OSError(errno.EFBIG, f"it has more than {limit / 1e6:g} MB")
     return data
 
 

@@ -57,9 +57,9 @@ def check_finite(value: ArrayLike, name: str) -> NDArray[np.float64]:
         raise InvalidParameterError.of_rule(name, "must be numeric", repr(value)) from error
     bad = ~np.isfinite(array)
     if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
         raise InvalidParameterError.of_rule(
-            name, "must be finite", f"{array[where]} at index {where}"
+            name, "must be finite", f"{array[index]} at index {index}"
         )
     return array
 
@@ -184,11 +184,11 @@ def check_leading_shapes(
 def _check_in_front(points: NDArray[np.float64], focal_length_mm: float, name: str) -> None:
     behind = points[..., 2] >= focal_length_mm
     if behind.any():
-        where = tuple(int(i) for i in np.argwhere(behind)[0])
+        index = tuple(int(i) for i in np.argwhere(behind)[0])
         raise BehindLensError.of_rule(
             name,
             f"must lie in front of the lens centre (C3 < focal_length_mm = {focal_length_mm})",
-            f"C3 = {float(points[where][2])} at index {where}",
+            f"C3 = {float(points[index][2])} at index {index}",
         )
 
 
@@ -198,11 +198,11 @@ def _check_image_length(endpoints: NDArray[np.float64], focal_length_mm: float, 
         length = _image_length(flat[start : start + _CHUNK], focal_length_mm)
         short = np.flatnonzero(length <= MIN_IMAGE_LENGTH_MM)
         if len(short):
-            where = tuple(int(i) for i in np.unravel_index(start + short[0], endpoints.shape[:-2]))
+            index = tuple(int(i) for i in np.unravel_index(start + short[0], endpoints.shape[:-2]))
             raise DegenerateSegmentError.of_rule(
                 name,
                 "must project to a segment longer than zero",
-                f"image length {float(length[short[0]])} mm at index {where}",
+                f"image length {float(length[short[0]])} mm at index {index}",
             )
 
 

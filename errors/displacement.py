@@ -193,9 +193,9 @@ class NormalRatio:
             Ratios; the other axes are those of the parameters.
         """
         z = np.random.default_rng(rng).standard_normal((2, n, *self.var_n.shape))
-        slope, rest = self._regression()
+        slope, residual_variance = self._regression()
         d = np.sqrt(self.var_d) * z[0]
-        return (slope * d + np.sqrt(rest) * z[1]) / (self.mean_d + d)
+        return (slope * d + np.sqrt(residual_variance) * z[1]) / (self.mean_d + d)
 
     def characteristic(self, t: ArrayLike) -> NDArray[np.complex128]:
         """Return E exp(it N/D), the characteristic function.
@@ -228,10 +228,10 @@ class NormalRatio:
 
     def _given_denominator(self) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance of N/D given D at each quadrature node."""
-        slope, rest = self._regression()
+        slope, residual_variance = self._regression()
         d = np.sqrt(self.var_d)[..., None] * _Z
         denominator = np.maximum(self.mean_d[..., None] + d, 0.1 * self.mean_d[..., None])
-        return slope[..., None] * d / denominator, rest[..., None] / denominator**2
+        return slope[..., None] * d / denominator, residual_variance[..., None] / denominator**2
 
     def _regression(self) -> tuple[FloatArray, FloatArray]:
         """Return slope and residual variance of N on D."""
@@ -478,5 +478,5 @@ def point_displacement(
     return laws[0], laws[1]
 
 
-def _bilinear(left: FloatArray, matrix: FloatArray, right: FloatArray) -> FloatArray:
-    return np.einsum("...i,...ij,...j->...", left, matrix, right)
+def _bilinear(row_vector: FloatArray, matrix: FloatArray, column_vector: FloatArray) -> FloatArray:
+    return np.einsum("...i,...ij,...j->...", row_vector, matrix, column_vector)

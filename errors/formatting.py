@@ -82,9 +82,9 @@ def probability_text(value: float, required: float = 0.0) -> str:
     if 0.0 < 1.0 - required < 1e-3:
         digits = 1 - math.floor(math.log10(1.0 - required) + 1e-9)
     unit = Decimal(1).scaleb(-digits)
-    most = 1 - unit
-    if Decimal(repr(float(value))) > most:
-        return f"> {most}"
+    ceiling = 1 - unit
+    if Decimal(repr(float(value))) > ceiling:
+        return f"> {ceiling}"
     return str(_rounded(value, digits, ROUND_FLOOR))
 
 
@@ -120,13 +120,13 @@ def interval_text(low: float, high: float, between: str = " to ") -> str:
     str
         Such as ``"0.9471 to 0.9551"`` or ``"0.9994 or more"``.
     """
-    least = _rounded(low, _DIGITS, ROUND_FLOOR)
-    most = _rounded(high, _DIGITS, ROUND_CEILING)
-    if most >= 1:
-        return f"{min(least, 1 - Decimal(1).scaleb(-_DIGITS))} or more"
-    return f"{least}{between}{most}"
+    lower = _rounded(low, _DIGITS, ROUND_FLOOR)
+    upper = _rounded(high, _DIGITS, ROUND_CEILING)
+    if upper >= 1:
+        return f"{min(lower, 1 - Decimal(1).scaleb(-_DIGITS))} or more"
+    return f"{lower}{between}{upper}"
 
 
-def _rounded(value: float, digits: int, how: str) -> Decimal:
+def _rounded(value: float, digits: int, rounding: str) -> Decimal:
     """Return a number with so many decimals; as it is written, so that 0.29 is not rounded down to 0.28."""
-    return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(-digits), rounding=how)
+    return Decimal(repr(float(value))).quantize(Decimal(1).scaleb(-digits), rounding=rounding)

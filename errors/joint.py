@@ -242,6 +242,7 @@ def _joint_loop(endpoints, f, rx, ry, root, log_low, log_high, out):
         if not length > MIN_IMAGE_LENGTH_MM:
             out[i] = 0.0
             continue
+        # the error is taken as L ln(L' / L); its Hessian is H - g g' / L
         for j in range(6):
             for k in range(6):
                 h[j, k] -= g[j] * g[k] / length
@@ -297,6 +298,7 @@ def _tridiagonalise(b, m, alpha, beta2, work):
             beta2[start] = norm2
         if norm2 > 0.0 and start < 5:
             norm = math.sqrt(norm2)
+            # 2 / |v|^2 of the vector that v becomes, away from cancellation
             scale = 1.0 / (norm2 + norm * abs(v[start]))
             v[start] += math.copysign(norm, v[start])
             _reflect(m, v, p, scale, start)
@@ -347,6 +349,7 @@ def _pivots(t, alpha, beta2):
 def _square_root(re, im, near_re, near_im):
     """Return the square root of re + i im that lies on the side of near_re + i near_im."""
     size = math.sqrt(re * re + im * im)
+    # the larger part first: the other one as a difference would cancel
     if re > 0.0:
         root_re = math.sqrt(0.5 * (size + re))
         root_im = 0.5 * im / root_re
@@ -384,6 +387,7 @@ def _interval_probability(alpha, beta2, b_norm2, noise, low, high):
         return 1.0
     if low - mean > reach or mean - high > reach:
         return 0.0
+    # what lies outside one period, 2 pi / step, is the error of the nodes: it holds both tails
     step = 2.0 * math.pi / (max(mean - low, high - mean) + reach)
     centre = 0.5 * (low + high)
     half = 0.5 * (high - low)

@@ -153,8 +153,8 @@ def _chunks(
     ends = np.broadcast_to(endpoints, (*out.shape, 2, 3))
     spreads = np.broadcast_to(spread, (*out.shape, 6, 6))
     for start in range(0, len(flat_out), size):
-        where = np.unravel_index(np.arange(start, min(start + size, len(flat_out))), out.shape)
-        yield ends[where], spreads[where], flat_out[start : start + size]
+        index = np.unravel_index(np.arange(start, min(start + size, len(flat_out))), out.shape)
+        yield ends[index], spreads[index], flat_out[start : start + size]
 
 
 class SuccessModel:

@@ -487,7 +487,7 @@ def first_seen(bits: np.ndarray) -> np.ndarray:
 
 
 def evaluate(
-    fitness: Fitness, bits: np.ndarray, known_bits: np.ndarray, known: np.ndarray
+    fitness: Fitness, bits: np.ndarray, known_bits: np.ndarray, known_fitness: np.ndarray
 ) -> tuple[np.ndarray, int]:
     """Fitness of every row, calling `fitness` once, and only for what is not known yet.
 
@@ -499,7 +499,7 @@ def evaluate(
         The rows asked for.
     known_bits : (m, n_bits) bool
         Rows whose fitness is known.
-    known : (m,) float64
+    known_fitness : (m,) float64
         Their fitness.
 
     Returns
@@ -512,7 +512,7 @@ def evaluate(
     n_known = len(known_bits)
     first = first_seen(np.concatenate([known_bits, bits]))[n_known:]
     new = np.flatnonzero(first == np.arange(n_known, n_known + len(bits)))
-    values = np.concatenate([known, np.empty(len(bits))])
+    values = np.concatenate([known_fitness, np.empty(len(bits))])
     if new.size:
         values[n_known + new] = call_fitness(fitness, frozen(bits[new]))
     return values[first], int(new.size)
@@ -581,9 +581,9 @@ def initial_population(
         candidates = check_population("initial(n, rng)", sampler(size, rng), n_bits)
         drawn += len(candidates)
         if feasible is not None:
-            kept = candidates[call_feasible(feasible, frozen(candidates))]
-            eliminated += len(candidates) - len(kept)
-            candidates = kept
+            survivors = candidates[call_feasible(feasible, frozen(candidates))]
+            eliminated += len(candidates) - len(survivors)
+            candidates = survivors
         rows = np.concatenate([rows, candidates])
         if distinct:
             rows = _distinct(rows)

@@ -210,7 +210,11 @@ class Breeding:
 
 
 def breed(
-    population: np.ndarray, weights: np.ndarray, n: int, how: Breeding, rng: np.random.Generator
+    population: np.ndarray,
+    weights: np.ndarray,
+    n: int,
+    breeding: Breeding,
+    rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw `n` offspring, feasible or not.
 
@@ -222,7 +226,7 @@ def breed(
         Their slots on the wheel.
     n : int
         Offspring wanted.
-    how : Breeding
+    breeding : Breeding
         Operators and probabilities.
     rng : numpy.random.Generator
         Source of chance.
@@ -234,13 +238,15 @@ def breed(
     parents : (n,) int64
         Index of the parent whose leading bits a child has.
     """
-    parents = how.select(weights, n + n % 2, rng)
-    children = one_point(population[parents[0::2]], population[parents[1::2]], how.crossover, rng)
-    return flip_bits(children, how.mutation, rng)[:n], parents[:n]
+    parents = breeding.select(weights, n + n % 2, rng)
+    children = one_point(
+        population[parents[0::2]], population[parents[1::2]], breeding.crossover, rng
+    )
+    return flip_bits(children, breeding.mutation, rng)[:n], parents[:n]
 
 
 def next_generation(
-    population: np.ndarray, fitness: np.ndarray, how: Breeding, rng: np.random.Generator
+    population: np.ndarray, fitness: np.ndarray, breeding: Breeding, rng: np.random.Generator
 ) -> Brood:
     """Make the next population, of the same size and all feasible.
 
@@ -255,7 +261,7 @@ def next_generation(
         Feasible individuals.
     fitness : (N,) float64
         Their fitness.
-    how : Breeding
+    breeding : Breeding
         Operators, probabilities and rules.
     rng : numpy.random.Generator
         Source of chance.
@@ -265,28 +271,28 @@ def next_generation(
     Brood
         The new population, (N, n_bits) bool, and counts.
     """
-    weights = how.weigh(fitness)
-    elite = np.argsort(-fitness, kind="stable")[: how.elitism]
+    weights = breeding.weigh(fitness)
+    elite = np.argsort(-fitness, kind="stable")[: breeding.elitism]
     following = population.copy()
-    following[: how.elitism] = population[elite]
-    taken = np.arange(len(population)) < how.elitism
+    following[: breeding.elitism] = population[elite]
+    taken = np.arange(len(population)) < breeding.elitism
     parents = np.zeros(len(population), dtype=np.int64)
     drawn = eliminated = 0
-    for _ in range(how.attempts):
+    for _ in range(breeding.attempts):
         places = np.flatnonzero(~taken)
         if not places.size:
             break
-        following[places], parents[places] = breed(population, weights, places.size, how, rng)
+        following[places], parents[places] = breed(population, weights, places.size, breeding, rng)
         drawn += places.size
-        if how.feasible is not None:
-            places = places[call_feasible(how.feasible, frozen(following[places]))]
+        if breeding.feasible is not None:
+            places = places[call_feasible(breeding.feasible, frozen(following[places]))]
             eliminated += int((~taken).sum()) - places.size
-        if not how.duplicates:
+        if not breeding.duplicates:
             places = places[_is_new(following, taken, places)]
         taken[places] = True
-    left = np.flatnonzero(~taken)
-    following[left] = population[parents[left]]
-    return Brood(following, drawn, eliminated, left.size)
+    gaps = np.flatnonzero(~taken)
+    following[gaps] = population[parents[gaps]]
+    return Brood(following, drawn, eliminated, gaps.size)
 
 
 def _is_new(bits: np.ndarray, taken: np.ndarray, places: np.ndarray) -> np.ndarray:

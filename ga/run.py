@@ -171,7 +171,7 @@ def maximize(
 def _evolve(
     fitness: Fitness,
     first: Brood,
-    how: Breeding,
+    breeding: Breeding,
     stopping: Stopping,
     callback: Callable[[Generation], object] | None,
     rng: np.random.Generator,
@@ -183,7 +183,7 @@ def _evolve(
         reason = _ask(callback, record) or stopping.reason(record)
         if reason:
             return record, reason
-        brood = next_generation(record.population, record.fitness, how, rng)
+        brood = next_generation(record.population, record.fitness, breeding, rng)
         record.add(brood, *evaluate(fitness, brood.population, record.population, record.fitness))
 
 

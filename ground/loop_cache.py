@@ -77,8 +77,8 @@ def keep(dispatcher: Any) -> Any:
     """Let numba's dispatcher keep its machine code on disk; a function that is not compiled stays as it is."""
     if hasattr(dispatcher, "py_func") and hasattr(dispatcher, "_cache"):
         # numba's cache that keeps nothing has all that numba asks of one
-        asked = {name for name in dir(dispatcher._cache) if not name.startswith("_")}
-        if asked <= set(dir(LoopCache)):
+        names = {name for name in dir(dispatcher._cache) if not name.startswith("_")}
+        if names <= set(dir(LoopCache)):
             dispatcher._cache = LoopCache(dispatcher)
     return dispatcher
 
@@ -221,9 +221,9 @@ class LoopCache:
 
 def _targets(codegen: Any) -> Iterator[str]:
     """Yield the kinds of processors whose machine code this one runs, its own first."""
-    own = codegen.magic_tuple()
-    yield repr(own)
-    triple, processor, features = own
+    target = codegen.magic_tuple()
+    yield repr(target)
+    triple, processor, features = target
     portable = (triple, *_PORTABLE)
     enough = triple.startswith("x86_64") and set(features.split(",")) >= _PORTABLE_FEATURES
     if enough and processor != portable[1]:
@@ -285,13 +285,13 @@ def _replace(path: Path, content: bytes) -> None:
         raise
 
 
-def _remove_outdated(kept: Path) -> None:
+def _remove_outdated(path: Path) -> None:
     """Remove what was kept of the same function before it, or what it calls, was edited."""
-    base, content, _ = kept.name.rsplit("-", 2)
+    base, content, _ = path.name.rsplit("-", 2)
     if ".locals." in base:
         # several functions of this name may be alive, with other values in their closures
         return
-    for old in kept.parent.glob(f"{glob.escape(base)}-*.{_TAG}.nbc"):
+    for old in path.parent.glob(f"{glob.escape(base)}-*.{_TAG}.nbc"):
         if old.name.rsplit("-", 2)[:2] != [base, content]:
             with suppress(OSError):
                 old.unlink()

@@ -51,15 +51,15 @@ def digest_of(function: Callable[..., Any]) -> str:
 def reachable(function: Callable[..., Any]) -> list[Any]:
     """Return a function and all it can call, directly or not, each once; foreign ones are left out."""
     waiting = [function]
-    known = {id(plain_function(function))}
+    ids = {id(plain_function(function))}
     result = []
     while waiting:
         current = waiting.pop()
         result.append(current)
         for called in callees(current):
             plain = plain_function(called)
-            if id(plain) not in known:
-                known.add(id(plain))
+            if id(plain) not in ids:
+                ids.add(id(plain))
                 waiting.append(called)
     return result
 
@@ -132,12 +132,12 @@ def _attributes(
 ) -> Iterator[tuple[str, Any]]:
     """Yield the values of a module of ours that have one of the names, and of the modules in it."""
     waiting = [module]
-    known = set()
+    module_names = set()
     while waiting:
         current = waiting.pop()
-        if current.__name__ in known or current.__name__.partition(".")[0] in _FOREIGN:
+        if current.__name__ in module_names or current.__name__.partition(".")[0] in _FOREIGN:
             continue
-        known.add(current.__name__)
+        module_names.add(current.__name__)
         for name in names:
             value = vars(current).get(name)
             if isinstance(value, python_types.ModuleType):

@@ -172,8 +172,8 @@ def enlarged(cx: Complex, n_cells: int) -> Complex:
         used = int(cx.count[which])
         for name in names:
             _copy_rows(getattr(cx, name)[:used], getattr(larger, name))
-    for one, other, used in zip(cx.lists, larger.lists, cx.count[N_LIST:], strict=True):
-        _copy_rows(one[:used], other)
+    for entries, other, used in zip(cx.lists, larger.lists, cx.count[N_LIST:], strict=True):
+        _copy_rows(entries[:used], other)
     larger.count[:] = cx.count
     return larger
 

@@ -192,6 +192,7 @@ def _split_edge(cx, e, h):
     p = cx.edge[e, LINE]
     q = cx.edge[e, LINE + 1]
     m = add_vertex(cx, p, q, h)
+    # the new vertex lies on h by construction
     cx.vertex[m, SIGN_PLANE] = h
     cx.vertex[m, SIGN] = 0
     if vertex_sign(cx, h, v) < 0:
@@ -293,6 +294,7 @@ def split_cell(cx, c, h):
     size = cx.cell[c, CELL_SIZE]
     cx.count[MARK] += 1
     mark = cx.count[MARK]
+    # the cell is convex, so one face in h closes both parts
     cap = add_face(cx, h, -1, -1)
     for k in range(first, first + size):
         _push_cut_edges(cx, cap, cx.lists[FACE_LIST, k], h, mark)
@@ -479,14 +481,14 @@ def partition(cx, roots, first, facets, labels):
             if cell_side(cx, cell, h) == CROSSED:
                 break
             # only where facets are not exactly planar: what lies on the cell's own boundary separates nothing in it
-            kept = start
+            slot = start
             for k in range(start, start + size):
                 if cx.face[pool[k], FACE_PLANE] != h:
-                    pool[kept] = pool[k]
-                    kept += 1
+                    pool[slot] = pool[k]
+                    slot += 1
                 else:
                     _retire(cx, pool[k])
-            size = kept - start
+            size = slot - start
         if size == 0:
             continue
         split_cell(cx, cell, h)

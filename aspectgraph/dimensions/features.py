@@ -97,22 +97,22 @@ class Attachments:
         list of Plane, StraightLine or Axis
             Faces in one plane are one feature, coaxial cylinders and circles of one radius are one.
         """
-        found: list[Feature] = []
+        features: list[Feature] = []
         for shape in shapes:
             feature = self._feature(shape)
             same = next(
                 (
                     k
-                    for k, old in enumerate(found)
+                    for k, old in enumerate(features)
                     if feature is not None and self._same(old, feature)
                 ),
                 None,
             )
             if feature is not None and same is None:
-                found.append(feature)
+                features.append(feature)
             elif feature is not None and same is not None:
-                found[same] = _joined(found[same], feature)
-        return found
+                features[same] = _joined(features[same], feature)
+        return features
 
     def _feature(self, shape: dict[str, Any]) -> Feature | None:
         if shape["kind"] == "plane":
@@ -148,28 +148,28 @@ class Attachments:
     def _bare(self, circle: dict[str, Any]) -> Axis:
         return Axis(np.array(circle["point"]), np.array(circle["axis"]), circle["radius"], ())
 
-    def coaxial(self, one: Axis, other: Axis) -> bool:
+    def coaxial(self, axis: Axis, other: Axis) -> bool:
         """Return whether two axes are the same line."""
-        beside = np.cross(other.point - one.point, one.along)
-        return parallel(one.along, other.along) and float(
+        beside = np.cross(other.point - axis.point, axis.along)
+        return parallel(axis.along, other.along) and float(
             np.linalg.norm(beside)
-        ) <= self._circle_mm(one, other)
+        ) <= self._circle_mm(axis, other)
 
     def _circle_mm(self, *axes: Axis) -> float:
         return max(self.match_mm, *(RELATIVE_CIRCLE * (axis.radius_mm or 0.0) for axis in axes))
 
-    def _same(self, one: Feature, other: Feature) -> bool:
-        if isinstance(one, Plane) and isinstance(other, Plane):
-            away = abs(float((other.point - one.point) @ one.normal))
-            return parallel(one.normal, other.normal) and away <= self.match_mm
-        if isinstance(one, StraightLine) and isinstance(other, StraightLine):
-            beside = float(np.linalg.norm(np.cross(other.point - one.point, one.along)))
-            return parallel(one.along, other.along) and beside <= self.match_mm
-        if isinstance(one, Axis) and isinstance(other, Axis):
-            if one.radius_mm is None or other.radius_mm is None:
-                return one.radius_mm is other.radius_mm and self.coaxial(one, other)
-            alike = abs(one.radius_mm - other.radius_mm) <= self._circle_mm(one, other)
-            return alike and self.coaxial(one, other)
+    def _same(self, feature: Feature, other: Feature) -> bool:
+        if isinstance(feature, Plane) and isinstance(other, Plane):
+            away = abs(float((other.point - feature.point) @ feature.normal))
+            return parallel(feature.normal, other.normal) and away <= self.match_mm
+        if isinstance(feature, StraightLine) and isinstance(other, StraightLine):
+            beside = float(np.linalg.norm(np.cross(other.point - feature.point, feature.along)))
+            return parallel(feature.along, other.along) and beside <= self.match_mm
+        if isinstance(feature, Axis) and isinstance(other, Axis):
+            if feature.radius_mm is None or other.radius_mm is None:
+                return feature.radius_mm is other.radius_mm and self.coaxial(feature, other)
+            alike = abs(feature.radius_mm - other.radius_mm) <= self._circle_mm(feature, other)
+            return alike and self.coaxial(feature, other)
         return False
 
     def _edges_on(self, ends: Sequence[Sequence[float]]) -> list[int]:
@@ -211,26 +211,26 @@ class Attachments:
         )
 
 
-def parallel(one: FloatArray, other: FloatArray) -> bool:
+def parallel(vector: FloatArray, other: FloatArray) -> bool:
     """Return whether two unit vectors are parallel, either way."""
-    return float(np.linalg.norm(np.cross(one, other))) <= PARALLEL
+    return float(np.linalg.norm(np.cross(vector, other))) <= PARALLEL
 
 
-def perpendicular(one: FloatArray, other: FloatArray) -> bool:
+def perpendicular(vector: FloatArray, other: FloatArray) -> bool:
     """Return whether two unit vectors are perpendicular."""
-    return abs(float(one @ other)) <= PARALLEL
+    return abs(float(vector @ other)) <= PARALLEL
 
 
-def _joined(one: Feature, other: Feature) -> Feature:
+def _joined(feature: Feature, other: Feature) -> Feature:
     """Return a feature with the entities of another that is the same."""
-    if isinstance(one, Axis) and isinstance(other, Axis):
-        more = tuple(arc for arc in other.circles if arc not in one.circles)
-        return Axis(one.point, one.along, one.radius_mm, one.circles + more)
-    if isinstance(one, Plane) and isinstance(other, Plane):
-        return Plane(one.point, one.normal, tuple(sorted({*one.edges, *other.edges})))
-    assert isinstance(one, StraightLine), "only features of one type are joined"
+    if isinstance(feature, Axis) and isinstance(other, Axis):
+        more = tuple(arc for arc in other.circles if arc not in feature.circles)
+        return Axis(feature.point, feature.along, feature.radius_mm, feature.circles + more)
+    if isinstance(feature, Plane) and isinstance(other, Plane):
+        return Plane(feature.point, feature.normal, tuple(sorted({*feature.edges, *other.edges})))
+    assert isinstance(feature, StraightLine), "only features of one type are joined"
     assert isinstance(other, StraightLine), "only features of one type are joined"
-    return StraightLine(one.point, one.along, tuple(sorted({*one.edges, *other.edges})))
+    return StraightLine(feature.point, feature.along, tuple(sorted({*feature.edges, *other.edges})))
 
 
 def describe_shape(shape: dict[str, Any]) -> str:
@@ -281,7 +281,7 @@ class Sight:
         *entities : int or Arc
             Ids of edges, rims and arcs.
         """
-        return bool(np.all([self._of(one) for one in entities], axis=0).any())
+        return bool(np.all([self._of(entity) for entity in entities], axis=0).any())
 
     def length_mm(self, edge_id: int) -> float:
         """Return the length of an edge, rounded so that equal edges are equal.

@@ -104,62 +104,68 @@ class Measurer:
         n_unread : int
             How many more items it is attached to, of which the geometry is not known. Each counts as one feature.
         """
-        axes = [one for one in features if isinstance(one, Axis) and one.radius_mm is not None]
+        axes = [
+            feature
+            for feature in features
+            if isinstance(feature, Axis) and feature.radius_mm is not None
+        ]
         n_features = len(axes) + n_unread
         if not axes:
             reason = "it is attached to no cylinder and no circle"
             return Measure(kind, reason=reason, n_features=max(n_features, 1))
         factor = 2.0 if kind == "diameter" else 1.0
         ways = tuple(tuple((arc.id,) for arc in circles) for circles in self._of_pattern(axes))
-        missing = tuple(None if found else _NO_CIRCLE for found in ways) + (_UNREAD,) * n_unread
+        missing = (
+            tuple(None if axis_ways else _NO_CIRCLE for axis_ways in ways) + (_UNREAD,) * n_unread
+        )
         ways += ((),) * n_unread
         reason = "" if any(ways) else "no sharp circular edge bounds what it is attached to"
         values = tuple(factor * (axis.radius_mm or 0.0) for axis in axes)
         return Measure(kind, values, ways, reason, n_features=n_features, missing=missing)
 
-    def between(self, one: Feature, other: Feature) -> Measure:
+    def between(self, feature: Feature, other: Feature) -> Measure:
         """Return how the distance of two features is measured.
 
         Parameters
         ----------
-        one, other : Feature
+        feature, other : Feature
             A plane, line or axis each.
         """
-        if isinstance(one, Axis):
+        if isinstance(feature, Axis):
             return (
-                self._centre_distance(one, other)
+                self._centre_distance(feature, other)
                 if isinstance(other, Axis)
-                else self._centre_to_edge(one, other)
+                else self._centre_to_edge(feature, other)
             )
         if isinstance(other, Axis):
-            return self._centre_to_edge(other, one)
-        direction = _across(one, other)
+            return self._centre_to_edge(other, feature)
+        direction = _across(feature, other)
         if direction is None:
             return Measure("distance", reason="the two features it is attached to are not parallel")
-        value = abs(float((other.point - one.point) @ direction))
+        value = abs(float((other.point - feature.point) @ direction))
         if value <= self.match_mm:
             return Measure(
                 "distance",
                 (value,),
                 reason="both of its ends are attached to the same plane or line",
             )
-        ways = self._edge_pairs(one, other, direction)
+        ways = self._edge_pairs(feature, other, direction)
         reason = "" if ways else "no two parallel sharp straight edges bound what it is attached to"
         return Measure("distance", (value,), (ways,), reason, direction)
 
-    def angle(self, one: Feature, other: Feature) -> Measure:
+    def angle(self, feature: Feature, other: Feature) -> Measure:
         """Return how the angle of two features is measured; its values are the angle and its supplement.
 
         Parameters
         ----------
-        one, other : Feature
+        feature, other : Feature
             Planes, or lines.
         """
-        if isinstance(one, Plane) and isinstance(other, Plane):
-            first = one.normal
+        if isinstance(feature, Plane) and isinstance(other, Plane):
+            first = feature.normal
             second = other.normal
-        elif isinstance(one, StraightLine) and isinstance(other, StraightLine):
-            first = one.along
+        elif isinstance(feature, StraightLine) and isinstance(other, StraightLine):
+            first = feature.along
             second = other.along
         else:
             return Measure(
@@ -173,7 +179,7 @@ class Measurer:
         fold = np.cross(first, second) / np.linalg.norm(np.cross(first, second))
         pairs = [
             (a, b)
-            for a, b in product(one.edges, other.edges)
+            for a, b in product(feature.edges, other.edges)
             if a != b and self._both_across(a, b, fold)
         ]
         pairs.sort(key=lambda pair: self._pair_order(pair[0], pair[1], fold))
@@ -190,14 +196,14 @@ class Measurer:
         Among equally good ones, those that face like the first feature's best one come first: one
         image can show many of them.
         """
-        found: list[list[Arc]] = []
+        circles_of_axes: list[list[Arc]] = []
         lead: FloatArray | None = None
         for axis in axes:
             circles = sorted(axis.circles, key=partial(self._order_beside, lead))
-            found.append(circles)
+            circles_of_axes.append(circles)
             if lead is None and circles:
                 lead = circles[0].axis
-        return found
+        return circles_of_axes
 
     def _order_beside(
         self, lead: FloatArray | None, arc: Arc
@@ -214,12 +220,12 @@ class Measurer:
         return perpendicular(self._along(a), direction) and perpendicular(self._along(b), direction)
 
     def _edge_pairs(
-        self, one: Plane | StraightLine, other: Plane | StraightLine, direction: FloatArray
+        self, feature: Plane | StraightLine, other: Plane | StraightLine, direction: FloatArray
     ) -> tuple[Way, ...]:
         """Return the pairs of parallel edges across a direction, best first."""
         pairs = [
             (a, b)
-            for a, b in product(one.edges, other.edges)
+            for a, b in product(feature.edges, other.edges)
             if self._both_across(a, b, direction) and parallel(self._along(a), self._along(b))
         ]
         keys = {
@@ -237,21 +243,21 @@ class Measurer:
         shorter = min(self.sight.length_mm(a), self.sight.length_mm(b))
         return not self.sight.together(a, b), apart, -shorter, round(offset, 6), a, b
 
-    def _centre_distance(self, one: Axis, other: Axis) -> Measure:
-        if not parallel(one.along, other.along):
+    def _centre_distance(self, axis: Axis, other: Axis) -> Measure:
+        if not parallel(axis.along, other.along):
             return Measure(
                 "centre_distance", reason="the two axes it is attached to are not parallel"
             )
-        if self.coaxial(one, other):
+        if self.coaxial(axis, other):
             return Measure(
                 "centre_distance", (0.0,), reason="both of its ends are attached to the same axis"
             )
-        offset = other.point - one.point
-        across = offset - (offset @ one.along) * one.along
+        offset = other.point - axis.point
+        across = offset - (offset @ axis.along) * axis.along
         value = float(np.linalg.norm(across))
         apart: dict[_Pair, float] = {
-            (a, b): self._apart(a.centre - b.centre, one.along)
-            for a, b in product(one.circles, other.circles)
+            (a, b): self._apart(a.centre - b.centre, axis.along)
+            for a, b in product(axis.circles, other.circles)
         }
         reason = "" if apart else "no sharp circular edge is around one of its axes"
         return self._with_circle("centre_distance", value, apart, reason, across / value)
@@ -297,7 +303,7 @@ class Measurer:
 
         def key(pair: _Pair) -> tuple[object, ...]:
             arc, other = pair
-            rest = (
+            order = (
                 arc_order(self.sight, other)
                 if isinstance(other, Arc)
                 else (-self.sight.length_mm(other), other)
@@ -306,7 +312,7 @@ class Measurer:
                 not self.sight.together(arc, other),
                 apart[pair],
                 *arc_order(self.sight, arc),
-                *rest,
+                *order,
             )
 
         ranked = sorted(apart, key=cast("Callable[[_Pair], Any]", key))
@@ -318,16 +324,16 @@ class Measurer:
         return Measure(kind, (value,), (ways,), reason, direction, note if offset else "")
 
 
-def _across(one: Plane | StraightLine, other: Plane | StraightLine) -> FloatArray | None:
+def _across(feature: Plane | StraightLine, other: Plane | StraightLine) -> FloatArray | None:
     """Return the unit direction in which two planes or lines are apart; None if they are not parallel."""
-    if isinstance(one, StraightLine) and isinstance(other, StraightLine):
-        offset = other.point - one.point
-        beside = offset - (offset @ one.along) * one.along
+    if isinstance(feature, StraightLine) and isinstance(other, StraightLine):
+        offset = other.point - feature.point
+        beside = offset - (offset @ feature.along) * feature.along
         length = float(np.linalg.norm(beside))
-        return beside / length if parallel(one.along, other.along) and length > 0.0 else None
-    if isinstance(one, Plane) and isinstance(other, Plane):
-        return one.normal if parallel(one.normal, other.normal) else None
-    plane, line = (one, other) if isinstance(one, Plane) else (other, one)
+        return beside / length if parallel(feature.along, other.along) and length > 0.0 else None
+    if isinstance(feature, Plane) and isinstance(other, Plane):
+        return feature.normal if parallel(feature.normal, other.normal) else None
+    plane, line = (feature, other) if isinstance(feature, Plane) else (other, feature)
     assert isinstance(plane, Plane), "one of the two is a plane"
     assert isinstance(line, StraightLine), "and the other a line"
     return plane.normal if perpendicular(plane.normal, line.along) else None

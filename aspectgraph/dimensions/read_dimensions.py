@@ -115,19 +115,21 @@ def read_dimensions(
     if not rows:
         return ()
     reader = _Reader(solid, agreement_mm, agreement_deg)
-    found = []
+    dimensions = []
     titles = []
     statements = read_statements(rows, answer["stated"])
     for k, (row, statement) in enumerate(zip(rows, statements, strict=True), start=1):
         placed = _placed_rows(row, statement)
-        for one in placed:
-            found.append(reader.dimension(one, statement))
-            title = row["name"] or f"{found[-1].kind} {k}"
-            titles.append(f"{title} ({_listed(one['solids'])})" if len(placed) > 1 else title)
+        for placed_row in placed:
+            dimensions.append(reader.dimension(placed_row, statement))
+            title = row["name"] or f"{dimensions[-1].kind} {k}"
+            titles.append(
+                f"{title} ({_listed(placed_row['solids'])})" if len(placed) > 1 else title
+            )
     zones = SurfaceZones(reader.attachments, answer["surfaces"])
     return tuple(
-        replace(one, name=name, surfaces=zones.of_dimension(one))
-        for one, name in zip(found, unique_names(titles), strict=True)
+        replace(dimension, name=name, surfaces=zones.of_dimension(dimension))
+        for dimension, name in zip(dimensions, unique_names(titles), strict=True)
     )
 
 
@@ -221,7 +223,7 @@ class _Reader:
         """Return whether a diameter is one of holes; None if it is not known, or differs."""
         arcs = {arc.id: arc for arc in self.attachments.circles}
         first = [ways[0][0] for ways in measure.ways if ways and measure.kind == "diameter"]
-        sides = {is_in_hole(self.solid, arcs[one]) for one in first if one in arcs}
+        sides = {is_in_hole(self.solid, arcs[arc_id]) for arc_id in first if arc_id in arcs}
         return sides.pop() if len(sides) == 1 else None
 
     def _unread(self, solids: Sequence[int]) -> str:
@@ -246,11 +248,11 @@ class _Reader:
             return self.measurer.size(kind, first + second, n_unread)
         round_values = _round_values(kind, row["sides"])
         if kind not in ("distance", "angle") or round_values:
-            what = "angle of a cone" if kind == "angle" else kind.replace("_", " ")
+            quantity = "angle of a cone" if kind == "angle" else kind.replace("_", " ")
             return Measure(
                 kind,
                 round_values,
-                reason=f"no edges, rims and arcs measure the {what}",
+                reason=f"no edges, rims and arcs measure the {quantity}",
                 n_features=self._n_round(row["sides"], first + second) + n_unread,
             )
         ends = _two_ends(first, second, bool(row["sides"][1]))
@@ -277,21 +279,21 @@ class _Reader:
             if measure.kind == "angle"
             else ("mm", self.agreement_mm)
         )
-        wanted = (stated.nominal, stated.nominal) if stated.nominal is not None else stated.limits
-        if wanted is None:
+        bounds = (stated.nominal, stated.nominal) if stated.nominal is not None else stated.limits
+        if bounds is None:
             return None
         values = measure.values
         if measure.kind == "angle" and values:
-            values = (min(values, key=lambda value: abs(value - wanted[0])),)
+            values = (min(values, key=lambda value: abs(value - bounds[0])),)
         wrong = [
-            value for value in values if not wanted[0] - allowed <= value <= wanted[1] + allowed
+            value for value in values if not bounds[0] - allowed <= value <= bounds[1] + allowed
         ]
         if not wrong:
             return None
         text = (
-            f"{wanted[0]:.6g}"
+            f"{bounds[0]:.6g}"
             if stated.nominal is not None
-            else f"{wanted[0]:.6g} to {wanted[1]:.6g}"
+            else f"{bounds[0]:.6g} to {bounds[1]:.6g}"
         )
         return f"the file states {text} {unit}, the geometry it is attached to has {wrong[0]:.6g} {unit}"
 

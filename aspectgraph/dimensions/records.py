@@ -122,12 +122,12 @@ class ModelDimension:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         value = "no value" if self.nominal is None else f"{self.nominal:.6g} {self.unit}"
-        how = (
+        note = (
             f"not measurable: {self.reason}"
             if self.entities is None
             else f"by {list(self.entities)}"
         )
-        return f"<ModelDimension {self.name!r}: {self.kind} {value}, {how}>"
+        return f"<ModelDimension {self.name!r}: {self.kind} {value}, {note}>"
 
 
 def _plain(value: Any) -> Any:
@@ -148,5 +148,5 @@ def unique_names(names: Sequence[str]) -> list[str]:
     unique: list[str] = []
     for name in names:
         candidates = (name if k == 1 else f"{name} #{k}" for k in range(1, len(names) + 1))
-        unique.append(next(one for one in candidates if one not in unique))
+        unique.append(next(candidate for candidate in candidates if candidate not in unique))
     return unique

@@ -177,13 +177,13 @@ def _columns(text: str) -> dict[str, tuple[float | None, ...]]:
 
 def _by_size(*tables: tuple[tuple[int, ...], str]) -> dict[str, dict[int, float]]:
     """Return the values of each letter by the upper limit of the range, mm; blanks are left out."""
-    found: dict[str, dict[int, float]] = {}
+    by_letter: dict[str, dict[int, float]] = {}
     for limits, text in tables:
         for letter, column in _columns(text).items():
             rows = zip(limits, column, strict=True)
             values = {limit: value for limit, value in rows if value is not None}
-            found.setdefault(letter, {}).update(values)
-    return found
+            by_letter.setdefault(letter, {}).update(values)
+    return by_letter
 
 
 DEVIATION_LIMITS_MM = (*_LIMITS_MM, *_LARGE_LIMITS_MM)
@@ -256,13 +256,13 @@ class Statement:
 
 
 def read_statements(
-    found: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]
+    rows: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]
 ) -> list[Statement]:
     """Return what the file states of each dimension that the kernel found.
 
     Parameters
     ----------
-    found : sequence of dict
+    rows : sequence of dict
         See `semantic_dimensions.read_semantic_dimensions`.
     texts : sequence of dict
         The fields of each `stated_dimensions.StatedDimension`, in the order of the file; some the kernel leaves out.
@@ -270,11 +270,11 @@ def read_statements(
     Returns
     -------
     list of Statement
-        In the order of `found`.
+        In the order of `rows`.
     """
-    paired = _pair(found, texts)
+    paired = _pair(rows, texts)
     if paired is None:
-        return [_from_kernel(row) for row in found]
+        return [_from_kernel(row) for row in rows]
     return [
         replace(
             _from_text(tuple(text["values"]), text["bounds"]),
@@ -288,11 +288,11 @@ def read_statements(
 
 
 def _pair(
-    found: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]
+    rows: Sequence[dict[str, Any]], texts: Sequence[dict[str, Any]]
 ) -> list[dict[str, Any]] | None:
     """Return the text of each dimension, by order and value; None if some dimension fits no text."""
-    rest = iter(texts)
-    paired = [next((text for text in rest if _fits(row, text)), None) for row in found]
+    queue = iter(texts)
+    paired = [next((text for text in queue if _fits(row, text)), None) for row in rows]
     whole = [text for text in paired if text is not None]
     return whole if len(whole) == len(paired) else None
 
@@ -413,9 +413,9 @@ class ToleranceClass:
         ToleranceError
             If it is no class of ISO 286.
         """
-        found = _TEXT.fullmatch(text.strip()) if isinstance(text, str) else None
-        if found is not None:
-            letters, grade = found.groups()
+        match = _TEXT.fullmatch(text.strip()) if isinstance(text, str) else None
+        if match is not None:
+            letters, grade = match.groups()
             if letters[0].isupper():
                 letters = letters.upper()
             one_case = letters in (letters.lower(), letters.upper())
@@ -667,8 +667,8 @@ def resolve_stated_class(
         )
     if in_hole is not None and in_hole != tolerance_class.is_hole:
         stands_for = "holes" if tolerance_class.is_hole else "shafts"
-        found = "a hole" if in_hole else "a shaft"
-        fault = f"the file states {name}, a class of {stands_for}, and its geometry is {found}"
+        feature = "a hole" if in_hole else "a shaft"
+        fault = f"the file states {name}, a class of {stands_for}, and its geometry is {feature}"
         return StatedClass(name, deviations, fault=fault)
     return StatedClass(name, deviations, _difference(name, deviations, stated))
 

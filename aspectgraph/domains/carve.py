@@ -66,9 +66,9 @@ def surface_facets(scene: Scene) -> Facets:
     lengths = np.linalg.norm(normals.astype(float), axis=1, keepdims=True)
     steps = np.rint(normals / lengths * _NORMAL_STEPS).astype(np.int64)
     planes, sizes = _perpendicular_planes(scene.points, scene.pieces, steps, scene.resolution)
-    kept = sizes > 0
-    first = np.concatenate([[0], np.cumsum(sizes[kept])]).astype(np.int32)
-    return Facets(planes, first, faces[kept])
+    has_facets = sizes > 0
+    first = np.concatenate([[0], np.cumsum(sizes[has_facets])]).astype(np.int32)
+    return Facets(planes, first, faces[has_facets])
 
 
 @entry_kernel
@@ -95,12 +95,12 @@ def _perpendicular_planes(points, pieces, steps, resolution):
 @kernel
 def _true_corners(points, loop, resolution):
     """Drop vertices within the resolution of the line through their neighbours."""
-    kept = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
+    corners = [v for v in loop]  # noqa: C416 - numba makes no list of an array otherwise
     k = 0
-    while k < len(kept) and len(kept) > 2:
-        before = points[kept[k - 1]]
-        here = points[kept[k]]
-        after = points[kept[(k + 1) % len(kept)]]
+    while k < len(corners) and len(corners) > 2:
+        before = points[corners[k - 1]]
+        here = points[corners[k]]
+        after = points[corners[(k + 1) % len(corners)]]
         turn = length = 0.0
         for axis in range(3):
             i = (axis + 1) % 3
@@ -109,12 +109,13 @@ def _true_corners(points, loop, resolution):
             w = np.float64(here[i] - before[i]), np.float64(here[j] - before[j])
             turn += (u[0] * w[1] - u[1] * w[0]) ** 2
             length += np.float64(after[axis] - before[axis]) ** 2
+        # the cross product over the length is the distance from the line
         if turn <= resolution * resolution * length:
-            kept.pop(k)
+            corners.pop(k)
             k = max(0, k - 1)
         else:
             k += 1
-    return kept
+    return corners
 
 
 def carve(cx: Complex, scene: Scene, facets: Facets, n_box: int) -> None:
@@ -190,20 +191,20 @@ def _hand_down(cx, facets):
     handed = [np.int64(0) for _ in range(0)]
     stack = [(0, facets)]
     while len(stack) > 0:
-        cell, own = stack.pop()
+        cell, cell_facets = stack.pop()
         if cx.cell[cell, CELL_CHILD] < 0:
             if _is_empty(cx.label[cell]):
                 cx.label[cell, cx.label.shape[1] - 1] = UNKNOWN
                 refresh_cell(cx, cell)
                 leaves.append(np.int64(cell))
-                for f in own:
+                for f in cell_facets:
                     handed.append(f)
                 first.append(np.int64(len(handed)))
             continue
         h = cx.cell[cell, CELL_PLANE]
-        parts = np.empty((2, len(own)), np.int64)
+        parts = np.empty((2, len(cell_facets)), np.int64)
         n_ahead = n_behind = 0
-        for f in own:
+        for f in cell_facets:
             refresh_face(cx, f)
             side = 0 if cx.face[f, FACE_PLANE] == h else face_side(cx, f, h)
             if side == CROSSED:
@@ -264,7 +265,8 @@ def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
         slope = planes[h, axis]
         if slope == 0:
             continue
-        left = right = doubtful = False
+        # seen along the axis the ray is a point: it meets a convex piece that has it on one side of all edges
+        on_left = on_right = doubtful = False
         for k in range(first[piece], first[piece + 1]):
             v = loop[k]
             w = loop[k + 1] if k + 1 < first[piece + 1] else loop[first[piece]]
@@ -273,14 +275,16 @@ def _parity(point, axis, points, first, loop, face, planes, plane_of_face):
             bx = np.float64(points[w, i] * scale - point[i])
             by = np.float64(points[w, j] * scale - point[j])
             turn = ax * by - ay * bx
+            # rounding might have turned the sign
             if abs(turn) <= 1e-15 * (abs(ax * by) + abs(ay * bx)):
                 doubtful = True
-            left |= turn > 0
-            right |= turn < 0
-        if left and right:
+            on_left |= turn > 0
+            on_right |= turn < 0
+        if on_left and on_right:
             continue
         if doubtful:
             return -1
+        # the plane is ahead if its values still have to grow along the ray
         if sign_at_point(planes, h, point) * (1 if slope > 0 else -1) < 0:
             crossings += 1
     return crossings % 2

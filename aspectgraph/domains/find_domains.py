@@ -170,9 +170,9 @@ def disc_has_room(corners: np.ndarray, ruler: Ruler) -> bool:
     normal = _unit_normal(corners)
     sides = np.roll(corners, -1, axis=0) - corners
     length = np.linalg.norm(sides, axis=1)
-    kept = length > 0.0
-    outward = np.cross(sides[kept], normal) / length[kept, None]
-    walls = np.column_stack([outward, -(outward * corners[kept]).sum(axis=1)])
+    nonzero = length > 0.0
+    outward = np.cross(sides[nonzero], normal) / length[nonzero, None]
+    walls = np.column_stack([outward, -(outward * corners[nonzero]).sum(axis=1)])
     return has_room(
         np.concatenate([[[*normal, -(normal @ corners.mean(axis=0))]], walls]), ruler, normal
     )
@@ -284,13 +284,13 @@ class CellWidths:
             thin[cell] = not has_room(half_spaces(self._cx, cell), ruler)
         # a ball cut in two leaves one of half its radius in one of the parts
         alike = thin[sides[:, :2]].all(axis=1) & (label[sides[:, 0]] == label[sides[:, 1]])
-        for one, other, plane, _ in sides[
+        for part, other, plane, _ in sides[
             alike & (share[sides[:, :2]] >= 0.5).any(axis=1)
         ].tolist():
             # what lies in all other half-spaces of both lies in one of the two
-            rows = [half_spaces(self._cx, cell, plane) for cell in (one, other)]
-            if thin[[one, other]].any() and has_room(np.concatenate(rows), ruler):
-                thin[[one, other]] = False
+            rows = [half_spaces(self._cx, cell, plane) for cell in (part, other)]
+            if thin[[part, other]].any() and has_room(np.concatenate(rows), ruler):
+                thin[[part, other]] = False
         return thin
 
     def largest_ball(self, cells: np.ndarray, ruler: Ruler) -> tuple[np.ndarray, float]:
@@ -606,16 +606,16 @@ def _join(
     ]
     group = _components(np.concatenate(links), len(label))
     for k in touching.doubtful(same):
-        one, other = group[touching.cells[k]]
-        if one != other and touching.is_wide(k):
-            group[group == other] = one
+        target, other = group[touching.cells[k]]
+        if target != other and touching.is_wide(k):
+            group[group == other] = target
     joined = True
     while joined:
         joined = False
         for _, rows in list(_by_pair(group[touching.cells], same)):
-            one, other = group[touching.cells[rows[0]]]
-            if one != other and touching.are_wide_together(rows):
-                group[group == other] = one
+            target, other = group[touching.cells[rows[0]]]
+            if target != other and touching.are_wide_together(rows):
+                group[group == other] = target
                 joined = True
     of_cell = np.full(len(label), -1)
     names, of_cell[counted] = np.unique(group[counted], return_inverse=True)
@@ -660,11 +660,13 @@ def _absorb(
         borders.widths >= ruler.least_width(borders.farthest)
     )
     _spread(of_cell, np.arange(len(of_cell)), pairs[alike], areas[alike])
-    left = free[of_cell[free] < 0]
+    orphans = free[of_cell[free] < 0]
     sliver = _components(pairs[alike & (of_cell[pairs] < 0).all(axis=1)], len(of_cell))
-    n_slivers = len(np.unique(sliver[left]))
+    n_slivers = len(np.unique(sliver[orphans]))
     if n_domains == 0:
-        of_cell[left[sliver[left] == np.argmax(np.bincount(sliver[left], volume[left]))]] = 0
+        of_cell[
+            orphans[sliver[orphans] == np.argmax(np.bincount(sliver[orphans], volume[orphans]))]
+        ] = 0
         n_domains = 1
         n_slivers = n_slivers - 1
     _spread(of_cell, sliver, pairs, areas)
@@ -674,14 +676,14 @@ def _absorb(
 def _spread(of_cell: np.ndarray, unit: np.ndarray, pairs: np.ndarray, areas: np.ndarray) -> None:
     """Give units of cells without a domain that of the neighbours they share most boundary with, until none is left."""
     while True:
-        found = of_cell[pairs]
-        rows = np.flatnonzero((found >= 0).sum(axis=1) == 1)
+        pair_domains = of_cell[pairs]
+        rows = np.flatnonzero((pair_domains >= 0).sum(axis=1) == 1)
         if not len(rows):
             return
-        column = (found[rows, 0] >= 0).astype(int)
+        column = (pair_domains[rows, 0] >= 0).astype(int)
         lacking = unit[pairs[rows, column]]
         keys, place = np.unique(
-            np.column_stack([lacking, found[rows, 1 - column]]), axis=0, return_inverse=True
+            np.column_stack([lacking, pair_domains[rows, 1 - column]]), axis=0, return_inverse=True
         )
         shared = np.bincount(place.ravel(), areas[rows])
         best = np.lexsort([shared, keys[:, 0]])
@@ -707,9 +709,9 @@ def _domain(
     ruler: Ruler,
 ) -> Domain:
     wide = cells[~is_thin[cells]]
-    own = wide if len(wide) else cells
-    centre, radius = widths.largest_ball(own, ruler)
-    words = tuple(int(word) for word in labels[label[own[0]]])
+    core = wide if len(wide) else cells
+    centre, radius = widths.largest_ball(core, ruler)
+    words = tuple(int(word) for word in labels[label[core[0]]])
     return Domain(words, cells, float(widths.volume[cells].sum()), centre, radius)
 
 

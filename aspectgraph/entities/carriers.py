@@ -153,11 +153,12 @@ class Carriers:
         """
         both = [self.surfaces[k] for k in pair]
         # those of planes are the same everywhere
-        where = points[:1] if all(one.is_plane for one in both) else points
-        normals = np.stack([one.normals(where) for one in both], axis=1)
+        samples = points[:1] if all(surface.is_plane for surface in both) else points
+        normals = np.stack([surface.normals(samples) for surface in both], axis=1)
         inverse = np.linalg.pinv(normals, rcond=_ALIKE)
         moved = [
-            inverse[:, :, k, None] * one.offsets(points)[:, None, :] for k, one in enumerate(both)
+            inverse[:, :, k, None] * surface.offsets(points)[:, None, :]
+            for k, surface in enumerate(both)
         ]
         return np.concatenate(moved, axis=2)
 
@@ -186,8 +187,8 @@ class Carriers:
         if not shared:
             return self._add(Carrier(curve.centre, axis, curve.radius_mm, curve.radius_mm))
         if key not in self._cylinders:
-            one = Carrier(curve.centre, axis, curve.radius_mm, curve.radius_mm)
-            self._cylinders[key] = self._add(one)
+            carrier = Carrier(curve.centre, axis, curve.radius_mm, curve.radius_mm)
+            self._cylinders[key] = self._add(carrier)
         return self._cylinders[key]
 
     def _cone(self, curve: Arc, faces: npt.NDArray[np.int64]) -> Carrier:
@@ -200,6 +201,6 @@ class Carriers:
         lean = float(side * (normals @ curve.axis).mean())
         return Carrier(curve.centre, curve.axis, curve.radius_mm, curve.radius_mm, lean)
 
-    def _add(self, one: Carrier) -> int:
-        self.surfaces.append(one)
+    def _add(self, carrier: Carrier) -> int:
+        self.surfaces.append(carrier)
         return len(self.surfaces) - 1

@@ -295,22 +295,22 @@ def find_curve(solid: Solid, target: str | Arc, name: str, min_dihedral_deg: flo
         The solid has no such rim or arc, or it is blunter.
     """
     curves = [*solid.rims(0.0), *solid.arcs(0.0)]
-    wanted = target if isinstance(target, str) else target.id
-    found = next((curve for curve in curves if curve.id == wanted), None)
-    if found is None or not (isinstance(target, str) or found == target):
+    curve_id = target if isinstance(target, str) else target.id
+    match = next((curve for curve in curves if curve.id == curve_id), None)
+    if match is None or not (isinstance(target, str) or match == target):
         n_rims, n_arcs = (
             sum(isinstance(c, Rim) is is_rim for c in curves) for is_rim in (True, False)
         )
         raise EntityError(
             f"a rim or arc must be one of the solid's {n_rims} rims and {n_arcs} arcs, r0, r1, … and a0, a1, …. "
-            f"Got {wanted!r} for {name!r}{'' if found is None else ', that of another solid'}."
+            f"Got {curve_id!r} for {name!r}{'' if match is None else ', that of another solid'}."
         )
-    if found.dihedral_deg < min_dihedral_deg:
+    if match.dihedral_deg < min_dihedral_deg:
         raise EntityError(
             f"an entity's faces must turn by at least {min_dihedral_deg:g} degrees. "
-            f"Got {found.dihedral_deg:.3g} at {found.id} for {name!r}."
+            f"Got {match.dihedral_deg:.3g} at {match.id} for {name!r}."
         )
-    return found
+    return match
 
 
 def curve_points(solid: Solid, curve: Arc) -> FloatArray:
@@ -729,9 +729,9 @@ def resolve_entities(
             _check_edge_of_straight_edges(solid.edges[edge_id], name, min_dihedral_deg)
         key = (frozenset(entity.edge_ids), entity.part)
         if key in named:
-            what = f"edge {min(entity.edge_ids)}" if entity.part is None else str(entity.part)
+            place = f"edge {min(entity.edge_ids)}" if entity.part is None else str(entity.part)
             raise EntityError(
-                f"an edge must be named once. Got {named[key]!r} and {name!r} for {what}."
+                f"an edge must be named once. Got {named[key]!r} and {name!r} for {place}."
             )
         named[key] = name
         entities[name] = entity

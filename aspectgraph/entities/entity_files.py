@@ -204,7 +204,7 @@ def read_entities(
         return resolve_entities(solid, _read_file(Path(text)), tolerance_mm)
     if Path(text).suffix.lower() == ".csv":
         return resolve_entities(solid, _read_csv(Path(text)), tolerance_mm)
-    points = [(_point(found[1]), _point(found[2])) for found in _ENDS.finditer(text)]
+    points = [(_point(match[1]), _point(match[2])) for match in _ENDS.finditer(text)]
     words = [word for word in re.split(r"[\s,;]+", _ENDS.sub(" ", text)) if word]
     bad = [word for word in words if not (_IDS.fullmatch(word) or is_part_text(word))]
     if bad or not (words or points):
@@ -335,12 +335,12 @@ class _TwiceError(ValueError):
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return the names of a JSON object and what they stand for; TOML itself refuses a name twice."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    content = dict(pairs)
+    if len(content) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
         raise _TwiceError(f"the name {twice!r} stands in it twice")
-    return found
+    return content
 
 
 def _read_file(path: Path) -> Any:

@@ -236,8 +236,8 @@ def _parallel(direction: NDArray[np.float64], text: str) -> _Test:
     if not direction.any():
         raise EntityError.of_rule("direction", "must have a length", repr(text))
     unit = direction / np.linalg.norm(direction)
-    least = np.cos(np.radians(PARALLEL_DEG))
-    return lambda item: bool(abs(item.along @ unit) >= least * np.linalg.norm(item.along))
+    threshold = np.cos(np.radians(PARALLEL_DEG))
+    return lambda item: bool(abs(item.along @ unit) >= threshold * np.linalg.norm(item.along))
 
 
 def _on_side(solid: Solid, which: int, axis: int) -> _Test:

@@ -106,18 +106,18 @@ def _area_vectors(solid: Solid) -> np.ndarray:
 def _classes(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Directions of vectors, up to sign, and the sum of lengths of each."""
     lengths = np.linalg.norm(vectors, axis=1)
-    left = np.argsort(-lengths, kind="stable")
+    rows = np.argsort(-lengths, kind="stable")
     directions = []
     weights = []
-    while len(left):
-        leader = vectors[left[0]] / lengths[left[0]]
-        cosine = vectors[left] @ leader
-        off = np.linalg.norm(vectors[left] - cosine[:, None] * leader, axis=1)
-        alike = off <= _SAME_DIRECTION * lengths[left]
-        total = (vectors[left[alike]] * np.sign(cosine[alike])[:, None]).sum(axis=0)
+    while len(rows):
+        leader = vectors[rows[0]] / lengths[rows[0]]
+        cosine = vectors[rows] @ leader
+        off = np.linalg.norm(vectors[rows] - cosine[:, None] * leader, axis=1)
+        alike = off <= _SAME_DIRECTION * lengths[rows]
+        total = (vectors[rows[alike]] * np.sign(cosine[alike])[:, None]).sum(axis=0)
         directions.append(total / np.linalg.norm(total))
-        weights.append(lengths[left[alike]].sum())
-        left = left[~alike]
+        weights.append(lengths[rows[alike]].sum())
+        rows = rows[~alike]
     return np.array(directions), np.array(weights)
 
 
@@ -138,9 +138,9 @@ def _signatures(candidates: np.ndarray, ends: np.ndarray, weights: np.ndarray) -
     size = np.linalg.norm(ends, axis=-1).max()
     sums = np.empty(len(candidates))
     for k, frame in enumerate(candidates):
-        own = (ends @ frame.T) / size
-        forward = own.reshape(-1, 6)
-        backward = own[:, ::-1].reshape(-1, 6)
+        local_ends = (ends @ frame.T) / size
+        forward = local_ends.reshape(-1, 6)
+        backward = local_ends[:, ::-1].reshape(-1, 6)
         sums[k] = weights @ (
             np.sin(forward @ _FORMS.T + 0.3) + np.sin(backward @ _FORMS.T + 0.3)
         ).sum(axis=1)
@@ -297,11 +297,11 @@ class _Boxes:
 
     def meeting(self, other: _Boxes) -> tuple[np.ndarray, np.ndarray]:
         """Return the pairs of own and other boxes that meet."""
-        own, others = shapely.STRtree(other.shapes).query(self.shapes)
-        keep = (self.low[own, 2] <= other.high[others, 2]) & (
-            self.high[own, 2] >= other.low[others, 2]
+        boxes, others = shapely.STRtree(other.shapes).query(self.shapes)
+        keep = (self.low[boxes, 2] <= other.high[others, 2]) & (
+            self.high[boxes, 2] >= other.low[others, 2]
         )
-        return own[keep], others[keep]
+        return boxes[keep], others[keep]
 
 
 class _Shape:
@@ -336,9 +336,11 @@ class _Shape:
         if kind == VERTEX_EDGE:
             start = at[self.ends[j, 0]]
             end = at[self.ends[j, 1]]
-            own = (self.ends[j] == i[:, None]).any(axis=1)
+            is_end = (self.ends[j] == i[:, None]).any(axis=1)
             return np.where(
-                own, np.linalg.norm(end - start, axis=1), segment_distance(at[i], at[i], start, end)
+                is_end,
+                np.linalg.norm(end - start, axis=1),
+                segment_distance(at[i], at[i], start, end),
             )
         corners = at[self.solid.triangles[j]]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -351,35 +353,35 @@ class _Shape:
         at = self.solid.vertices
         i = nearest.i
         j = nearest.j
-        one = (
+        feature = (
             describe_edge(at, *self.ends[i])
             if nearest.kind == EDGE_EDGE
             else f"vertex {describe_point(at[i])}"
         )
         if nearest.kind == VERTEX_FACE:
-            return one, f"face {self.solid.triangle_face[j]}"
-        return one, describe_edge(at, *self.ends[j])
+            return feature, f"face {self.solid.triangle_face[j]}"
+        return feature, describe_edge(at, *self.ends[j])
 
     def are_of_two_shells(self, nearest: Nearest) -> bool:
         """Whether the features of a pair belong to different pieces of surface."""
         shell = np.empty(len(self.solid.vertices), int)
         shell[self.solid.triangles] = self.solid.face_shell[self.solid.triangle_face][:, None]
-        one = self.ends[nearest.i, 0] if nearest.kind == EDGE_EDGE else nearest.i
+        vertex = self.ends[nearest.i, 0] if nearest.kind == EDGE_EDGE else nearest.i
         other = (
             self.solid.triangles[nearest.j, 0]
             if nearest.kind == VERTEX_FACE
             else self.ends[nearest.j, 0]
         )
-        return bool(shell[one] != shell[other])
+        return bool(shell[vertex] != shell[other])
 
 
 def _complaint(solid: Solid, grid: Grid, nearest: Nearest) -> str:
     """What is too near to what, how near it was given, and what can be done."""
     shape = _Shape(solid)
-    given = shape.distance(
+    distance_mm = shape.distance(
         nearest.kind, solid.vertices, np.array([nearest.i]), np.array([nearest.j])
     )[0]
-    one, other = shape.describe(nearest)
+    feature, other = shape.describe(nearest)
     more = f" ({nearest.n} such pairs)" if nearest.n > 1 else ""
     cure = "leave the detail out, or make it larger"
     if shape.are_of_two_shells(nearest):
@@ -387,5 +389,5 @@ def _complaint(solid: Solid, grid: Grid, nearest: Nearest) -> str:
     steps = " x ".join(dict.fromkeys(f"{step:.3g}" for step in grid.steps_mm))
     return (
         f"parts of the surface must be at least {LEAST_STEPS:g} grid steps of {steps} mm apart. "
-        f"Got {given:.3g} mm between {one} and {other}{more}; {cure}."
+        f"Got {distance_mm:.3g} mm between {feature} and {other}{more}; {cure}."
     )

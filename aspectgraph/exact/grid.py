@@ -101,10 +101,10 @@ class Grid:
             If the part lies so far from the origin that its coordinates do not fit the grid.
         """
         frame = np.eye(3) if frame is None else frame
-        own = turned(frame, vertices)
-        low = own.min(axis=0) if used is None else own[used].min(axis=0)
-        own -= low
-        part = own if used is None else own[used]
+        coordinates = turned(frame, vertices)
+        low = coordinates.min(axis=0) if used is None else coordinates[used].min(axis=0)
+        coordinates -= low
+        part = coordinates if used is None else coordinates[used]
         extents = part.max(axis=0)
         largest = int(np.argmax(extents >= (1.0 - 1e-9) * extents.max()))
         noise = _NOISE * max(float(np.abs(vertices).max()), extents[largest])
@@ -116,8 +116,10 @@ class Grid:
                 f"vertices must lie within {_LARGEST_COORDINATE_STEPS * steps[largest]:g} mm of the origin, 2**40 grid "
                 f"steps. Got {np.abs(vertices).max():g} mm."
             )
-        snapped = np.rint(own / steps).astype(np.int64)
-        displacement = 0.0 if exact else float(np.linalg.norm(snapped * steps - own, axis=1).max())
+        snapped = np.rint(coordinates / steps).astype(np.int64)
+        displacement = (
+            0.0 if exact else float(np.linalg.norm(snapped * steps - coordinates, axis=1).max())
+        )
         centre = np.rint(extents / steps).astype(np.int64) // 2
         return cls(
             frame,
@@ -235,17 +237,17 @@ def as_queries(coordinates: np.ndarray) -> np.ndarray:
     return (whole.astype(np.int64) << POINT_BITS) + fraction
 
 
-def _steps(own: np.ndarray, extents: np.ndarray, noise: float) -> tuple[np.ndarray, bool]:
+def _steps(coordinates: np.ndarray, extents: np.ndarray, noise: float) -> tuple[np.ndarray, bool]:
     """Steps along the axes, in mm, and whether all coordinates (n, 3), counted from 0, are multiples of them."""
     largest = float(extents.max())
-    divisions = _common_denominator(own.ravel() / largest, noise / largest)
+    divisions = _common_denominator(coordinates.ravel() / largest, noise / largest)
     if divisions:
         n_steps = divisions << (GRID_BITS - (divisions - 1).bit_length())
         return np.full(3, largest / n_steps), True
     finest = np.full(3, largest / (1 << GRID_BITS))
     steps = finest.copy()
     for axis, extent in enumerate(extents):
-        divisions = _common_denominator(own[:, axis] / extent, noise / extent)
+        divisions = _common_denominator(coordinates[:, axis] / extent, noise / extent)
         if not divisions:
             return finest, False
         # nearly the same step along all axes; the margin lets rounding of the extents change nothing
@@ -266,9 +268,9 @@ def _common_denominator(shares: np.ndarray, tolerance: float) -> int:
             multiple = share * candidates
             candidates = candidates[np.abs(multiple - np.rint(multiple)) <= tolerance * candidates]
         if len(candidates):
-            least = float(candidates[0])
+            denominator = float(candidates[0])
             n = len(distinct)
-            expected = (2.0 * tolerance * least) ** n * least / (n + 1)
-            return int(least) if n == 0 or expected < _BY_ACCIDENT else 0
+            expected = (2.0 * tolerance * denominator) ** n * denominator / (n + 1)
+            return int(denominator) if n == 0 or expected < _BY_ACCIDENT else 0
         start = end
     return 0

@@ -21,6 +21,7 @@ def plane_through(p, q, r):
     for k in range(3):
         i = (k + 1) % 3
         j = (k + 2) % 3
+        # cross product of two sides
         plane[k] = (q[i] - p[i]) * (r[j] - p[j]) - (q[j] - p[j]) * (r[i] - p[i])
     divisor = np.gcd(np.gcd(plane[0], plane[1]), plane[2])
     if divisor:
@@ -42,6 +43,7 @@ def side_of(plane, point, resolution):
     h = height(plane, point)
     if resolution > 0.0:
         square = np.float64(plane[0]) ** 2 + np.float64(plane[1]) ** 2 + np.float64(plane[2]) ** 2
+        # the distance is h over the length of (a, b, c)
         if np.float64(h) ** 2 <= resolution * resolution * square:
             return 0
     if h > 0:
@@ -69,7 +71,7 @@ def find_parallel(planes, points, trio, resolution, plane):
     Near enough is half the resolution: it must leave some to other vertices on the plane.
     """
     best = -1
-    least = 0.5 * resolution
+    best_spread = 0.5 * resolution
     level = np.int64(0)
     for k in range(len(planes)):
         low = high = height(planes[k], points[trio[0]])
@@ -82,14 +84,16 @@ def find_parallel(planes, points, trio, resolution, plane):
             + np.float64(planes[k, 1]) ** 2
             + np.float64(planes[k, 2]) ** 2
         )
+        # how far apart the three points lie across the parallel planes
         spread = np.float64(high - low) / np.sqrt(square)
-        if spread <= least:
+        if spread <= best_spread:
             best = k
-            least = spread
+            best_spread = spread
             level = low + (high - low) // 2
     if best < 0:
         return plane
     parallel = planes[best].copy()
+    # halfway between the outermost of the three points
     parallel[3] += level
     return parallel
 
@@ -97,6 +101,7 @@ def find_parallel(planes, points, trio, resolution, plane):
 @entry_kernel
 def _widest_triangle(points, loop):
     """Three of the loop's points that span nearly the largest triangle, in the loop's cyclic order."""
+    # the farthest vertex from the farthest one: nearly the longest chord
     a = loop[0]
     for _ in range(2):
         b = a
@@ -109,6 +114,7 @@ def _widest_triangle(points, loop):
                 b = v
                 best = length
         a, b = b, a
+    # and the farthest from that chord
     c = a
     best = -1.0
     for v in loop:
@@ -170,12 +176,12 @@ def face_planes(
                 f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it."
             )
         table = np.array(planes, np.int64).reshape(-1, 4)
-        known = _same_plane(table, grid.points[loop], grid.resolution)
-        if known < 0:
-            known = len(planes)
+        number = _same_plane(table, grid.points[loop], grid.resolution)
+        if number < 0:
+            number = len(planes)
             planes.append(_made_parallel(plane, table, grid.points[loop], grid.resolution))
-        plane_of_face[face] = known
-        side_of_face[face] = 1 if normals[face] @ planes[known][:3] > 0 else -1
+        plane_of_face[face] = number
+        side_of_face[face] = 1 if normals[face] @ planes[number][:3] > 0 else -1
     return np.array(planes), plane_of_face, side_of_face
 
 

@@ -95,6 +95,7 @@ def _meet(typingctx, planes, p, q, r, vertices, v):
             else:
                 replaced = [[row[3] if k == column else row[k] for k in range(3)] for row in rows]
                 value = _det3(builder, replaced)
+            # W > 0 by convention
             value = builder.select(negative, builder.sub(zero, value), value)
             pointer = _wide_pointer(context, builder, signature, args, 4, args[5], column)
             builder.store(value, pointer, align=8)
@@ -145,6 +146,7 @@ def _magnitude(limbs):
     for k in range(LIMBS):
         limb = np.uint64(limbs[k])
         if negative:
+            # two's complement: all bits turned, plus one that carries
             limb = ~limb + carry
             carry = (
                 np.uint64(1) if (carry == np.uint64(1) and limb == np.uint64(0)) else np.uint64(0)

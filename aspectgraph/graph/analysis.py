@@ -86,13 +86,13 @@ def stability(eag: EntityAspectGraph | nx.Graph) -> list[ListOfEntities]:
     groups: dict[tuple[str, ...], list[int]] = {}
     for node, names in nodes(data="observable"):
         groups.setdefault(tuple(names), []).append(node)
-    found = []
+    lists = []
     for names, members in groups.items():
         volume = sum(nodes[node]["volume"] for node in members)
         ordered = tuple(sorted(members, key=lambda node: (-nodes[node]["volume"], node)))
         clearance = max(nodes[node]["clearance"] for node in members)
-        found.append(ListOfEntities(names, volume, volume / total, ordered, clearance))
-    return sorted(found, key=lambda one: (-one.volume, one.domains))
+        lists.append(ListOfEntities(names, volume, volume / total, ordered, clearance))
+    return sorted(lists, key=lambda group: (-group.volume, group.domains))
 
 
 def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> list[int]:
@@ -132,8 +132,8 @@ def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> 
     nodes = _graph(eag).nodes
 
     def key(node: int) -> tuple[Any, ...]:
-        one = nodes[node]
-        return -len(one["observable"]), -one["clearance"], -one["volume"], node
+        record = nodes[node]
+        return -len(record["observable"]), -record["clearance"], -record["volume"], node
 
     return sorted(nodes, key=key)[:n]
 

@@ -142,13 +142,13 @@ class Provenance:
         self, planes: Iterable[int], changed: Iterable[int]
     ) -> tuple[PartitionSurface, ...]:
         """Surfaces on the given shared planes for the entities (by position) that change across them."""
-        found = []
+        surfaces = []
         for k in changed:
             for plane in planes:
                 row = self._rows[k].get(plane)
                 if row is not None and self._regions[k].origin[row, 0] >= 0:
-                    found.append(self._surface(k, row, plane))
-        return tuple(found)
+                    surfaces.append(self._surface(k, row, plane))
+        return tuple(surfaces)
 
     def _surface(self, k: int, row: int, plane: int) -> PartitionSurface:
         entity = self._entities[k]
@@ -412,8 +412,8 @@ class JointMemory:
             if error.hint:
                 return error
             # the room of the cells has a limit, too, which is not the memory
-            what = f"the joint graph of {self.total} entities cannot be built: {error}"
-            refusal = MemoryLimitError(what)
+            message = f"the joint graph of {self.total} entities cannot be built: {error}"
+            refusal = MemoryLimitError(message)
             refusal.hint = _ADVICE
             return refusal
         return self._refused(
@@ -462,14 +462,14 @@ def _left_of_machine() -> float:
 def _left_of_container() -> float:
     """Return what the control group of a container leaves; what files only passed through can be had again."""
     try:
-        most, taken = (
+        limit, taken = (
             float(_GROUP.joinpath(name).read_text("ascii"))
             for name in ("memory.max", "memory.current")
         )
         stated = dict(
             line.split() for line in _GROUP.joinpath("memory.stat").read_text("ascii").splitlines()
         )
-        return max(most - taken + float(stated["inactive_file"]), 0.0)
+        return max(limit - taken + float(stated["inactive_file"]), 0.0)
     except (OSError, ValueError, KeyError):
         # there is none, or its limit is "max"
         return inf
@@ -479,17 +479,17 @@ def _left_of_process() -> float:
     """Return what ``ulimit -v`` leaves."""
     if resource is None:
         return inf
-    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     taken = _told_by("/proc/self/status", "VmSize")
-    return inf if most == resource.RLIM_INFINITY or taken == inf else max(most - taken, 0.0)
+    return inf if limit == resource.RLIM_INFINITY or taken == inf else max(limit - taken, 0.0)
 
 
 def _told_by(file: str, name: str) -> float:
     """Return an amount of memory in a file of the kernel; infinity where there is none."""
     try:
         with open(file, encoding="ascii", errors="replace") as lines:
-            told = dict(line.split(":", 1) for line in lines if ":" in line)
-        return 1024.0 * float(told[name].split()[0])
+            amounts = dict(line.split(":", 1) for line in lines if ":" in line)
+        return 1024.0 * float(amounts[name].split()[0])
     except (OSError, KeyError, ValueError):
         return inf
 
@@ -644,11 +644,11 @@ class EntityAspectGraph:
         EntityError
             If a name is unknown.
         """
-        wanted = set(self.regions.check_names(names))
+        name_set = set(self.regions.check_names(names))
         return [
             node
             for node, listed in self.graph.nodes(data=self.regions.listed_as)
-            if wanted <= set(listed)
+            if name_set <= set(listed)
         ]
 
     def cells(self, node: int) -> CellSet:
@@ -845,13 +845,15 @@ def _joined(
 ) -> EntityAspectGraph:
     grid = chosen.grid
     scene = chosen._scene
-    own = [chosen._regions[name] for name in chosen.entity_names]
+    regions = [chosen._regions[name] for name in chosen.entity_names]
     cube = grid.cube_planes(chosen.workspace)
     limits = grid.box_planes(chosen.workspace)
     order = own_order(scene, chosen.solid, chosen.entities.values())
-    shared = share_planes(own, scene, cube, order)
+    shared = share_planes(regions, scene, cube, order)
     facets = surface_facets(scene)
-    uncut = overlay(own, shared.extended(limits).extended(facets.planes), order=order, watch=memory)
+    uncut = overlay(
+        regions, shared.extended(limits).extended(facets.planes), order=order, watch=memory
+    )
 
     def cut(cx: Complex) -> None:
         carve(cx, scene, facets, len(cube))
@@ -866,7 +868,9 @@ def _joined(
     extent = largest_extent(grid.points * grid.scale)
     domains = find_domains(measured(cx, grid), Ruler(min_width_mm / grid.step_mm, 0.5 * extent))
     _report_step(memory.progress, 2)
-    provenance = Provenance(chosen.solid, scene, grid, list(chosen.entities.values()), own, shared)
+    provenance = Provenance(
+        chosen.solid, scene, grid, list(chosen.entities.values()), regions, shared
+    )
     graph = _networkx(chosen, cx, domains, provenance, at_limits(cx, len(shared.planes)))
     graph.graph["min_width_mm"] = min_width_mm
     confirm_nodes(chosen, graph)

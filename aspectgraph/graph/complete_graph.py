@@ -152,10 +152,12 @@ def confirm_nodes(regions: VisibilityRegions, graph: nx.Graph) -> None:
     listed = np.array(
         [[name in graph.nodes[node][regions.listed_as] for name in names] for node in graph]
     )
-    found = confirm(regions, viewpoints, listed.reshape(len(graph), -1))
+    confirmation = confirm(regions, viewpoints, listed.reshape(len(graph), -1))
     for node in graph:
         graph.nodes[node].update(
-            confirmed=True, n_rays=found.n_rays, n_arbitrated=int(found.n_arbitrated[node])
+            confirmed=True,
+            n_rays=confirmation.n_rays,
+            n_arbitrated=int(confirmation.n_arbitrated[node]),
         )
 
 

@@ -111,13 +111,13 @@ def silhouettes_from(solid: Solid, entity: Entity, viewpoint: ArrayLike) -> dict
     dict of int to int
         Edge id to the number of the face that is seen.
     """
-    found = {}
+    face_of_edge = {}
     for edge in (solid.edges[i] for i in entity.edge_ids):
         towards = np.asarray(viewpoint, float) - solid.vertices[edge.vertices[0]]
         heights = solid.normals[list(edge.faces)] @ towards
         if heights.min() <= 0.0:
-            found[edge.id] = edge.faces[int(heights.argmax())]
-    return found
+            face_of_edge[edge.id] = edge.faces[int(heights.argmax())]
+    return face_of_edge
 
 
 def face_contrast(
@@ -282,24 +282,24 @@ def _wedges(
 ) -> list[Blockers]:
     """One set for each pair of face planes next to a straight entity that is seen as a crease."""
     ends = line_ends(scene, solid, chord)
-    found: dict[frozenset[int], Blockers] = {}
+    wedges: dict[frozenset[int], Blockers] = {}
     for edge_id in (e for e in chord.edge_ids if e not in silhouettes):
-        one, other = solid.edges[edge_id].faces
-        pair = frozenset((int(scene.plane_of_face[one]), int(scene.plane_of_face[other])))
-        if pair not in found:
+        face, other = solid.edges[edge_id].faces
+        pair = frozenset((int(scene.plane_of_face[face]), int(scene.plane_of_face[other])))
+        if pair not in wedges:
             planes = [
                 contrast_plane(scene, grid, ends, (f, g), contrast)
-                for f, g in ((one, other), (other, one))
+                for f, g in ((face, other), (other, face))
             ]
-            origin = [[CONTRAST, *ends, f] for f in (one, other)]
-            found[pair] = Blockers(
+            origin = [[CONTRAST, *ends, f] for f in (face, other)]
+            wedges[pair] = Blockers(
                 np.array([0, 2], np.int32),
                 np.array([0, 1], np.int32),
                 np.array([-1, -1], np.int8),
                 np.array(planes, np.int64),
                 np.array(origin, np.int32),
             )
-    return list(found.values())
+    return list(wedges.values())
 
 
 def contrast_plane(
@@ -319,12 +319,16 @@ def contrast_plane(
         Least contrast.
     """
     # Python integers, which do not overflow
-    one, other = (
+    first_plane, other = (
         [int(c) * int(scene.side_of_face[f]) for c in scene.planes[scene.plane_of_face[f]]]
         for f in faces
     )
-    asked = Fraction(repr(contrast))
-    ratio = (1 + asked) / (1 - asked) * _length_ratio(one[:3], other[:3], grid.scale)
+    exact_contrast = Fraction(repr(contrast))
+    ratio = (
+        (1 + exact_contrast)
+        / (1 - exact_contrast)
+        * _length_ratio(first_plane[:3], other[:3], grid.scale)
+    )
     # of the larger of ratio and reciprocal, so that the error is relative
     if ratio < 1:
         ratio = 1 / (1 / ratio).limit_denominator(1 << _REACH_BITS)
@@ -333,11 +337,12 @@ def contrast_plane(
     points = [[int(x) for x in scene.points[v]] for v in ends]
     if all(
         sum(a * x for a, x in zip(plane, p, strict=False)) == plane[3]
-        for plane in (one, other)
+        for plane in (first_plane, other)
         for p in points
     ):
         combined = [
-            ratio.denominator * a - ratio.numerator * b for a, b in zip(one, other, strict=True)
+            ratio.denominator * a - ratio.numerator * b
+            for a, b in zip(first_plane, other, strict=True)
         ]
         divisor = int(np.gcd.reduce([abs(c) for c in combined[:3]]))
         combined = [c // divisor for c in combined]
@@ -346,17 +351,17 @@ def contrast_plane(
             and abs(combined[3]) < 1 << _OFFSET_BITS
         ):
             return np.array(combined, np.int64)
-    return _through_ends(scene.points[list(ends)], (one, other), float(ratio), grid.scale)
+    return _through_ends(scene.points[list(ends)], (first_plane, other), float(ratio), grid.scale)
 
 
-def _length_ratio(one: list[int], other: list[int], scale: np.ndarray) -> Fraction:
+def _length_ratio(vector: list[int], other: list[int], scale: np.ndarray) -> Fraction:
     """|N₁| / |N₂| of two plane normals, exact where it is rational and the grid's steps are equal."""
     if (scale == 1.0).all():
-        square = Fraction(sum(c * c for c in one), sum(c * c for c in other))
+        square = Fraction(sum(c * c for c in vector), sum(c * c for c in other))
         root = Fraction(isqrt(square.numerator), isqrt(square.denominator))
         if root * root == square:
             return root
-    lengths = [float(np.linalg.norm(np.array(normal, float) / scale)) for normal in (one, other)]
+    lengths = [float(np.linalg.norm(np.array(normal, float) / scale)) for normal in (vector, other)]
     return Fraction(lengths[0] / lengths[1])
 
 
@@ -364,8 +369,8 @@ def _through_ends(
     ends: np.ndarray, planes: tuple[list[int], list[int]], ratio: float, scale: np.ndarray
 ) -> np.ndarray:
     """Return the plane through both ends and the grid point nearest to where the exact one is, far from the edge."""
-    one, other = (np.array(plane[:3], float) / scale for plane in planes)
-    normal = one - ratio * other
+    first_plane, other = (np.array(plane[:3], float) / scale for plane in planes)
+    normal = first_plane - ratio * other
     across = np.cross((ends[1] - ends[0]) * scale, normal / np.abs(normal).max()) / scale
     away = np.rint(across / np.abs(across).max() * (1 << _REACH_BITS)).astype(np.int64)
     plane = plane_through(ends[0], ends[1], ends[0] + away)
@@ -494,7 +499,11 @@ class LightRegions(VisibilityRegions):
 
     def _sets(self, entity: Entity) -> Blockers:
         seen = next(
-            (self.silhouettes.get(n, NONE) for n, one in self.entities.items() if one is entity),
+            (
+                self.silhouettes.get(n, NONE)
+                for n, candidate in self.entities.items()
+                if candidate is entity
+            ),
             NONE,
         )
         return light_sets(self._scene, self.grid, self.solid, entity, self.contrast, seen)
@@ -572,8 +581,8 @@ def compute_light(
     [[False], [True]]
     """
     contrast = check_contrast(contrast)
-    given = laid_out(solid, entities, workspace)
-    solid, box_mm, resolved, grid, scene = given
+    layout = laid_out(solid, entities, workspace)
+    solid, box_mm, resolved, grid, scene = layout
     seen = silhouettes or {}
     box = grid.cube_planes(box_mm)
     make = partial(_lamp_region, scene, grid, solid, contrast, box, deadline)

@@ -63,12 +63,12 @@ def clip_polygons(polygons: np.ndarray, half_spaces: np.ndarray) -> list[np.ndar
         cut = np.flatnonzero((n > 0) & (height > 0).any(axis=1))
         if not len(cut):
             continue
-        left, n[cut] = _clip_once(corners[cut], n[cut], height[cut])
-        missing = left.shape[1] - corners.shape[1]
+        pieces, n[cut] = _clip_once(corners[cut], n[cut], height[cut])
+        missing = pieces.shape[1] - corners.shape[1]
         if missing > 0:
             corners = np.concatenate([corners, corners[:, :1].repeat(missing, axis=1)], axis=1)
-        corners[cut, : left.shape[1]] = left
-        corners[cut, left.shape[1] :] = left[:, :1]
+        corners[cut, : pieces.shape[1]] = pieces
+        corners[cut, pieces.shape[1] :] = pieces[:, :1]
     return [polygon[:count] for polygon, count in zip(corners, n.tolist(), strict=True)]
 
 
@@ -89,24 +89,24 @@ def _clip_once(
     share = np.where(crossed, height / np.where(crossed, height - height_after, 1.0), 0.0)
     size, width, d = corners.shape
     both = np.empty((size, 2 * width, d))
-    kept = np.empty((size, 2 * width), bool)
+    inside = np.empty((size, 2 * width), bool)
     both[:, ::2] = corners
     both[:, 1::2] = corners + share[..., None] * (after - corners)
-    kept[:, ::2] = (height <= 0) & (np.arange(width) < n[:, None])
-    kept[:, 1::2] = crossed
-    n_left = kept.sum(axis=1)
-    order = np.argsort(~kept, axis=1, kind="stable")[:, : max(n_left.max(), 1)]
-    left = np.take_along_axis(both, order[..., None], axis=1)
-    missing = np.arange(left.shape[1]) >= n_left[:, None]
-    return np.where(missing[..., None], left[:, :1], left), n_left
+    inside[:, ::2] = (height <= 0) & (np.arange(width) < n[:, None])
+    inside[:, 1::2] = crossed
+    n_left = inside.sum(axis=1)
+    order = np.argsort(~inside, axis=1, kind="stable")[:, : max(n_left.max(), 1)]
+    polygons = np.take_along_axis(both, order[..., None], axis=1)
+    missing = np.arange(polygons.shape[1]) >= n_left[:, None]
+    return np.where(missing[..., None], polygons[:, :1], polygons), n_left
 
 
 def _stacked(half_spaces: Sequence[np.ndarray]) -> np.ndarray:
     """Return sets of half-spaces as one array (f, k, d + 1), filled up with some that hold all."""
-    most = max(map(len, half_spaces))
+    n_rows = max(map(len, half_spaces))
     everything = np.zeros(half_spaces[0].shape[1])
     everything[-1] = -1.0
-    rows = np.tile(everything, (len(half_spaces), most, 1))
+    rows = np.tile(everything, (len(half_spaces), n_rows, 1))
     for k, sides in enumerate(half_spaces):
         rows[k, : len(sides)] = sides
     return rows

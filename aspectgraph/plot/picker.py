@@ -160,14 +160,14 @@ def label_layout(spots: Sequence[Spot], low: _Array, high: _Array, size_pt: _Arr
         # the frame is for callouts alone
         frame = (rings * widest + 1.0) * unit_per_pt
         near, carried = _near(spots, font * unit_per_pt, (corners[0] + frame, corners[1] - frame))
-        rest = [n for n in range(len(spots)) if n not in near]
-        waiting = len(rest)
-        found = LabelLayout(
-            *corners, font, {**near, **_matched(spots, rest, slots)}, frozenset(carried)
+        labels = [n for n in range(len(spots)) if n not in near]
+        waiting = len(labels)
+        candidate = LabelLayout(
+            *corners, font, {**near, **_matched(spots, labels, slots)}, frozenset(carried)
         )
-        if layout is None or len(found.places) > len(layout.places):
-            layout = found
-        if len(slots) >= len(rest):
+        if layout is None or len(candidate.places) > len(layout.places):
+            layout = candidate
+        if len(slots) >= len(labels):
             break
     assert layout is not None
     return layout
@@ -198,26 +198,26 @@ def _near(
                 np.abs(np.arange(len(samples)) - len(samples) // 2), kind="stable"
             )
             tries = samples[middle_first[: max(1, 2 * len(samples) // 3)]]
-            kept = points[owner != n]
+            marks = points[owner != n]
         else:
             tries = spots[n].middle + font * _AROUND
-            kept = points
+            marks = points
         inside = ((tries - room / 2 >= corners[0]) & (tries + room / 2 <= corners[1])).all(axis=1)
-        place = _first_free(tries[inside], room, taken, kept) if inside.any() else None
+        place = _first_free(tries[inside], room, taken, marks) if inside.any() else None
         if place is not None:
             places[n] = place
             taken = np.vstack([taken, [*place, *room]])
     return places, carriers & set(places)
 
 
-def _first_free(tries: _Array, room: _Array, taken: _Array, kept: _Array) -> _Array | None:
+def _first_free(tries: _Array, room: _Array, taken: _Array, marks: _Array) -> _Array | None:
     """Return the first place (k, 2) for a box that overlaps no other box (m, 4) and covers no point (p, 2)."""
     reach = tries.min(axis=0) - room / 2, tries.max(axis=0) + room / 2
-    kept = kept[np.all((kept > reach[0]) & (kept < reach[1]), axis=1)]
+    marks = marks[np.all((marks > reach[0]) & (marks < reach[1]), axis=1)]
     gaps = np.abs(tries[:, None] - taken[:, :2]) - (room + taken[:, 2:]) / 2
     free = np.flatnonzero(np.all((gaps > 0).any(axis=2), axis=1))
     for k in free:
-        covered = np.abs(kept - tries[k]) < room / 2
+        covered = np.abs(marks - tries[k]) < room / 2
         if not np.all(covered, axis=1).any():
             return np.asarray(tries[k])
     return None
@@ -225,7 +225,7 @@ def _first_free(tries: _Array, room: _Array, taken: _Array, kept: _Array) -> _Ar
 
 def _slots(low: _Array, high: _Array, room: _Array, rings: int) -> _Array:
     """Return the centres (n, 2) of boxes that line the picture from inside, in so many rings."""
-    found = []
+    centres = []
     for ring in range(rings):
         a = low + (ring + 0.5) * room
         b = high - (ring + 0.5) * room
@@ -233,20 +233,20 @@ def _slots(low: _Array, high: _Array, room: _Array, rings: int) -> _Array:
         rows = a[1] + (b[1] - a[1]) * np.arange(n_rows + 1) / max(n_rows, 1)
         # the corners belong to the rows
         columns = (a[0] + (b[0] - a[0]) * np.arange(n_columns + 1) / max(n_columns, 1))[1:-1]
-        found += [(x, y) for x in (a[0], b[0]) for y in rows] + [
+        centres += [(x, y) for x in (a[0], b[0]) for y in rows] + [
             (x, y) for y in (a[1], b[1]) for x in columns
         ]
-    return np.array(found, dtype=np.float64).reshape(-1, 2)
+    return np.array(centres, dtype=np.float64).reshape(-1, 2)
 
 
-def _matched(spots: Sequence[Spot], rest: Sequence[int], slots: _Array) -> dict[int, _Array]:
+def _matched(spots: Sequence[Spot], labels: Sequence[int], slots: _Array) -> dict[int, _Array]:
     """Return a slot for each of the rest, or as many of them as there are slots: the leaders shortest in sum."""
-    if not rest or not len(slots):
+    if not labels or not len(slots):
         return {}
-    middles = np.array([spots[n].middle for n in rest])
+    middles = np.array([spots[n].middle for n in labels])
     lengths = np.linalg.norm(middles[:, None] - slots[None], axis=2)
     which, slot = linear_sum_assignment(lengths)
-    return {rest[i]: slots[j] for i, j in zip(which, slot, strict=True)}
+    return {labels[i]: slots[j] for i, j in zip(which, slot, strict=True)}
 
 
 # Parallel views of a part by casting rays: its triangles as an image, and which points they do
@@ -527,8 +527,8 @@ def _asset(name: str) -> str:
 
 def _stem(name: str) -> str:
     """Return a part's name as a file name."""
-    kept = "".join(c if c.isalnum() or c in "-_" else "_" for c in name.split(".")[0])
-    return kept.strip("_") or "part"
+    stem = "".join(c if c.isalnum() or c in "-_" else "_" for c in name.split(".")[0])
+    return stem.strip("_") or "part"
 
 
 def _data(solid: Solid, items: list[NamedItem], name: str) -> dict[str, Any]:
@@ -537,7 +537,9 @@ def _data(solid: Solid, items: list[NamedItem], name: str) -> dict[str, Any]:
     centre = (low + high) / 2
     named = {edge_id for item in items for edge_id in item.edge_ids}
     curves = {curve.id: curve for curve in (*solid.rims(), *solid.arcs())}
-    rest = [edge.id for edge in solid.edges if edge.id not in named and is_feature(solid, edge)]
+    outline_ids = [
+        edge.id for edge in solid.edges if edge.id not in named and is_feature(solid, edge)
+    ]
     return {
         "part": name,
         "stem": _stem(name),
@@ -546,7 +548,7 @@ def _data(solid: Solid, items: list[NamedItem], name: str) -> dict[str, Any]:
         "triangles": _packed(solid.triangles, "<u4"),
         "face_of": _packed(solid.triangle_face, "<u4"),
         "normals": _packed(solid.normals, "<f4"),
-        "outlines": [_rounded(solid.edge_points(edge_id) - centre) for edge_id in rest],
+        "outlines": [_rounded(solid.edge_points(edge_id) - centre) for edge_id in outline_ids],
         "faces": [_face_rows(solid, face) for face in range(len(solid.faces))],
         "items": [_record(solid, item, centre, curves.get(item.id)) for item in items],
     }
@@ -847,8 +849,8 @@ def _draw_outlines(
     """Draw the feature edges that are not named, where seen at their middle, in grey."""
     from matplotlib.collections import LineCollection
 
-    rest = [e for e in solid.edges if e.id not in named and is_feature(solid, e)]
-    if rest:
-        runs = points[np.array([e.vertices for e in rest])]
+    outlines = [e for e in solid.edges if e.id not in named and is_feature(solid, e)]
+    if outlines:
+        runs = points[np.array([e.vertices for e in outlines])]
         seen = view.is_seen(runs.mean(axis=1))
         ax.add_collection(LineCollection(runs[seen][:, :, :2], colors="dimgrey", linewidths=0.6))

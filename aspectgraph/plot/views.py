@@ -240,7 +240,7 @@ def _draw_surfaces(
 
 
 def _shared_lines(
-    one: Any, other: Any, plane: tuple[float, ...], axis: int, at: float, window: np.ndarray
+    section: Any, other: Any, plane: tuple[float, ...], axis: int, at: float, window: np.ndarray
 ) -> list[np.ndarray]:
     """Return the stretches of a plane's trace that run between two cross-sections."""
     u, v = section_axes(axis)
@@ -256,7 +256,7 @@ def _shared_lines(
     near = 10 * _NUDGE * size
     shared = (
         shapely.LineString([foot - along, foot + along])
-        .intersection(one.buffer(near))
+        .intersection(section.buffer(near))
         .intersection(other.buffer(near))
     )
     parts = getattr(shared, "geoms", [shared])

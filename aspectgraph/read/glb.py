@@ -42,14 +42,14 @@ READ_EXTENSIONS = frozenset({"EXT_mesh_gpu_instancing", "KHR_mesh_quantization"}
 _MATERIAL_PREFIX = "KHR_materials_"
 
 
-def check_extensions(thing: dict[str, Any], where: str) -> None:
+def check_extensions(thing: dict[str, Any], place: str) -> None:
     """Check that the extensions of a thing in a GLB document leave its shape alone, or are read.
 
     Parameters
     ----------
     thing : dict
         Anything with ``extensions``.
-    where : str
+    place : str
         What to call it in messages.
 
     Raises
@@ -61,7 +61,7 @@ def check_extensions(thing: dict[str, Any], where: str) -> None:
     if unread:
         raise ReadError(
             "a GLB file must do without extensions that may change the shape and are not read. "
-            f"Got {unread[0][:60]} at {where}; export the part without it."
+            f"Got {unread[0][:60]} at {place}; export the part without it."
         )
 
 

@@ -134,8 +134,8 @@ def _stays_alone(
     """Return which triangles are groups of their own if a group begins there: no neighbour lies in their plane."""
     length = np.linalg.norm(area_vectors, axis=1, keepdims=True)
     normal = np.divide(area_vectors, length, out=np.zeros_like(area_vectors), where=length > 0)
-    own = np.einsum("tij,tj->ti", corners, normal)
-    height = 0.5 * (own.min(axis=1) + own.max(axis=1))
+    heights = np.einsum("tij,tj->ti", corners, normal)
+    height = 0.5 * (heights.min(axis=1) + heights.max(axis=1))
     # `_fits` decides where rounding could
     slack_mm = 1e-6 * band_mm + 1e-12 * float(np.abs(corners).max())
     alone = np.ones(len(corners), dtype=bool)
@@ -372,8 +372,8 @@ def _pair_triangles(
     strip = np.arange(len(triangular))
     f = np.flatnonzero((beyond >= 0) & (beyond < strip))
     g = beyond[f]
-    one = (beyond[g] == f) & (flattest[f] <= FLAT_SHARE * np.minimum(steepest[f], steepest[g]))
-    strip[f[one]] = g[one]
+    is_pair = (beyond[g] == f) & (flattest[f] <= FLAT_SHARE * np.minimum(steepest[f], steepest[g]))
+    strip[f[is_pair]] = g[is_pair]
     return np.unique(strip, return_inverse=True)[1].ravel()
 
 
@@ -430,12 +430,12 @@ def _two_largest(
 
 def _are_facets(bends: _Bends, widths: np.ndarray, sagitta_mm: float) -> np.ndarray:
     """Return which strips have matching neighbours on two sides, and stand off little from the arc through these."""
-    kept = bends.matches
-    group = _way(bends.strip[kept], bends.turn[kept])
+    matches = bends.matches
+    group = _way(bends.strip[matches], bends.turn[matches])
     n = 2 * len(widths)
-    largest, second = _two_largest(group, np.abs(bends.turn[kept]), n)
+    largest, second = _two_largest(group, np.abs(bends.turn[matches]), n)
     n_bends = np.bincount(group, minlength=n)
-    n_tangent = np.bincount(group[bends.tangent[kept]], minlength=n)
+    n_tangent = np.bincount(group[bends.tangent[matches]], minlength=n)
     # A chord of width w under an arc that turns by t: the arc stands off by w / 2 tan(t / 4).
     turn = 0.5 * (largest + second)
     likely = np.flatnonzero((n_bends >= 2) & (n_tangent < n_bends))
@@ -555,43 +555,47 @@ def drop_idle_vertices(
     for cycles in loops:
         kept_cycles = []
         for cycle in cycles:
-            kept = cycle if idle.isdisjoint(cycle) else [v for v in cycle if v not in idle]
-            kept = kept if len(kept) >= 3 else cycle
-            kept_cycles.append(kept)
+            corners = cycle if idle.isdisjoint(cycle) else [v for v in cycle if v not in idle]
+            corners = corners if len(corners) >= 3 else cycle
+            kept_cycles.append(corners)
             if curved_edges:
-                kept_curved |= _curved_runs(cycle, kept, curved_edges)
+                kept_curved |= _curved_runs(cycle, corners, curved_edges)
         kept_loops.append(kept_cycles)
     return kept_loops, kept_curved
 
 
 def _curved_runs(
-    cycle: list[int], kept: list[int], curved_edges: set[tuple[int, int]]
+    cycle: list[int], short_cycle: list[int], curved_edges: set[tuple[int, int]]
 ) -> set[tuple[int, int]]:
-    """Return the edges of `kept` that stand for curved edges of `cycle`."""
+    """Return the edges of `short_cycle` that stand for curved edges of `cycle`."""
     following = dict(zip(cycle, [*cycle[1:], cycle[0]], strict=True))
-    pairs = zip(kept, [*kept[1:], kept[0]], strict=True)
+    pairs = zip(short_cycle, [*short_cycle[1:], short_cycle[0]], strict=True)
     return {_pair(a, b) for a, b in pairs if _pair(a, following[a]) in curved_edges}
 
 
 def turns_of_runs(
-    traced: list[list[list[int]]], kept: list[list[list[int]]], turns: dict[tuple[int, int], float]
+    traced: list[list[list[int]]],
+    short_loops: list[list[list[int]]],
+    turns: dict[tuple[int, int], float],
 ) -> dict[tuple[int, int], float]:
     """Return the turns at the edges that are left: the largest along the run of chords each stands for."""
-    left: dict[tuple[int, int], float] = {}
+    turn_of_edge: dict[tuple[int, int], float] = {}
     if not turns:
-        return left
-    for whole, short in zip(chain.from_iterable(traced), chain.from_iterable(kept), strict=True):
+        return turn_of_edge
+    for whole, short in zip(
+        chain.from_iterable(traced), chain.from_iterable(short_loops), strict=True
+    ):
         following = dict(zip(whole, [*whole[1:], whole[0]], strict=True))
         for a, b in zip(short, [*short[1:], short[0]], strict=True):
             at = a
-            found = []
+            run_turns = []
             while at != b:
-                found.append(turns.get(_pair(at, following[at])))
+                run_turns.append(turns.get(_pair(at, following[at])))
                 at = following[at]
-            known = [turn for turn in found if turn is not None]
-            if known:
-                left[_pair(a, b)] = max(known)
-    return left
+            values = [turn for turn in run_turns if turn is not None]
+            if values:
+                turn_of_edge[_pair(a, b)] = max(values)
+    return turn_of_edge
 
 
 def _pair(a: int, b: int) -> tuple[int, int]:
@@ -743,7 +747,7 @@ def _joined(tessellation: Tessellation, tolerance_mm: float, notes: list[str]) -
     turns = turns_of_runs(traced, cycles, tessellation.surface_turns)
     patches = tessellation.patch[np.unique(group, return_index=True)[1]]
     curved = tessellation.curved_patch[patches]
-    loops = FaceLoops.of_cycles([_outer_first(vertices, own) for own in cycles])
+    loops = FaceLoops.of_cycles([_outer_first(vertices, face_cycles) for face_cycles in cycles])
     facets = np.isin(patches, list(tessellation.faceted_patches))
     curved, chords = _recognise(vertices, loops, curved, facets, notes)
     pairs = np.array([*curved_edges], dtype=np.int64).reshape(-1, 2)
@@ -776,9 +780,9 @@ def _recognise(
     """
     if not facets.any():
         return curved, np.empty((0, 2), dtype=np.int64)
-    used, own, _ = _renumber(loops.only(facets), np.empty((0, 2), dtype=np.int64))
+    used, facet_loops, _ = _renumber(loops.only(facets), np.empty((0, 2), dtype=np.int64))
     with phase("find curved surfaces"):
-        marked, chords = find_curved(vertices[used], own)
+        marked, chords = find_curved(vertices[used], facet_loops)
     if len(chords):
         notes.append(
             f"{int(marked.sum())} faces taken for facets of curved surfaces; their chords are no candidates"

@@ -85,11 +85,11 @@ def turn_thin(
     for _ in range(_MOST_TURNS * n_thin):
         if not surface.turn_next():
             break
-    left = surface.rows()
-    n_gone = n_thin - _count_thin(vertices, left, width_mm)
+    rows = surface.rows()
+    n_gone = n_thin - _count_thin(vertices, rows, width_mm)
     if n_gone:
         notes.append(f"took out {n_gone} facets without area by turning their longest sides")
-    return left
+    return rows
 
 
 def _count_thin(vertices: np.ndarray, triangles: np.ndarray, width_mm: float) -> int:
@@ -290,10 +290,10 @@ def read_mesh(
     """
     notes: list[str] = []
     scale = _scale(units, suffix)
-    most = (limits or ReadLimits()).triangles
+    max_triangles = (limits or ReadLimits()).triangles
     # a signalling NaN warns when it is widened; numbers that are not finite are refused below
     with phase("read the facets"), np.errstate(all="ignore"):
-        vertices, polygons = _parse(data, suffix, notes, most)
+        vertices, polygons = _parse(data, suffix, notes, max_triangles)
     bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         raise ReadError(

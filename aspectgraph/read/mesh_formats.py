@@ -443,10 +443,10 @@ class _BinarySource:
         return self._take(np.dtype(self.order + prop[2]), count).tolist()
 
     def check_end(self) -> None:
-        rest = len(self.body[self.at :].strip(b"\0\r\n "))
-        if rest:
+        n_bytes = len(self.body[self.at :].strip(b"\0\r\n "))
+        if n_bytes:
             raise ReadError(
-                f"a PLY file must count all its rows. Got {rest} bytes after the last one."
+                f"a PLY file must count all its rows. Got {n_bytes} bytes after the last one."
             )
 
 

@@ -115,9 +115,9 @@ def read_solid(
         return read_mesh(
             content, suffix, units=units, planarity_mm=planarity_mm, name=name, limits=limits
         )
-    known = ", ".join((*STEP_SUFFIXES, *MESH_SUFFIXES))
+    endings = ", ".join((*STEP_SUFFIXES, *MESH_SUFFIXES))
     raise ReadError(
-        f"a part file must end in one of {known} (or one of these and .gz). Got {path.name!r}."
+        f"a part file must end in one of {endings} (or one of these and .gz). Got {path.name!r}."
     )
 
 
@@ -197,10 +197,10 @@ def _plain(path: Path, content: bytes, packed: bool) -> Iterator[Path]:
 
 def _content(path: Path, packed: bool, limits: ReadLimits) -> bytes:
     """Return the bytes of a file, unpacked; no more of them than the limit are ever held."""
-    most = int(limits.file_mb * 1e6)
+    max_bytes = int(limits.file_mb * 1e6)
     try:
         with gzip.open(path) if packed else open(path, "rb") as file:
-            data = file.read(most + 1)
+            data = file.read(max_bytes + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ReadError(
             f"a .gz file must be a whole gzip file. Got {path.name}: {error}."
@@ -209,7 +209,7 @@ def _content(path: Path, packed: bool, limits: ReadLimits) -> bytes:
         raise ReadError.of_rule(
             "path", "must name a file that can be read", f"{path.name}: {error.strerror or error}"
         ) from error
-    if len(data) > most:
+    if len(data) > max_bytes:
         raise ReadError.of_rule(
             "",
             f"a part file must have at most file_mb={limits.file_mb:g} MB, unpacked",

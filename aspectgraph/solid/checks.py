@@ -72,10 +72,10 @@ def check_indices(vertices: np.ndarray, loops: FaceLoops) -> None:
     if len(bad):
         first = loops.first[bad[0]]
         loop = tuple(loops.start[first : first + loops.size[bad[0]]].tolist())
-        where = f"Got {loop} in face {loops.loop_face[bad[0]]}"
+        fault = f"Got {loop} in face {loops.loop_face[bad[0]]}"
         if len(loop) < 3 or len(set(loop)) != len(loop):
-            raise SolidError(f"a loop must have at least 3 vertices, all distinct. {where}.")
-        raise SolidError(f"vertex indices must be in 0..{len(vertices) - 1}. {where}.")
+            raise SolidError(f"a loop must have at least 3 vertices, all distinct. {fault}.")
+        raise SolidError(f"vertex indices must be in 0..{len(vertices) - 1}. {fault}.")
     used = np.unique(loops.start)
     _check_places(vertices, used)
 
@@ -216,10 +216,14 @@ def shell_windings(vertices: np.ndarray, triangles: np.ndarray, shell: np.ndarra
         [extreme(c.reshape(-1, 3), axis=0) for c in corners] for extreme in (np.min, np.max)
     )
     windings = np.zeros((len(corners), len(corners)), dtype=np.int64)
-    for i, own in enumerate(corners):
+    for i, shell_corners in enumerate(corners):
         for j, other in enumerate(corners):
-            if i != j and (lows[j] <= own[0, 0]).all() and (own[0, 0] <= highs[j]).all():
-                windings[i, j] = winding_number(own[0, 0], other)
+            if (
+                i != j
+                and (lows[j] <= shell_corners[0, 0]).all()
+                and (shell_corners[0, 0] <= highs[j]).all()
+            ):
+                windings[i, j] = winding_number(shell_corners[0, 0], other)
     return windings
 
 

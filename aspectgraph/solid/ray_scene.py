@@ -55,8 +55,8 @@ class RayScene:
             ``t_hit``: lengths to the hit, inf without one; ``primitive_ids``: the triangle, the largest uint32 without
             one; ``primitive_normals``: its unit normal. Shapes (...) and (..., 3).
         """
-        found = self._scene.cast_rays(self._rays(origins, directions), nthreads=self._n_threads)
-        return {key: found[key].numpy() for key in ("t_hit", "primitive_ids", "primitive_normals")}
+        hits = self._scene.cast_rays(self._rays(origins, directions), nthreads=self._n_threads)
+        return {key: hits[key].numpy() for key in ("t_hit", "primitive_ids", "primitive_normals")}
 
     def blocked(self, origins: ArrayLike, directions: np.ndarray, up_to: float = 1.0) -> np.ndarray:
         """Return which rays hit anything on their way; in half the time of `cast`, as the first hit need not be found.
@@ -73,8 +73,8 @@ class RayScene:
         ndarray of bool, shape (...)
         """
         rays = self._rays(origins, directions)
-        found = self._scene.test_occlusions(rays, 0.0, up_to, nthreads=self._n_threads)
-        return np.asarray(found.numpy())
+        hits = self._scene.test_occlusions(rays, 0.0, up_to, nthreads=self._n_threads)
+        return np.asarray(hits.numpy())
 
     def _rays(self, origins: ArrayLike, directions: np.ndarray) -> Any:
         rays = np.empty((*directions.shape[:-1], 6), dtype=np.float32)

@@ -122,8 +122,8 @@ def fit_circle(points: FloatArray) -> Circle | None:
         return None
     flat = (points - middle) @ axes[:2].T
     system = np.column_stack([2.0 * flat, np.ones(len(flat))])
-    x, y, rest = np.linalg.lstsq(system, (flat**2).sum(axis=1), rcond=None)[0]
-    radius = float(np.sqrt(max(rest + x * x + y * y, 0.0)))
+    x, y, offset = np.linalg.lstsq(system, (flat**2).sum(axis=1), rcond=None)[0]
+    radius = float(np.sqrt(max(offset + x * x + y * y, 0.0)))
     return Circle(middle + x * axes[0] + y * axes[1], axes[2], radius)
 
 
@@ -168,14 +168,14 @@ def fitted_chains(solid: EdgedSurface) -> list[CircularEdge]:
     """Return the circular chains of a solid with the circles fitted to them, by their lowest edge."""
     following = _continuations(solid)
     chains = [run for path in _paths(solid, following) for run in _circular_runs(solid, path)]
-    found = [_chain(solid, run) for run in chains]
+    circles = [_chain(solid, run) for run in chains]
     edge_of = {
         frozenset(edge.vertices): edge.id
         for edge in solid.edges
         if abs(edge.dihedral_deg) >= SHARP_MESH_DEG
     }
-    lowest = [min(edge_of[frozenset(p)] for p in pairwise(c.vertices)) for c in found]
-    return [found[i] for i in np.argsort(lowest, kind="stable").tolist()]
+    lowest = [min(edge_of[frozenset(p)] for p in pairwise(c.vertices)) for c in circles]
+    return [circles[i] for i in np.argsort(lowest, kind="stable").tolist()]
 
 
 def _chain(solid: EdgedSurface, run: list[int]) -> CircularEdge:
@@ -441,32 +441,32 @@ def _joined(pieces: list[CircularEdge]) -> list[CircularEdge]:
     return chains
 
 
-def _join(one: CircularEdge, other: CircularEdge) -> CircularEdge | None:
+def _join(chain: CircularEdge, other: CircularEdge) -> CircularEdge | None:
     """Return two chains end to end, or None if they do not meet, or not on one circle."""
-    a = one.vertices
+    a = chain.vertices
     b = other.vertices
-    if (one.turn_deg < SHARP_DEG) != (other.turn_deg < SHARP_DEG):
+    if (chain.turn_deg < SHARP_DEG) != (other.turn_deg < SHARP_DEG):
         return None
     if (
         a[0] == a[-1]
         or b[0] == b[-1]
         or not {a[0], a[-1]} & {b[0], b[-1]}
-        or not _same(one.circle, other.circle)
+        or not _same(chain.circle, other.circle)
     ):
         return None
     if a[0] in (b[0], b[-1]) and a[-1] not in (b[0], b[-1]):
         a = a[::-1]
     if b[-1] == a[-1]:
         b = b[::-1]
-    longer = one if len(one.vertices) >= len(other.vertices) else other
-    return CircularEdge(longer.circle, a + b[1:], min(one.turn_deg, other.turn_deg))
+    longer = chain if len(chain.vertices) >= len(other.vertices) else other
+    return CircularEdge(longer.circle, a + b[1:], min(chain.turn_deg, other.turn_deg))
 
 
-def _same(one: Circle, other: Circle) -> bool:
-    permitted = SAME_CIRCLE * one.radius_mm
-    tilt = float(np.linalg.norm(np.cross(one.axis, other.axis))) * one.radius_mm
-    apart = float(np.linalg.norm(one.centre - other.centre))
-    return max(apart, tilt, abs(one.radius_mm - other.radius_mm)) <= permitted
+def _same(circle: Circle, other: Circle) -> bool:
+    permitted = SAME_CIRCLE * circle.radius_mm
+    tilt = float(np.linalg.norm(np.cross(circle.axis, other.axis))) * circle.radius_mm
+    apart = float(np.linalg.norm(circle.centre - other.centre))
+    return max(apart, tilt, abs(circle.radius_mm - other.radius_mm)) <= permitted
 
 
 def _arc(
@@ -629,12 +629,12 @@ def edges_that_show(solid: _Surface) -> NDArray[np.bool_]:
 
 def edges_at_vertices(solid: _Surface) -> dict[int, list[Edge]]:
     """Return the edges at each vertex, those that show."""
-    found: dict[int, list[Edge]] = {}
+    by_vertex: dict[int, list[Edge]] = {}
     for edge_id in np.flatnonzero(edges_that_show(solid)):
         edge = solid.edges[edge_id]
         for vertex in edge.vertices:
-            found.setdefault(vertex, []).append(edge)
-    return found
+            by_vertex.setdefault(vertex, []).append(edge)
+    return by_vertex
 
 
 def find_edge_ends(

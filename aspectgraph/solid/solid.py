@@ -210,11 +210,11 @@ class Solid:
     ) -> tuple[Edge, ...]:
         n = len(self.vertices)
         key = edge_vertices.min(axis=1) * n + edge_vertices.max(axis=1)
-        known = np.sort(key)
-        curved = np.isin(key, _known_keys("curved_edges", curved_edges, known, n))
+        edge_keys = np.sort(key)
+        curved = np.isin(key, _known_keys("curved_edges", curved_edges, edge_keys, n))
         behind = dict(
             zip(
-                _known_keys("surface_turns", surface_turns, known, n).tolist(),
+                _known_keys("surface_turns", surface_turns, edge_keys, n).tolist(),
                 map(float, surface_turns.values()),
                 strict=True,
             )
@@ -458,12 +458,12 @@ class Solid:
 
 
 def _known_keys(
-    label: str, pairs: Iterable[tuple[int, int]], known: np.ndarray, n: int
+    label: str, pairs: Iterable[tuple[int, int]], edge_keys: np.ndarray, n: int
 ) -> np.ndarray:
     """Return the keys, lower vertex times n and higher one, of vertex pairs that must be among the known ones."""
     ends = np.sort(_vertex_pairs(label, pairs, n), axis=1)
     keys = ends[:, 0] * n + ends[:, 1]
-    strangers = ends[~np.isin(keys, known) | (ends < 0).any(axis=1) | (ends >= n).any(axis=1)]
+    strangers = ends[~np.isin(keys, edge_keys) | (ends < 0).any(axis=1) | (ends >= n).any(axis=1)]
     if len(strangers):
         raise SolidError(
             f"{label} must name edges. Got vertices {min(map(tuple, strangers.tolist()))}."

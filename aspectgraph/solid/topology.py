@@ -279,7 +279,10 @@ def faces_of(loops: FaceLoops, curved: Iterable[bool]) -> list[Face]:
     cycles: list[list[tuple[int, ...]]] = [[] for _ in flags]
     for face, first, size in rows:
         cycles[face].append(tuple(start[first : first + size]))
-    return [Face(own[0], tuple(own[1:]), flag) for own, flag in zip(cycles, flags, strict=True)]
+    return [
+        Face(face_cycles[0], tuple(face_cycles[1:]), flag)
+        for face_cycles, flag in zip(cycles, flags, strict=True)
+    ]
 
 
 def is_index(value: object) -> bool:
@@ -339,11 +342,11 @@ def _check_users(
 ) -> None:
     """Raise for the first edge that has not two faces; `first` are half-edges, `count` their uses."""
     if (count > 2).any():
-        where = np.flatnonzero(count > 2)
-        worst = where[np.argmin(first[where])]
+        rows = np.flatnonzero(count > 2)
+        worst = rows[np.argmin(first[rows])]
         raise NonManifoldError(
             f"every edge must have exactly two faces. Got {count[worst]} at the "
-            f"{_describe_half_edge(vertices, loops, first[worst])} ({len(where)} such edges); "
+            f"{_describe_half_edge(vertices, loops, first[worst])} ({len(rows)} such edges); "
             "solids that touch along an edge or a face are not one solid."
         )
     if (count == 1).any():
@@ -419,8 +422,8 @@ def _plain_vertices_with_more_fans(loops: FaceLoops, plain: np.ndarray) -> list[
     n = len(turned)
     links = coo_array((np.ones(len(corner), dtype=bool), (corner, turned[corner])), shape=(n, n))
     fan = connected_components(links, directed=False)[1][corner]
-    _, where = np.unique(fan, return_index=True)
-    n_fans = np.bincount(loops.start[corner[where]])
+    _, rows = np.unique(fan, return_index=True)
+    n_fans = np.bincount(loops.start[corner[rows]])
     return np.flatnonzero(n_fans > 1).tolist()
 
 
@@ -498,9 +501,9 @@ def signed_dihedrals_deg(
     length = np.linalg.norm(along, axis=1, keepdims=True)
     if not length.all():
         # the squares of a length below 1e-162 are zero
-        least = length[:, 0] == 0.0
-        along[least] /= np.abs(along[least]).max(axis=1, keepdims=True)
-        length[least] = np.linalg.norm(along[least], axis=1, keepdims=True)
+        is_zero = length[:, 0] == 0.0
+        along[is_zero] /= np.abs(along[is_zero]).max(axis=1, keepdims=True)
+        length[is_zero] = np.linalg.norm(along[is_zero], axis=1, keepdims=True)
     along /= length
     sine = np.einsum("ij,ij->i", np.cross(before, after), along)
     return np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", before, after)))

@@ -114,8 +114,8 @@ def _corners(solid: Solid, entity: Entity) -> np.ndarray | None:
     if entity.kind != "rim" or len(edges) < 3:
         return None
     corners: list[int] = []
-    for one, other in zip(edges, [*edges[1:], edges[0]], strict=True):
-        common = set(one) & set(other)
+    for chord, other in zip(edges, [*edges[1:], edges[0]], strict=True):
+        common = set(chord) & set(other)
         if len(common) != 1:
             return None
         corners += common
@@ -231,10 +231,10 @@ class _Shape:
         pieces = self._scene.pieces
         shell_of = np.repeat(shells[pieces.face], np.diff(pieces.first))
         for shell in range(len(result)):
-            own = np.unique(pieces.vertices[shell_of == shell])
-            heights = self._heights[own]
+            vertices = np.unique(pieces.vertices[shell_of == shell])
+            heights = self._heights[vertices]
             beside = any(
-                self._is_outside((x, y)) for x, y in self._flat[own[heights == 0]].tolist()
+                self._is_outside((x, y)) for x, y in self._flat[vertices[heights == 0]].tolist()
             )
             result[shell] = beside or (heights < 0).any(), beside or (heights > 0).any()
         return result
@@ -438,8 +438,8 @@ def _behind_disc(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Those sets of a wedge of which every plane has the whole disc on its other side, or on it."""
     beyond = _beyond(scene, corners, plane, side)
-    kept = [k for k in range(len(first) - 1) if beyond[first[k] : first[k + 1]].all()]
-    rows = [np.arange(first[k], first[k + 1]) for k in kept]
+    sets = [k for k in range(len(first) - 1) if beyond[first[k] : first[k + 1]].all()]
+    rows = [np.arange(first[k], first[k + 1]) for k in sets]
     flat = np.concatenate(rows) if rows else np.empty(0, int)
     return np.cumsum([0] + [len(row) for row in rows]), plane[flat], side[flat]
 

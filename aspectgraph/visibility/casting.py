@@ -69,8 +69,8 @@ def united(parts: Sequence[Blockers]) -> Blockers:
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     number = rank[number.ravel()]
-    kept = first[order]
-    flip = np.where((planes == planes[kept][number]).all(axis=1), 1, -1)
+    rows = first[order]
+    flip = np.where((planes == planes[rows][number]).all(axis=1), 1, -1)
     offsets = np.cumsum([0] + [len(part.planes) for part in parts])
     sets: dict[tuple[tuple[int, int], ...], int] = {}
     for part, offset in zip(parts, offsets, strict=False):
@@ -86,8 +86,8 @@ def united(parts: Sequence[Blockers]) -> Blockers:
         np.cumsum([0] + [len(key) for key in largest_first]).astype(np.int32),
         flat[:, 0].astype(np.int32),
         flat[:, 1].astype(np.int8),
-        planes[kept],
-        origin[kept],
+        planes[rows],
+        origin[rows],
     )
 
 
@@ -250,7 +250,8 @@ def _splits(points, trio, loop, hull, resolution):
     normal_y = qz * rx - qx * rz
     normal_z = qx * ry - qy * rx
     length = np.sqrt(normal_x * normal_x + normal_y * normal_y + normal_z * normal_z)
-    least = (resolution + 1.0) * length
+    # a step more than counts as on the plane
+    band = (resolution + 1.0) * length
     ahead = behind = False
     for v in loop:
         h = (
@@ -258,8 +259,8 @@ def _splits(points, trio, loop, hull, resolution):
             + normal_y * (points[v, 1] - py)
             + normal_z * (points[v, 2] - pz)
         )
-        ahead |= h > least
-        behind |= h < -least
+        ahead |= h > band
+        behind |= h < -band
     if ahead and behind:
         return True
     hull_ahead = hull_behind = False
@@ -269,8 +270,8 @@ def _splits(points, trio, loop, hull, resolution):
             + normal_y * (points[v, 1] - py)
             + normal_z * (points[v, 2] - pz)
         )
-        hull_ahead |= h > least
-        hull_behind |= h < -least
+        hull_ahead |= h > band
+        hull_behind |= h < -band
     return (hull_ahead and (hull_behind or ahead)) or (hull_behind and behind)
 
 
@@ -302,10 +303,10 @@ def _separates(plane, points, loop, hull, settle_thin, resolution):
 
 
 @kernel_without_refcounts
-def _farthest_side(plane, points, some, left_out):
+def _farthest_side(plane, points, vertices, left_out):
     """Side of the plane on which the farthest of some vertices lies, but for some; 0 if there are none."""
     farthest = np.int64(0)
-    for v in some:
+    for v in vertices:
         if v != left_out[0] and v != left_out[1]:
             h = height(plane, points[v])
             if abs(h) > abs(farthest):
@@ -322,9 +323,9 @@ def _side_of_set(plane, points, loop, hull, trio, kind, settle_thin, resolution)
             flat &= side_of(plane, points[v], resolution) == 0
         if flat:
             left_out = (trio[2], trio[2] if kind == EDGE_AND_END else trio[1])
-            rest = _farthest_side(plane, points, hull, left_out)
-            if rest != 0:
-                return -rest
+            side = _farthest_side(plane, points, hull, left_out)
+            if side != 0:
+                return -side
     return 1 if _farthest_side(plane, points, loop, (-1, -1)) > 0 else -1
 
 
@@ -406,9 +407,9 @@ def _choose_trio(trio, loop, i, hull, k, line):
 
 
 @kernel_without_refcounts
-def _index(values, start, end, wanted):
+def _index(values, start, end, value):
     """Where a value stands between two places, or `end`."""
-    while start < end and values[start] != wanted:
+    while start < end and values[start] != value:
         start += 1
     return start
 
@@ -435,9 +436,9 @@ def _cast(points, pieces, jobs, placed, planes, n_planes, origin, line, settle_t
         piece = order[row]
         loop = pieces.vertices[pieces.first[piece] : pieces.first[piece + 1]]
         hull = hull_corners[hull_first[row] : hull_first[row + 1]]
-        own = piece_plane[piece]
+        face_plane = piece_plane[piece]
         outward = piece_side[piece]
-        plane_list[n] = own
+        plane_list[n] = face_plane
         side_list[n] = -outward
         start = n
         n = n + 1
@@ -446,7 +447,7 @@ def _cast(points, pieces, jobs, placed, planes, n_planes, origin, line, settle_t
         for candidate in range(len(loop) * n_candidates):
             k = candidate % n_candidates
             kind = _choose_trio(trio, loop, candidate // n_candidates, hull, k, line)
-            place = outward * side_of(planes[own], points[trio[2]], resolution)
+            place = outward * side_of(planes[face_plane], points[trio[2]], resolution)
             if kind == EDGE_AND_END and place <= 0:
                 continue
             if _splits(points, trio, loop, hull, resolution):
@@ -457,24 +458,24 @@ def _cast(points, pieces, jobs, placed, planes, n_planes, origin, line, settle_t
             ):
                 continue
             slot = np.searchsorted(watched, trio[2])
-            known = _find_watched(chains, slot, planes, points, trio, resolution)
-            place = _index(plane_list, start, n, known)
+            number = _find_watched(chains, slot, planes, points, trio, resolution)
+            place = _index(plane_list, start, n, number)
             if place < n:
                 side = _side_of_set(plane, points, loop, hull, trio, kind, settle_thin, resolution)
-                if not settle_thin or not _opposite(planes[known], side_list[place], plane, side):
+                if not settle_thin or not _opposite(planes[number], side_list[place], plane, side):
                     continue
                 # as O looks thinner than the resolution: one plane would leave the set half open
-                known = np.int64(-1)
-            if known < 0:
-                known = n_planes
-                put(planes[known], plane)
-                origin[known, 0] = kind
-                put(origin[known, 1:], trio)
+                number = np.int64(-1)
+            if number < 0:
+                number = n_planes
+                put(planes[number], plane)
+                origin[number, 0] = kind
+                put(origin[number, 1:], trio)
                 n_planes += 1
-                chains = _watch(chains, planes, known, points, watched, resolution)
-            plane_list[n] = known
+                chains = _watch(chains, planes, number, points, watched, resolution)
+            plane_list[n] = number
             side_list[n] = _side_of_set(
-                planes[known], points, loop, hull, trio, kind, settle_thin, resolution
+                planes[number], points, loop, hull, trio, kind, settle_thin, resolution
             )
             n += 1
         first[row + 1] = n

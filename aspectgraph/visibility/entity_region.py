@@ -96,13 +96,13 @@ def observable_region(
     DeadlineError
         If the region is not complete by then.
     """
-    left = None
+    remainder = None
     if entity.kind != "edge":
         wedge = wedge_blockers(scene, solid, entity)
-        left = _Left(_complex(wedge, box, deadline))
-        if not left.any:
+        remainder = _Left(_complex(wedge, box, deadline))
+        if not remainder.any:
             return carved_region(wedge, box, deadline)
-    sets = blockers(scene, solid, entity, deadline, left)
+    sets = blockers(scene, solid, entity, deadline, remainder)
     return carved_region(sets, box, deadline, least_first=entity.kind != "edge")
 
 
@@ -267,7 +267,9 @@ def _block(cx, c, plane, side, crossing):
         if place == CROSSED:
             inside = _cut_off(cx, inside, plane[j], side[j])
         elif place == (2 if side[j] > 0 else 1):
+            # beyond one plane: the set misses the rest
             return
+    # what remains lies in all half-spaces of the set
     cx.label[inside, 0] = 0
 
 
@@ -285,8 +287,8 @@ def _block_least(cx, c, plane, side, crossing):
             todo[n] = j
             n += 1
     while n > 0:
-        least = np.inf
-        best = kept = 0
+        best_share = np.inf
+        best = n_open = 0
         for i in range(n):
             j = todo[i]
             place = cell_side(cx, inside, plane[j])
@@ -295,17 +297,17 @@ def _block_least(cx, c, plane, side, crossing):
             if place != CROSSED:
                 continue
             share = _share_ahead(cx, inside, plane[j], side[j])
-            if share < least:
-                least = share
-                best = kept
-            todo[kept] = j
-            kept += 1
-        if kept > 0:
+            if share < best_share:
+                best_share = share
+                best = n_open
+            todo[n_open] = j
+            n_open += 1
+        if n_open > 0:
             j = todo[best]
-            todo[best] = todo[kept - 1]
-            kept -= 1
+            todo[best] = todo[n_open - 1]
+            n_open -= 1
             inside = _cut_off(cx, inside, plane[j], side[j])
-        n = kept
+        n = n_open
     cx.label[inside, 0] = 0
 
 

@@ -78,19 +78,19 @@ def share_planes(
     """
     room = len(box) + len(scene.planes) + sum(len(region.tree.planes) for region in regions)
     planes = np.empty((room, 4), np.int64)
-    known: dict[tuple[int, ...], int] = {}
+    number_of: dict[tuple[int, ...], int] = {}
     n = 0
     displaced = scene.resolution > 0 and len(regions) > 1
     for plane in [*box, *scene.planes]:
         planes[n] = plane
-        known.setdefault(_key(plane), n)
+        number_of.setdefault(_key(plane), n)
         n += 1
     numbers = [np.empty(0, np.int32)] * len(regions)
     for position in range(len(regions)) if order is None else order:
         region = regions[position]
         number = np.empty(len(region.tree.planes), np.int32)
         for k, (plane, origin) in enumerate(zip(region.tree.planes, region.origin, strict=True)):
-            match = known.get(_key(plane), -1)
+            match = number_of.get(_key(plane), -1)
             if match < 0 and displaced and origin[0] not in (FACE, CONTRAST):
                 trio = origin[1:].astype(np.int64)
                 match = len(box) + find_plane(
@@ -105,7 +105,7 @@ def share_planes(
                 match = n
                 n = n + 1
                 planes[match] = plane
-                known[_key(plane)] = match
+                number_of[_key(plane)] = match
             number[k] = match
         numbers[position] = number
     products = (
@@ -377,10 +377,10 @@ def _compose_runs(
     for held, group in groupby(holders):
         first = position
         position += len(list(group))
-        own = set(curve.edge_ids[first:position])
-        same = next((name for name in sorted(held) if chords[name] == own), None)
+        chord_set = set(curve.edge_ids[first:position])
+        same = next((name for name in sorted(held) if chords[name] == chord_set), None)
         if same is not None:
-            pieces[same] = own
+            pieces[same] = chord_set
         elif held:
             last = position % len(curve.edge_ids) if isinstance(curve, Rim) else position
             run = Run(curve.id, first, last)
@@ -388,7 +388,9 @@ def _compose_runs(
             while name in taken:
                 name += "+"
             hidden |= resolve_entities(solid, {name: run}, min_dihedral_deg=0.0)
-            pieces[name] = own
+            pieces[name] = chord_set
     for name, held_chords in chords.items():
         if name not in pieces:
-            composed[name] = tuple(piece for piece, own in pieces.items() if own <= held_chords)
+            composed[name] = tuple(
+                piece for piece, chord_set in pieces.items() if chord_set <= held_chords
+            )

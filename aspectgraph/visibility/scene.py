@@ -101,13 +101,13 @@ def _is_convex(loop: Sequence[int], xy: list[list[int]]) -> bool:
 
 
 def _triangles(
-    points: np.ndarray, face: Face, normal: np.ndarray, known: np.ndarray
+    points: np.ndarray, face: Face, normal: np.ndarray, fallback: np.ndarray
 ) -> list[list[int]]:
     """Triangles of a face as it lies on the grid, or the known ones where a corner snapped straight leaves too few."""
     try:
         return triangulate_face(points.astype(float), face, normal).tolist()
     except SolidError:
-        return known.tolist()
+        return fallback.tolist()
 
 
 def _project(points: np.ndarray, axis: int, from_below: bool) -> list[list[int]]:
@@ -214,7 +214,7 @@ def with_cuts(solid: Solid, points: np.ndarray, entities: Iterable[Entity]) -> n
     EntityError
         If a stretch has no length on the grid.
     """
-    found: set[_Point] = set()
+    cuts: set[_Point] = set()
     for entity in entities:
         if not isinstance(entity.part, Stretch):
             continue
@@ -222,10 +222,10 @@ def with_cuts(solid: Solid, points: np.ndarray, entities: Iterable[Entity]) -> n
         if ends[0] == ends[1]:
             raise EntityError(f"a stretch must be longer than a grid step. Got {entity.part}.")
         vertices = {tuple(points[v].tolist()) for v in solid.edges[entity.part.edge].vertices}
-        found |= {end for end in ends if end not in vertices}
-    if not found:
+        cuts |= {end for end in ends if end not in vertices}
+    if not cuts:
         return points
-    return np.concatenate([points, np.array(sorted(found), np.int64)])
+    return np.concatenate([points, np.array(sorted(cuts), np.int64)])
 
 
 def _end_points(solid: Solid, points: np.ndarray, stretch: Stretch) -> tuple[_Point, _Point]:

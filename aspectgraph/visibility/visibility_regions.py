@@ -385,8 +385,8 @@ class VisibilityRegions:
         if not names:
             raise EntityError.of_rule("names", "must hold at least one entity", "none")
         key = tuple(sorted(set(names)))
-        kept = self._covering.pop(key, None)
-        if kept is None:
+        covering = self._covering.pop(key, None)
+        if covering is None:
             order = own_order(self._scene, self.solid, [self.entities[name] for name in key])
             regions = [self._regions[key[k]] for k in order]
             shared = share_planes(regions, self._scene, self.grid.cube_planes(self.workspace))
@@ -404,12 +404,12 @@ class VisibilityRegions:
             bits = np.unpackbits(cx.label[present].view(np.uint8), axis=1, bitorder="little")[
                 :, : len(key)
             ]
-            kept = CellSet(cx, present[bits.all(axis=1)], self.grid)
+            covering = CellSet(cx, present[bits.all(axis=1)], self.grid)
         # the last one asked for comes last, the first one goes
-        self._covering[key] = kept
+        self._covering[key] = covering
         while len(self._covering) > _COVERINGS_KEPT:
             del self._covering[next(iter(self._covering))]
-        return kept
+        return covering
 
     def subset(self: _Regions, names: Sequence[str]) -> _Regions:
         """The same regions for some of the entities.
@@ -572,8 +572,8 @@ def compute_regions(
     >>> regions.observable([[200, 30, 20], [200, 200, 20], [30, 30, -50]]).tolist()
     [[True, False], [True, True], [False, False]]
     """
-    given = laid_out(solid, entities, workspace)
-    solid, box_mm, resolved, grid, scene = given
+    layout = laid_out(solid, entities, workspace)
+    solid, box_mm, resolved, grid, scene = layout
     make = partial(observable_region, scene, solid, box=grid.cube_planes(box_mm), deadline=deadline)
     if kept is not None:
         kept.begin(solid, box_mm, resolved)
@@ -590,31 +590,31 @@ def _with_pieces(
     solid: Solid,
     entities: Mapping[str, Entity],
     makers: tuple[Callable[[Entity], Region], Callable[[Sequence[Region]], Region]],
-    how: _How,
+    means: _How,
 ) -> dict[str, Region]:
     """Make the regions of entities: of what consists of pieces by the second maker, from theirs."""
     make, join = makers
-    executor, progress, kept = how
+    executor, progress, store = means
     composed, hidden = find_pieces(solid, entities)
-    if kept is not None:
-        composed = {name: own for name, own in composed.items() if kept.get(name) is None}
-    wanted = {piece for own in composed.values() for piece in own}
-    hidden = {name: piece for name, piece in hidden.items() if name in wanted}
+    if store is not None:
+        composed = {name: parts for name, parts in composed.items() if store.get(name) is None}
+    piece_names = {piece for parts in composed.values() for piece in parts}
+    hidden = {name: piece for name, piece in hidden.items() if name in piece_names}
     direct = {name: entity for name, entity in entities.items() if name not in composed}
     total = len(entities) + len(hidden)
 
     def report_after(n: int) -> Progress | None:
         return progress and (lambda done, _, label: progress(n + done, total, label))
 
-    regions = regions_of(direct, make, executor, report_after(0), kept)
+    regions = regions_of(direct, make, executor, report_after(0), store)
     pieces = regions_of(hidden, make, executor, report_after(len(regions)))
-    known = {**regions, **pieces}
+    by_name = {**regions, **pieces}
     todo = {
-        name: [known[piece] for piece in own]
-        for name, own in composed.items()
-        if all(piece in known for piece in own)
+        name: [by_name[piece] for piece in parts]
+        for name, parts in composed.items()
+        if all(piece in by_name for piece in parts)
     }
-    regions |= regions_of(todo, join, executor, report_after(len(known)), kept)
+    regions |= regions_of(todo, join, executor, report_after(len(by_name)), store)
     return {name: regions[name] for name in entities if name in regions}
 
 
@@ -650,9 +650,9 @@ def regions_of(
         In the order of the entities; without those that `make` ended at its deadline.
     """
     report = progress or (lambda done, total, label: None)
-    known = {} if kept is None else {name: kept.get(name) for name in entities}
+    earlier = {} if kept is None else {name: kept.get(name) for name in entities}
     regions: dict[str, Region] = {
-        name: region for name, region in known.items() if region is not None
+        name: region for name, region in earlier.items() if region is not None
     }
     todo = {name: entity for name, entity in entities.items() if name not in regions}
 

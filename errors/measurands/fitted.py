@@ -224,6 +224,7 @@ def line_noise(at, half, of_value, points, fit):
     p = np.empty(3)
     row = np.empty(6)
     c = plane_of(at, n)
+    # mean square of the places of the points along the line
     spread = half * half * (1.0 - 1.0 / (points * points)) / 3.0
     total = 0.0
     for k in range(points):
@@ -276,6 +277,7 @@ def circle_noise(at, radius, angles, solve, of_value, fit, closed):
     if closed:
         along += np.hypot(u_first - u, v_first - v)
     else:
+        # from the first to the last middle of m equal parts is (m - 1) / m of the arc
         along *= m / (m - 1.0)
     return total * _fewer(m, along, fit)
 
@@ -426,11 +428,14 @@ class FittedEntities:
         self.gradient = np.ascontiguousarray(gradient, dtype=np.float64)
         self.hessian = np.ascontiguousarray(hessian, dtype=np.float64)
         self.shapes = np.array(
-            [_LINE if isinstance(one, Line) else _CIRCLE + (not one.is_closed) for one in geometry]
+            [
+                _LINE if isinstance(shape, Line) else _CIRCLE + (not shape.is_closed)
+                for shape in geometry
+            ]
         )
         self.frames = np.array([[frame.origin, frame.x, frame.y] for frame in frames])
         self.sizes = np.array(
-            [one.length / 2 if isinstance(one, Line) else one.radius_mm for one in geometry]
+            [shape.length / 2 if isinstance(shape, Line) else shape.radius_mm for shape in geometry]
         )
         self.surfaces, self.normals = _surfaces(frames)
         self._geometry = geometry
@@ -450,9 +455,9 @@ class FittedEntities:
         points = localisation.points
         angles = np.zeros((len(self.shapes), points, 2))
         solve = np.zeros((len(self.shapes), 6, points))
-        for k, one in enumerate(self._geometry):
-            if isinstance(one, Circle):
-                angles[k], solve[k] = circle_fit(one, points)
+        for k, shape in enumerate(self._geometry):
+            if isinstance(shape, Circle):
+                angles[k], solve[k] = circle_fit(shape, points)
         n = len(poses)
         sigma = localisation.sigma_px
         per_length = 0.0
@@ -488,9 +493,9 @@ class FittedEntities:
         """Return the value's gradient by the displacement of the camera, of each entity alone; (n, e, 6)."""
         angles = np.zeros((len(self.shapes), POINTS, 2))
         solve = np.zeros((len(self.shapes), 6, POINTS))
-        for k, one in enumerate(self._geometry):
-            if isinstance(one, Circle):
-                angles[k], solve[k] = circle_fit(one, POINTS)
+        for k, shape in enumerate(self._geometry):
+            if isinstance(shape, Circle):
+                angles[k], solve[k] = circle_fit(shape, POINTS)
         gradient = np.zeros((len(poses), len(self.shapes), 6))
         entities = (self.shapes, self.frames, self.sizes, angles, solve)
         _by_entity(np.ascontiguousarray(poses), entities, self.gradient, gradient)
@@ -512,10 +517,10 @@ def _surfaces(frames: tuple[Frame, ...]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def circle_fit(
-    one: Circle, points: int = POINTS
+    circle: Circle, points: int = POINTS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return cosines and sines (m, 2) of the points that are fitted, and the linear fit (6, m) of `expand_circle`."""
-    step = one.span_rad / points
+    step = circle.span_rad / points
     angles = (np.arange(points) + 0.5) * step
     design = np.stack([np.cos(angles), np.sin(angles), np.ones(points)])
     inverse = np.linalg.inv(design @ design.T)
@@ -523,9 +528,9 @@ def circle_fit(
     return design[:2].T.copy(), np.concatenate([inverse @ design, inverse[:, :2] @ tangents])
 
 
-def is_short(one: Geometry) -> bool:
+def is_short(shape: Geometry) -> bool:
     """Whether an entity is an arc of less than half a circle: its fit has no moments, only quantiles."""
-    return isinstance(one, Circle) and one.span_rad < math.pi
+    return isinstance(shape, Circle) and shape.span_rad < math.pi
 
 
 @njit(error_model="numpy")
@@ -544,10 +549,10 @@ def _expand_all(poses, entities, of_value, bend, fit, common, out):
         by_surfaces[:] = 0.0
         for e in range(len(shapes)):
             n_fitted = 2 if shapes[e] == _LINE else 3
-            own = of_value[start : start + n_fitted]
+            by_fit = of_value[start : start + n_fitted]
             before[:] = g
             whole = _expand_entity(
-                poses[i], entities, e, own, fit, common, (g, h, rows[start:], variance[i])
+                poses[i], entities, e, by_fit, fit, common, (g, h, rows[start:], variance[i])
             )
             if not whole:
                 break
@@ -569,30 +574,30 @@ def _expand_all(poses, entities, of_value, bend, fit, common, out):
 
 
 @njit(error_model="numpy")
-def _expand_entity(pose, entities, e, own, fit, common, out):
+def _expand_entity(pose, entities, e, by_fit, fit, common, out):
     """Add an entity's share to gradient, Hessian and variances; return False if it cannot be measured."""
     shapes, frames, sizes, angles, solve, _, _ = entities
     g, h, rows, variance = out
     at = np.empty((3, 3))
     turned(frames[e], pose, at)
     if shapes[e] == _LINE:
-        if not expand_line(at, sizes[e], own, g, h, rows):
+        if not expand_line(at, sizes[e], by_fit, g, h, rows):
             return False
-        variance[0] += line_noise(at, sizes[e], own, angles.shape[1], fit)
+        variance[0] += line_noise(at, sizes[e], by_fit, angles.shape[1], fit)
         if common[0] > 0.0:
-            variance[1] += line_floor(at, sizes[e], own, angles.shape[1], common) ** 2
+            variance[1] += line_floor(at, sizes[e], by_fit, angles.shape[1], common) ** 2
         return True
-    if not expand_circle(at, sizes[e], angles[e], solve[e], own, g, h, rows):
+    if not expand_circle(at, sizes[e], angles[e], solve[e], by_fit, g, h, rows):
         return False
     closed = shapes[e] == _CIRCLE
-    variance[0] += circle_noise(at, sizes[e], angles[e], solve[e], own, fit, closed)
+    variance[0] += circle_noise(at, sizes[e], angles[e], solve[e], by_fit, fit, closed)
     if common[0] > 0.0:
-        variance[1] += circle_floor(at, sizes[e], angles[e], solve[e], own, common) ** 2
+        variance[1] += circle_floor(at, sizes[e], angles[e], solve[e], by_fit, common) ** 2
     if closed:
         return True
     radius = np.array([0.0, 0.0, 1.0])
-    known = circle_noise(at, sizes[e], angles[e], solve[e], radius, fit, closed)
-    return known <= (_MOST_NOISE * sizes[e]) ** 2
+    radius_variance = circle_noise(at, sizes[e], angles[e], solve[e], radius, fit, closed)
+    return radius_variance <= (_MOST_NOISE * sizes[e]) ** 2
 
 
 @njit(error_model="numpy")
@@ -605,11 +610,11 @@ def _by_entity(poses, entities, of_value, gradient):
         start = 0
         for e in range(len(shapes)):
             n_fitted = 2 if shapes[e] == _LINE else 3
-            own = of_value[start : start + n_fitted]
+            by_fit = of_value[start : start + n_fitted]
             turned(frames[e], poses[i], at)
             g = gradient[i, e]
             if shapes[e] == _LINE:
-                expand_line(at, sizes[e], own, g, unused, rows)
+                expand_line(at, sizes[e], by_fit, g, unused, rows)
             else:
-                expand_circle(at, sizes[e], angles[e], solve[e], own, g, unused, rows)
+                expand_circle(at, sizes[e], angles[e], solve[e], by_fit, g, unused, rows)
             start += n_fitted

@@ -135,17 +135,17 @@ class Circle:
 Geometry = Line | Circle
 
 
-def to_dict(one: Geometry) -> dict[str, object]:
+def to_dict(shape: Geometry) -> dict[str, object]:
     """Return a line or circle as plain values, mm, ready for JSON."""
-    if isinstance(one, Line):
-        return {"p": one.p.tolist(), "q": one.q.tolist()}
+    if isinstance(shape, Line):
+        return {"p": shape.p.tolist(), "q": shape.q.tolist()}
     data: dict[str, object] = {
-        "centre": one.centre.tolist(),
-        "axis": one.axis.tolist(),
-        "radius_mm": one.radius_mm,
+        "centre": shape.centre.tolist(),
+        "axis": shape.axis.tolist(),
+        "radius_mm": shape.radius_mm,
     }
-    if one.start is not None:
-        data |= {"start": one.start.tolist(), "span_rad": one.span_rad}
+    if shape.start is not None:
+        data |= {"start": shape.start.tolist(), "span_rad": shape.span_rad}
     return data
 
 

@@ -90,22 +90,22 @@ class Angle(Measurand):
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
         """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
         first, second = lines_of(self.geometry)
-        one = first.direction
+        direction = first.direction
         other = second.direction
-        if are_parallel(one, other):
+        if are_parallel(direction, other):
             raise MeasurandError(
                 "the edges of an angle must not be parallel. "
-                f"Got {degrees_between(one, other):.4g} degrees between them."
+                f"Got {degrees_between(direction, other):.4g} degrees between them."
             )
-        other = -other if one @ other < 0 else other
-        normal = np.cross(one, other)
+        other = -other if direction @ other < 0 else other
+        normal = np.cross(direction, other)
         normal = normal / np.linalg.norm(normal)
         frames = (
-            Frame(first.middle, one, np.cross(normal, one)),
+            Frame(first.middle, direction, np.cross(normal, direction)),
             Frame(second.middle, other, np.cross(normal, other)),
         )
         return (
-            degrees_between(one, other),
+            degrees_between(direction, other),
             frames,
             _DEGREES * np.array([0.0, -1.0, 0.0, 1.0]),
             np.zeros((4, 4)),
@@ -407,5 +407,7 @@ def _expand_lengths(ends, distance, gradient, hessian, tangent):
             point_row(e, n, p[2], p, w, row)
             g += scale * row
             add_square(h, w, p, s, row, scale)
+        # a turn in the image lengthens in second order
         add_product(h, turn, turn, 0.5 / length)
+        # of L ln(L' / L), whose Hessian is H - g g' / L
         add_product(h, g, g, -0.5 / length)

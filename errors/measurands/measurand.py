@@ -145,12 +145,12 @@ class Measurand:
 
 def lines_of(geometry: tuple[Geometry, ...]) -> list[Line]:
     """Return the lines among entities."""
-    return [one for one in geometry if isinstance(one, Line)]
+    return [shape for shape in geometry if isinstance(shape, Line)]
 
 
 def circles_of(geometry: tuple[Geometry, ...]) -> list[Circle]:
     """Return the circles among entities."""
-    return [one for one in geometry if isinstance(one, Circle)]
+    return [shape for shape in geometry if isinstance(shape, Circle)]
 
 
 # Kinds of dimensions by name: a kind is one class in one file, and nothing else has a branch for
@@ -205,10 +205,10 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
         raise MeasurandError(
             f"a {name} must have {_several(cls.takes)}. Got {len(geometry)} of them."
         )
-    for one, wanted in zip(geometry, cls.takes, strict=True):
-        if not isinstance(one, wanted):
+    for shape, required_type in zip(geometry, cls.takes, strict=True):
+        if not isinstance(shape, required_type):
             raise MeasurandError(
-                f"a {name} must have {_several(cls.takes)}. Got a {type(one).__name__.lower()}."
+                f"a {name} must have {_several(cls.takes)}. Got a {type(shape).__name__.lower()}."
             )
     try:
         return cls(tuple(geometry), direction)
@@ -218,4 +218,4 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
 
 def _several(takes: Sequence[type]) -> str:
     words = {"Line": "straight edge", "Circle": "rim or arc"}
-    return " and ".join("one " + words[one.__name__] for one in takes)
+    return " and ".join("one " + words[kind.__name__] for kind in takes)

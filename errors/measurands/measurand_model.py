@@ -153,7 +153,7 @@ class MeasurandModel:
         return self._within(expansion, np.full(len(expansion.seen), self.permitted_error))
 
     def probability_at(
-        self, world_to_camera: ArrayLike, known: KnownPoses, excess: NDArray[np.float64]
+        self, world_to_camera: ArrayLike, poses: KnownPoses, excess: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the same with a covariance of each pose.
 
@@ -161,7 +161,7 @@ class MeasurandModel:
         ----------
         world_to_camera : array_like (n, 4, 4)
             Planned poses.
-        known : KnownPoses
+        poses : KnownPoses
             Their covariances (n, 6, 6), with roots.
         excess : array (n,)
             Variance of x beside that by the pose, see `errors.measurands.measurand.Expansion`: by surfaces.
@@ -174,7 +174,7 @@ class MeasurandModel:
         expansion = self._expansion(world_to_camera)
         expansion.variance[:, 2] = excess
         error = np.full(len(expansion.seen), self.permitted_error)
-        return self._within(expansion, error, (known.covariance, known.root))
+        return self._within(expansion, error, (poses.covariance, poses.root))
 
     def scale(self, world_to_camera: ArrayLike) -> float:
         """Return the unit of x per unit of the value at one pose (1, 4, 4); 0 without an image."""
@@ -232,17 +232,17 @@ class MeasurandModel:
         self,
         expansion: Expansion,
         error: NDArray[np.float64],
-        known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+        spread: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     ) -> NDArray[np.float64]:
         """Return P(|error| <= given) (n,), with a covariance and a root of each pose if they are given."""
         seen = expansion.seen
-        covariance, root = (self.covariance, self._root) if known is None else known
+        covariance, root = (self.covariance, self._root) if spread is None else spread
         result = np.zeros(len(seen))
         if not seen.any():
             return result
         gradient = expansion.gradient[seen]
         hessian = expansion.hessian[seen]
-        if known is not None:
+        if spread is not None:
             covariance = covariance[seen]
             root = root[seen]
         if expansion.logarithmic:
@@ -298,7 +298,7 @@ def _variance(
 
 
 def _bend(
-    g: NDArray[np.float64], h: NDArray[np.float64], covariance: NDArray[np.float64], most: float
+    g: NDArray[np.float64], h: NDArray[np.float64], covariance: NDArray[np.float64], limit: float
 ) -> NDArray[np.float64]:
     """Return k (n,) that makes ln(1 + k error) / k linear along the gradient: g'S H S g / (g'S g)^2, in [0, most]."""
     # one covariance for all poses, or one for each
@@ -306,7 +306,7 @@ def _bend(
     variance = (way * g).sum(axis=1)
     along = (way[:, None, :] @ h @ way[:, :, None])[:, 0, 0]
     safe = np.where(variance > 0, variance, np.inf)
-    return np.asarray(np.clip(along / safe / safe, 0.0, most))
+    return np.asarray(np.clip(along / safe / safe, 0.0, limit))
 
 
 def _bent(error: NDArray[np.float64], bend: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -184,6 +184,7 @@ def _coverage(corners, u, v, pitch, scratch):
         for i in range(n):
             p = polygon[i]
             q = polygon[(i + 1) % n]
+            # twice a signed area: positive inside, left of the side from a to b
             sp = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
             sq = (b[0] - a[0]) * (q[1] - a[1]) - (b[1] - a[1]) * (q[0] - a[0])
             if sp >= 0.0:
@@ -200,6 +201,7 @@ def _coverage(corners, u, v, pitch, scratch):
     for i in range(n):
         p = polygon[i]
         q = polygon[(i + 1) % n]
+        # triangles about the centre of the pixel
         area += 0.5 * ((p[0] - u) * (q[1] - v) - (p[1] - v) * (q[0] - u))
     return area / (pitch[0] * pitch[1])
 
@@ -214,10 +216,12 @@ def _measure_chains(segments, pitch, band, out):
         dv = segment[1, 1] - segment[0, 1]
         major = 0 if abs(du) * pitch[1] >= abs(dv) * pitch[0] else 1
         corners = _band_corners(segment, band)
-        found = True
+        is_complete = True
         for end in range(2):
-            found = _last_pixel(segment, corners, pitch, major, end, scratch, last[end]) and found
-        if not found:
+            is_complete = (
+                _last_pixel(segment, corners, pitch, major, end, scratch, last[end]) and is_complete
+            )
+        if not is_complete:
             out[n] = np.nan
             continue
         cu = last[1, 0] - last[0, 0]

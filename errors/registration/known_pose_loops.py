@@ -137,6 +137,7 @@ def _free_ways(stretches, m, centre):
     a = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z
     b = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z
     c = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z
+    # the direction on an octahedron, whose lower half unfolds round the upper one to a square
     size = abs(a) + abs(b) + abs(c)
     if not size > 0.0:
         return 0
@@ -169,19 +170,20 @@ def _keep_apart(edge, apart, weights, shown):
                 continue
             du = shown[n, 1] - shown[m, 1]
             dv = shown[n, 2] - shown[m, 2]
+            # too far away for any point of both to be near
             if abs(du) > reach + abs(shown[n, 3]) or abs(dv) > rise + abs(shown[n, 4]):
                 continue
             near |= _near_points(du, dv, shown[m], shown[n], apart)
-        left = 5
+        n_clear = 5
         for k in range(5):
             if near & (1 << k):
-                left -= 1
-        weights[m] *= left / 5.0
-        shown[m, 0] *= left / 5.0
+                n_clear -= 1
+        weights[m] *= n_clear / 5.0
+        shown[m, 0] *= n_clear / 5.0
 
 
 @njit(error_model="numpy")
-def _near_points(du, dv, one, other, apart):
+def _near_points(du, dv, stretch, other, apart):
     """Return as bits which of five points of a stretch have another one near, whose middle is (du, dv) away."""
     hu = other[3]
     hv = other[4]
@@ -189,10 +191,11 @@ def _near_points(du, dv, one, other, apart):
     bits = 0
     for k in range(5):
         share = 0.4 * (k - 2)
-        pu = share * one[3] - du
-        pv = share * one[4] - dv
+        pu = share * stretch[3] - du
+        pv = share * stretch[4] - dv
         along = 0.0
         if size > 0.0:
+            # nearest place on the other stretch, which ends at -1 and 1
             along = min(max((pu * hu + pv * hv) / size, -1.0), 1.0)
         pu -= along * hu
         pv -= along * hv
@@ -227,7 +230,7 @@ def _inform(information, stretches, imaging, state):
     """Add what the shown stretches say of the unknowns, in units of their standard deviations before."""
     rows, weights, shown, place, scale, count = state
     size = POSE + 2 * _OWN
-    own = np.empty((size + _BIASES, size + _BIASES))
+    sums = np.empty((size + _BIASES, size + _BIASES))
     modes = np.empty((len(weights), _BIASES))
     at = np.empty(size, np.int64)
     unit = np.empty(size)
@@ -242,10 +245,11 @@ def _inform(information, stretches, imaging, state):
             length += shown[end, 0]
             end += 1
         if total > 0.0:
-            left = max(length - 2.0 * imaging.end_px, 0.0) / length
+            share = max(length - 2.0 * imaging.end_px, 0.0) / length
             _write_modes(stretches, weights, start, end, modes)
-            _sum_edge((rows, modes), weights, start, end, left, own)
-            _leave_out_biases(own, 1.0 / imaging.bias_px**2)
+            _sum_edge((rows, modes), weights, start, end, share, sums)
+            # what a bias may have caused says nothing of pose and surfaces
+            _leave_out_biases(sums, 1.0 / imaging.bias_px**2)
             for j in range(POSE):
                 at[j] = count + j
                 unit[j] = scale[j]
@@ -256,7 +260,7 @@ def _inform(information, stretches, imaging, state):
                     unit[POSE + _OWN * side + j] = stretches.sigmas[surface, j]
             for j in range(size):
                 for k in range(size):
-                    information[at[j], at[k]] += imaging.share * own[j, k] * unit[j] * unit[k]
+                    information[at[j], at[k]] += imaging.share * sums[j, k] * unit[j] * unit[k]
         start = end
 
 
@@ -273,6 +277,7 @@ def _write_modes(stretches, weights, start, end, modes):
     middle = (low + high) / 2.0
     half = max((high - low) / 2.0, 1e-12)
     for m in range(start, end):
+        # all points shift alike; beyond that, one wave round an arc, or a tilt of a line
         modes[m, 0] = 1.0
         if span > 0.0:
             modes[m, 1] = 0.5 * np.cos(span * stretches.along[m])
@@ -283,33 +288,35 @@ def _write_modes(stretches, weights, start, end, modes):
 
 
 @njit(error_model="numpy")
-def _sum_edge(parts, weights, start, end, left, own):
+def _sum_edge(parts, weights, start, end, share, sums):
     """Write the sums of products of what moves the stretches of an edge: unknowns, then biases."""
     rows, modes = parts
     size = rows.shape[1]
-    row = np.empty(len(own))
-    own[:] = 0.0
+    row = np.empty(len(sums))
+    sums[:] = 0.0
     for m in range(start, end):
-        w = weights[m] * left
+        w = weights[m] * share
         if w > 0.0:
             row[:size] = rows[m]
             row[size:] = modes[m]
             for j in range(len(row)):
                 for k in range(j + 1):
-                    own[j, k] += w * row[j] * row[k]
-    for j in range(len(own)):
+                    sums[j, k] += w * row[j] * row[k]
+    # symmetric: only one half was summed
+    for j in range(len(sums)):
         for k in range(j):
-            own[k, j] = own[j, k]
+            sums[k, j] = sums[j, k]
 
 
 @njit(error_model="numpy")
-def _leave_out_biases(own, before):
+def _leave_out_biases(information, before):
     """Take from the information of unknowns what biases, the last of them, might explain as well."""
-    for b in range(len(own) - 1, len(own) - 1 - _BIASES, -1):
-        own[b, b] += before
+    for b in range(len(information) - 1, len(information) - 1 - _BIASES, -1):
+        # Schur complement: a bias of known variance before, eliminated
+        information[b, b] += before
         for j in range(b):
             for k in range(b):
-                own[j, k] -= own[j, b] * own[b, k] / own[b, b]
+                information[j, k] -= information[j, b] * information[b, k] / information[b, b]
 
 
 @njit(error_model="numpy")
@@ -344,6 +351,7 @@ def _inverse_scaled(covariance, scale):
     inverse = np.zeros((n, n))
     for i in range(n):
         for j in range(n):
+            # (L L')^-1 = L'^-1 L^-1, and L^-1 has only zeros above its diagonal
             for k in range(max(i, j), n):
                 inverse[i, j] += lower[k, i] * lower[k, j]
     return inverse
@@ -365,6 +373,7 @@ def _invert_lower(factor, start, lower):
 @njit(error_model="numpy")
 def _pose_of(factor, scale, covariance, root):
     """Write covariance and root of the pose, from the factor of the information with the pose last."""
+    # with the pose last, its covariance rests on the last block of the factor alone
     lower = np.zeros((POSE, POSE))
     _invert_lower(factor, len(factor) - POSE, lower)
     for i in range(POSE):
@@ -385,23 +394,25 @@ def _variance(factor, values, t, sigmas, state, out):
     n = len(factor)
     y = np.zeros(n)
     for e in range(values.gradient.shape[1]):
-        own = values.gradient[t, e]
+        gradient = values.gradient[t, e]
         for j in range(POSE):
-            y[count + j] += own[j] * scale[j]
+            y[count + j] += gradient[j] * scale[j]
         for side in range(2):
             surface = values.surfaces[t, e, side]
             if surface >= 0:
                 for j in range(_OWN):
-                    moved = _by_motion(pose, own, values.motions[t, e, side, j])
+                    moved = _by_motion(pose, gradient, values.motions[t, e, side, j])
                     y[place[surface] + j] += moved * sigmas[surface, j]
     out[1] = 0.0
     for j in range(POSE):
         total = 0.0
         for i in range(POSE):
+            # y and the root both hold the scale
             total += root[i, j] * y[count + i] / scale[i]
         out[1] += total * total
     out[0] = 0.0
     for i in range(n):
+        # y' (L L')^-1 y = |L^-1 y|^2: solved row by row
         total = y[i]
         for k in range(i):
             total -= factor[i, k] * y[k]
@@ -415,7 +426,9 @@ def _by_motion(pose, gradient, motion):
     centre = np.empty(3)
     shift = np.empty(3)
     for i in range(3):
+        # the lens in the frame of the part: -R't
         centre[i] = -(pose[0, i] * pose[0, 3] + pose[1, i] * pose[1, 3] + pose[2, i] * pose[2, 3])
+    # a motion turns about the origin of the part, which shifts the lens by turn x centre
     shift[0] = motion[0] + motion[4] * centre[2] - motion[5] * centre[1]
     shift[1] = motion[1] + motion[5] * centre[0] - motion[3] * centre[2]
     shift[2] = motion[2] + motion[3] * centre[1] - motion[4] * centre[0]

@@ -208,13 +208,13 @@ def posterior(prior_covariance: Array, rows: Iterable[Rows], bias_variance: floa
     information = np.linalg.inv(prior[np.ix_(moving, moving)] / np.outer(scale, scale))
     right = np.zeros(len(moving))
     for group in groups:
-        own = np.searchsorted(moving, group.unknowns)
-        design = group.design * scale[own]
+        places = np.searchsorted(moving, group.unknowns)
+        design = group.design * scale[places]
         weighted = design.T * group.weight
         modes, free = _freed(group, bias)
         common = weighted @ modes
-        information[np.ix_(own, own)] += weighted @ design - common @ free @ common.T
-        right[own] += weighted @ group.residual - common @ free @ (
+        information[np.ix_(places, places)] += weighted @ design - common @ free @ common.T
+        right[places] += weighted @ group.residual - common @ free @ (
             modes.T @ (group.weight * group.residual)
         )
     covariance = np.linalg.inv(information)
@@ -226,7 +226,7 @@ def posterior(prior_covariance: Array, rows: Iterable[Rows], bias_variance: floa
     return Posterior(mean, every)
 
 
-def bias_variance_of(rows: Iterable[Rows], found: Posterior, bias_variance: float) -> float:
+def bias_variance_of(rows: Iterable[Rows], estimate: Posterior, bias_variance: float) -> float:
     """Return the variance of the biases of groups that their rows show, given an estimate with another one.
 
     A step of expectation and maximization (Dempster, Laird and Rubin, 1977): the mean square of the biases, of what is
@@ -236,7 +236,7 @@ def bias_variance_of(rows: Iterable[Rows], found: Posterior, bias_variance: floa
     ----------
     rows : iterable of Rows
         The rows of each group.
-    found : Posterior
+    estimate : Posterior
         Estimate of the unknowns from them.
     bias_variance : float
         The variance of each bias that it was estimated with, positive.
@@ -251,11 +251,11 @@ def bias_variance_of(rows: Iterable[Rows], found: Posterior, bias_variance: floa
     for group in rows:
         modes, free = _freed(group, bias_variance)
         gain = free @ (modes.T * group.weight)
-        rest = group.residual - group.design @ found.mean[group.unknowns]
+        residual = group.residual - group.design @ estimate.mean[group.unknowns]
         moved = gain @ group.design
-        own = found.covariance[np.ix_(group.unknowns, group.unknowns)]
+        covariance = estimate.covariance[np.ix_(group.unknowns, group.unknowns)]
         total += float(
-            ((gain @ rest) ** 2).sum() + np.trace(free) + np.trace(moved @ own @ moved.T)
+            ((gain @ residual) ** 2).sum() + np.trace(free) + np.trace(moved @ covariance @ moved.T)
         )
         count += modes.shape[1]
     return total / count if count else bias_variance
@@ -276,12 +276,12 @@ def _moving(prior: Array, groups: list[Rows]) -> NDArray[np.int64]:
 
     An image shows few of a large part's surfaces. All are returned if the prior ties the others to these.
     """
-    told = np.zeros(len(prior), dtype=bool)
+    mask = np.zeros(len(prior), dtype=bool)
     for group in groups:
-        told[group.unknowns] = True
-    if prior[np.ix_(told, ~told)].any():
+        mask[group.unknowns] = True
+    if prior[np.ix_(mask, ~mask)].any():
         return np.arange(len(prior))
-    return np.flatnonzero(told)
+    return np.flatnonzero(mask)
 
 
 def _check_prior(value: Array) -> Array:

@@ -68,19 +68,19 @@ def add_asked(parser: Options, out: str | None = None) -> None:
     add_limits(parser)
 
 
-def add_seed(parser: Options, what: str) -> None:
+def add_seed(parser: Options, help_text: str) -> None:
     """Add the seed of random numbers."""
-    parser.add_argument("--seed", type=whole, default=0, metavar="N", help=what)
+    parser.add_argument("--seed", type=whole, default=0, metavar="N", help=help_text)
 
 
-def add_graph_limit(parser: Options, what: str, default: str) -> None:
+def add_graph_limit(parser: Options, content: str, default: str) -> None:
     """Add the largest number of entities whose joint graph is written; the default is in words."""
     parser.add_argument(
         "--graph-limit",
         type=whole,
         default=int(default) if default.isdigit() else None,
         metavar="N",
-        help=f"write {what} for up to this many entities (default: {default})",
+        help=f"write {content} for up to this many entities (default: {default})",
     )
 
 
@@ -107,9 +107,9 @@ def add_output(parser: Options, out: str | None) -> None:
     )
 
 
-def add_jobs(parser: Options, what: str, default: int) -> None:
+def add_jobs(parser: Options, help_text: str, default: int) -> None:
     """Add the number of processes."""
-    parser.add_argument("--jobs", "-j", type=whole, default=default, metavar="N", help=what)
+    parser.add_argument("--jobs", "-j", type=whole, default=default, metavar="N", help=help_text)
 
 
 class _Again(argparse.Action):
@@ -369,14 +369,14 @@ def add_light(plan: Options) -> None:
     )
 
 
-def add_contrast(parser: Options, what: str) -> None:
+def add_contrast(parser: Options, help_text: str) -> None:
     """Add the least contrast of an edge."""
     parser.add_argument(
         "--contrast",
         type=SHARE,
         default=0.1,
         metavar="C",
-        help=f"{what}, (I1 - I2) / (I1 + I2)",
+        help=f"{help_text}, (I1 - I2) / (I1 + I2)",
     )
 
 
@@ -424,12 +424,12 @@ def add_units(parser: Options) -> None:
     )
 
 
-def add_select(parser: Options, what: str, default: str) -> None:
+def add_select(parser: Options, help_text: str, default: str) -> None:
     """Add a rule that selects entities, of a command where it is not required."""
     parser.add_argument(
         "--select",
         metavar="RULE",
-        help=f"{what}; see plan --help (default: {default})",
+        help=f"{help_text}; see plan --help (default: {default})",
     )
 
 

@@ -145,8 +145,8 @@ class PartRequest:
         )
         check_fraction("accuracy", self.accuracy)
         check_fraction("probability", self.probability)
-        for name, (least, most) in _COUNTS.items():
-            check_count(name, getattr(self, name), least, most)
+        for name, (low, high) in _COUNTS.items():
+            check_count(name, getattr(self, name), low, high)
         if self.select is not None:
             check_kinds(select=(self.select, "str"))
             check_selection(self.select)
@@ -165,15 +165,15 @@ class PartRequest:
     @property
     def options(self) -> InspectionOptions:
         """The limits and the effort, as `plan_inspection` takes them."""
-        given = {name: value for name, value in self.limits.items() if value is not None}
-        return InspectionOptions(**{**given, "effort": self.effort})
+        limits = {name: value for name, value in self.limits.items() if value is not None}
+        return InspectionOptions(**{**limits, "effort": self.effort})
 
     @cached_property
     def request(self) -> InspectionRequest:
         """The request that applies to every part, without part, targets and workspace."""
         promise = Promise(self.accuracy, self.probability, self.seed)
-        known = promised(self.camera, self.pose_uncertainty, promise, self.options)
-        return InspectionRequest(part=None, targets=None, workspace=None, ring=None, **known)
+        terms = promised(self.camera, self.pose_uncertainty, promise, self.options)
+        return InspectionRequest(part=None, targets=None, workspace=None, ring=None, **terms)
 
     @property
     def fingerprint(self) -> str:
@@ -181,11 +181,11 @@ class PartRequest:
 
         All fields count, also those that an `InspectionRequest` lacks.
         """
-        asked = {one.name for one in fields(InspectionRequest)}
-        own = {name: value for name, value in plain_fields(self).items() if name not in asked}
+        names = {field.name for field in fields(InspectionRequest)}
+        settings = {name: value for name, value in plain_fields(self).items() if name not in names}
         # in the request as they are resolved: a default that is given is a default
-        own["limits"] = {"time_limit_s": self.options.time_limit_s}
-        return digest_of_request(self.request.fingerprint(), own)
+        settings["limits"] = {"time_limit_s": self.options.time_limit_s}
+        return digest_of_request(self.request.fingerprint(), settings)
 
 
 def limits_of(options: InspectionOptions) -> dict[str, Any]:
@@ -258,8 +258,8 @@ def found_again(part: str, folder: Path, file_sha256: str, request: str) -> Part
     result = read_record(folder / RECORD)
     if result is None:
         return None
-    asked = (part, file_sha256, request)
-    if (result.part, result.file_sha256, result.request) != asked or result.status == FAILED:
+    identity = (part, file_sha256, request)
+    if (result.part, result.file_sha256, result.request) != identity or result.status == FAILED:
         return None
     return (
         result
@@ -344,9 +344,9 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
     file_sha256 = digest_of(path)
     fingerprint = request.fingerprint
     begun = time.monotonic()
-    known = found_again(part, folder, file_sha256, fingerprint)
-    if known is not None:
-        return known
+    earlier_result = found_again(part, folder, file_sha256, fingerprint)
+    if earlier_result is not None:
+        return earlier_result
     blank = PartResult(part, FAILED, file_sha256=file_sha256, request=fingerprint)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -395,43 +395,43 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         entities = resolve_entities(solid, select_entities(solid, request.select))
     options = request.options
     promise = Promise(request.accuracy, request.probability, request.seed)
-    asked = (request.camera, request.pose_uncertainty, promise)
+    terms = (request.camera, request.pose_uncertainty, promise)
     deadline = Deadline(options.time_limit_s, options.gap)
     # what cannot be measured is refused before the work
-    resolved = resolve_request(solid, entities, *asked, options)
+    resolved = resolve_request(solid, entities, *terms, options)
     state = folder / STATE
-    kept = KeptRegions(folder / REGIONS, resolved.request.identity())
+    store = KeptRegions(folder / REGIONS, resolved.request.identity())
     regions = visible_regions(
-        solid, resolved.entities, resolved.request, kept=kept, deadline=deadline.of_regions()
+        solid, resolved.entities, resolved.request, kept=store, deadline=deadline.of_regions()
     )
     options = replace(
         options, space=regions, state=state, time_limit_s=deadline.seconds_left(SEARCH_SHARE)
     )
-    plan = partial(plan_by_options, solid, entities, *asked, options)
+    plan = partial(plan_by_options, solid, entities, *terms, options)
     with deadline.stated_whole():
         try:
-            found = plan()
+            result = plan()
         except PlanFileError:
             # of another request, or damaged
             state.unlink(missing_ok=True)
-            found = plan()
+            result = plan()
     simulation, notes = simulate_in_time(
-        found,
+        result,
         request.simulate,
         request.seed,
         None,
         solid,
         deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
     )
-    found = replace(found, simulation=simulation)
-    found = with_source(found, folder, path, {"units": request.units})
+    result = replace(result, simulation=simulation)
+    result = with_source(result, folder, path, {"units": request.units})
     limit = request.graph_limit
-    write_outputs(found, regions, folder, graph_limit=limit, deadline=deadline, notes=notes)
-    if not found.unfinished:
+    write_outputs(result, regions, folder, graph_limit=limit, deadline=deadline, notes=notes)
+    if not result.unfinished:
         # a longer limit goes on from there
         state.unlink(missing_ok=True)
-        kept.remove()
-    return found
+        store.remove()
+    return result
 
 
 def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartResult:
@@ -692,11 +692,11 @@ def plan_folder(
         for path in part_files(source, target):
             name = name_text(path.relative_to(source))
             task = Task(request, name, path, target / path.relative_to(source))
-            known = _known(task, replace or name in ours)
-            if known is None:
+            earlier_result = _known(task, replace or name in ours)
+            if earlier_result is None:
                 waiting.append(task)
             else:
-                results[name] = known
+                results[name] = earlier_result
         total = len(results) + len(waiting)
         reported = time.monotonic()
         report(progress, len(results), total, "parts")
@@ -709,7 +709,7 @@ def plan_folder(
                     reported = time.monotonic()
         finally:
             write_tables(results.values(), target)
-    return sorted(results.values(), key=lambda one: one.part)
+    return sorted(results.values(), key=lambda part_result: part_result.part)
 
 
 def _known(task: Task, may_replace: bool) -> PartResult | None:
@@ -717,13 +717,15 @@ def _known(task: Task, may_replace: bool) -> PartResult | None:
     if not task.path.is_file():
         kind = "a link that leads nowhere" if task.path.is_symlink() else "a pipe or a device"
         return task.failed(f"the part must be an existing file. Got {kind}.", REFUSED)
-    known = found_again(task.part, task.folder, digest_of(task.path), task.request.fingerprint)
-    if known is None and not may_replace:
+    earlier_result = found_again(
+        task.part, task.folder, digest_of(task.path), task.request.fingerprint
+    )
+    if earlier_result is None and not may_replace:
         try:
             check_part_place(task.folder)
         except (OutputError, OSError) as error:
             return task.failed(reason_of(error), FAILED)
-    return known
+    return earlier_result
 
 
 def part_files(folder: Path, out: Path) -> list[Path]:
@@ -736,16 +738,16 @@ def part_files(folder: Path, out: Path) -> list[Path]:
     RequestError
         If there are none.
     """
-    found = [
+    paths = [
         path
         for path in sorted(folder.rglob("*"))
         if _is_part(path) and not path.is_dir() and (out == folder or out not in path.parents)
     ]
-    if not found:
+    if not paths:
         raise RequestError(
             f"the folder of parts must hold part files ({_kinds()}). Got {name_text(folder)}."
         )
-    return found
+    return paths
 
 
 def _is_part(path: Path) -> bool:

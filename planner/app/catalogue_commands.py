@@ -32,11 +32,11 @@ def cameras(options: argparse.Namespace) -> int:
         else:
             _print_sources(parts)
         return DONE
-    known = [Camera.named(name) for name in camera_names()]
+    listed_cameras = [Camera.named(name) for name in camera_names()]
     if options.json:
-        print_json([camera.to_dict() for camera in known])
+        print_json([camera.to_dict() for camera in listed_cameras])
     else:
-        _print_cameras(known)
+        _print_cameras(listed_cameras)
     return DONE
 
 
@@ -166,8 +166,8 @@ def completion_script(parser: argparse.ArgumentParser, cameras: Sequence[str], s
     if shell == "fish":
         return _fish_script(parser, cameras)
     cases = [
-        f"            {name}) words={_words(option for action in one._actions for option in action.option_strings)} ;;"
-        for name, one in choices.items()
+        f"            {name}) words={_words(word for action in command._actions for word in action.option_strings)} ;;"
+        for name, command in choices.items()
     ]
     script = _SCRIPT.format(
         cameras=_words(cameras), commands=_words(choices), cases="\n".join(cases)
@@ -178,7 +178,7 @@ def completion_script(parser: argparse.ArgumentParser, cameras: Sequence[str], s
 def _fish_script(parser: argparse.ArgumentParser, cameras: Sequence[str]) -> str:
     """Return the script for fish: a line per command and option, with its help."""
     lines = []
-    helps = {one.dest: one.help for one in _subparsers(parser)._choices_actions}
+    helps = {choice.dest: choice.help for choice in _subparsers(parser)._choices_actions}
     for name, command in command_parsers(parser).items():
         lines.append(
             f"complete -c aspectgraph -f -n __aspectgraph_needs_command -a {name} "
@@ -190,7 +190,9 @@ def _fish_script(parser: argparse.ArgumentParser, cameras: Sequence[str]) -> str
 
 
 def _subparsers(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[Any]:
-    return next(one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
+    return next(
+        action for action in parser._actions if isinstance(action, argparse._SubParsersAction)
+    )
 
 
 def _fish_line(command: str, action: argparse.Action, cameras: Sequence[str]) -> str:

@@ -360,12 +360,12 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _command(commands: Any, name: str, what: str, usage: str) -> argparse.ArgumentParser:
+def _command(commands: Any, name: str, help_text: str, usage: str) -> argparse.ArgumentParser:
     """Add a command; `_finished` adds the options that all commands have."""
     parser: argparse.ArgumentParser = commands.add_parser(
         name,
-        help=what,
-        description=f"{what[0].upper()}{what[1:]}.",
+        help=help_text,
+        description=f"{help_text[0].upper()}{help_text[1:]}.",
         formatter_class=Help,
         allow_abbrev=False,
         add_help=False,
@@ -493,8 +493,8 @@ def _add_batch(commands: Any) -> None:
     batch.add_argument(
         "folder", metavar="FOLDER", help="folder with part files, also in its subfolders"
     )
-    what = batch.add_argument_group("what to measure")
-    which = what.add_mutually_exclusive_group()
+    group = batch.add_argument_group("what to measure")
+    which = group.add_mutually_exclusive_group()
     add_select(which, "entities for which the rule holds", "all sharp straight edges")
     which.add_argument("--all", action="store_true", help="all sharp straight edges, the default")
     add_asked(batch)

@@ -132,8 +132,8 @@ def read_lighting(options: Any) -> Lighting | None:
     check_contrast(options.contrast)
     check_step(options.grey_step)
     if options.together and options.light in (None, RING):
-        given = "no --light" if options.light is None else f"--light {options.light}"
-        raise RequestError(f"--together needs lamps by --light at, box or dome. Got {given}.")
+        option_text = "no --light" if options.light is None else f"--light {options.light}"
+        raise RequestError(f"--together needs lamps by --light at, box or dome. Got {option_text}.")
     lamps = _lamps(options.light)
     if lamps is None:
         return None
@@ -162,12 +162,12 @@ def _lamps(text: str | None) -> Any:
 
 
 def with_light(
-    found: InspectionPlan, solid: Solid, lighting: Lighting | None, progress: Progress | None
+    plan: InspectionPlan, solid: Solid, lighting: Lighting | None, progress: Progress | None
 ) -> InspectionPlan:
     """Return a plan with the lamps asked for, if it has none yet: the best one before an interruption has not."""
-    if lighting is None or found.light is not None:
-        return found
-    return replace(found, light=chosen_lamps(lighting, found, solid, progress))
+    if lighting is None or plan.light is not None:
+        return plan
+    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress))
 
 
 def _numbers(text: str, whole: str) -> list[float]:
@@ -282,7 +282,7 @@ def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -
 
 def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestError:
     """Return the error of a model without a dimension to plan; it counts those left out by their role."""
-    roles = Counter(one.role for one in stated if one.entities is not None)
+    roles = Counter(dimension.role for dimension in stated if dimension.entities is not None)
     texts = [
         f"{count(roles[role], f'{role} dimension')} {'is' if roles[role] == 1 else 'are'} left out: {advice}"
         for role, advice in _LEFT_OUT.items()
@@ -357,11 +357,11 @@ def localisation_text(options: Any, items: Mapping[str, Any]) -> str:
         faces = (
             f"The position of the part's faces has an error of {SURFACES_MM:g} mm (--surfaces-mm). "
         )
-        own = sum(bool(getattr(item, "surfaces_from", "")) for item in items.values())
-        if own:
+        n_stated = sum(bool(getattr(item, "surfaces_from", "")) for item in items.values())
+        if n_stated:
             faces += (
-                f"For {own} of {len(items)} dimensions, the error follows from flatness and profile tolerances of the "
-                "model. "
+                f"For {n_stated} of {len(items)} dimensions, the error follows from flatness and profile tolerances of "
+                "the model. "
             )
     return (
         "note: points in the image have errors of 0.1 px, and of 0.05 px that all points of an edge or rim share "
@@ -389,10 +389,10 @@ def read_localisation(text: str) -> Localisation:
         "fit": Localisation.fit,
     }
     try:
-        found: Localisation = makers[name](*numbers)
+        model: Localisation = makers[name](*numbers)
     except InvalidParameterError as error:
         raise RequestError(f"--localisation: {error}") from error
-    return found
+    return model
 
 
 # with --again, what else may be given
@@ -466,23 +466,25 @@ def read_job(options: argparse.Namespace) -> Job:
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
     solid = read_part(options)
-    wanted = read_request(options, solid)
+    targets = read_request(options, solid)
     box = workspace_of(options)
-    given = inspection_options(
+    plan_options = inspection_options(
         options,
         lamps=_lighting(options),
-        localisation=wanted.localisation,
+        localisation=targets.localisation,
         workspace=default_workspace(solid, camera) if box is None else box,
         cell=read_cell(options.cell),
     )
     promise = Promise(options.accuracy, options.probability, options.seed)
-    resolved = resolve_request(solid, wanted.items, camera, uncertainty, promise, given)
+    resolved = resolve_request(solid, targets.items, camera, uncertainty, promise, plan_options)
     if options.give_up is not None:
         # the usual effort depends on what is measured
-        given = replace(given, effort=resolved.request.effort.giving_up(options.give_up))
-        resolved = resolve_request(solid, wanted.items, camera, uncertainty, promise, given)
-    wanted = replace(wanted, entities=resolved.entities)
-    return Job(resolved.request, solid, wanted, given, options.part, reading_of(options))
+        plan_options = replace(
+            plan_options, effort=resolved.request.effort.giving_up(options.give_up)
+        )
+        resolved = resolve_request(solid, targets.items, camera, uncertainty, promise, plan_options)
+    targets = replace(targets, entities=resolved.entities)
+    return Job(resolved.request, solid, targets, plan_options, options.part, reading_of(options))
 
 
 def _lighting(options: argparse.Namespace) -> Lighting | None:
@@ -499,7 +501,7 @@ def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOp
     names = {field.name for field in fields(InspectionOptions)}
     same = {name: value for name, value in vars(options).items() if name in names}
     effort = getattr(options, "effort", None)
-    given = {
+    values = {
         "stand_off_mm": options.stand_off,
         "showing": Detectability(
             options.separation_px, options.surround_px, options.min_corner_deg
@@ -508,7 +510,7 @@ def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOp
         "workspace": None,
         "localisation": None,
     }
-    return InspectionOptions(**{**same, **given, **more})
+    return InspectionOptions(**{**same, **values, **more})
 
 
 def _job_again(options: argparse.Namespace) -> Job:
@@ -538,13 +540,13 @@ def _job_again(options: argparse.Namespace) -> Job:
     solid = _read(part, reading, options)
     check_same_part(solid, plan, part, hint="plan it from its options")
     items = {record.name: record.item_of(solid) for record in request.targets or ()}
-    given = replace(restored_options(request), cell=cell)
+    plan_options = replace(restored_options(request), cell=cell)
     promise = Promise(request.accuracy, request.probability, request.seed)
     resolved = resolve_request(
-        solid, items, request.camera, request.pose_uncertainty, promise, given
+        solid, items, request.camera, request.pose_uncertainty, promise, plan_options
     )
-    wanted = Wanted(items, resolved.entities, request.localisation)
-    return Job(resolved.request, solid, wanted, given, part, reading)
+    targets = Wanted(items, resolved.entities, request.localisation)
+    return Job(resolved.request, solid, targets, plan_options, part, reading)
 
 
 def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str = "") -> None:
@@ -582,9 +584,9 @@ def _part_again(
     """Return the part's file and how it is read: as given, or as the plan stores it."""
     source = stored.get(SOURCE)
     if options.part is not None:
-        kept = {} if source is None else {k: v for k, v in source.items() if k != "file"}
+        stored_reading = {} if source is None else {k: v for k, v in source.items() if k != "file"}
         typed = {name: value for name, value in reading_of(options).items() if value is not None}
-        return options.part, {**kept, **typed}
+        return options.part, {**stored_reading, **typed}
     if any(name in options.typed for name in _READING):
         raise RequestError("the part must be given with options that say how to read it. Got none.")
     if not isinstance(source, dict) or not isinstance(source.get("file"), str):
@@ -622,12 +624,12 @@ def read_part(options: argparse.Namespace) -> Solid:
 
 
 def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> Solid:
-    given = dict(reading)
-    occluders = given.pop("occluders", None)
+    arguments = dict(reading)
+    occluders = arguments.pop("occluders", None)
     if occluders:
-        given["solids"] = SolidChoice(given.get("solids"), occluders)
+        arguments["solids"] = SolidChoice(arguments.get("solids"), occluders)
     try:
-        return read_solid(part, limits=read_limits(options), **given)
+        return read_solid(part, limits=read_limits(options), **arguments)
     except AspectGraphError as error:
         if error.parameter == "path":
             missing = isinstance(error, PartFileNotFoundError)

@@ -76,7 +76,7 @@ _SEVERITY = (DONE, INCOMPLETE, NOT_REGISTERED, BAD_INPUT, INTERNAL)
 def measure(options: argparse.Namespace) -> int:
     """Measure a part in images of a plan's settings."""
     plan = read_plan(options.plan)
-    how = MeasureOptions(
+    measure_options = MeasureOptions(
         _registration(options),
         _localisation(options),
         coverage=options.coverage,
@@ -90,14 +90,14 @@ def measure(options: argparse.Namespace) -> int:
         if not options.force:
             _check_places(parts, solid)
         measurer = Measurer(plan, solid)
-        outcomes = [_measured(measurer, part, how, options) for part in parts]
+        outcomes = [_measured(measurer, part, measure_options, options) for part in parts]
     reasons = {
-        part.serial: one
-        for part, one in zip(parts, outcomes, strict=True)
-        if isinstance(one, _Reason)
+        part.serial: outcome
+        for part, outcome in zip(parts, outcomes, strict=True)
+        if isinstance(outcome, _Reason)
     }
     if options.json:
-        records = [one.to_dict() for one in outcomes]
+        records = [outcome.to_dict() for outcome in outcomes]
         print_json(records if options.parts else records[0])
     else:
         names = [name for name in FILES if options.qif or name != QIF]
@@ -108,7 +108,10 @@ def measure(options: argparse.Namespace) -> int:
     if reasons:
         count = f"{len(reasons)} of {len(parts)} parts"
         write_error(visible(f"aspectgraph: {count} not measured: {', '.join(reasons)}"))
-    codes = [one.code if isinstance(one, _Reason) else _code(one, options.exit) for one in outcomes]
+    codes = [
+        outcome.code if isinstance(outcome, _Reason) else _code(outcome, options.exit)
+        for outcome in outcomes
+    ]
     return max(codes, key=_SEVERITY.index)
 
 
@@ -125,7 +128,7 @@ class _Reason(NamedTuple):
 
 
 def _measured(
-    measurer: Measurer, part: _Images, how: MeasureOptions, options: argparse.Namespace
+    measurer: Measurer, part: _Images, measure_options: MeasureOptions, options: argparse.Namespace
 ) -> MeasurementResults | _Reason:
     """Measure a part, write and print its results; of many parts, what is wrong with one is its reason."""
     if options.parts and not options.json:
@@ -136,7 +139,7 @@ def _measured(
             raise RequestError.of_rule("images", "must be an existing folder", kind)
         results = measurer.measure(
             part.images,
-            how,
+            measure_options,
             serial=part.serial,
             partial=options.partial,
             allow_lossy=options.allow_lossy,
@@ -172,15 +175,15 @@ def _parts(options: argparse.Namespace, out: Path) -> list[_Images]:
     if options.serial is not None:
         raise RequestError.of_rule("serial", "must not be given with --parts", repr(options.serial))
     # other files may lie there; a link, pipe or device stands for a part
-    found = [
+    parts = [
         _Images(name_text(path.name), path, out / path.name)
         for path in sorted(folder.iterdir())
         if not path.is_file()
     ]
-    if not found:
+    if not parts:
         got = f"none in {str(folder)!r}"
         raise RequestError.of_rule("images", "must hold a folder for each part", got)
-    return found
+    return parts
 
 
 def _check_places(parts: list[_Images], solid: Solid) -> None:
@@ -213,10 +216,10 @@ def _write(results: MeasurementResults, folder: Path, with_qif: bool) -> None:
         write_text(staging / "report.html", measured_html(results))
 
 
-def _code(results: MeasurementResults, wanted: str) -> int:
+def _code(results: MeasurementResults, condition: str) -> int:
     if results.failed:
         return NOT_REGISTERED
-    fine = results.measured if wanted == "measured" else results.conforms
+    fine = results.measured if condition == "measured" else results.conforms
     return DONE if fine else INCOMPLETE
 
 

@@ -177,10 +177,10 @@ def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> s
     for mention in mentions:
         limit = _LIMIT.fullmatch(mention)
         name, _, value = (f"{limit[1]}=..." if limit else mention).partition("=")
-        known = as_typed(name, options)
-        if known != name:
+        option = as_typed(name, options)
+        if option != name:
             value = "" if value == "..." else value.strip("[]").replace(", ", ",")
-            text = text.replace(mention, f"{known} {value}".rstrip())
+            text = text.replace(mention, f"{option} {value}".rstrip())
     return text
 
 
@@ -306,23 +306,23 @@ def check_names(parser: argparse.ArgumentParser, words: Sequence[str]) -> set[st
         if len(word) < 2 or not word.startswith("-") or _NEGATIVE.match(word) or " " in word:
             continue
         is_of_command = place is not None and k > place
-        own = commands[words[place]] if place is not None and is_of_command else parser
-        name = _option(own, word)
+        owner = commands[words[place]] if place is not None and is_of_command else parser
+        name = _option(owner, word)
         if name is None:
-            raise UsageError(_unknown_option(own, word.partition("=")[0], commands))
+            raise UsageError(_unknown_option(owner, word.partition("=")[0], commands))
         typed |= name
     return typed
 
 
 def _option(parser: argparse.ArgumentParser, word: str) -> set[str] | None:
     """Return the long names of the options in a word; None if one is unknown."""
-    known = parser._option_string_actions
+    actions = parser._option_string_actions
     if word.startswith("--"):
-        action = known.get(word.partition("=")[0])
+        action = actions.get(word.partition("=")[0])
         return None if action is None else {_long_name(action)}
     names = set()
     for letter in word[1:]:
-        action = known.get(f"-{letter}")
+        action = actions.get(f"-{letter}")
         if action is None:
             return None
         names.add(_long_name(action))
@@ -340,7 +340,7 @@ def _unknown_option(
     parser: argparse.ArgumentParser, name: str, commands: Mapping[str, argparse.ArgumentParser]
 ) -> str:
     text = f"{parser.prog}: unknown option {name}"
-    owners = [key for key, one in commands.items() if name in one._option_string_actions]
+    owners = [key for key, command in commands.items() if name in command._option_string_actions]
     guess = nearest(name, parser._option_string_actions)
     if owners and not guess:
         text += f"; it is an option of {', '.join(owners)}"
@@ -430,19 +430,19 @@ def check_numbers(options: Any) -> None:
     RequestError
         If a number breaks its rule; names the option.
     """
-    given = vars(options)
-    for name, least in _COUNTS.items():
-        value = given.get(name)
+    values = vars(options)
+    for name, minimum in _COUNTS.items():
+        value = values.get(name)
         if value is None:
             continue
-        if value < least:
-            raise RequestError.of_rule(name, f"must be at least {least}", str(value))
-        most = _MOST_SEED if name == "seed" else _MOST
-        if value > most:
+        if value < minimum:
+            raise RequestError.of_rule(name, f"must be at least {minimum}", str(value))
+        maximum = _MOST_SEED if name == "seed" else _MOST
+        if value > maximum:
             got = f"a number of {len(str(value))} digits"
-            raise RequestError.of_rule(name, f"must be at most {most:g}", got)
+            raise RequestError.of_rule(name, f"must be at most {maximum:g}", got)
     for name, rule in _RULES.items():
-        value = given.get(name)
+        value = values.get(name)
         if value is None or rule.accepts(value):
             continue
         hint = f"write {value:g}%" if name in _PROMISES and 2 <= value < 100 else ""
@@ -463,23 +463,23 @@ def check_inputs(options: Any) -> None:
     CameraError, OutputError, RequestError
         Names the option.
     """
-    given = vars(options)
-    for name, value in given.items():
+    values = vars(options)
+    for name, value in values.items():
         if isinstance(value, str) and not value.strip():
             raise RequestError.of_rule(name, "must not be empty", repr(value))
-    _check_files(given)
-    if given.get("write") is not None:
-        _check_new_camera(given["write"])
-    if given.get("localisation") is not None:
-        localisation_words(given["localisation"])
-    _check_box("workspace", given.get("workspace"))
-    _check_box("within", given.get("within"), flat=True)
-    _check_optics(given)
-    _check_image(given)
-    for name, other in (("contrast", "lamps"), *((one, "light") for one in _OF_LIGHT)):
-        if f"--{name}" in given["typed"] and other in given and not given[other]:
+    _check_files(values)
+    if values.get("write") is not None:
+        _check_new_camera(values["write"])
+    if values.get("localisation") is not None:
+        localisation_words(values["localisation"])
+    _check_box("workspace", values.get("workspace"))
+    _check_box("within", values.get("within"), flat=True)
+    _check_optics(values)
+    _check_image(values)
+    for name, other in (("contrast", "lamps"), *((option, "light") for option in _OF_LIGHT)):
+        if f"--{name}" in values["typed"] and other in values and not values[other]:
             raise RequestError.of_rule(name, f"must be given with --{other}", "none")
-    camera = given.get("camera")
+    camera = values.get("camera")
     if camera is not None:
         # here, because it loads numpy
         ...  # joined
@@ -487,8 +487,8 @@ def check_inputs(options: Any) -> None:
         read_camera(camera)
     # last, because a file that can be written takes a second to check
     for name in ("picture", "graphml", "write"):
-        if given.get(name):
-            check_file_place(given[name], f"--{name}", _kind(name, given[name]))
+        if values.get(name):
+            check_file_place(values[name], f"--{name}", _kind(name, values[name]))
 
 
 def _kind(name: str, path: str) -> Kind | None:
@@ -498,36 +498,36 @@ def _kind(name: str, path: str) -> Kind | None:
     return GRAPHML if name == "graphml" else None
 
 
-def _check_files(given: Mapping[str, Any]) -> None:
+def _check_files(values: Mapping[str, Any]) -> None:
     """Refuse a part, a plan, a folder, and a file of what is measured, that is not there."""
-    part = given.get("part")
+    part = values.get("part")
     if part is not None and (Path(part).is_dir() or not Path(part).exists()):
         rule = "must be an existing file"
         raise RequestError.of_rule("part", rule, _place(part))
     for name in ("plan", "again"):
-        if given.get(name) is not None:
-            _check_plan(name, given[name])
-    cell = given.get("cell")
+        if values.get(name) is not None:
+            _check_plan(name, values[name])
+    cell = values.get("cell")
     if cell is not None and not Path(cell).is_file():
         raise RequestError.of_rule("cell", "must be an existing file", _place(cell))
-    images = given.get("images")
+    images = values.get("images")
     if images is not None and not Path(images).is_dir():
         raise RequestError.of_rule("images", "must be an existing folder", _place(images))
-    register = given.get("register")
+    register = values.get("register")
     if (
         register not in (None, "none", "edges")
         and not Path(register.removeprefix("edges+")).is_file()
     ):
         rule = "must be edges, none or name an existing file"
         raise RequestError.of_rule("register", rule, repr(register))
-    folder = given.get("folder")
+    folder = values.get("folder")
     if folder is not None and not Path(folder).is_dir():
         raise RequestError.of_rule("folder", "must be an existing folder", _place(folder))
-    entities = (given.get("entities") or "").strip()
+    entities = (values.get("entities") or "").strip()
     is_file = Path(entities).suffix.lower() in (".toml", ".json", ".csv")
     if is_file and not Path(entities).exists():
         raise RequestError.of_rule("entities", "must name an existing file", repr(entities))
-    dimensions = given.get("dimensions") or "all"
+    dimensions = values.get("dimensions") or "all"
     if dimensions.strip().lower() != "all" and not Path(dimensions).exists():
         rule = "must be 'all' or name an existing file"
         raise RequestError.of_rule("dimensions", rule, repr(dimensions))
@@ -570,21 +570,21 @@ def _check_box(name: str, numbers: Sequence[float] | None, *, flat: bool = False
         raise RequestError.of_rule(name, rule, str(corners))
 
 
-def _check_optics(given: Mapping[str, Any]) -> None:
+def _check_optics(values: Mapping[str, Any]) -> None:
     """Refuse bodies and working distances that `optics` cannot try."""
-    distances = given.get("distances")
-    if distances is not None and not all(0 < one < math.inf for one in distances):
+    distances = values.get("distances")
+    if distances is not None and not all(0 < distance < math.inf for distance in distances):
         rule = "must be finite and positive, at least one"
         raise RequestError.of_rule("distances", rule, repr(distances))
-    if given.get("body"):
+    if values.get("body"):
         # here, because it loads the catalogue
         from planner.camera.catalogue import check_bodies
 
-        check_bodies(given["body"])
+        check_bodies(values["body"])
 
 
-def _check_image(given: Mapping[str, Any]) -> None:
+def _check_image(values: Mapping[str, Any]) -> None:
     """Refuse an angle that no corner has."""
-    corner = given.get("min_corner_deg")
+    corner = values.get("min_corner_deg")
     if corner is not None and corner >= 90:
         raise RequestError.of_rule("min_corner_deg", "must be below 90", repr(corner))

@@ -124,10 +124,10 @@ class BestSoFar:
 
     def __call__(self, plan: InspectionPlan) -> None:
         """Take in one that is better."""
-        known = self.plan
+        previous = self.plan
         self.plan = plan
         # the last one may be the same with surer poses
-        if known is None or _line(known) != _line(plan):
+        if previous is None or _line(previous) != _line(plan):
             note(self._progress, incumbent_line(plan, self.seconds))
 
     @property
@@ -218,11 +218,11 @@ def _check_files(folder: Path, *, is_default: bool) -> None:
             raise OutputError(f"{_RULE} Got {folder / name} without its plan.json.")
     if not is_default or not folder.is_dir():
         return
-    own = (STATE_FILE, REGIONS_FOLDER)
+    state_names = (STATE_FILE, REGIONS_FOLDER)
     others = sorted(
         path.name
         for path in folder.iterdir()
-        if path.name not in own and not path.name.startswith(".")
+        if path.name not in state_names and not path.name.startswith(".")
     )
     if others:
         rule = _DEFAULT_RULE.format(name=folder.name)
@@ -365,7 +365,7 @@ def rank_optics(
     options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
 ) -> int:
     """Print bodies and lenses, ranked by how well they measure what is wanted; return the exit code."""
-    found = propose_optics(
+    proposals = propose_optics(
         solid,
         items,
         PoseUncertainty.isotropic(translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad),
@@ -378,27 +378,27 @@ def rank_optics(
     counts = [item.n_features for item in items.values() if isinstance(item, Dimension)]
     features = {"n": sum(counts), "not_planned": n_not_planned(counts)}
     if options.json:
-        shown = [one.to_dict() for one in found[: options.rows]]
+        shown = [proposal.to_dict() for proposal in proposals[: options.rows]]
         print_json([{**record, "features": features} if counts else record for record in shown])
     else:
-        print_table(OPTICS_COLUMNS, optics_rows(found, options.rows))
+        print_table(OPTICS_COLUMNS, optics_rows(proposals, options.rows))
         if features_text(counts):
             text = f"{features_text(counts)}; optics are ranked by one feature of each dimension"
             print_text(text)
     if options.write is not None:
-        _write_best(found, options.write, quiet=options.json)
-    return DONE if found and len(found[0].able) == len(items) else INCOMPLETE
+        _write_best(proposals, options.write, quiet=options.json)
+    return DONE if proposals and len(proposals[0].able) == len(items) else INCOMPLETE
 
 
-def _write_best(found: Sequence[OpticsProposal], path: str, *, quiet: bool) -> None:
+def _write_best(proposals: Sequence[OpticsProposal], path: str, *, quiet: bool) -> None:
     """Write the camera of the first row, unless it measures nothing."""
-    if not found or not found[0].able:
+    if not proposals or not proposals[0].able:
         text = (
             f"{path} was not written: no camera measures any target with the required probability"
         )
     else:
-        found[0].camera.write(path)
-        text = f"wrote {found[0].camera.name} to {path}; give it to plan as --camera {path}"
+        proposals[0].camera.write(path)
+        text = f"wrote {proposals[0].camera.name} to {path}; give it to plan as --camera {path}"
     if not quiet:
         print_text(words(text, [path]))
 
@@ -431,7 +431,7 @@ def print_arm(plan: InspectionPlan) -> None:
         return
     print()
     print_table(columns, rows)
-    names = list(dict.fromkeys(one.fixturing for one in plan.settings if one.fixturing))
+    names = list(dict.fromkeys(setting.fixturing for setting in plan.settings if setting.fixturing))
     print_text(f"{plan.cell['robot']} reaches all settings, with the part lying {listed(names)}.")
     unchecked = unchecked_text(plan.cell.get("bodiless_links", ()))
     if unchecked:
@@ -532,7 +532,7 @@ def dimensions(options: argparse.Namespace) -> int:
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
         )
     if options.json:
-        print_json([one.to_dict() for one in stated])
+        print_json([dimension.to_dict() for dimension in stated])
     else:
         terminal_tables.print_dimensions(stated)
     return DONE
@@ -592,9 +592,9 @@ def _print_planned(
     terminal_tables.print_written(files, path_text(leftovers.folder), report)
 
 
-def _print_left_out(wanted: Wanted) -> None:
+def _print_left_out(targets: Wanted) -> None:
     """Print what the model states and nothing can measure, with the reasons."""
-    for name, reason in wanted.left_out.items():
+    for name, reason in targets.left_out.items():
         print_text(words(f"{name} is not planned: {reason}", [name]))
 
 
@@ -661,7 +661,7 @@ def _searched(
         deadline=deadline.of_regions(),
     )
     try:
-        found = job.plan(
+        plan = job.plan(
             time_limit_s=deadline.seconds_left(SEARCH_SHARE),
             on_incumbent=best,
             space=space_of(request, regions),
@@ -670,8 +670,8 @@ def _searched(
             progress=progress,
         )
     except KeyboardInterrupt:
-        found = best.instead()
-    return found, regions
+        plan = best.instead()
+    return plan, regions
 
 
 def batch(options: argparse.Namespace) -> int:
@@ -745,22 +745,22 @@ def simulate(options: argparse.Namespace) -> int:
 def optics(options: argparse.Namespace) -> int:
     """Rank bodies and lenses of the catalogue by how well they measure what is wanted."""
     solid = read_part(options)
-    wanted = read_request(options, solid)
-    given = inspection_options(
-        options, workspace=workspace_of(options), localisation=wanted.localisation
+    targets = read_request(options, solid)
+    plan_options = inspection_options(
+        options, workspace=workspace_of(options), localisation=targets.localisation
     )
-    code = rank_optics(options, solid, wanted.items, given)
+    code = rank_optics(options, solid, targets.items, plan_options)
     if not options.json:
         _print_unit(options.part, options.units)
-        _print_left_out(wanted)
-        if text := localisation_text(options, wanted.items):
+        _print_left_out(targets)
+        if text := localisation_text(options, targets.items):
             print_text(text)
     return code
 
 
 def _print_unit(part: str, units: str | None) -> None:
-    if told := _unit_note(part, units):
-        print_text(f"note: {told}")
+    if text := _unit_note(part, units):
+        print_text(f"note: {text}")
 
 
 def _unit_note(part: str, units: str | None) -> str:

@@ -145,8 +145,8 @@ def write_fault(error: BaseException, words: list[str] | None = None) -> None:
     text = " ".join(f"{type(error).__name__}: {error}".split())
     shown = visible(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}...")
     advice = "Please report it with the command and its files"
-    how = advice if verbose else f"{advice}; --verbose shows its origin"
-    write_error(f"aspectgraph: the program has a fault. Got {shown}. {how}.")
+    ending = advice if verbose else f"{advice}; --verbose shows its origin"
+    write_error(f"aspectgraph: the program has a fault. Got {shown}. {ending}.")
 
 
 @contextmanager

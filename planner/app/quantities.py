@@ -25,14 +25,14 @@ class Quantity:
 
     Parameters
     ----------
-    what : str
+    form : str
         What it must be, for the error: it follows "must be".
     units : mapping of str to str or float
         How much each unit is; a number alone is taken as it is.
     """
 
-    def __init__(self, what: str, units: Mapping[str, str | float]) -> None:
-        self._what = what
+    def __init__(self, form: str, units: Mapping[str, str | float]) -> None:
+        self._what = form
         self._units = units
 
     def __call__(self, text: str) -> float:
@@ -140,12 +140,12 @@ def registration(text: str) -> RegistrationRecord | None:
         return RegistrationRecord(OWN_EDGES)
     try:
         length, angle = sigma_pair(text)
-        known = PoseUncertainty.isotropic(translation_mm=length, rotation_rad=angle)
+        uncertainty = PoseUncertainty.isotropic(translation_mm=length, rotation_rad=angle)
     except (argparse.ArgumentTypeError, PlannerError):
         raise argparse.ArgumentTypeError(
             f"must be edges, none, or a length and an angle like 0.02mm,0.1mrad. Got {text!r}."
         ) from None
-    return RegistrationRecord(GIVEN, None, known)
+    return RegistrationRecord(GIVEN, None, uncertainty)
 
 
 # no file has more solids; Python reads no number of more than some thousand digits

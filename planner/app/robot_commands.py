@@ -140,8 +140,8 @@ def _print_program(made: RobotProgram) -> None:
 def _row(tour: FixturedTour, stop: Stop, states_p: bool) -> tuple[str, ...]:
     degrees = np.round(np.degrees(stop.joints), 1) + 0.0
     turned = "" if tour.turntable is None else f"table {degrees[-1]:g}°: "
-    own = degrees if tour.turntable is None else degrees[:-1]
-    angles = turned + " ".join(f"{angle:.1f}" for angle in own)
+    joint_angles = degrees if tour.turntable is None else degrees[:-1]
+    angles = turned + " ".join(f"{angle:.1f}" for angle in joint_angles)
     row = (
         tour.fixturing,
         str(stop.setting_idx + 1),
@@ -178,20 +178,20 @@ def reach(options: argparse.Namespace) -> int:
     cell = Cell.from_toml(options.cell)
     if options.place:
         return _placed(options, plan, solid, cell)
-    told = cell.reachability(plan, solid)
+    reachability = cell.reachability(plan, solid)
     if options.json:
-        print_json(told.to_dict())
+        print_json(reachability.to_dict())
         for text in model_notes(cell):
             print(text, file=sys.stderr)
-        return DONE if told.complete else INCOMPLETE
-    _print_reached(told, cell)
+        return DONE if reachability.complete else INCOMPLETE
+    _print_reached(reachability, cell)
     note = part_note(plan, solid)
     if note:
         print_text(f"note: {note}")
     changed = cell.difference(plan.cell)
     if changed:
         print_text(f"note: the cell of the plan differs from the cell given, in {changed}")
-    if told.complete:
+    if reachability.complete:
         return DONE
     return _other_poses(options, plan, solid, cell)
 
@@ -221,39 +221,39 @@ def _other_poses(
 ) -> int:
     """Print which settings are reached from other poses, and write the plan with these where that is asked."""
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
-        found = with_reached_settings(plan, solid, cell, seed=options.seed, progress=progress)
-    if found.note:
-        print_text(f"no other poses were tried: {found.note}")
+        outcome = with_reached_settings(plan, solid, cell, seed=options.seed, progress=progress)
+    if outcome.note:
+        print_text(f"no other poses were tried: {outcome.note}")
         return INCOMPLETE
-    for k, one in found.replaced.items():
-        print_text(f"setting {k + 1} is reached from another pose that inspects the same: {one}")
-    for k in found.unreached:
+    for k, text in outcome.replaced.items():
+        print_text(f"setting {k + 1} is reached from another pose that inspects the same: {text}")
+    for k in outcome.unreached:
         print_text(f"setting {k + 1} is reached from no other pose that was tried")
     if options.plan_out is None:
-        if found.replaced:
+        if outcome.replaced:
             print_text("--plan-out FILE writes the plan with these poses")
         return INCOMPLETE
-    found.plan.write(options.plan_out)
+    outcome.plan.write(options.plan_out)
     print(visible(str(options.plan_out)))
-    return INCOMPLETE if found.unreached else DONE
+    return INCOMPLETE if outcome.unreached else DONE
 
 
-def _print_reached(told: Reachability, cell: Cell) -> None:
+def _print_reached(reachability: Reachability, cell: Cell) -> None:
     """Print a table of settings and fixturings, and what it says in words."""
-    columns = (Column("setting"), *(Column(name) for name in told.poses))
-    print_table(columns, told.rows())
-    reached = told.reached
-    parts = [f"{int(reached[:, k].sum())} in {name!r}" for k, name in enumerate(told.poses)]
+    columns = (Column("setting"), *(Column(name) for name in reachability.poses))
+    print_table(columns, reachability.rows())
+    reached = reachability.reached
+    parts = [f"{int(reached[:, k].sum())} in {name!r}" for k, name in enumerate(reachability.poses)]
     total = int(reached.any(axis=1).sum())
     print_text(
-        f"{total} of {len(told.settings)} settings reached: {', '.join(parts)}. "
+        f"{total} of {len(reachability.settings)} settings reached: {', '.join(parts)}. "
         f"Joints in degrees, by {cell.robot.name!r}."
     )
-    for name in told.poses:
-        reason = told.most_in_the_way(name)
-        if reason and not told.reached[:, list(told.poses).index(name)].any():
+    for name in reachability.poses:
+        reason = reachability.most_in_the_way(name)
+        if reason and not reachability.reached[:, list(reachability.poses).index(name)].any():
             print_text(f"{name!r} reaches nothing; most often: {reason}")
-    _print_first_flange(told, cell)
+    _print_first_flange(reachability, cell)
     if cell.pairs_left_out:
         pairs = ", ".join(" and ".join(pair) for pair in cell.pairs_left_out)
         print_text(f"not compared, because the arm is built so: {pairs}")
@@ -268,10 +268,10 @@ def model_notes(cell: Cell) -> list[str]:
     return [*warnings, *(f"note: {text}" for text in (*cell.robot.notes, *cell.near_by_mount))]
 
 
-def _print_first_flange(told: Reachability, cell: Cell) -> None:
+def _print_first_flange(reachability: Reachability, cell: Cell) -> None:
     """Print the pose of the flange in the first setting that is reached, to compare with the pendant."""
-    for number, setting in enumerate(told.settings):
-        for name, poses in told.poses.items():
+    for number, setting in enumerate(reachability.settings):
+        for name, poses in reachability.poses.items():
             if poses[number].reached:
                 place = cell.robot.forward(poses[number].joints[0])[:3, 3]
                 shown = " ".join(f"{x:.1f}" for x in place)
@@ -286,14 +286,14 @@ def _placed(options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cel
     """Print positions of the part."""
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         search = PlacementSearch(plan, solid, cell, _ranges(options.within, cell))
-        found = search.run(options.draws, options.seed, progress)
+        placements = search.run(options.draws, options.seed, progress)
     if options.json:
-        print_json([one.to_dict() for one in found])
+        print_json([placement.to_dict() for placement in placements])
     else:
-        _print_places(found, len(plan.settings), cell, options.cell)
-    if options.cell_out is not None and found:
-        _write_cell(options, found[0])
-    return DONE if found and found[0].n_reached == len(plan.settings) else INCOMPLETE
+        _print_places(placements, len(plan.settings), cell, options.cell)
+    if options.cell_out is not None and placements:
+        _write_cell(options, placements[0])
+    return DONE if placements and placements[0].n_reached == len(plan.settings) else INCOMPLETE
 
 
 def _write_cell(options: argparse.Namespace, best: Placement) -> None:
@@ -310,9 +310,9 @@ def _write_cell(options: argparse.Namespace, best: Placement) -> None:
         print(visible(str(out)))
 
 
-def _print_places(found: tuple[Placement, ...], count: int, cell: Cell, file: str) -> None:
+def _print_places(placements: tuple[Placement, ...], count: int, cell: Cell, file: str) -> None:
     """Print the best places, and the first as lines of a cell file, with everything that moved."""
-    if not found:
+    if not placements:
         print_text(
             "no position was found: each puts the part or its fixture through something, or home is not free"
         )
@@ -326,19 +326,21 @@ def _print_places(found: tuple[Placement, ...], count: int, cell: Cell, file: st
     )
     rows = [
         (
-            " ".join(f"{x:.0f}" for x in one.centre_mm),
-            f"{one.turn_deg:.0f}°",
-            f"{one.n_reached} of {count}",
-            f"{one.singular_value:.2f}",
-            f"{np.degrees(one.to_limit_rad):.0f}°",
+            " ".join(f"{x:.0f}" for x in placement.centre_mm),
+            f"{placement.turn_deg:.0f}°",
+            f"{placement.n_reached} of {count}",
+            f"{placement.singular_value:.2f}",
+            f"{np.degrees(placement.to_limit_rad):.0f}°",
         )
-        for one in found[:_ROWS]
+        for placement in placements[:_ROWS]
     ]
     print_table(columns, rows)
     for text in model_notes(cell):
         print_text(text)
     moving = dict.fromkeys(
-        body for one in found[0].fixturings.values() for body in (*one.obstacles, *one.turning)
+        body
+        for fixturing in placements[0].fixturings.values()
+        for body in (*fixturing.obstacles, *fixturing.turning)
     )
     if moving:
         staying = ", ".join(cell.obstacles)
@@ -347,7 +349,7 @@ def _print_places(found: tuple[Placement, ...], count: int, cell: Cell, file: st
             + (f"; left where they are: {staying}" if staying else "")
         )
     print_text("the fixturings of the first position, for the cell file:")
-    content = moved_cell(file, found[0].motion, Path(file).parent)
+    content = moved_cell(file, placements[0].motion, Path(file).parent)
     for line in toml_lines({"fixturings": content["fixturings"]}, digits=6):
         print(line)
 

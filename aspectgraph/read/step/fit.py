@@ -126,16 +126,16 @@ def check_fit(
             permitted = (
                 max(stated, _RELATIVE_HARMLESS[kind] * diagonal_mm) if gap_mm is None else gap_mm
             )
-            where = f"{_WHERE[kind]} at {describe_point(place)} of solid {solid}"
+            place_text = f"{_WHERE[kind]} at {describe_point(place)} of solid {solid}"
             if not gap <= permitted:
                 argument = f"gap_mm={permitted:.3g}"
                 raise ReadError.of_rule(
                     "",
                     f"the vertices, edges and faces of a STEP file must meet within {argument} mm",
-                    f"a gap of {gap:.3g} mm {where} of {name}",
+                    f"a gap of {gap:.3g} mm {place_text} of {name}",
                     hint="allow more with gap_mm=..., and look at the result",
                     mentions=(argument, "gap_mm=..."),
                 )
             if gap > max(stated, RELATIVE_PLANARITY * diagonal_mm, widest[0]):
-                widest = gap, f"a gap of {gap:.3g} mm {where}; the file states {stated:.3g} mm"
+                widest = gap, f"a gap of {gap:.3g} mm {place_text}; the file states {stated:.3g} mm"
     return [widest[1]] if widest[1] else []

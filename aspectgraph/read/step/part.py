@@ -71,21 +71,21 @@ class StepPart:
         self, solids: list[int], measured: list[int], name: str
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Make chosen solids that touch one body, and remember what became of the edges of those to measure."""
-        found = merge_touching(
+        bodies = merge_touching(
             self.shapes,
             self.solids,
             name,
             lambda done: self.report(done, len(self.shapes), "merge solids in contact"),
         )
-        self.bodies = found.shapes
+        self.bodies = bodies.shapes
         if len(measured) < len(solids):
             self.measured = edge_map(
                 e
                 for k, number in enumerate(self.solids)
                 if number in measured
-                for e in found.edges[k]
+                for e in bodies.edges[k]
             )
-        return {"merged": [[self.solids[k] for k in group] for group in found.merged]}, {}
+        return {"merged": [[self.solids[k] for k in group] for group in bodies.merged]}, {}
 
     def tessellate(
         self, chord_mm: float, angle_rad: float, merged: bool = True
@@ -120,9 +120,9 @@ class StepPart:
         data = Path(path).read_bytes()
         entities = parse_entities(data)
         texts = parse_texts(data, entities, WITH_TEXTS | SIZES | LOCATIONS)
-        found, surfaces = read_semantic_dimensions(Path(path), name, entities, texts)
+        rows, surfaces = read_semantic_dimensions(Path(path), name, entities, texts)
         return {
-            "found": found,
+            "found": rows,
             "surfaces": surfaces,
             "stated": [asdict(stated) for stated in list_dimensions(entities, texts)],
         }, {}

@@ -136,14 +136,14 @@ def _parts_of_aspects(entities: dict[int, StepEntity]) -> dict[int, list[int]]:
 def _below(start: int, items: dict[int, list[int]], parts: dict[int, list[int]]) -> Iterator[int]:
     """Go through the items of an aspect; those of its parts, of their parts and so on if it has none itself."""
     front = [start]
-    known = {start}
+    aspects = {start}
     while front:
         aspect = front.pop(0)
         if aspect in items:
             yield from items[aspect]
             continue
-        new = [part for part in parts.get(aspect, ()) if part not in known]
-        known.update(new)
+        new = [part for part in parts.get(aspect, ()) if part not in aspects]
+        aspects.update(new)
         front += new
 
 
@@ -220,12 +220,12 @@ class AttachedShapes:
         sides : list of list of TopoDS_Shape
             The kernel's two sides, as in the part.
         """
-        known = [{self._number(shape) for shape in side} - {None} for side in sides]
+        item_numbers = [{self._number(shape) for shape in side} - {None} for side in sides]
         for k in range(self._next_text, len(self._texts)):
             stated, items = self._texts[k]
-            if self._fits(values, known, stated, items):
+            if self._fits(values, item_numbers, stated, items):
                 self._next_text = k + 1
-                return self._with_items(sides, known, k)
+                return self._with_items(sides, item_numbers, k)
         return Completed(sides)
 
     def of_text(self, text: int) -> Completed:
@@ -257,14 +257,14 @@ class AttachedShapes:
         return f"it is attached to {kind} #{items[0]}, no face"
 
     def _with_items(
-        self, sides: list[list[Any]], known: list[set[int | None]], text: int
+        self, sides: list[list[Any]], item_numbers: list[set[int | None]], text: int
     ) -> Completed:
         items = self._texts[text][1]
         whole = [list(side) for side in sides]
         unread = [0, 0]
         for k, side in enumerate(items):
             for item in side:
-                if item in known[k] or self._is_whole_of(item, known[k]):
+                if item in item_numbers[k] or self._is_whole_of(item, item_numbers[k]):
                     continue
                 shapes = self.made_from(item)
                 whole[k] += shapes
@@ -274,7 +274,7 @@ class AttachedShapes:
     def _fits(
         self,
         values: Sequence[float] | None,
-        known: list[set[int | None]],
+        item_numbers: list[set[int | None]],
         stated: Sequence[float],
         items: list[list[int]],
     ) -> bool:
@@ -282,8 +282,8 @@ class AttachedShapes:
         if values and stated and not any(_same(a, b) for a in values for b in stated):
             return False
         named = {item for side in items for item in side}
-        rest = (known[0] | known[1]) - named
-        return not rest or rest <= {
+        strangers = (item_numbers[0] | item_numbers[1]) - named
+        return not strangers or strangers <= {
             part for item in named if self._is_group(item) for part in self._below(item)
         }
 
@@ -293,9 +293,9 @@ class AttachedShapes:
     def _below(self, item: int) -> set[int]:
         return reachable(self._entities, item)
 
-    def _is_whole_of(self, item: int, known: set[int | None]) -> bool:
+    def _is_whole_of(self, item: int, item_numbers: set[int | None]) -> bool:
         """Return whether an item is a shell or the like, of which the kernel has the faces."""
-        return self._is_group(item) and not known.isdisjoint(self._below(item))
+        return self._is_group(item) and not item_numbers.isdisjoint(self._below(item))
 
     def _number(self, shape: Any) -> int | None:
         """Return the number of the entity that a shape was made from."""
@@ -322,18 +322,18 @@ class AttachedShapes:
         if kind != TopAbs_ShapeEnum.TopAbs_VERTEX:
             shapes += explore(self._assembly, kind, outside=TopAbs_ShapeEnum.TopAbs_SOLID)
         met = ShapeMap()
-        found: dict[int, list[Any]] = {}
+        by_number: dict[int, list[Any]] = {}
         for shape in shapes:
             n_before = met.Extent()
             met.Add(unplaced(shape))
             number = self._number(shape) if met.Extent() > n_before else None
             if number is not None:
-                found.setdefault(number, []).append(shape)
-        return found
+                by_number.setdefault(number, []).append(shape)
+        return by_number
 
 
-def _same(one: float, other: float) -> bool:
-    return abs(abs(one) - abs(other)) <= _SAME * max(abs(one), 1.0)
+def _same(value: float, other: float) -> bool:
+    return abs(abs(value) - abs(other)) <= _SAME * max(abs(value), 1.0)
 
 
 # Where the instances of a part are: from a face of a part to the face of each of its solids in
@@ -419,28 +419,30 @@ class Instances:
         AmbiguousInstanceError
             A shape is in no solid, or shapes lie in parts of which the file does not say which belong together.
         """
-        found = [list(self._occurrences(shape)) for shape in shapes]
-        if not all(found):
+        occurrences = [list(self._occurrences(shape)) for shape in shapes]
+        if not all(occurrences):
             if self._any_is_placed:
                 raise AmbiguousInstanceError(_LOOSE)
             # auxiliary geometry is where it is stated, as all parts are
             loose = [Occurrence((), None, shape) for shape in shapes]
-            found = [row or [one] for row, one in zip(found, loose, strict=True)]
-        return _together(found, 0)
+            occurrences = [
+                row or [occurrence] for row, occurrence in zip(occurrences, loose, strict=True)
+            ]
+        return _together(occurrences, 0)
 
     def _index(self, part: Any) -> None:
         """Remember where the faces, edges and vertices of a part are, once for each part."""
         if self._parts.FindIndex(part):
             return
         self._parts.Add(part)
-        known = ShapeMap()
+        index = ShapeMap()
         content: dict[int, list[Any]] = {}
         for kind in _KINDS:
             for shape in explore(part, kind):
-                places = content.setdefault(known.Add(unplaced(shape)), [])
+                places = content.setdefault(index.Add(unplaced(shape)), [])
                 if not any(shape.IsSame(other) for other in places):
                     places.append(shape)
-        self._known.append(known)
+        self._known.append(index)
         self._contents.append(content)
 
     def _occurrences(self, shape: Any) -> Iterator[Occurrence]:
@@ -473,21 +475,29 @@ def _placed_solids(shape: Any, path: tuple[int, ...] = ()) -> Iterator[tuple[tup
         children.Next()
 
 
-def _together(found: Sequence[Sequence[Occurrence]], depth: int) -> list[list[Occurrence]]:
+def _together(occurrences: Sequence[Sequence[Occurrence]], depth: int) -> list[list[Occurrence]]:
     """Return the occurrences that belong together: of every shape one, below the lowest node that holds all of them."""
     places = sorted(
-        {one.path[depth] for places in found for one in places if len(one.path) > depth}
+        {
+            occurrence.path[depth]
+            for places in occurrences
+            for occurrence in places
+            if len(occurrence.path) > depth
+        }
     )
     below = [
-        [[one for one in row if one.path[depth : depth + 1] == (place,)] for row in found]
+        [
+            [occurrence for occurrence in row if occurrence.path[depth : depth + 1] == (place,)]
+            for row in occurrences
+        ]
         for place in places
     ]
     whole = [rows for rows in below if all(rows)]
     if whole:
         return [instance for rows in whole for instance in _together(rows, depth + 1)]
-    if all(len(row) == 1 for row in found):
-        return [[row[0] for row in found]]
-    counts = sorted({len(row) for row in found})
+    if all(len(row) == 1 for row in occurrences):
+        return [[row[0] for row in occurrences]]
+    counts = sorted({len(row) for row in occurrences})
     raise AmbiguousInstanceError(
         f"it is attached to parts that are there {' and '.join(map(str, counts))} times, "
         "and the file does not say which of them belong together"
@@ -549,7 +559,7 @@ def list_surface_tolerances(entities: dict[int, StepEntity]) -> list[SurfaceTole
         See `text.parse_entities`.
     """
     below = list_items_below(entities)
-    found = []
+    tolerances = []
     for entity in entities.values():
         kinds = entity.kinds
         words = [word for kind, word in _TOLERANCES.items() if kind in kinds]
@@ -558,8 +568,8 @@ def list_surface_tolerances(entities: dict[int, StepEntity]) -> list[SurfaceTole
         width = _width_mm(entities, entity)
         items = tuple(item for aspect in _aspect(entity) for item in below(aspect))
         if width is not None and items:
-            found.append(SurfaceTolerance(words[0], width, _WITH_DATUMS in kinds, items))
-    return found
+            tolerances.append(SurfaceTolerance(words[0], width, _WITH_DATUMS in kinds, items))
+    return tolerances
 
 
 def list_datum_items(entities: dict[int, StepEntity]) -> set[int]:
@@ -600,7 +610,9 @@ def place_surface_tolerances(
                     occurrences = instances.of([shape])
                 except AmbiguousInstanceError:
                     continue
-                yield from ((row, one.shape) for instance in occurrences for one in instance)
+                yield from (
+                    (row, occurrence.shape) for instance in occurrences for occurrence in instance
+                )
 
 
 def _width_mm(entities: dict[int, StepEntity], entity: StepEntity) -> float | None:
@@ -617,15 +629,15 @@ def _width_mm(entities: dict[int, StepEntity], entity: StepEntity) -> float | No
     return 2.0 * max(abs(moved), abs(width - moved), 0.5 * width + abs(moved))
 
 
-def _first_measure(entities: dict[int, StepEntity], found: re.Match[str] | None) -> float | None:
-    number = int(found[1]) if found else 0
+def _first_measure(entities: dict[int, StepEntity], match: re.Match[str] | None) -> float | None:
+    number = int(match[1]) if match else 0
     return read_measure(entities, number)
 
 
 def _aspect(entity: StepEntity) -> list[int]:
     """Return the number of what has a tolerance, if there is one."""
-    found = _HEAD.search(entity.text) or _START.search(entity.text)
-    return [int(found[2])] if found else []
+    match = _HEAD.search(entity.text) or _START.search(entity.text)
+    return [int(match[2])] if match else []
 
 
 CANONICAL_MM = 1e-3
@@ -745,18 +757,18 @@ def _stated(tool: Any, label: Any) -> tuple[dict[str, Any], list[list[Any]]]:
 
 
 def _with_left_out(
-    found: list[tuple[dict[str, Any], Completed]],
+    dimensions: list[tuple[dict[str, Any], Completed]],
     texts: list[StatedDimension],
     words: list[tuple[str, str]],
     attached: AttachedShapes,
 ) -> list[tuple[dict[str, Any], Completed]]:
     """Return the kernel's dimensions with those that only the text has, in the order of the file."""
-    known = {shapes.text for _, shapes in found}
+    text_numbers = {shapes.text for _, shapes in dimensions}
     # each of the kernel's dimensions without a text may be one of those
-    unknown = [row["values"] or [] for row, shapes in found if shapes.text is None]
-    whole = list(found)
+    unknown = [row["values"] or [] for row, shapes in dimensions if shapes.text is None]
+    whole = list(dimensions)
     for k, (stated, (kind, word)) in enumerate(zip(texts, words, strict=True)):
-        if k in known:
+        if k in text_numbers:
             continue
         row = _row_of_text(stated, kind, word)
         same = next((v for v in unknown if _shared(v, row["values"] or [])), None)
@@ -811,19 +823,19 @@ def _placed(sides: list[list[Any]], instances: Instances) -> dict[str, Any]:
     if not shapes:
         return {"instances": [], "unresolved": ""}
     try:
-        found = instances.of(shapes)
+        placements = instances.of(shapes)
     except AmbiguousInstanceError as error:
         return {"instances": [], "unresolved": str(error)}
     return {
         "instances": [
             {
-                "solids": sorted({one.solid for one in instance if one.solid is not None}),
+                "solids": sorted({place.solid for place in instance if place.solid is not None}),
                 "sides": [
                     [describe(occurrence.shape) for occurrence in side]
                     for side in (instance[:n_first], instance[n_first:])
                 ],
             }
-            for instance in found
+            for instance in placements
         ],
         "unresolved": "",
     }

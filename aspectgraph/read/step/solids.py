@@ -56,12 +56,12 @@ def explore(
     shape: Any, kind: TopAbs_ShapeEnum, outside: TopAbs_ShapeEnum = TopAbs_ShapeEnum.TopAbs_SHAPE
 ) -> list[Any]:
     """Return the sub-shapes of a kind that are in none of the kind `outside`, in file order, once for each use."""
-    found = []
+    shapes = []
     explorer = TopExp_Explorer(shape, kind, outside)
     while explorer.More():
-        found.append(explorer.Current())
+        shapes.append(explorer.Current())
         explorer.Next()
-    return found
+    return shapes
 
 
 def unplaced(shape: Any) -> Any:
@@ -181,18 +181,18 @@ def load_solids(path: Path, name: str) -> Inventory:
         raise ReadError(
             f"a STEP file must hold at least one closed solid. Got {name} without any shape."
         )
-    found = number_solids(reader, shape, numbers)
-    if not found and not damage.of_solids:
+    solids = number_solids(reader, shape, numbers)
+    if not solids and not damage.of_solids:
         n = len(explore(shape, TopAbs_ShapeEnum.TopAbs_FACE))
         raise ReadError(
             f"a STEP file must hold at least one closed solid. Got {name} with {n} loose faces only."
         )
     check_nothing_loose(
-        damage, [number for _, number in found if number not in listed], entities, name
+        damage, [number for _, number in solids if number not in listed], entities, name
     )
     slots = [
         _slot(solid, listed.get(number), damage.of_solids.get(number, ""))
-        for solid, number in in_file_order(found, listed, name)
+        for solid, number in in_file_order(solids, listed, name)
     ]
     return Inventory(slots, _left_out(shape, len(loose)) + damage.notes(entities))
 
@@ -203,11 +203,11 @@ def _tessellation_mode(entities: dict[int, StepEntity], name: str) -> str:
     It builds a solid again for every tessellated one that draws it.
     """
     linked = linked_facets(entities)
-    own = {n for n, entity in entities.items() if entity.kind in TESSELLATED_SOLIDS} - linked
-    if linked and own:
+    own_solids = {n for n, entity in entities.items() if entity.kind in TESSELLATED_SOLIDS} - linked
+    if linked and own_solids:
         raise ReadError(
             "the tessellated solids of a STEP file must all draw other solids of it, or none. "
-            f"Got {name}, where #{min(linked)} does and #{min(own)} does not."
+            f"Got {name}, where #{min(linked)} does and #{min(own_solids)} does not."
         )
     return "Off" if linked else "On"
 
@@ -288,12 +288,12 @@ def number_solids(reader: Any, shape: Any, numbers: dict[Any, int]) -> list[tupl
     ]
 
 
-def in_file_order(found: list[Any], listed: dict[int, ListedSolid], name: str) -> list[Any]:
+def in_file_order(solids: list[Any], listed: dict[int, ListedSolid], name: str) -> list[Any]:
     """Return the solids with their numbers; those that were not built stand where the file lists them, with None.
 
     Parameters
     ----------
-    found : list of tuple
+    solids : list of tuple
         See `number_solids`.
     listed : dict of int to ListedSolid
         The solids that the file lists, by number.
@@ -305,17 +305,17 @@ def in_file_order(found: list[Any], listed: dict[int, ListedSolid], name: str) -
     ReadError
         A solid of an assembly was not built.
     """
-    built = [number for _, number in found]
+    built = [number for _, number in solids]
     missing = [number for number in listed if number not in built]
     if not missing:
-        return found
+        return solids
     if [number for number in listed if number in built] != built:
         # their places among the parts of an assembly, and with them the numbers of the others, are not known
         raise ReadError(
             f"every solid of a STEP file must be built. Got {name}, of which OCCT leaves out #{missing[0]} "
             f"({len(missing)} such)."
         )
-    shapes = dict(zip(built, (solid for solid, _ in found), strict=True))
+    shapes = dict(zip(built, (solid for solid, _ in solids), strict=True))
     return [(shapes.get(number), number) for number in listed]
 
 
@@ -356,11 +356,11 @@ def _compare(shape: Any, listed: ListedSolid) -> str:
 
 def _farthest(expected: np.ndarray, points: np.ndarray) -> tuple[float, np.ndarray]:
     """Return the expected point that is farthest from all others, and how far that is."""
-    known = set(map(tuple, points.tolist()))
-    rest = [p for p in expected.tolist() if tuple(p) not in known]
+    point_set = set(map(tuple, points.tolist()))
+    candidates = [p for p in expected.tolist() if tuple(p) not in point_set]
     worst = 0.0
     place = np.zeros(3)
-    for point in rest:
+    for point in candidates:
         distance = (
             float(np.sqrt(((points - point) ** 2).sum(axis=1).min())) if len(points) else math.inf
         )
@@ -462,17 +462,17 @@ def merge_touching(
         [], {k: explore(shape, TopAbs_ShapeEnum.TopAbs_EDGE) for k, shape in enumerate(shapes)}
     )
     for group in _near(shapes):
-        found = (
+        result = (
             _merged([shapes[k] for k in group], [numbers[k] for k in group], name)
             if len(group) > 1
             else None
         )
-        if found is None:
+        if result is None:
             bodies.shapes.extend(shapes[k] for k in group)
             n_done += len(group)
             report(n_done)
             continue
-        solids, builder = found
+        solids, builder = result
         bodies.shapes.extend(solids)
         bodies.merged.append(group)
         for k in group:
@@ -503,8 +503,10 @@ def _near(shapes: Sequence[Any]) -> list[list[int]]:
         for k in range(i):
             if label[i] != label[k] and not boxes[i].IsOut(boxes[k]):
                 low, high = sorted((label[i], label[k]))
-                label = [low if one == high else one for one in label]
-    return [[k for k, one in enumerate(label) if one == group] for group in sorted(set(label))]
+                label = [low if number == high else number for number in label]
+    return [
+        [k for k, number in enumerate(label) if number == group] for group in sorted(set(label))
+    ]
 
 
 def _merged(
@@ -532,15 +534,15 @@ def _check_apart(builder: Any, shapes: Sequence[Any], numbers: Sequence[int], na
     owner = ShapeMap()
     owners: list[int] = []
     for shape, number in zip(shapes, numbers, strict=True):
-        wanted = ShapeList()
+        members = ShapeList()
         avoided = ShapeList()
-        wanted.Append(shape)
-        builder.AddToResult(wanted, avoided, 0, False)
+        members.Append(shape)
+        builder.AddToResult(members, avoided, 0, False)
         for cell in explore(builder.Shape(), TopAbs_ShapeEnum.TopAbs_SOLID):
-            known = owner.FindIndex(cell)
-            if known:
+            position = owner.FindIndex(cell)
+            if position:
                 raise SelfIntersectionError(
-                    f"solids must not overlap. Got solids {owners[known - 1]} and {number} of {name}, which do."
+                    f"solids must not overlap. Got solids {owners[position - 1]} and {number} of {name}, which do."
                 )
             owner.Add(cell)
             owners.append(number)

@@ -133,43 +133,43 @@ def list_words(
     texts : mapping
         Those of the dimensions, see `text.parse_texts`.
     """
-    found = []
+    rows = []
     for number, entity in entities.items():
         kinds = (SIZES | LOCATIONS) & entity.kinds
         if kinds:
             words = texts.get(number, ())
             # a size of a datum feature has the name and the description of the feature before its own word
             place = slice(0, 1) if LOCATIONS & kinds else slice(-1, None)
-            found.append((min(kinds, key=len), "".join(words[place])))
-    return found
+            rows.append((min(kinds, key=len), "".join(words[place])))
+    return rows
 
 
 def _notes(
     entities: dict[int, StepEntity], texts: Mapping[int, tuple[str, ...]]
 ) -> dict[int, list[str]]:
     """Return the texts in the representation of each dimension, by its number; roles in small letters."""
-    found: dict[int, list[str]] = {}
+    by_dimension: dict[int, list[str]] = {}
     for dimension, items in _items_of_dimensions(entities):
         for item in items:
             if "DESCRIPTIVE_REPRESENTATION_ITEM" in getattr(entities.get(item), "kinds", ()):
                 stripped = [text.strip() for text in texts.get(item, ())]
                 notes = [text.lower() if text.lower() in _ROLES else text for text in stripped]
-                found.setdefault(dimension, []).extend(note for note in notes if note)
-    return found
+                by_dimension.setdefault(dimension, []).extend(note for note in notes if note)
+    return by_dimension
 
 
 def _classes(
     entities: dict[int, StepEntity], texts: Mapping[int, tuple[str, ...]]
 ) -> dict[int, str]:
     """Return the tolerance class stated for each dimension, by its number."""
-    found: dict[int, str] = {}
+    by_dimension: dict[int, str] = {}
     for entity in entities.values():
         if entity.kind != "PLUS_MINUS_TOLERANCE" or len(entity.references) != 2:
             continue
         fits, dimension = entity.references
         if fits in entities and entities[fits].kind == "LIMITS_AND_FITS":
-            found[dimension] = _class_text(texts.get(fits, ()))
-    return found
+            by_dimension[dimension] = _class_text(texts.get(fits, ()))
+    return by_dimension
 
 
 def _class_text(texts: tuple[str, ...]) -> str:
@@ -205,11 +205,11 @@ def _is_of_occurrence(entities: dict[int, StepEntity], dimension: StepEntity) ->
 
 def _values(entities: dict[int, StepEntity]) -> dict[int, tuple[float, ...]]:
     """Return the values stated for each dimension, by its number."""
-    found: dict[int, tuple[float, ...]] = {}
+    by_dimension: dict[int, tuple[float, ...]] = {}
     for dimension, items in _items_of_dimensions(entities):
         measured = [read_measure(entities, item) for item in items]
-        found.setdefault(dimension, tuple(value for value in measured if value is not None))
-    return found
+        by_dimension.setdefault(dimension, tuple(value for value in measured if value is not None))
+    return by_dimension
 
 
 def _items_of_dimensions(entities: dict[int, StepEntity]) -> Iterator[tuple[int, list[int]]]:
@@ -228,7 +228,7 @@ def _items_of_dimensions(entities: dict[int, StepEntity]) -> Iterator[tuple[int,
 
 def _bounds(entities: dict[int, StepEntity]) -> dict[int, tuple[float, float]]:
     """Return the bounds of the deviation stated for each dimension, by its number."""
-    found: dict[int, tuple[float, float]] = {}
+    by_dimension: dict[int, tuple[float, float]] = {}
     for entity in entities.values():
         if entity.kind != "PLUS_MINUS_TOLERANCE" or len(entity.references) != 2:
             continue
@@ -236,8 +236,8 @@ def _bounds(entities: dict[int, StepEntity]) -> dict[int, tuple[float, float]]:
         if limits in entities and entities[limits].kind == "TOLERANCE_VALUE":
             pair = [read_measure(entities, number) for number in entities[limits].references]
             if len(pair) == 2 and pair[0] is not None and pair[1] is not None:
-                found[dimension] = (pair[0], pair[1])
-    return found
+                by_dimension[dimension] = (pair[0], pair[1])
+    return by_dimension
 
 
 def read_measure(entities: dict[int, StepEntity], number: int) -> float | None:

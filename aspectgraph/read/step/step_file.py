@@ -146,15 +146,15 @@ def _merge(
     after = _tessellate(kernel, chord_mm, angle_deg)
     # facets leave a curved face by the chord tolerance, before and after; flat ones do not
     allowed = 2.0 * chord_mm * sum(_curved_area(part) for part in (*before, *after))
-    volume, kept = (
+    volume, merged_volume = (
         sum(signed_volume(part.vertices, part.triangles) for part in parts)
         for parts in (before, after)
     )
-    if not abs(kept - volume) <= max(allowed, RELATIVE_VOLUME * volume):
+    if not abs(merged_volume - volume) <= max(allowed, RELATIVE_VOLUME * volume):
         raise ReadError.of_rule(
             "",
             "solids in contact must keep their volume when they become one body",
-            f"{kept:.9g} of {volume:.9g} mm³ for {_listed(chosen)} of {kernel.name}",
+            f"{merged_volume:.9g} of {volume:.9g} mm³ for {_listed(chosen)} of {kernel.name}",
             **_choosing("read some of them with, for instance,", chosen[:1]),
         )
     bodies = [_listed(sorted(group)) for group in answer["merged"]]
@@ -277,15 +277,15 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
     )
 
 
-def _select(damage: list[str], wanted: SolidChoice, name: str) -> tuple[list[int], list[int]]:
+def _select(damage: list[str], choice: SolidChoice, name: str) -> tuple[list[int], list[int]]:
     """Return the solids to read, and which of them to measure; a damaged one among them is refused."""
     n = len(damage)
-    measured, occluders = wanted.split(n)
+    measured, occluders = choice.split(n)
     chosen = measured + occluders
-    some = f"some of 0..{n - 1} of {name}" if n > 1 else f"0, the only solid of {name}"
+    range_text = f"some of 0..{n - 1} of {name}" if n > 1 else f"0, the only solid of {name}"
     for parameter, numbers in (("solids", measured), ("occluders", occluders)):
         if any(not 0 <= i < n for i in numbers):
-            raise ReadError.of_rule(parameter, f"must name {some}", str(numbers))
+            raise ReadError.of_rule(parameter, f"must name {range_text}", str(numbers))
     if not measured:
         parameter = "occluders" if occluders else "solids"
         raise ReadError.of_rule(parameter, "must leave a solid to measure", str(occluders))

@@ -80,7 +80,7 @@ def parse_entities(data: bytes) -> dict[int, StepEntity]:
         There is no data section, something in it is no token of the format, or a number is used twice.
     """
     text = _STRING_OR_COMMENT.sub(
-        lambda found: "''" if found[0][0] == "'" else " ", data.decode("latin-1")
+        lambda match: "''" if match[0][0] == "'" else " ", data.decode("latin-1")
     )
     sections = _DATA.findall(text)
     if not sections:
@@ -96,28 +96,28 @@ def parse_entities(data: bytes) -> dict[int, StepEntity]:
 
 
 def _check_tokens(section: str) -> None:
-    rest = _TOKEN.sub("", section)
-    if rest:
+    remainder = _TOKEN.sub("", section)
+    if remainder:
         raise ReadError(
-            f"a STEP file must be whole. Got {rest[:20]!r} where a number, text or name should be."
+            f"a STEP file must be whole. Got {remainder[:20]!r} where a number, text or name should be."
         )
 
 
 def _add(entities: dict[int, StepEntity], statement: str) -> None:
     if not statement.strip():
         return
-    found = _ENTITY.fullmatch(statement)
-    name = _NAME.search(found[2]) if found else None
-    if not found or not name:
+    match = _ENTITY.fullmatch(statement)
+    name = _NAME.search(match[2]) if match else None
+    if not match or not name:
         raise ReadError(
             f"a STEP file must be whole. Got {statement.strip()[:40]!r} where an entity should be."
         )
-    number = int(found[1])
+    number = int(match[1])
     if number in entities:
         raise ReadError(
             f"the entities of a STEP file must have numbers of their own. Got #{number} twice."
         )
-    entities[number] = StepEntity(name[1].upper(), found[2])
+    entities[number] = StepEntity(name[1].upper(), match[2])
 
 
 def parse_texts(
@@ -139,19 +139,19 @@ def parse_texts(
     dict of int to tuple of str
         The texts of each entity in their order, with single quotation marks.
     """
-    wanted = frozenset(kinds)
-    numbers = {number for number, entity in entities.items() if wanted & entity.kinds}
+    kind_set = frozenset(kinds)
+    numbers = {number for number, entity in entities.items() if kind_set & entity.kinds}
     if not numbers:
         return {}
     text = _STRING_OR_COMMENT.sub(
-        lambda found: found[0] if found[0][0] == "'" else " ", data.decode("latin-1")
+        lambda match: match[0] if match[0][0] == "'" else " ", data.decode("latin-1")
     )
-    found: dict[int, tuple[str, ...]] = {}
+    texts_of: dict[int, tuple[str, ...]] = {}
     for number, statement in _STATEMENT.findall(text):
         if int(number) in numbers:
-            texts = (one[1:-1].replace("''", "'") for one in _STRING.findall(statement))
-            found[int(number)] = tuple(texts)
-    return found
+            texts = (string[1:-1].replace("''", "'") for string in _STRING.findall(statement))
+            texts_of[int(number)] = tuple(texts)
+    return texts_of
 
 
 def known_references(entities: dict[int, StepEntity], entity: StepEntity) -> list[int]:
@@ -161,14 +161,14 @@ def known_references(entities: dict[int, StepEntity], entity: StepEntity) -> lis
 
 def reachable(entities: dict[int, StepEntity], start: int) -> set[int]:
     """Return the numbers of the entities that one refers to, directly or through others, and its own."""
-    found = {start}
+    numbers = {start}
     front = [start]
     while front:
         for number in entities[front.pop()].references:
-            if number in entities and number not in found:
-                found.add(number)
+            if number in entities and number not in numbers:
+                numbers.add(number)
                 front.append(number)
-    return found
+    return numbers
 
 
 # Tessellated solids of AP242: facets that the file states, with no surface behind them.
@@ -436,10 +436,10 @@ def _placing_operators(
 
 def _arguments(entity: StepEntity) -> list[str] | None:
     """Return axis 1 and 2, origin, scale and axis 3 as the file writes them; None if it has another form."""
-    found = _ARGUMENTS.search(entity.text)
-    if found is None:
+    match = _ARGUMENTS.search(entity.text)
+    if match is None:
         return None
-    arguments = [argument.strip() for argument in found[1].split(",")]
+    arguments = [argument.strip() for argument in match[1].split(",")]
     return arguments[-5:] if len(arguments) >= 5 else None
 
 
@@ -650,13 +650,13 @@ def list_placing(entities: dict[int, StepEntity], solids: Iterable[int]) -> set[
         if shapes or not _PLACING.isdisjoint(entity.kinds):
             for reference in known_references(entities, entity):
                 users.setdefault(reference, []).append(number)
-    found: set[int] = set()
+    numbers: set[int] = set()
     front = list(solids)
     while front:
         for number in users.get(front.pop(), ()):
-            if number in found:
+            if number in numbers:
                 continue
-            found.add(number)
+            numbers.add(number)
             front.append(number)
             entity = entities[number]
             # what other representations hold is theirs; their context has the unit
@@ -664,23 +664,23 @@ def list_placing(entities: dict[int, StepEntity], solids: Iterable[int]) -> set[
             held = entity.kind.endswith("REPRESENTATION") and entity.kind not in _PLACING
             for reference in used[-1:] if held else used:
                 if not entities[reference].kind.endswith("REPRESENTATION"):
-                    found |= _reachable_without_representations(entities, reference)
-                elif reference not in found:
-                    found.add(reference)
+                    numbers |= _reachable_without_representations(entities, reference)
+                elif reference not in numbers:
+                    numbers.add(reference)
                     front.append(reference)
-    return found
+    return numbers
 
 
 def _reachable_without_representations(entities: dict[int, StepEntity], start: int) -> set[int]:
     """Return the numbers of what an entity refers to, and its own, but nothing that representations hold."""
-    found = {start}
+    numbers = {start}
     front = [start]
     while front:
         for number in known_references(entities, entities[front.pop()]):
-            if number not in found and not entities[number].kind.endswith("REPRESENTATION"):
-                found.add(number)
+            if number not in numbers and not entities[number].kind.endswith("REPRESENTATION"):
+                numbers.add(number)
                 front.append(number)
-    return found
+    return numbers
 
 
 def _is_complex_solid(entity: StepEntity) -> bool:
@@ -694,8 +694,8 @@ def _listed(entities: dict[int, StepEntity], number: int, context: int | None) -
     points = [_point(entities, i) for i in sorted(inside) if entities[i].kind == "VERTEX_POINT"]
     if entities[number].kind in TESSELLATED_SOLIDS:
         return _listed_facets(entities, number, inside, unit_mm)
-    kept = np.array([p for p in points if p is not None], dtype=np.float64).reshape(-1, 3)
-    return ListedSolid(number, inside, n_faces, kept * unit_mm, uncertainty_mm)
+    coordinates = np.array([p for p in points if p is not None], dtype=np.float64).reshape(-1, 3)
+    return ListedSolid(number, inside, n_faces, coordinates * unit_mm, uncertainty_mm)
 
 
 def _listed_facets(
@@ -755,8 +755,8 @@ def _units(entities: dict[int, StepEntity], context: int | None) -> tuple[float,
     uncertainties = [
         _uncertainty_mm(entities, ref) for ref in stated if "UNCERTAINTY" in entities[ref].kind
     ]
-    known = [x for x in uncertainties if x is not None]
-    return lengths[0] if lengths else 1.0, max(known, default=None)
+    values = [x for x in uncertainties if x is not None]
+    return lengths[0] if lengths else 1.0, max(values, default=None)
 
 
 def _uncertainty_mm(entities: dict[int, StepEntity], number: int) -> float | None:

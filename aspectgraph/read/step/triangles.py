@@ -557,15 +557,15 @@ class _Collector:
 
     def _circles(self, root: np.ndarray) -> list[CircularEdge]:
         """Return the circular edges, in the order in which the model holds them."""
-        found = []
+        circles = []
         for _, uses in sorted(self.uses.items()):
             circle = (
                 circle_of(uses[0].edge, self.flat_mm) if self._is_measured(uses[0].edge) else None
             )
             if circle is not None:
                 chain = root[list(uses[0].nodes)].tolist()
-                found.append(CircularEdge(circle, tuple(chain), self._turn_deg(uses)))
-        return found
+                circles.append(CircularEdge(circle, tuple(chain), self._turn_deg(uses)))
+        return circles
 
 
 def _check_uses(uses: list[_Use], points: list[np.ndarray]) -> None:
