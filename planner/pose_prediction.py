@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,18 +13,14 @@ from numpy.typing import ArrayLike
 from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty, world_to_cam
-from planner.effort.effort import NORMAL
 from planner.exceptions import RequestError
 from planner.options import InspectionOptions
 from planner.request.defaults import default_workspace
-from planner.request.dimension_files import (
-    localisation_or_default,
-    surfaces_or_default,
-    with_surfaces_of_call,
-)
+from planner.request.dimension_files import surfaces_or_default
 from planner.request.reach import TargetSpace
-from planner.request.request import Request, choice_for
+from planner.request.request import Request
 from planner.request.targets import OWN_EDGES, Target
+from planner.resolve_request import resolve_targets
 from planner.verify.p_all import DisplacedChecks
 
 if TYPE_CHECKING:
@@ -113,7 +109,8 @@ def predict(
     solid : Solid
         The part.
     wanted : mapping
-        Name to `Dimension`, or to an edge, rim or arc: its length, diameter or radius is measured.
+        Name to `Dimension`, or to an edge, rim or arc, as in `plan_inspection`: its length, diameter
+        or radius is measured. The length of an edge needs a corner at each end in the image.
     cam2world : array_like (4, 4)
         Planned pose of the camera.
     camera : Camera
@@ -123,10 +120,11 @@ def predict(
     accuracy : float
         Required accuracy A in (0, 1) of targets without a requirement of their own.
     localisation : Localisation, optional
-        Model of the errors of image points. Default: ``Localisation.gaussian()`` if there is a
-        `Dimension`, otherwise rounding to whole pixels.
+        Model of the errors of image points. Default: that of `options`, otherwise
+        ``Localisation.gaussian()`` if there is a `Dimension` and rounding to whole pixels if not.
     options : InspectionOptions, optional
-        Constraints and workspace, as in `plan_inspection`. Default: ``InspectionOptions()``.
+        Constraints, workspace and effort, as in `plan_inspection`. The effort says how many witnesses
+        of a dimension are offered. Default: ``InspectionOptions()``.
 
     Returns
     -------
@@ -162,7 +160,6 @@ def predict(
     (False, nan, {'resolution_mm': 0.49})
     """
     from aspectgraph import compute_regions
-    from planner.request.resolve import resolve_wanted
 
     check_kinds(
         solid=(solid, "Solid"),
@@ -177,11 +174,10 @@ def predict(
     if pose.shape != (4, 4):
         raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     how = options or InspectionOptions()
+    if localisation is not None:
+        how = replace(how, localisation=localisation)
     known = _registered(how)
-    found_by = localisation_or_default(localisation, wanted.values())
-    wanted = with_surfaces_of_call(wanted, how.surfaces_mm, found_by)
-    choice = choice_for(camera, NORMAL.witnesses)
-    entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True, choice=choice)
+    entities, targets, found_by = resolve_targets(solid, wanted, camera, accuracy, how)
     box = (
         default_workspace(solid, camera)
         if how.workspace is None

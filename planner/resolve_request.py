@@ -69,6 +69,24 @@ class ResolvedRequest(NamedTuple):
     targets: tuple[Target, ...]
 
 
+class ResolvedTargets(NamedTuple):
+    """What is wanted, found on the part.
+
+    Attributes
+    ----------
+    entities : mapping of str to Entity
+        What must be seen.
+    targets : tuple of Target
+        What is measured.
+    localisation : Localisation
+        How well points are found.
+    """
+
+    entities: Mapping[str, Any]
+    targets: tuple[Target, ...]
+    localisation: Localisation
+
+
 def resolve_request(
     solid: Solid,
     wanted: Mapping[str, Any] | Sequence[Any],
@@ -96,11 +114,8 @@ def resolve_request(
     space = options.space
     part = solid if space is None else space.solid
     _check_extent(part)
-    items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
-    found_by = localisation_or_default(options.localisation, items.values())
-    items = with_surfaces_of_call(items, options.surfaces_mm, found_by)
+    entities, targets, found_by = resolve_targets(solid, wanted, camera, accuracy, options)
     options = replace(options, localisation=found_by)
-    entities, targets = _resolved(solid, items, camera, accuracy, options)
     known = {
         "part": PartRecord.of(part),
         "targets": target_records(entities, targets),
@@ -115,6 +130,36 @@ def resolve_request(
     if options.effort is None and not all(target.in_image for target in targets):
         known["effort"] = Effort.for_dimensions()
     return ResolvedRequest(InspectionRequest(**known), entities, targets)
+
+
+def resolve_targets(
+    solid: Solid,
+    wanted: Mapping[str, Any] | Sequence[Any],
+    camera: Camera,
+    accuracy: float,
+    options: InspectionOptions,
+) -> ResolvedTargets:
+    """Return what is measured on a part, and how well points are found, if that is not said.
+
+    Parameters
+    ----------
+    solid, wanted, camera, options
+        As `plan_inspection` takes them.
+    accuracy : float
+        Required of what has no requirement of its own.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    """
+    items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
+    found_by = localisation_or_default(options.localisation, items.values())
+    items = with_surfaces_of_call(items, options.surfaces_mm, found_by)
+    entities, targets = _resolved(
+        solid, items, camera, accuracy, replace(options, localisation=found_by)
+    )
+    return ResolvedTargets(entities, targets, found_by)
 
 
 def _check_extent(part: Solid) -> None:

@@ -221,7 +221,8 @@ class Distortion:
         down = y * radial + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y
         return np.stack([across, down], axis=-1)
 
-    def _jacobian(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stretch(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivatives (..., 2, 2) of `distort` at ideal points (..., 2)."""
         x, y = np.moveaxis(points, -1, 0)
         r2 = x * x + y * y
         radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
@@ -255,7 +256,7 @@ class Distortion:
             rest = self.distort(found) - wanted
             if not np.all(np.isfinite(rest)) or np.max(np.abs(rest), initial=0.0) <= _RESIDUAL:
                 break
-            jacobian = self._jacobian(found)
+            jacobian = self.stretch(found)
             if np.any(np.linalg.det(jacobian) <= 0.0):
                 break
             found = found - np.linalg.solve(jacobian, rest[..., None])[..., 0]

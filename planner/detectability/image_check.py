@@ -1,8 +1,8 @@
 """Whether edges can be found in the images of poses: how far other visible lines are, and how wide corners are.
 
 Notation: n poses, k entities, p pairs of a pose and an entity. Lines are those of the part
-(`planner.detectability.corners`) that rays find visible. Images are without distortion, which changes distances of a
-few pixels by far less than one.
+(`planner.detectability.corners`) that rays find visible. Distances are those in the images that the camera delivers.
+Corners are looked at in images without distortion.
 """
 
 from __future__ import annotations
@@ -277,6 +277,9 @@ _FIRST = 2
 _FAR = 10.0
 # if only some visible point of a pair is asked for, one of so many is looked at first
 _EVERY = 6
+# of the sensor, where distortion is looked at along each side; and how much more it may be between and beside these
+_GRID = 33
+_WIDER = 1.1
 
 
 class ImageCheck:
@@ -321,6 +324,8 @@ class ImageCheck:
         matrix = camera.matrix
         (near, far) = camera.depth_of_field_mm
         self._scale = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
+        self._lens = _lens_of(camera)
+        self._widen = _widen_of(camera)
         self._has_corners = np.array([ids is not None for ids in edge_ids], bool)
         self._pieces, scanned_lines = Pieces.of(
             edge_ids, self._ends, scanned or [()] * len(edge_ids)
@@ -465,10 +470,11 @@ class ImageCheck:
         pairs = np.ascontiguousarray(pairs)
         while True:
             rows = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
-            limits = reach, self._near_own_px
+            limits = reach, self._near_own_px, self._widen
+            view = self._scale, self._lens
             part = self._part
             n = near_contours(
-                poses, pairs, self._scale, part.compiled, part.bulges, entities, limits, rows
+                poses, pairs, *view, part.compiled, part.bulges, entities, limits, rows
             )
             if n <= room:
                 return rows[0][:n], rows[1][:n], rows[2][:n]
@@ -573,6 +579,29 @@ class ImageCheck:
 def near_own_px(showing: Detectability) -> float:
     """Return how far from its own corner a neighbour leaves the strip beside an edge, at the angle asked for, px."""
     return showing.separation_px / math.sin(math.radians(max(showing.min_corner_deg, 5.0)))
+
+
+def _lens_of(camera: Camera) -> Array:
+    """Return the coefficients of a camera's distortion (5,), or none (0,) where it has no distortion."""
+    if camera.distortion is None:
+        return np.zeros(0)
+    return np.array(camera.distortion.coefficients, np.float64)
+
+
+def _widen_of(camera: Camera) -> float:
+    """Return how many times as long a short way on the sensor may be in the image without distortion, 1 without it."""
+    lens = camera.distortion
+    if lens is None:
+        return 1.0
+    matrix = camera.matrix
+    shares = np.linspace(0.0, 1.0, _GRID)
+    pixels = np.stack(np.meshgrid(*(shares * (side - 1) for side in camera.resolution)), axis=-1)
+    focal = np.array([matrix[0, 0], matrix[1, 1]])
+    distorted = (pixels.reshape(-1, 2) - matrix[:2, 2]) / focal
+    stretch = lens.stretch(lens.undistort(distorted))
+    in_pixels = stretch * (focal[:, None] / focal)
+    least = np.linalg.svd(in_pixels, compute_uv=False).min()
+    return max(1.0, _WIDER / float(least))
 
 
 class _ImageLines(NamedTuple):

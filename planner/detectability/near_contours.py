@@ -22,6 +22,12 @@ _STEPS = 17
 _BINS = 64
 # of the curve of a chord: each as straight as its chord is in a hundredth of the bulge
 _PIECES = 10
+# of the curve of a chord beside an edge: so many that each leaves the curve by so many px, which distances lose; but at
+# most so many pieces, and then they lose more
+_SAG_PX = 0.03
+_MOST_PIECES = 24
+# steps to the point of a distorted line that is nearest
+_NEWTON_STEPS = 3
 # of the image of a length away from the axis to that on the axis, for fields up to 60° off it
 _LONGER = 2.0
 # what is nearer than this to the plane of the nodal point is cut off, mm
@@ -33,6 +39,7 @@ def near_contours(
     poses: Any,
     pairs: Any,
     scale: Any,
+    lens: Any,
     contours: Any,
     bulges: Any,
     entities: Any,
@@ -49,25 +56,31 @@ def near_contours(
         Pose and entity, in rising order of the poses.
     scale : array (4,)
         Pixels per unit of slope in x and y, and the principal point, px.
+    lens : array (5,) or (0,)
+        Coefficients of the distortion, as `Distortion.coefficients`; empty without it. Distances are in the image that
+        the camera delivers. Where lines may be near is looked up in the one without distortion.
     contours : tuple
         `PartLines.compiled`.
     bulges : array (m, 3)
-        `PartLines.bulges`. Points that are scanned lie on curves, not on chords, so their distances are from curves.
+        `PartLines.bulges`. Distances are from curves, not from their chords; those of edges may be too short by
+        `_SAG_PX`, and are never too long for that. Chords that meet what is scanned count as they are.
     entities : tuple
         Ends (k, 2, 3), number (k,) of what they belong to; of that, relations (r, m), vertices (w,) and where those of
         each begin (r + 1,).
     limits : tuple of float
-        How near, and how near to its own vertices an entity's neighbours may be, px.
+        How near, and how near to its own vertices an entity's neighbours may be, px; and how many times as far what
+        is so near may be in the image without distortion.
     found : tuple
         To be written: number of the pair (c,), distance in px (c,), place in mm (c, 3). What does not fit is counted.
     """
     vertices = contours[0]
     edge_ends = contours[1]
     ends, belongs, relations, own_vertices, first = entities
-    reach, near_own = limits
+    reach, near_own, widen = limits
+    wide = reach * widen
     active = np.empty(len(edge_ends), np.int64)
     image = np.empty(vertices.shape)
-    corners = np.empty((vertices.shape[1], 2))
+    corners = np.empty((vertices.shape[1], 6))
     boxes = np.empty((4, len(edge_ends)))
     front = np.empty(contours[2].shape[1], np.uint8)
     within = np.empty(len(edge_ends) + 1, np.int64)
@@ -90,10 +103,12 @@ def near_contours(
         b = _seen(pose, scale, ends[k, 1])
         if a[2] <= _NEAREST_MM or b[2] <= _NEAREST_MM:
             continue
-        n_corners = _corner_images(own_vertices, first[r], first[r + 1], image, corners)
-        near = (corners[:n_corners], near_own, reach)
+        n_corners = _corner_images(
+            own_vertices, first[r], first[r + 1], image, (scale, lens), corners
+        )
+        near = (corners[:n_corners], near_own, wide)
         scanned = a[0] == b[0] and a[1] == b[1]
-        n_within = _overlap(boxes, _around(a, b, reach), (of_bins, in_bins, scale), within)
+        n_within = _overlap(boxes, _around(a, b, wide), (of_bins, in_bins, scale), within)
         for i in within[:n_within]:
             e = active[i]
             one = edge_ends[e, 0]
@@ -102,29 +117,70 @@ def near_contours(
             if relation == OWN:
                 continue
             line = (image[0, one], image[1, one], image[0, other], image[1, other])
-            place = (vertices, image[2], one, other)
-            if scanned and relation != CONNECTED and extra[i] > 0.0:
-                curve = (pose, scale, bulges[e])
-                count = _write_curve(p, a, reach, curve, place, found, count)
+            curve = (pose, (scale, lens), bulges[e])
+            if extra[i] > 0.0 and not scanned:
+                piece = (line, (a, b), relation, extra[i])
+                count = _write_arc(p, piece, near, curve, (vertices, one, other), found, count)
+            elif extra[i] > 0.0 and relation != CONNECTED:
+                count = _write_curve(p, a, reach, curve, (vertices, one, other), found, count)
             else:
-                count = _write_line(p, (line, (a, b), relation), near, place, found, count)
+                place = (vertices, one, other, image[2, one], image[2, other], 0.0, 1.0)
+                samples = _MORE if relation == CONNECTED else _SAMPLES
+                piece = (line, (a, b), relation, samples, 0.0)
+                count = _write_line(p, piece, near, (scale, lens), place, found, count)
     return count
 
 
 @kernel_without_refcounts(error_model="numpy")
-def _corner_images(own_vertices: Any, begin: int, end: int, image: Any, corners: Any) -> int:
-    """Write the images of an entity's own vertices; return how many there are."""
+def _corner_images(
+    own_vertices: Any, begin: int, end: int, image: Any, view: Any, corners: Any
+) -> int:
+    """Write the images of an entity's own vertices and how distortion stretches there; return how many there are."""
     for w in range(end - begin):
         own = own_vertices[begin + w]
         corners[w, 0] = image[0, own]
         corners[w, 1] = image[1, own]
+        stretch = _stretch(image[0, own], image[1, own], view)
+        for c in range(4):
+            corners[w, 2 + c] = stretch[c]
     return end - begin
 
 
 @kernel_without_refcounts(error_model="numpy")
-def _write_line(p: int, piece: Any, near: Any, place: Any, found: Any, count: int) -> int:
+def _write_arc(
+    p: int, piece: Any, near: Any, curve: Any, place: Any, found: Any, count: int
+) -> int:
+    """Write points of a curve that comes near to an edge, as of straight pieces; return how many there are in all.
+
+    A piece leaves the curve by its share of the bulge at most, squared. Distances are less by that.
+    """
+    line, (a, b), relation, extra = piece
+    corners, near_own, reach = near
+    pose, view, bulge = curve
+    vertices, one, other = place
+    best = _nearest(line, 0.0, 1.0, a, b)
+    if _apart(line, best, a, b) >= reach + extra:
+        return count
+    n = int(min(math.ceil(math.sqrt(extra / _SAG_PX)), _MOST_PIECES))
+    loss = extra / (n * n)
+    samples = max(2, (_MORE if relation == CONNECTED else _SAMPLES) // n)
+    wider = (corners, near_own, reach + loss)
+    before = _on_curve(pose, view[0], bulge, vertices, one, other, 0.0)
+    for s in range(n):
+        after = _on_curve(pose, view[0], bulge, vertices, one, other, (s + 1) / n)
+        part = ((before[0], before[1], after[0], after[1]), (a, b), relation, samples, loss)
+        on_chord = (vertices, one, other, before[2], after[2], s / n, 1.0 / n)
+        count = _write_line(p, part, wider, view, on_chord, found, count)
+        before = after
+    return count
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _write_line(
+    p: int, piece: Any, near: Any, view: Any, place: Any, found: Any, count: int
+) -> int:
     """Write points of the part of a contour that comes near to an edge; return how many there are in all."""
-    line, (a, b), relation = piece
+    line, (a, b), relation, samples, loss = piece
     corners, near_own, reach = near
     start = 0.0
     stop = 1.0
@@ -137,17 +193,20 @@ def _write_line(p: int, piece: Any, near: Any, place: Any, found: Any, count: in
         return count
     low = _edge_of(line, best, start, a, b, reach)
     high = _edge_of(line, best, stop, a, b, reach)
-    samples = (line, (best, low, high), (a, b), relation)
-    return int(_write_samples(p, samples, near, place, found, count))
+    if len(view[1]) > 0:
+        best = _nearest_in_view(line, (best, start, stop), a, b, view)
+    sampled = (line, (best, low, high), (a, b), relation, samples, loss)
+    return int(_write_samples(p, sampled, near, view, place, found, count))
 
 
 @kernel_without_refcounts(error_model="numpy")
-def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count: int) -> int:
+def _write_samples(
+    p: int, piece: Any, near: Any, view: Any, place: Any, found: Any, count: int
+) -> int:
     """Write points of a piece of a contour that comes near to an edge; return how many there are in all."""
-    line, (best, low, high), (a, b), relation = piece
+    line, (best, low, high), (a, b), relation, samples, loss = piece
     corners, near_own, reach = near
-    vertices, depths, one, other = place
-    samples = _MORE if relation == CONNECTED else _SAMPLES
+    vertices, one, other, start_depth, end_depth, begin, width = place
     if a[0] == b[0] and a[1] == b[1]:
         samples = max(_FEW, int(reach))
     for s in range(samples + 1):
@@ -155,9 +214,9 @@ def _write_samples(p: int, piece: Any, near: Any, place: Any, found: Any, count:
         if relation == CONNECTED and _beside(line, t, corners, near_own):
             continue
         if count < len(found[0]):
-            share = _share_in_space(t, depths[one], depths[other])
+            share = begin + width * _share_in_space(t, start_depth, end_depth)
             found[0][count] = p
-            found[1][count] = _apart(line, t, a, b)
+            found[1][count] = max(0.0, _apart_in_view(line, t, a, b, view) - loss)
             for c in range(3):
                 u = vertices[c, one]
                 v = vertices[c, other]
@@ -174,18 +233,21 @@ def _write_curve(
 
     What is written is on the chord, since the part consists of chords where rays look for what hides it.
     """
-    pose, scale, bulge = curve
-    vertices, _, one, other = place
-    before = _on_curve(pose, scale, bulge, vertices, one, other, 0.0)
+    pose, view, bulge = curve
+    vertices, one, other = place
+    x, y = _in_view(a[0], a[1], view)
+    start = _on_curve(pose, view[0], bulge, vertices, one, other, 0.0)
+    before = _in_view(start[0], start[1], view)
     for s in range(1, _PIECES + 1):
         share = s / _PIECES
-        after = _on_curve(pose, scale, bulge, vertices, one, other, share)
+        end = _on_curve(pose, view[0], bulge, vertices, one, other, share)
+        after = _in_view(end[0], end[1], view)
         dx = after[0] - before[0]
         dy = after[1] - before[1]
         square = dx * dx + dy * dy
-        along = (a[0] - before[0]) * dx + (a[1] - before[1]) * dy
+        along = (x - before[0]) * dx + (y - before[1]) * dy
         along = min(1.0, max(0.0, along / square)) if square > 0.0 else 0.0
-        distance = math.hypot(before[0] + along * dx - a[0], before[1] + along * dy - a[1])
+        distance = math.hypot(before[0] + along * dx - x, before[1] + along * dy - y)
         if distance < reach:
             if count < len(found[0]):
                 share = (s - 1 + along) / _PIECES
@@ -377,12 +439,10 @@ def _beyond(line: Any, corners: Any, near: float) -> tuple[float, float]:
     """Return what is left of a line when its ends are cut off as far as they are near to corners."""
     low = 0.0
     high = 1.0
-    dx = line[2] - line[0]
-    dy = line[3] - line[1]
-    square = dx * dx + dy * dy
     for w in range(len(corners)):
-        x = corners[w, 0] - line[0]
-        y = corners[w, 1] - line[1]
+        dx, dy = _stretched(line[2] - line[0], line[3] - line[1], corners[w])
+        square = dx * dx + dy * dy
+        x, y = _stretched(corners[w, 0] - line[0], corners[w, 1] - line[1], corners[w])
         if square <= 0.0:
             continue
         middle = (x * dx + y * dy) / square
@@ -406,8 +466,105 @@ def _beside(line: Any, t: float, corners: Any, near: float) -> bool:
     y = line[1] + t * (line[3] - line[1])
     within = False
     for w in range(len(corners)):
-        within |= (x - corners[w, 0]) ** 2 + (y - corners[w, 1]) ** 2 < near * near
+        dx, dy = _stretched(x - corners[w, 0], y - corners[w, 1], corners[w])
+        within |= dx**2 + dy**2 < near * near
     return within
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _stretched(x: float, y: float, corner: Any) -> tuple[float, float]:
+    """Return a short way from a corner as it is in the camera's image; see `_corner_images`."""
+    return corner[2] * x + corner[3] * y, corner[4] * x + corner[5] * y
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _in_view(x: float, y: float, view: Any) -> tuple[float, float]:
+    """Return where a camera images what it would image at (x, y) without distortion, px."""
+    scale, lens = view
+    if len(lens) == 0:
+        return x, y
+    u = (x - scale[2]) / scale[0]
+    v = (y - scale[3]) / scale[1]
+    square = u * u + v * v
+    radial = 1.0 + square * (lens[0] + square * (lens[1] + square * lens[4]))
+    across = u * radial + 2.0 * lens[2] * u * v + lens[3] * (square + 2.0 * u * u)
+    down = v * radial + lens[2] * (square + 2.0 * v * v) + 2.0 * lens[3] * u * v
+    return scale[0] * across + scale[2], scale[1] * down + scale[3]
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _stretch(x: float, y: float, view: Any) -> tuple[float, float, float, float]:
+    """Return how `_in_view` changes with x and y: across with both, and down with both."""
+    scale, lens = view
+    if len(lens) == 0:
+        return 1.0, 0.0, 0.0, 1.0
+    u = (x - scale[2]) / scale[0]
+    v = (y - scale[3]) / scale[1]
+    square = u * u + v * v
+    radial = 1.0 + square * (lens[0] + square * (lens[1] + square * lens[4]))
+    slope = 2.0 * (lens[0] + square * (2.0 * lens[1] + 3.0 * square * lens[4]))
+    mixed = slope * u * v + 2.0 * lens[2] * u + 2.0 * lens[3] * v
+    return (
+        radial + slope * u * u + 2.0 * lens[2] * v + 6.0 * lens[3] * u,
+        mixed * scale[0] / scale[1],
+        mixed * scale[1] / scale[0],
+        radial + slope * v * v + 6.0 * lens[2] * v + 2.0 * lens[3] * u,
+    )
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _apart_in_view(line: Any, t: float, a: Any, b: Any, view: Any) -> float:
+    """Return the distance of a point of a line from the segment ab in the camera's image, where both are curves."""
+    if len(view[1]) == 0:
+        return float(_apart(line, t, a, b))
+    px = line[0] + t * (line[2] - line[0])
+    py = line[1] + t * (line[3] - line[1])
+    dx = b[0] - a[0]
+    dy = b[1] - a[1]
+    square = dx * dx + dy * dy
+    share = 0.0
+    if square > 0.0:
+        share = min(1.0, max(0.0, ((px - a[0]) * dx + (py - a[1]) * dy) / square))
+    x, y = _in_view(px, py, view)
+    u, v = _in_view(a[0] + share * dx, a[1] + share * dy, view)
+    least = math.hypot(x - u, y - v)
+    for _ in range(_NEWTON_STEPS):
+        s = _stretch(a[0] + share * dx, a[1] + share * dy, view)
+        along = s[0] * dx + s[1] * dy
+        down = s[2] * dx + s[3] * dy
+        square = along * along + down * down
+        if square <= 0.0:
+            break
+        share = min(1.0, max(0.0, share + ((x - u) * along + (y - v) * down) / square))
+        u, v = _in_view(a[0] + share * dx, a[1] + share * dy, view)
+        least = min(least, math.hypot(x - u, y - v))
+    return least
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _nearest_in_view(line: Any, shares: Any, a: Any, b: Any, view: Any) -> float:
+    """Return where a piece of a line is nearest to ab in the camera's image, if it is near; see `_nearest`.
+
+    So near to each other, distortion is the same linear map for both.
+    """
+    best, start, stop = shares
+    x = line[0] + best * (line[2] - line[0])
+    y = line[1] + best * (line[3] - line[1])
+    s = _stretch(x, y, view)
+    ways = (line[0] - x, line[1] - y, line[2] - x, line[3] - y)
+    there = (
+        s[0] * ways[0] + s[1] * ways[1],
+        s[2] * ways[0] + s[3] * ways[1],
+        s[0] * ways[2] + s[1] * ways[3],
+        s[2] * ways[2] + s[3] * ways[3],
+    )
+    ends = (a[0] - x, a[1] - y, b[0] - x, b[1] - y)
+    from_end = (s[0] * ends[0] + s[1] * ends[1], s[2] * ends[0] + s[3] * ends[1])
+    to_end = (s[0] * ends[2] + s[1] * ends[3], s[2] * ends[2] + s[3] * ends[3])
+    t = _nearest(there, start, stop, from_end, to_end)
+    if _apart_in_view(line, t, a, b, view) < _apart_in_view(line, best, a, b, view):
+        return float(t)
+    return float(best)
 
 
 @kernel_without_refcounts(error_model="numpy")
