@@ -325,7 +325,7 @@ class ImageCheck:
         (near, far) = camera.depth_of_field_mm
         self._scale = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]])
         self._lens = _lens_of(camera)
-        self._widen = _widen_of(camera)
+        self._stretches = _stretches_of(camera)
         self._has_corners = np.array([ids is not None for ids in edge_ids], bool)
         self._pieces, scanned_lines = Pieces.of(
             edge_ids, self._ends, scanned or [()] * len(edge_ids)
@@ -470,7 +470,7 @@ class ImageCheck:
         pairs = np.ascontiguousarray(pairs)
         while True:
             rows = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
-            limits = reach, self._near_own_px, self._widen
+            limits = reach, self._near_own_px, *self._stretches
             view = self._scale, self._lens
             part = self._part
             n = near_contours(
@@ -588,11 +588,14 @@ def _lens_of(camera: Camera) -> Array:
     return np.array(camera.distortion.coefficients, np.float64)
 
 
-def _widen_of(camera: Camera) -> float:
-    """Return how many times as long a short way on the sensor may be in the image without distortion, 1 without it."""
+def _stretches_of(camera: Camera) -> tuple[float, float]:
+    """Return how many times as long a short way on the sensor may be in the image without distortion, and vice versa.
+
+    Both are 1 at least, and just that without distortion.
+    """
     lens = camera.distortion
     if lens is None:
-        return 1.0
+        return 1.0, 1.0
     matrix = camera.matrix
     shares = np.linspace(0.0, 1.0, _GRID)
     pixels = np.stack(np.meshgrid(*(shares * (side - 1) for side in camera.resolution)), axis=-1)
@@ -600,8 +603,8 @@ def _widen_of(camera: Camera) -> float:
     distorted = (pixels.reshape(-1, 2) - matrix[:2, 2]) / focal
     stretch = lens.stretch(lens.undistort(distorted))
     in_pixels = stretch * (focal[:, None] / focal)
-    least = np.linalg.svd(in_pixels, compute_uv=False).min()
-    return max(1.0, _WIDER / float(least))
+    sizes = np.linalg.svd(in_pixels, compute_uv=False)
+    return max(1.0, _WIDER / float(sizes.min())), max(1.0, _WIDER * float(sizes.max()))
 
 
 class _ImageLines(NamedTuple):

@@ -25,6 +25,8 @@ _PIECES = 10
 # of the curve of a chord beside an edge: so many that each leaves the curve by so many px, which distances lose; but at
 # most so many pieces, and then they lose more
 _SAG_PX = 0.03
+# and distances lose this share of the bulge, by which a parabola leaves the arc of a chord of 45°
+_UNTRUE = 0.01
 _MOST_PIECES = 24
 # steps to the point of a distorted line that is nearest
 _NEWTON_STEPS = 3
@@ -63,24 +65,28 @@ def near_contours(
         `PartLines.compiled`.
     bulges : array (m, 3)
         `PartLines.bulges`. Distances are from curves, not from their chords; those of edges may be too short by
-        `_SAG_PX`, and are never too long for that. Chords that meet what is scanned count as they are.
+        `_SAG_PX` and a hundredth of the bulge, and are never too long for that.
     entities : tuple
         Ends (k, 2, 3), number (k,) of what they belong to; of that, relations (r, m), vertices (w,) and where those of
         each begin (r + 1,).
     limits : tuple of float
-        How near, and how near to its own vertices an entity's neighbours may be, px; and how many times as far what
-        is so near may be in the image without distortion.
+        How near, and how near to its own vertices an entity's neighbours may be, px; how many times as far what is
+        so near may be in the image without distortion; and how many times as long a short way in that image may be
+        in the camera's.
     found : tuple
         To be written: number of the pair (c,), distance in px (c,), place in mm (c, 3). What does not fit is counted.
     """
     vertices = contours[0]
     edge_ends = contours[1]
     ends, belongs, relations, own_vertices, first = entities
-    reach, near_own, widen = limits
+    reach, near_own, widen, most = limits
     wide = reach * widen
     active = np.empty(len(edge_ends), np.int64)
     image = np.empty(vertices.shape)
-    corners = np.empty((vertices.shape[1], 6))
+    # without distortion, nothing stretches
+    corners = np.zeros((vertices.shape[1], 6))
+    corners[:, 2] = 1.0
+    corners[:, 5] = 1.0
     boxes = np.empty((4, len(edge_ends)))
     front = np.empty(contours[2].shape[1], np.uint8)
     within = np.empty(len(edge_ends) + 1, np.int64)
@@ -118,7 +124,7 @@ def near_contours(
             line = (image[0, one], image[1, one], image[0, other], image[1, other])
             curve = (pose, (scale, lens), bulges[e])
             place = (vertices, one, other, image[2, one], image[2, other], 0.0, 1.0)
-            contour = (line, (a, b), relation, extra[i], reach)
+            contour = (line, (a, b), relation, extra[i], reach, most)
             count = _write_contour(p, contour, near, curve, place, found, count)
     return count
 
@@ -128,13 +134,14 @@ def _write_contour(
     p: int, contour: Any, near: Any, curve: Any, place: Any, found: Any, count: int
 ) -> int:
     """Write points of a contour that comes near to an edge or point; return how many there are in all."""
-    line, (a, b), relation, extra, reach = contour
+    line, (a, b), relation, extra, reach, most = contour
     ends = (place[0], place[1], place[2])
     scanned = a[0] == b[0] and a[1] == b[1]
-    if extra > 0.0 and not scanned:
-        return int(_write_arc(p, (line, (a, b), relation, extra), near, curve, ends, found, count))
-    if extra > 0.0 and relation != CONNECTED:
+    if extra > 0.0 and scanned and relation != CONNECTED:
         return int(_write_curve(p, a, reach, curve, ends, found, count))
+    if extra > 0.0:
+        arc = (line, (a, b), relation, extra, most)
+        return int(_write_arc(p, arc, near, curve, ends, found, count))
     samples = _MORE if relation == CONNECTED else _SAMPLES
     piece = (line, (a, b), relation, samples, 0.0)
     return int(_write_line(p, piece, near, curve[1], place, found, count))
@@ -149,9 +156,10 @@ def _corner_images(
         own = own_vertices[begin + w]
         corners[w, 0] = image[0, own]
         corners[w, 1] = image[1, own]
-        stretch = _stretch(image[0, own], image[1, own], view)
-        for c in range(4):
-            corners[w, 2 + c] = stretch[c]
+        if len(view[1]) > 0:
+            stretch = _stretch(image[0, own], image[1, own], view)
+            for c in range(4):
+                corners[w, 2 + c] = stretch[c]
     return end - begin
 
 
@@ -163,7 +171,7 @@ def _write_arc(
 
     A piece leaves the curve by its share of the bulge at most, squared. Distances are less by that.
     """
-    line, (a, b), relation, extra = piece
+    line, (a, b), relation, extra, most = piece
     corners, near_own, reach = near
     pose, view, bulge = curve
     vertices, one, other = place
@@ -171,7 +179,7 @@ def _write_arc(
     if _apart(line, best, a, b) >= reach + extra:
         return count
     n = int(min(math.ceil(math.sqrt(extra / _SAG_PX)), _MOST_PIECES))
-    loss = extra / (n * n)
+    loss = extra * (1.0 / (n * n) + _UNTRUE) * most
     samples = max(2, (_MORE if relation == CONNECTED else _SAMPLES) // n)
     wider = (corners, near_own, reach + loss)
     before = _on_curve(pose, view[0], bulge, vertices, one, other, 0.0)
