@@ -5,16 +5,18 @@ from functools import cache
 
 import pytest
 
-from aspectgraph import read_solid
+from aspectgraph import EntityError, read_solid
 from planner import (
     Camera,
     Dimension,
     Effort,
     InspectionOptions,
     PoseUncertainty,
+    RequestError,
     plan_inspection,
     predict,
 )
+from planner.resolve_request import resolve_targets
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 SIGMA = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -65,10 +67,19 @@ def test_a_pose_of_a_plan_is_predicted_as_the_plan_states_it(case):
 def test_what_a_plan_refuses_is_refused_in_the_same_words(wanted):
     block = solid_of(BLOCK)
     pose = plan_of("a named edge").settings[0].cam2world
-    with pytest.raises(ValueError) as by_plan:
+    with pytest.raises((RequestError, EntityError)) as by_plan:
         plan_inspection(block, wanted, CAMERA, SIGMA, effort=EFFORT)
-    with pytest.raises(ValueError) as by_predict:
+    with pytest.raises((RequestError, EntityError)) as by_predict:
         predict(block, wanted, pose, CAMERA, SIGMA, options=OPTIONS)
     assert type(by_predict.value) is type(by_plan.value)
     assert str(by_predict.value) == str(by_plan.value)
     assert "\n" not in str(by_predict.value)
+
+
+@pytest.mark.parametrize("most", [1, 2])
+def test_the_effort_says_how_many_witnesses_are_offered(most):
+    # the pocket is 20 mm wide at its mouth (y = 60) and at its floor (y = 50)
+    width = Dimension("distance", (25, 27), tolerance=(-0.1, 0.1), alternatives=((28, 30),))
+    options = InspectionOptions(effort=Effort(witnesses=most))
+    (target,) = resolve_targets(solid_of(BLOCK), {"width": width}, CAMERA, 0.95, options).targets
+    assert len(target.witnesses) == most
