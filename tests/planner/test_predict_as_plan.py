@@ -13,6 +13,7 @@ from planner import (
     InspectionOptions,
     PoseUncertainty,
     RequestError,
+    look_at,
     plan_inspection,
     predict,
 )
@@ -83,3 +84,17 @@ def test_the_effort_says_how_many_witnesses_are_offered(most):
     options = InspectionOptions(effort=Effort(witnesses=most))
     (target,) = resolve_targets(solid_of(BLOCK), {"width": width}, CAMERA, 0.95, options).targets
     assert len(target.witnesses) == most
+
+
+def test_an_edge_that_a_plan_refuses_for_its_corners_is_refused_by_predict():
+    # of CTC-01: both ends of the slot's side pass into tangent arcs, so it has no corner to measure to
+    solid = solid_of("examples/nist_ctc_01_ap242.stp")
+    wanted = {"slot": [[-325, -20, 0], [-245, -20, 0]]}
+    plan = plan_inspection(solid, wanted, CAMERA, SIGMA, accuracy=0.95, effort=EFFORT)
+    assert "corner_deg cannot be met" in plan.uninspectable["slot"]
+    pose = look_at([[-285, -20, 300]], [-285, -20, 0])[0]
+    told = predict(solid, wanted, pose, CAMERA, SIGMA, accuracy=0.95, options=OPTIONS)["slot"]
+    assert not told.inspected
+    # all of the 25 degrees that are required are missing
+    assert told.missed["corner_deg"] == pytest.approx(25.0)
+    assert math.isnan(told.probability)
