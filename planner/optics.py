@@ -15,19 +15,17 @@ from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_parts, check_bodies
 from planner.camera.pose import PoseUncertainty, look_at, world_to_cam
+from planner.effort.effort import NORMAL
 from planner.exceptions import RequestError
 from planner.options import InspectionOptions
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import position_margin_mm
-from planner.request.dimension_files import (
-    localisation_or_default,
-    surfaces_or_default,
-    with_surfaces_of_call,
-)
+from planner.request.dimension_files import surfaces_or_default
 from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
 from planner.request.models import Means
 from planner.request.reach import TargetSpace
 from planner.request.targets import Target
+from planner.resolve_request import Promise, resolve_targets
 from planner.text_table import Column, table_lines
 
 if TYPE_CHECKING:
@@ -219,6 +217,8 @@ class OpticsRule:
 RULE = OpticsRule()
 # steps of about 1.6, as of preferred numbers
 DISTANCES_MM = (100.0, 160.0, 250.0, 400.0, 630.0, 1000.0, 1600.0)
+# for what does not depend on the camera
+_STAND_IN = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
 _OF_IMAGE = ("resolution_mm", "focus_mm", "field_of_view_px")
 
 
@@ -240,7 +240,8 @@ def propose_optics(
     solid : Solid
         The part.
     wanted : mapping
-        Name to `Dimension`, or to an edge, rim or arc: its length, diameter or radius is measured.
+        Name to `Dimension`, or to an edge, rim or arc, as in `plan_inspection`: its length, diameter
+        or radius is measured. The length of an edge needs a corner at each end in the image.
     pose_uncertainty : PoseUncertainty
         Uncertainty of the camera's real pose about the planned one.
     bodies : sequence of str, optional
@@ -279,8 +280,6 @@ def propose_optics(
     >>> best.able
     ('rim',)
     """
-    from planner.request.resolve import resolve_wanted
-
     check_kinds(
         solid=(solid, "Solid"),
         wanted=(wanted, MAPPING),
@@ -293,10 +292,12 @@ def propose_optics(
     distances = _checked(distances_mm)
     fitting = _fitting(bodies)
     options = options or InspectionOptions()
-    found_by = localisation_or_default(options.localisation, wanted.values())
+    # only the preferred witness of each is looked at, and that is the same for every camera
+    effort = replace(options.effort or NORMAL, witnesses=1)
+    options = replace(options, effort=effort)
+    entities, targets, found_by = resolve_targets(solid, wanted, _STAND_IN, accuracy, options)
     options = replace(options, localisation=found_by)
-    wanted = with_surfaces_of_call(wanted, options.surfaces_mm, found_by)
-    entities, targets = resolve_wanted(solid, wanted, accuracy, as_lengths=True)
+    promise = Promise(accuracy, probability)
     space = _space(solid, entities, targets, max(distances), options)
     views = _views(space, targets, distances, _limits(options, pose_uncertainty))
     best: dict[tuple[str, str], OpticsProposal] = {}
@@ -304,7 +305,7 @@ def propose_optics(
         camera = _set(body, lens, distance)
         if camera is None:
             continue
-        proposal = _judged((body, lens), camera, views, (pose_uncertainty, probability, options))
+        proposal = _judged((body, lens), camera, views, (pose_uncertainty, promise, options))
         if (body, lens) not in best or _rank(proposal) < _rank(best[body, lens]):
             best[body, lens] = proposal
     return tuple(sorted(best.values(), key=_rank))
@@ -384,14 +385,13 @@ def _space(
 
 def _limits(options: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
     """Return the limits that do not depend on the camera; it stands in for all."""
-    camera = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
     return InspectionOptions(
         stand_off_mm=options.stand_off_mm,
         min_length_px=options.min_length_px,
         field_margin_px=0.0,
         visibility_radius_mm=options.visibility_radius_mm,
         reach=options.reach,
-    ).requirements(camera, pose_uncertainty)
+    ).requirements(_STAND_IN, pose_uncertainty)
 
 
 @dataclass(frozen=True)
@@ -406,10 +406,9 @@ class _View:
 def _views(
     space: TargetSpace, targets: Sequence[Target], distances: Sequence[float], need: Requirements
 ) -> list[_View]:
-    camera = Camera(25.0, (0.005, 0.005), (2000, 2000), 8.0, 400.0)
     views = []
     for target in targets:
-        constraints = Constraints(space, [target.name], camera, need, [target])
+        constraints = Constraints(space, [target.name], _STAND_IN, need, [target])
         others = [name for name in constraints.constraint_names if name not in _OF_IMAGE]
         poses = {}
         for distance in distances:
@@ -439,9 +438,10 @@ def _judged(
     names: tuple[str, str],
     camera: Camera,
     views: Sequence[_View],
-    required_of: tuple[PoseUncertainty, float, InspectionOptions],
+    required_of: tuple[PoseUncertainty, Promise, InspectionOptions],
 ) -> OpticsProposal:
-    pose_uncertainty, required, options = required_of
+    pose_uncertainty, promise, options = required_of
+    required = promise.probability
     near, far = camera.depth_of_field_mm
     margin = max(options.focus_margin_mm or 0.0, position_margin_mm(pose_uncertainty))
     if 2 * margin >= far - near:
@@ -460,6 +460,7 @@ def _judged(
     means = Means(
         camera,
         pose_uncertainty,
+        promise.accuracy,
         localisation=options.localisation,
         surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
     )
@@ -485,7 +486,7 @@ def _best(view: _View, lens: Lens, means: Means) -> tuple[float, float, NDArray[
         return None
     model = view.target.description(means)
     inverse = np.linalg.inv(poses)
-    probability = model.probability(inverse)
+    probability = view.target.probability(poses, means)
     best = int(np.argmax(probability))
     described = model.describe(inverse[best])
     return (

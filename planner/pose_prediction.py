@@ -228,7 +228,9 @@ def _prediction(
         name: float(margin.min()) for name, margin in constraints.margins(cam2world[None]).items()
     }
     missed = {name: -margin for name, margin in margins.items() if margin < 0}
-    probability = described.probability if observable and not missed else math.nan
+    # as the plan's settings state it: of a bare edge, by the density of its image's length
+    if_found = float(request.objective.probability(cam2world[None])[0, 0])
+    probability = if_found if observable and not missed else math.nan
     p_all = math.nan
     if not math.isnan(probability):
         counts = DisplacedChecks(request, [target.name]).count(cam2world, _POSES, seed=0)
@@ -243,7 +245,7 @@ def _prediction(
         expanded_uncertainty=described.expanded_uncertainty,
         budget=described.budget,
         margins=margins,
-        conditional_probability=_if_found(described.probability, target, cam2world),
+        conditional_probability=_if_found(if_found, target, cam2world),
         missed=missed,
         p_all=p_all,
     )

@@ -137,3 +137,16 @@ def test_bad_requests_are_refused(changes, message):
     }
     with pytest.raises(RequestError, match=message):
         propose_optics(**{**given, **changes})
+
+
+def test_a_bare_edge_is_rated_as_predict_rates_it():
+    proposals = propose_optics(
+        BLOCK, {"rim": RIM}, SIGMA, bodies=BODIES[:1], accuracy=0.95, distances_mm=[250.0]
+    )
+    able = [one for one in proposals if one.able]
+    assert able
+    for one in able[:3]:
+        told = predict(BLOCK, {"rim": RIM}, one.poses["rim"], one.camera, SIGMA, accuracy=0.95)
+        assert "corner_deg" in told["rim"].margins
+        assert told["rim"].margins["corner_deg"] >= 0
+        assert one.probability["rim"] == pytest.approx(told["rim"].probability, abs=1e-9)
