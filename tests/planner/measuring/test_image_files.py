@@ -7,6 +7,7 @@ import struct
 import zlib
 from dataclasses import replace
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,6 +50,22 @@ def test_a_folder_of_files_of_all_kinds(tmp_path):
         np.testing.assert_array_equal(found.images[shot.name], array)
     assert len(set(found.digests.values())) == 3
     assert not found.notes
+
+
+def test_a_file_is_read_once_so_that_its_digest_is_that_of_its_pixels(tmp_path, monkeypatch):
+    path = folder(tmp_path, setting_01=grey()) / "setting_01.png"
+    content = path.read_bytes()
+    reads = []
+    read_bytes = Path.read_bytes
+
+    def counted(self):
+        reads.append(self)
+        return read_bytes(self)
+
+    monkeypatch.setattr(Path, "read_bytes", counted)
+    found = read_images({1: path}, SHOTS[:1], CAMERA)
+    assert found.digests["setting_01"] == hashlib.sha256(content).hexdigest()
+    assert reads == [path]
 
 
 def test_arrays_and_files_by_number_or_name(tmp_path):
