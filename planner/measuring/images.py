@@ -653,12 +653,10 @@ def _is_mosaic(array: Image) -> bool:
         for i in range(2)
         for j in range(2)
     ]
-    return bool(
-        max(parts) - min(parts) > _MOSAIC * max(max(parts), _DARK * _most_of_image_files(array))
-    )
+    return bool(max(parts) - min(parts) > _MOSAIC * max(max(parts), _DARK * _most_of(array)))
 
 
-def _most_of_image_files(array: NDArray[Any]) -> float:
+def _most_of(array: NDArray[Any]) -> float:
     return float(np.iinfo(array.dtype).max) if array.dtype.kind in "ui" else 1.0
 
 
@@ -676,12 +674,12 @@ def _check_size(image: Image, camera: Camera) -> None:
     raise _wrong(f"{text}{hint}; the plan's camera has {wanted[0]} × {wanted[1]} px")
 
 
-def _check_white(image: Image, camera: Camera) -> None:
+def _check_white(image: NDArray[Any], camera: Camera) -> None:
     """Raise an error if the camera's white is not that of an image of 8 or 16 bits."""
     white = camera.white_level
     if white is None or image.dtype.kind == "f":
         return
-    most = np.iinfo(image.dtype).max
+    most = int(np.iinfo(image.dtype).max)
     if white > most:
         raise _wrong(f"has 8 bits; the camera's white_level is {white}")
     share = float(np.mean(image > white))
