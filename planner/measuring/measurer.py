@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
+from planner.camera.calibration import check_white_level
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity import PartRecord, other_part
@@ -203,11 +204,15 @@ class MeasureOptions:
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule
         How it is decided.
+    white_level : int or None
+        Grey value of full exposure. None is that of the plan's camera, see `Camera`.
 
     Raises
     ------
     RequestError
         If the coverage is not in (0, 1].
+    CameraError
+        If the white level is not a grey value.
 
     Examples
     --------
@@ -220,8 +225,11 @@ class MeasureOptions:
     localisation: Localisation | None = None
     coverage: float = COVERAGE_SHARE
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
+    white_level: int | None = None
 
     def __post_init__(self) -> None:
+        if self.white_level is not None:
+            object.__setattr__(self, "white_level", check_white_level(self.white_level))
         if not 0 < self.coverage <= 1:
             raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
 
@@ -311,6 +319,8 @@ class Measurer:
             If images are missing or wrong.
         """
         camera = self.plan.camera
+        if options.white_level is not None:
+            camera = replace(camera, white_level=options.white_level)
         found = read_images(images, self.shots, camera, partial=partial, allow_lossy=allow_lossy)
         registered: dict[str, Registered] = {}
         failed: dict[str, str] = {}
@@ -453,7 +463,7 @@ class Measurer:
             key = _witness_key(self.plan.settings[shot.setting], name)
             target = self._by_witness[key]
             where = (name, shot.name, shot.setting)
-            if target.in_image:
+            if target.measurand.in_image:
                 (edge,) = self.model.measured[key]
                 how = (half[name], options.coverage, self._floor_px(target.localisation, options))
                 found.append(

@@ -397,6 +397,10 @@ class MeasurementResults:
             "correlation": self.correlation.tolist(),
             "images": {name: _image_dict(one) for name, one in self.images.items()},
             "not_registered": dict(self.failed),
+            "white": {
+                name: {"level": one.white, "from": one.white_from}
+                for name, one in self.pictures.items()
+            },
         }
 
     def write(self, path: str | os.PathLike[str]) -> Path:

@@ -84,6 +84,7 @@ def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, 
             "centre_distance", tuple(rims.values()), tuple(circles.values()), (-0.1, 0.1)
         ),
         "width": dimension("distance", ("front", "back"), tuple(sides), (-0.2, 0.2)),
+        "long": dimension("length", ("front",), (sides[0],), (-0.5, 0.5)),
     }
     dimensions = {name: every[name] for name in names}
     planned = [

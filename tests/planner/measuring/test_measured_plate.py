@@ -63,6 +63,14 @@ def test_a_deviation_is_read_within_its_uncertainty(results, name):
     assert abs(one.deviation - TRUE[name]) < 0.012
 
 
+def test_a_dimension_may_be_the_length_of_an_edge(solid, images, exact):
+    """The plate is as long as drawn: only its bores and its width were made otherwise."""
+    one = measure(measured_plan(solid, ("long",)), solid, images, registration=exact)["long"]
+    assert one.measured, one.reason
+    assert one.nominal == pytest.approx(80.0)
+    assert abs(one.deviation) < one.expanded_uncertainty
+
+
 def test_a_setting_measures_by_its_own_witness(solid, images, exact):
     """The plan lists the lower rim first, which no pose shows, and its settings use the upper one."""
     plan = measured_plan(solid, ("left",))

@@ -40,6 +40,12 @@ def test_the_blur_is_that_of_the_step():
     assert scan(step(U - 30.2)).blur_px[0] == pytest.approx(SIGMA, abs=0.15)
 
 
+@pytest.mark.parametrize("sigma", [1.5, 2.5, 3.5])
+def test_the_blur_of_a_defocused_step_is_that_of_its_formula(sigma):
+    """Beyond 2 px, an image has a note."""
+    assert scan(step(U - 30.2, sigma=sigma)).blur_px[0] == pytest.approx(sigma, rel=0.1)
+
+
 def test_a_circle_is_found_nearer_to_its_centre_by_its_curvature():
     """A disc of radius R blurred by s: its steepest place is s²/(2R) inside (first order)."""
     from scipy.ndimage import gaussian_filter
