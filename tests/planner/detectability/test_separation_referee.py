@@ -130,7 +130,7 @@ def test_an_edge_keeps_its_distance_from_the_circle_of_a_hole(chords, monkeypatc
     edge = straight_edge(plate, (0.0, 0.0, plates.HEIGHT), (0.0, 50.0, plates.HEIGHT))
     scale = camera.matrix[0, 0] / 400.0
     truth = scale * (20.0 - 8.0)
-    above = look_at([centre + (0.0, 0.0, 400.0)], centre)
+    above = look_at([np.add(centre, (0.0, 0.0, 400.0))], centre)
     told = check_of(plate, edge, camera, 230.0).separations(above, ONE)[0, 0] + 230.0
     bulge = scale * 8.0 * (1.0 - np.cos(np.pi / chords))
     # never more, and less by what the straight pieces of an arc may be off
