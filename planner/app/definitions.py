@@ -28,7 +28,18 @@ from planner.app.arguments import (
     add_workspace,
 )
 from planner.app.parsing import Help, Parser
-from planner.app.quantities import MM, PX, RAD, SECONDS, SHARE, lengths, memory, sigma_pair, whole
+from planner.app.quantities import (
+    MM,
+    PX,
+    RAD,
+    SECONDS,
+    SHARE,
+    WHITE,
+    lengths,
+    memory,
+    sigma_pair,
+    whole,
+)
 from planner.executors import usable_cores
 
 # The options of ``measure``.
@@ -89,7 +100,18 @@ def add_measure_options(measure: argparse.ArgumentParser) -> None:
     images.add_argument(
         "--partial", action="store_true", help="measure although images are missing"
     )
-    images.add_argument("--allow-lossy", action="store_true", help="accept JPEG files")
+    images.add_argument(
+        "--allow-lossy",
+        action="store_true",
+        help="accept JPEG and WebP files, and the mosaics of colour cameras",
+    )
+    images.add_argument(
+        "--white-level",
+        type=WHITE,
+        metavar="GREY",
+        help="grey value of full exposure, such as 4095 of 12 bits (default: that of the plan's "
+        "camera, else where the image's brightest pixels end)",
+    )
     add_reading(measure)
     add_messages(measure)
 

@@ -81,6 +81,7 @@ def measure(options: argparse.Namespace) -> int:
         _localisation(options),
         coverage=options.coverage,
         rule=_RULES[options.rule],
+        white_level=options.white_level,
     )
     out = absolute(options.out)
     parts = _parts(options, out)

@@ -70,6 +70,7 @@ DEG = Quantity(
     "an angle in degrees, or with its unit (deg or rad) like 25deg",
     {"deg": "1", "°": "1", "rad": math.degrees(1.0)},
 )
+WHITE = Quantity("a grey value like 4095", {})
 PX = Quantity("a number of pixels like 20 or 20px", {"px": "1"})
 SECONDS = Quantity(
     "a time in seconds, or with its unit (s, min or h) like 90s or 5min",

@@ -28,6 +28,11 @@ except ModuleNotFoundError:  # Python 3.10
 _SMALLEST = 1e-9
 _LARGEST = 1e9
 
+LEAST_WHITE = 63
+"""Grey value of full exposure at least: below, steps of grey values are too coarse to find edges."""
+MOST_WHITE = 65535
+"""Grey value of full exposure at most: that of 16 bits."""
+
 
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Return the text of a TOML file and what it says, or raise `CameraError` with file and line."""
@@ -112,6 +117,15 @@ def check_count(field: str, value: object) -> int:
     number = check_positive(field, value)
     if number != int(number):
         raise CameraError.of_rule(field, "must be whole pixels", shown(value))
+    return int(number)
+
+
+def check_white_level(value: object) -> int:
+    """Return a grey value of full exposure, or raise `CameraError`."""
+    number = check_positive("white_level", value)
+    if number % 1 or not LEAST_WHITE <= number <= MOST_WHITE:
+        rule = f"must be a whole number from {LEAST_WHITE} to {MOST_WHITE}, such as 4095 of 12 bits"
+        raise CameraError.of_rule("white_level", rule, shown(value))
     return int(number)
 
 

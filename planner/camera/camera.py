@@ -33,6 +33,7 @@ from planner.camera.calibration import (
     check_number,
     check_pair,
     check_positive,
+    check_white_level,
     line_of,
     opencv_fields,
     read_toml,
@@ -302,6 +303,9 @@ class Camera:
         middle.
     distortion : Distortion or sequence of float, optional
         Coefficients k1, k2, p1, p2, k3 as OpenCV states them. Default: none.
+    white_level : int, optional
+        Grey value of full exposure in its image files of 8 or 16 bits, such as 4095 of 12 bits.
+        Default: that of the image, see `planner.measuring.images.white_of`.
 
     Raises
     ------
@@ -326,6 +330,7 @@ class Camera:
     name: str = ""
     principal_point_px: tuple[float, float] | None = None
     distortion: Distortion | None = None
+    white_level: int | None = None
 
     def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
@@ -346,6 +351,8 @@ class Camera:
         object.__setattr__(self, "largest_blur_mm", check_positive("largest_blur_mm", blur))
         if not isinstance(self.name, str):
             raise CameraError.of_rule("name", "must be text", shown(self.name))
+        if self.white_level is not None:
+            object.__setattr__(self, "white_level", check_white_level(self.white_level))
         # focus a rounding error beyond f is none: the image distance would not be finite
         if not 1.0 / self.focal_length_mm > 1.0 / self.focus_distance_mm:
             rule = (
@@ -514,7 +521,7 @@ class Camera:
             Width and height, px.
         **lens : float or str
             Must hold ``pixel_pitch_mm`` (one number, across), ``f_number`` and ``focus_distance_mm``; may hold
-            ``largest_blur_mm`` and ``name``.
+            ``largest_blur_mm``, ``white_level`` and ``name``.
 
         Returns
         -------
@@ -693,9 +700,11 @@ class Camera:
             Field names and values; pairs are tuples.
         """
         data = {field.name: getattr(self, field.name) for field in fields(self)}
-        # a camera without calibration says nothing of it
+        # what is not stated is left out
         if self.principal_point_px is None:
             del data["principal_point_px"]
+        if self.white_level is None:
+            del data["white_level"]
         data.pop("distortion")
         if self.distortion is not None:
             data["distortion"] = self.distortion.coefficients

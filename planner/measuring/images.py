@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping, Sequence
+import stat
+import sys
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +20,12 @@ from numpy.typing import NDArray
 from errors.formatting import percent_text
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
-from planner.measuring.scans import CLIPPED_SHARE, Scans, find_edges, noise_of, white_of
+from planner.measuring.scans import CLIPPED_SHARE, Scans, find_edges, noise_of
 from planner.sensor_setting import setting_name
 
 if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage
+
     from planner.plan import InspectionPlan
 
 
@@ -37,6 +44,117 @@ MOST_BLUR_PX = 2.0
 """Blur across edges from which on an image has a note."""
 
 
+STATED = "camera"
+"""The origin of white that the camera states."""
+PLATEAU = "plateau"
+"""The origin of white at which the brightest pixels of an image end."""
+DEPTH = "depth"
+"""The origin of white that is the largest number of as many bits as an image needs: it may be more."""
+
+_DEPTHS = (8, 10, 12, 14, 16)
+# pixels, and their share of the image, that may be brighter than white: hot ones
+_FEW = 16
+_FEW_SHARE = 1e-5
+# levels of grey values below white at least, and levels that it is compared with
+_LEAST_LEVELS = 32
+_BELOW = 8
+# more pixels are white than at each of these levels, times as many; or with equal neighbours, as of no noisy level
+_MORE = 2.0
+_FAR_MORE = 30.0
+_EQUAL = 0.5
+
+
+class White(NamedTuple):
+    """Full exposure of an image.
+
+    Attributes
+    ----------
+    level : float
+        Its grey value.
+    origin : str
+        `STATED`, `PLATEAU` or `DEPTH`.
+    """
+
+    level: float
+    origin: str
+
+
+def white_of(image: NDArray[np.generic], stated: int | None = None) -> White:
+    """Return the grey value of full exposure of an image.
+
+    It is what the camera states. Otherwise it is the level at which the image's brightest pixels end, if a plateau of
+    pixels is there. In an image without such a plateau, nothing tells white. Then it is that of the smallest usual
+    depth that holds the image. A camera may fill the upper bits: then all values have a common factor.
+
+    Parameters
+    ----------
+    image : array (h, w)
+        Grey values: 8 or 16 bits, or floats in [0, 1].
+    stated : int, optional
+        White of the camera. It does not count for floats.
+    """
+    if image.dtype.kind == "f":
+        levels = np.rint(np.asarray(image, dtype=np.float64) * _most(np.uint16)).astype(np.uint16)
+        plateau = _plateau_of(levels)
+        return White(1.0, DEPTH) if plateau is None else White(plateau / _most(np.uint16), PLATEAU)
+    if stated is not None:
+        return White(float(stated), STATED)
+    plateau = _plateau_of(image)
+    if plateau is not None:
+        return White(float(plateau), PLATEAU)
+    return White(_depth_white(image), DEPTH)
+
+
+def _plateau_of(image: NDArray[Any]) -> int | None:
+    """Return the level at which the brightest pixels end, if far more of them lie there than light alone explains.
+
+    Clipped pixels have exactly this value, as have their neighbours. Noise makes neighbours of other levels differ. In
+    an image without noise, nothing can be told: a face of one grey value is a plateau, too.
+    """
+    count = np.bincount(image.ravel())
+    few = max(_FEW, int(_FEW_SHARE * image.size))
+    level = len(count) - 1 - int(np.argmax(np.cumsum(count[::-1]) > few))
+    step = _step_of(count)
+    if level < _LEAST_LEVELS * step:
+        return None
+    below = count[level - _BELOW * step : level : step].mean()
+    equal = image[:, :-1] == image[:, 1:]
+    noisy = (image >= level // 4) & (image < level) & (image > 0)
+    if noisy.sum() <= few or equal[noisy[:, :-1]].mean() > _EQUAL:
+        return None
+    alike = equal[(image == level)[:, :-1]]
+    is_area = alike.size > 0 and alike.mean() >= _EQUAL and count[level] >= _MORE * below
+    is_many = count[level] > few and count[level] >= _FAR_MORE * max(below, 1.0)
+    return level if is_area or is_many else None
+
+
+def _step_of(count: NDArray[np.int64]) -> int:
+    """Return the common factor of the grey values of an image, as a power of two, from the number of pixels at each."""
+    bits = int(np.bitwise_or.reduce(np.flatnonzero(count)))
+    return bits & -bits if bits else 1
+
+
+def _depth_white(image: NDArray[Any]) -> float:
+    """Return the largest number of as many bits as an image without a plateau needs, in its upper bits."""
+    if image.dtype == np.uint8:
+        return _most(np.uint8)
+    count = np.bincount(image.ravel())
+    step = _step_of(count)
+    count = count[::step]
+    few = max(_FEW, int(_FEW_SHARE * image.size))
+    for bits in _DEPTHS:
+        white = 2**bits - 1
+        # many pixels that are nearly white, and none that is: it is another white
+        near = count[int(CLIPPED_SHARE * white) :].sum()
+        if len(count) - 1 == white or (len(count) - 1 < white and near <= few):
+            return float(min(white * step, _most(np.uint16)))
+    return _most(np.uint16)
+
+
+def _most(kind: type[np.unsignedinteger[Any]]) -> float:
+    return float(np.iinfo(kind).max)
+
+
 @dataclass(frozen=True)
 class Picture:
     """An image.
@@ -53,6 +171,8 @@ class Picture:
         Standard deviation of the noise, in grey values.
     camera : Camera
         The camera.
+    white_from : str
+        Where ``white`` is from, see `White`.
     """
 
     name: str
@@ -60,12 +180,14 @@ class Picture:
     white: float
     noise: float
     camera: Camera
+    white_from: str = STATED
 
     @classmethod
     def of(cls, name: str, image: NDArray[np.generic], camera: Camera) -> Picture:
         """Return an image of 8 or 16 bits, or of floats in [0, 1]."""
         grey = np.ascontiguousarray(image, dtype=np.float32)
-        return cls(name, grey, white_of(image), noise_of(grey), camera)
+        white = white_of(image, camera.white_level)
+        return cls(name, grey, white.level, noise_of(grey), camera, white.origin)
 
     def notes(
         self, blur_px: float, overexposed: Sequence[str] = (), share: float | None = None
@@ -91,10 +213,18 @@ class Picture:
         elif overexposed:
             found.append(f"overexposed beside {', '.join(overexposed)}: {shorter}")
         elif bright < DARK_SHARE:
-            found.append(f"dark: expose for {WELL_EXPOSED / max(bright, 0.004):.1f} times as long")
+            times = f"expose for {WELL_EXPOSED / max(bright, 0.004):.1f} times as long"
+            found.append(f"dark{self._if_white}: {times}")
         if blur_px > MOST_BLUR_PX:
             found.append(f"blurred: edges are spread with a standard deviation of {blur_px:.1f} px")
         return found
+
+    @property
+    def _if_white(self) -> str:
+        """What is assumed of white, if nothing states it."""
+        if self.white_from != DEPTH or self.white <= _most(np.uint8):
+            return ""
+        return f", if white is {self.white:.0f} (white_level of the camera states it)"
 
     @property
     def overexposed(self) -> bool:
@@ -129,16 +259,35 @@ class Picture:
 
 Image = NDArray[np.generic]
 
-SUFFIXES = (".png", ".tif", ".tiff", ".bmp", ".npy")
-LOSSY = (".jpg", ".jpeg")
+SUFFIXES = (".png", ".tif", ".tiff", ".bmp", ".npy", ".jpg", ".jpeg", ".webp", ".gif", ".pgm")
+"""Suffixes of files that are taken for images. What a file is, its content says."""
+_USE = "store PNG, TIFF, BMP or NumPy"
+_LOSSY = ("JPEG", "MPO", "WEBP")
+_LOSSLESS = ("PNG", "TIFF", "BMP", "DIB")
+# compressions of TIFF files that lose nothing
+_TIFF_LOSSLESS = (
+    *("raw", "tiff_raw_16", "packbits", "tiff_lzw", "lzma", "zstd"),
+    *("tiff_adobe_deflate", "tiff_deflate"),
+)
+# how Pillow names grey values and colours that are read as they are
+_GREY = ("L", "I;16", "I;16L", "I;16B", "I;16N", "I", "F", "LA")
+_COLOURS = ("RGB", "RGBA", "P", "PA")
+_NUMPY = b"\x93NUMPY"
+_PHOTOMETRIC = 262
+_BITS = 258
 # weights of red, green and blue in a grey value (ITU-R BT.601)
 _LUMINANCE = np.array([0.299, 0.587, 0.114])
 _ORIENTATION = 0x0112
+# bytes of the first header of BMP files
+_OLD_BMP = 12
+_NUMBERS = "must have grey values of 8 or 16 bits, or from 0 to 1"
 _LISTED = 6
 # means of the four positions differ by more than this share only behind a colour filter; unless all is dark
 _MOSAIC = 0.05
-_FEW = 10_000
+_IMAGE_FILES_FEW = 10_000
 _DARK = 0.02
+# share of pixels that may be brighter than white: hot ones, and what a sharpening filter adds
+_ABOVE_WHITE = 0.001
 
 
 @dataclass(frozen=True)
@@ -171,7 +320,7 @@ class ImageSet:
     notes : list of str
         What was changed or assumed.
     digests : dict of str to str
-        SHA-256 of each file, or of the array's bytes.
+        SHA-256 of the bytes of each file, which were decoded, or of the array.
     """
 
     images: dict[str, Image] = field(default_factory=dict)
@@ -215,7 +364,7 @@ def read_images(
     partial : bool
         Whether images may be missing.
     allow_lossy : bool
-        Whether JPEG files are accepted.
+        Whether JPEG and WebP files, and the mosaics of colour cameras, are accepted.
 
     Returns
     -------
@@ -238,6 +387,7 @@ def read_images(
         try:
             image, digest, notes = _read(files[shot.name], allow_lossy)
             _check_size(image, camera)
+            _check_white(image, camera)
         except RequestError as error:
             wrong.append(f"{shot.name}: {error.rule or error}")
             continue
@@ -259,7 +409,7 @@ def _in_folder(source: str | os.PathLike[str], shots: list[Shot]) -> dict[str, A
         raise RequestError.of_rule("images", "must be an existing folder", repr(str(source)))
     files: dict[str, Any] = {}
     for path in sorted(folder.iterdir()):
-        if path.suffix.lower() not in SUFFIXES + LOSSY:
+        if path.suffix.lower() not in SUFFIXES:
             continue
         if path.stem in files:
             got = f"{files[path.stem].name} and {path.name}"
@@ -311,52 +461,159 @@ def _listed(names: list[str]) -> str:
 def _read(item: Any, allow_lossy: bool) -> tuple[Image, str, list[str]]:
     """Return the grey image of a file or array, its digest, and notes."""
     if isinstance(item, str | os.PathLike):
-        path = Path(item)
-        try:
-            digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        except OSError as error:
-            raise _wrong(f"cannot be read: {error.strerror}") from None
-        array, notes = _decoded(path, allow_lossy)
-        if array.ndim == 2 and _is_mosaic(array) and not allow_lossy:
+        content = _content(Path(item))
+        digest = hashlib.sha256(content).hexdigest()
+        array, notes = _decoded(content, allow_lossy)
+        image, more = _as_grey(array)
+        if array.ndim == 2 and _is_mosaic(image) and not allow_lossy:
             rule = (
                 "looks like the mosaic of a colour camera; convert it to grey, or use --allow-lossy"
             )
             raise _wrong(rule)
-    else:
+        return image, digest, notes + more
+    try:
         array = np.asarray(item)
-        digest = hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
-        notes = []
-    image, more = _as_grey(array)
-    return image, digest, notes + more
+    except (TypeError, ValueError):
+        raise _wrong("is no array of numbers") from None
+    image, notes = _as_grey(array)
+    digest = hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
+    return image, digest, notes
 
 
-def _decoded(path: Path, allow_lossy: bool) -> tuple[Image, list[str]]:
-    suffix = path.suffix.lower()
-    if suffix in LOSSY and not allow_lossy:
-        raise _wrong(
-            "is a JPEG file, whose edges are not those of the sensor; --allow-lossy reads it"
-        )
-    if suffix == ".npy":
+def _content(path: Path) -> bytes:
+    """Return the bytes of a file; of a pipe or a device they might never end."""
+    try:
+        mode = path.stat().st_mode
+        content = path.read_bytes() if stat.S_ISREG(mode) else b""
+    except FileNotFoundError:
+        raise _wrong("is a link to nothing" if path.is_symlink() else "is no file") from None
+    except (OSError, ValueError) as error:
+        # a name may hold what no file system has
+        raise _wrong(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if not stat.S_ISREG(mode):
+        kind = "folder" if stat.S_ISDIR(mode) else "pipe or device"
+        raise _wrong(f"is a {kind}; it must be a file")
+    return content
+
+
+def _decoded(content: bytes, allow_lossy: bool) -> tuple[Image, list[str]]:
+    """Return the array of an image file, and notes; what it is, its bytes say.
+
+    The decoders of files that are not what they say raise errors of all kinds.
+    """
+    if content.startswith(_NUMPY):
         try:
-            return np.load(path, allow_pickle=False), []
-        except (OSError, ValueError):
+            return np.asarray(np.load(BytesIO(content), allow_pickle=False)), []
+        except Exception:
             raise _wrong("is no NumPy file of an array") from None
     from PIL import Image as Pillow
 
+    with warnings.catch_warnings():
+        # what is odd but readable, and large images
+        warnings.simplefilter("ignore")
+        try:
+            with Pillow.open(BytesIO(content)) as picture:
+                notes = _check_picture(picture, content, allow_lossy)
+                with _without_stderr(picture.format == "TIFF"):
+                    return _array_of(picture), notes
+        except RequestError:
+            raise
+        except Exception:
+            raise _wrong("is no image that can be read") from None
+
+
+@contextmanager
+def _without_stderr(wanted: bool) -> Iterator[None]:
+    """Drop what is written to the standard error meanwhile: libtiff writes there what it finds odd."""
+    if not wanted:
+        yield
+        return
+    sys.stderr.flush()
+    before = os.dup(2)
+    nothing = os.open(os.devnull, os.O_WRONLY)
     try:
-        with Pillow.open(path) as picture:
-            turned = picture.getexif().get(_ORIENTATION, 1)
-            array = np.asarray(picture.convert("L") if picture.mode in ("P", "1") else picture)
-    except (OSError, ValueError, SyntaxError, Pillow.DecompressionBombError):
-        raise _wrong("is no image that can be read") from None
+        os.dup2(nothing, 2)
+        yield
+    finally:
+        os.dup2(before, 2)
+        os.close(nothing)
+        os.close(before)
+
+
+def _check_picture(picture: PillowImage, content: bytes, allow_lossy: bool) -> list[str]:
+    """Raise an error unless an image file holds the grey values of the sensor; return notes."""
+    kind = str(picture.format)
+    in_tiff = str(picture.info.get("compression", "raw")) if kind == "TIFF" else "raw"
+    lossy = kind in _LOSSY or in_tiff not in _TIFF_LOSSLESS
+    if kind not in _LOSSY + _LOSSLESS:
+        raise _wrong(f"is a {kind} file; {_USE}")
+    if lossy and not allow_lossy:
+        name = f"{kind} file" if kind in _LOSSY else f"TIFF file compressed as {in_tiff}"
+        raise _wrong(
+            f"is a {name}, whose edges are not those of the sensor; --allow-lossy reads it"
+        )
+    notes = [f"{kind if in_tiff == 'raw' else in_tiff} loses detail of edges"] if lossy else []
+    pages = int(getattr(picture, "n_frames", 1))
+    if pages > 1 and kind != "MPO":
+        raise _wrong(f"holds {pages} images; it must hold one")
+    if picture.mode not in _GREY + _COLOURS + ("1",):
+        raise _wrong(f"has values of the kind {picture.mode}; it must be grey or RGB")
+    bits = _bits_of(picture, content)
+    if bits < 8:
+        raise _wrong(f"has values of {bits} bit{'s' if bits > 1 else ''}; it must have 8 or 16")
+    turned = picture.getexif().get(_ORIENTATION, 1)
     if turned != 1:
         raise _wrong(f"says that it is turned (EXIF orientation {turned}); store it as taken")
-    return array, []
+    if bits > 8 and picture.mode not in _GREY[:-1]:
+        notes.append(f"colours or grey with opacity of {bits} bits, read with 8")
+    return notes
+
+
+def _bits_of(picture: PillowImage, content: bytes) -> int:
+    """Return the bits of a value in an image file, as the file says."""
+    if picture.mode == "1":
+        return 1
+    if picture.format == "PNG":
+        # the first chunk holds width, height and this
+        return content[24]
+    if picture.format in ("BMP", "DIB"):
+        header = 14 if picture.format == "BMP" else 0
+        size = int.from_bytes(content[header : header + 4], "little")
+        at = header + (10 if size == _OLD_BMP else 14)
+        of_pixel = int.from_bytes(content[at : at + 2], "little")
+        return of_pixel if of_pixel < 8 else 8
+    if picture.format == "TIFF":
+        tags = picture.tag_v2  # type: ignore[attr-defined]
+        return int(min(np.atleast_1d(tags.get(_BITS, 1))))
+    return 8
+
+
+def _array_of(picture: PillowImage) -> Image:
+    """Return the values of an image file."""
+    if picture.mode in ("P", "PA"):
+        is_clear = picture.mode == "PA" or "transparency" in picture.info
+        return np.asarray(picture.convert("RGBA" if is_clear else "RGB"))
+    array = np.asarray(picture)
+    is_tiff = picture.format == "TIFF"
+    if is_tiff and picture.tag_v2.get(_PHOTOMETRIC) == 0:  # type: ignore[attr-defined]
+        # black is the largest value; Pillow turns that of 8 bits only
+        if picture.mode in ("I", "F"):
+            raise _wrong("has white as 0 and values of 32 bits; store black as 0")
+        if picture.mode != "L":
+            return np.asarray(np.iinfo(np.uint16).max - array.astype(np.uint16))
+    return array
 
 
 def _as_grey(array: Image) -> tuple[Image, list[str]]:
     """Return grey values of 8 or 16 bits, or floats in [0, 1]."""
     notes = []
+    if array.dtype.kind not in "uif" or not array.size:
+        what = f"values of the kind {array.dtype}" if array.size else "no values"
+        raise _wrong(f"has {what}; it must have grey values")
+    # files may have the other order of bytes
+    array = array.astype(array.dtype.newbyteorder("="), copy=False)
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        raise _wrong(_NUMBERS)
     if array.ndim == 3 and array.shape[2] in (2, 4):
         alpha = array[..., -1]
         if not (alpha == alpha.max()).all():
@@ -368,53 +625,41 @@ def _as_grey(array: Image) -> tuple[Image, list[str]]:
         if (array == array[..., :1]).all():
             array = array[..., 0]
         else:
-            kind = array.dtype
-            array = (
-                (array @ _LUMINANCE).round().astype(kind)
-                if kind.kind == "u"
-                else array @ _LUMINANCE
-            )
+            array = _luminance(array)
             notes.append("colour image, measured in its luminance")
     if array.ndim != 2:
         raise _wrong(f"has the shape {array.shape}; it must be one grey image")
-    if array.dtype.kind == "i" and array.min() >= 0 and array.max() <= np.iinfo(np.uint16).max:
-        # 16 bits as Pillow reads them
+    if array.dtype.kind in "ui" and array.dtype != np.uint8:
+        if array.min() < 0 or array.max() > np.iinfo(np.uint16).max:
+            raise _wrong(_NUMBERS)
         array = array.astype(np.uint16)
-    if array.dtype not in (np.uint8, np.uint16) and not _is_share(array):
-        raise _wrong("must have grey values of 8 or 16 bits, or from 0 to 1")
-    if array.dtype == np.uint16 and array.max() <= np.iinfo(np.uint8).max:
-        array = array.astype(np.uint8)
-        notes.append("16 bits that hold 8")
-    elif array.dtype == np.uint16 and array.max() < 4096:
-        # what is written for full exposure is not known: cameras of 10 and 12 bits fill the low bits
-        bits = 10 if array.max() < 1024 else 12
-        array = np.left_shift(array.astype(np.uint16), 16 - bits)
-        notes.append(f"16 bits that hold {bits}")
+    if array.dtype.kind == "f" and not (array.min() >= 0 and array.max() <= 1):
+        raise _wrong(_NUMBERS)
     return array, notes
+
+
+def _luminance(array: Image) -> Image:
+    grey = array @ _LUMINANCE
+    return np.asarray(grey if array.dtype.kind == "f" else grey.round().astype(array.dtype))
 
 
 def _is_mosaic(array: Image) -> bool:
     """Return whether pixels of the four positions in squares of two by two differ as those of a colour filter do."""
+    if array.size < _IMAGE_FILES_FEW or min(array.shape) < 2:
+        return False
     height, width = (size // 2 * 2 for size in array.shape)
     parts = [
         float(array[i:height:2, j:width:2].astype(np.float64).mean())
         for i in range(2)
         for j in range(2)
     ]
-    if array.size < _FEW or not np.isfinite(parts).all():
-        return False
-    return bool(max(parts) - min(parts) > _MOSAIC * max(max(parts), _DARK * _most(array)))
+    return bool(
+        max(parts) - min(parts) > _MOSAIC * max(max(parts), _DARK * _most_of_image_files(array))
+    )
 
 
-def _most(array: NDArray[Any]) -> float:
+def _most_of_image_files(array: NDArray[Any]) -> float:
     return float(np.iinfo(array.dtype).max) if array.dtype.kind in "ui" else 1.0
-
-
-def _is_share(array: Image) -> bool:
-    """Return whether an array holds floats in [0, 1]."""
-    if array.dtype.kind != "f" or not np.isfinite(array).all():
-        return False
-    return bool(array.min() >= 0 and array.max() <= 1)
 
 
 def _check_size(image: Image, camera: Camera) -> None:
@@ -429,6 +674,22 @@ def _check_size(image: Image, camera: Camera) -> None:
     elif width and height and wanted[0] / width == wanted[1] / height:
         hint = ", binned or scaled"
     raise _wrong(f"{text}{hint}; the plan's camera has {wanted[0]} × {wanted[1]} px")
+
+
+def _check_white(image: Image, camera: Camera) -> None:
+    """Raise an error if the camera's white is not that of an image of 8 or 16 bits."""
+    white = camera.white_level
+    if white is None or image.dtype.kind == "f":
+        return
+    most = np.iinfo(image.dtype).max
+    if white > most:
+        raise _wrong(f"has 8 bits; the camera's white_level is {white}")
+    share = float(np.mean(image > white))
+    if share > _ABOVE_WHITE:
+        raise _wrong(
+            f"has grey values up to {image.max()}; the camera's white_level is {white}, "
+            f"and {100 * share:.2g} % are brighter"
+        )
 
 
 def _twice(digests: Mapping[str, str]) -> list[str]:

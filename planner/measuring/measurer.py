@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
+from planner.camera.calibration import check_white_level
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity import PartRecord, other_part
@@ -34,6 +35,7 @@ from planner.measuring.results import MeasurementResults
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.scans import CLIPPED_SHARE
 from planner.measuring.task import NotRegisteredError
+from planner.request.dimension import is_one_sided
 from planner.request.planned import PlannedTarget, targets_of
 from planner.request.targets import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.sensor_setting import SensorSetting, setting_name
@@ -203,11 +205,15 @@ class MeasureOptions:
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule
         How it is decided.
+    white_level : int or None
+        Grey value of full exposure. None is that of the plan's camera, see `Camera`.
 
     Raises
     ------
     RequestError
         If the coverage is not in (0, 1].
+    CameraError
+        If the white level is not a grey value.
 
     Examples
     --------
@@ -220,8 +226,11 @@ class MeasureOptions:
     localisation: Localisation | None = None
     coverage: float = COVERAGE_SHARE
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
+    white_level: int | None = None
 
     def __post_init__(self) -> None:
+        if self.white_level is not None:
+            object.__setattr__(self, "white_level", check_white_level(self.white_level))
         if not 0 < self.coverage <= 1:
             raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
 
@@ -311,6 +320,8 @@ class Measurer:
             If images are missing or wrong.
         """
         camera = self.plan.camera
+        if options.white_level is not None:
+            camera = replace(camera, white_level=options.white_level)
         found = read_images(images, self.shots, camera, partial=partial, allow_lossy=allow_lossy)
         registered: dict[str, Registered] = {}
         failed: dict[str, str] = {}
@@ -453,7 +464,7 @@ class Measurer:
             key = _witness_key(self.plan.settings[shot.setting], name)
             target = self._by_witness[key]
             where = (name, shot.name, shot.setting)
-            if target.in_image:
+            if target.measurand.in_image:
                 (edge,) = self.model.measured[key]
                 how = (half[name], options.coverage, self._floor_px(target.localisation, options))
                 found.append(
@@ -495,10 +506,15 @@ class Measurer:
         return {name: windows[name] + more + _ROOM_PX for name, more in room.items()}
 
     def _tolerance_px(self, target: PlannedTarget, registered: Registered) -> float:
-        """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 3."""
+        """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 3.
+
+        A tolerance with one limit does not say how far off a part may be: then it is 3.
+        """
         share = target.permitted_error_px(registered.cam2world, self.plan.camera)
         if target.tolerance is None or share is None:
             return 0.0
+        if is_one_sided(target.tolerance):
+            return _MOST_TOLERANCE_PX
         lower, upper = target.tolerance
         return min((upper - lower) * share / target.permitted_error, _MOST_TOLERANCE_PX)
 

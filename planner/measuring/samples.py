@@ -587,7 +587,7 @@ class PartModel:
 
     def _free_surfaces(self, target: PlannedTarget, edges: tuple[PartEdge, ...]) -> None:
         frames = target.measurand.frames
-        if target.in_image:
+        if target.measurand.in_image:
             self._free_ends(edges[0])
             return
         for edge, frame in zip(edges, frames, strict=True):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
+from scipy.special import erf
 
 from ground.loop_cache import njit
 
@@ -33,6 +34,9 @@ _ALONG = (-1.0, -0.5, 0.0, 0.5, 1.0)
 _APART_PX = 1.5
 # px²: interpolation between pixels, and their size
 _SAMPLING_VARIANCE = 1 / 6 + 1 / 12
+
+# px: blurs that can be told apart
+_BLURS = np.linspace(0.0, 5.0, 101)
 
 ALONG_VARIANCE = sum(one**2 for one in _ALONG) / len(_ALONG) + _SAMPLING_VARIANCE
 """Variance of where along an edge grey values come from, px², besides the image's blur.
@@ -84,19 +88,14 @@ class Scans:
     step : array (m,)
         Grey value on the scan's far side of the edge less that on its near side, as a share of white.
     blur_px : array (m,)
-        Standard deviation of the image's blur across the edge, from the gradient's height; 0 of an edge that is sharper
-        than the pixels.
+        Standard deviation of the image's blur across the edge, from the gradient's height, at most 5; 0 of an edge that
+        is sharper than the pixels.
     """
 
     offset: Array
     state: NDArray[np.int64]
     step: Array
     blur_px: Array
-
-
-def white_of(image: NDArray[Any]) -> float:
-    """Return the largest grey value of an image's type."""
-    return float(np.iinfo(image.dtype).max) if image.dtype.kind == "u" else 1.0
 
 
 def noise_of(image: NDArray[Any]) -> float:
@@ -225,8 +224,19 @@ def find_edges(
     state[middle < least] = State.WEAK
     state[outside] = State.OUTSIDE
     width = np.abs(high - low) / np.maximum(np.sqrt(2 * np.pi) * middle, 1e-12)
-    blur = np.sqrt(np.maximum(width**2 - SMOOTHING_PX**2 - _SAMPLING_VARIANCE, 0.0))
-    return Scans(offset, state, (high - low) / white, blur)
+    return Scans(offset, state, (high - low) / white, _blur_of(width))
+
+
+def _blur_of(width: Array) -> Array:
+    """Return the blur of edges, px, by their step over their steepest gradient times sqrt(2 pi), px.
+
+    Of a step A with a blur of the variance s², the grey values at a distance of b to both sides differ by
+    A erf(b / sqrt(2 (s² + c))) with c the variance of the sampling. The gradient is A / sqrt(2 pi (s² + c + g²)) with g
+    the standard deviation of its filter. Their ratio rises with s.
+    """
+    grey = _BLURS**2 + _SAMPLING_VARIANCE
+    seen = erf(BESIDE_PX / np.sqrt(2 * grey)) * np.sqrt(grey + SMOOTHING_PX**2)
+    return np.asarray(np.interp(width, seen, _BLURS))
 
 
 def _second_strength(strength: Array, best: NDArray[np.int64], inside: NDArray[np.bool_]) -> Array:
