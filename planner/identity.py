@@ -23,7 +23,7 @@ from planner.options import InspectionOptions
 from planner.plan_file import field_name, shown
 from planner.request.constraints import Requirements
 from planner.request.defaults import default_workspace
-from planner.request.dimension import Dimension
+from planner.request.dimension import Dimension, is_one_sided
 from planner.request.reach import BoxRegion, SphereRegion, reach_identity
 from planner.request.targets import DimensionTarget, RegistrationRecord, Target
 from planner.version import program_digest
@@ -440,7 +440,7 @@ class TargetRecord:
     permitted_error : float or None
         Of a dimension, mm (angles: degrees).
     tolerance : tuple of float or None
-        Lower and upper deviation that the drawing allows.
+        Lower and upper deviation that the drawing allows; one may be infinite.
     share : float or None
         Part of the tolerance's half width that is permitted as error.
     direction : tuple of float or None
@@ -476,6 +476,7 @@ class TargetRecord:
         if not isinstance(target, DimensionTarget):
             return cls(target.name, EDGE, witness.ends, seen)
         dimension = target.dimension
+        has_width = dimension.tolerance is not None and not is_one_sided(dimension.tolerance)
         return cls(
             target.name,
             dimension.kind,
@@ -483,7 +484,7 @@ class TargetRecord:
             seen,
             float(target.max_error),
             dimension.tolerance,
-            None if dimension.tolerance is None else dimension.share,
+            dimension.share if has_width else None,
             dimension.direction,
             tuple(others),
             dimension.surfaces_mm,
@@ -498,10 +499,11 @@ class TargetRecord:
         )
         if self.kind == EDGE:
             return entities[0]
-        if self.tolerance is None:
-            error: dict[str, Any] = {"max_error": self.permitted_error}
-        else:
-            error = {"tolerance": self.tolerance, "share": self.share}
+        error: dict[str, Any] = {"tolerance": self.tolerance}
+        # what has no width has an error of its own
+        error |= (
+            {"max_error": self.permitted_error} if self.share is None else {"share": self.share}
+        )
         return Dimension(
             self.kind,
             entities,

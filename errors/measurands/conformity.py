@@ -18,14 +18,14 @@ COVERAGE = 2.0
 
 
 def uncertainty_ratio(expanded: float, tolerance: tuple[float, float]) -> float:
-    """Return U / T with T the tolerance's whole width.
+    """Return U / T with T the tolerance's whole width; 0 of a tolerance with one limit.
 
     Parameters
     ----------
     expanded : float
         Expanded uncertainty U, in the tolerance's unit.
     tolerance : (float, float)
-        Lower and upper deviation.
+        Lower and upper deviation; an infinite one is no limit.
 
     Returns
     -------
@@ -33,6 +33,8 @@ def uncertainty_ratio(expanded: float, tolerance: tuple[float, float]) -> float:
         U divided by upper minus lower deviation.
     """
     lower, upper = tolerance
+    if math.isinf(upper - lower) and upper > lower:
+        return 0.0
     return expanded / check_positive(upper - lower, "tolerance")
 
 
@@ -44,7 +46,7 @@ def acceptance_limits(
     Parameters
     ----------
     tolerance : (float, float)
-        Lower and upper deviation that the drawing allows.
+        Lower and upper deviation that the drawing allows; an infinite one is no limit.
     expanded : float
         Expanded uncertainty U, not negative.
 
@@ -187,7 +189,14 @@ def conformance_probability(
     lower, upper = tolerance
     if u == 0:
         return float(lower <= deviation <= upper)
-    return _below((upper - deviation) / u) - _below((lower - deviation) / u)
+    to_lower = (lower - deviation) / u
+    to_upper = (upper - deviation) / u
+    if to_lower > 0:
+        # as the mirror image: a difference of tails keeps the digits that one of numbers near 1 loses
+        return _below(-to_lower) - _below(-to_upper)
+    if to_upper == math.inf:
+        return _below(-to_lower)
+    return _below(to_upper) - _below(to_lower)
 
 
 def decide(
@@ -205,7 +214,7 @@ def decide(
     standard_uncertainty : float
         Its standard uncertainty u.
     tolerance : (float, float) or None
-        Lower and upper deviation that the drawing allows.
+        Lower and upper deviation that the drawing allows; an infinite one is no limit.
     rule : DecisionRule
         How it is decided.
 

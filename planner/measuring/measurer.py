@@ -35,6 +35,7 @@ from planner.measuring.results import MeasurementResults
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.scans import CLIPPED_SHARE
 from planner.measuring.task import NotRegisteredError
+from planner.request.dimension import is_one_sided
 from planner.request.planned import PlannedTarget, targets_of
 from planner.request.targets import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.sensor_setting import SensorSetting, setting_name
@@ -505,10 +506,15 @@ class Measurer:
         return {name: windows[name] + more + _ROOM_PX for name, more in room.items()}
 
     def _tolerance_px(self, target: PlannedTarget, registered: Registered) -> float:
-        """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 3."""
+        """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 3.
+
+        A tolerance with one limit does not say how far off a part may be: then it is 3.
+        """
         share = target.permitted_error_px(registered.cam2world, self.plan.camera)
         if target.tolerance is None or share is None:
             return 0.0
+        if is_one_sided(target.tolerance):
+            return _MOST_TOLERANCE_PX
         lower, upper = target.tolerance
         return min((upper - lower) * share / target.permitted_error, _MOST_TOLERANCE_PX)
 

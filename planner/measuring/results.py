@@ -25,6 +25,7 @@ from planner.files import write_text
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading, Result
 from planner.measuring.registered import Registered
+from planner.request.dimension import plain_tolerance
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
 # XML.
@@ -202,8 +203,9 @@ def _definition(element: ET.Element, one: Result) -> None:
         return
     lower, upper = one.tolerance
     tolerance = _add(element, "Tolerance")
-    _add(tolerance, "MaxValue", _decimal(upper))
-    _add(tolerance, "MinValue", _decimal(lower))
+    for name, limit in (("MaxValue", upper), ("MinValue", lower)):
+        if math.isfinite(limit):
+            _add(tolerance, name, _decimal(limit))
     _add(tolerance, "DefinedAsLimit", "false")
 
 
@@ -506,7 +508,7 @@ def _result_dict(one: Result) -> dict[str, Any]:
         "kind": one.kind,
         "unit": one.unit,
         "nominal": one.nominal,
-        "tolerance": None if one.tolerance is None else list(one.tolerance),
+        "tolerance": plain_tolerance(one.tolerance),
         "value": _number(one.value),
         "deviation": _number(one.deviation),
         "u": _number(one.standard_uncertainty),
@@ -551,7 +553,7 @@ def _image_dict(one: Registered) -> dict[str, Any]:
 
 
 def _row(one: Result) -> dict[str, Any]:
-    lower, upper = (None, None) if one.tolerance is None else one.tolerance
+    lower, upper = plain_tolerance(one.tolerance) or (None, None)
     readings = [reading for reading in one.readings if reading.measured] or list(one.readings)
     counts: dict[str, int] = {}
     for reading in readings:

@@ -226,19 +226,25 @@ def value_svg(result: Result, rule: DecisionRule) -> str:
         return ""
     lower, upper = result.tolerance
     expanded = result.expanded_uncertainty
-    low = min(lower, result.deviation - expanded)
-    high = max(upper, result.deviation + expanded)
+    limits = [limit for limit in (lower, upper) if math.isfinite(limit)]
+    low = min(*limits, 0.0, result.deviation - expanded)
+    high = max(*limits, 0.0, result.deviation + expanded)
     room = 0.12 * (high - low)
     width, height = _BAR
 
     def at(value: float) -> float:
-        return round((value - low + room) / (high - low + 2 * room) * width, 2)
+        # what has no limit ends with the picture
+        share = (value - low + room) / (high - low + 2 * room)
+        return round(min(max(share, 0.0), 1.0) * width, 2)
 
     guard = _guard(rule, result.standard_uncertainty)
     bands = "".join(
-        _rectangle("band", at(limit - guard), at(limit + guard))
-        for limit in (lower, upper)
-        if math.isfinite(limit) and guard > 0
+        _rectangle("band", at(limit - guard), at(limit + guard)) for limit in limits if guard > 0
+    )
+    texts = "".join(
+        f'<text{kind} x="{at(limit)}" y="44">{limit:+.4g}</text>'
+        for kind, limit in (("", lower), (' class="end"', upper))
+        if math.isfinite(limit)
     )
     words = f"{result.name}: deviation {result.deviation:+.4g} ± {expanded:.2g}"
     return (
@@ -248,8 +254,7 @@ def value_svg(result: Result, rule: DecisionRule) -> str:
         f'<path class="zero" d="M{at(0.0)} 8V34"/>'
         f'<path class="value" d="M{at(result.deviation - expanded)} 21H{at(result.deviation + expanded)}"/>'
         f'<circle class="value" cx="{at(result.deviation)}" cy="21" r="4.5"/>'
-        f'<text x="{at(lower)}" y="44">{lower:+.4g}</text>'
-        f'<text class="end" x="{at(upper)}" y="44">{upper:+.4g}</text></svg>'
+        f"{texts}</svg>"
     )
 
 

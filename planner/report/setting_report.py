@@ -39,8 +39,9 @@ from planner.report.wording import (
     margin_texts,
     surfaces_sources,
 )
+from planner.request.dimension import is_one_sided
 from planner.request.planned import words_of
-from planner.request.words import deviation_text
+from planner.request.words import deviation_text, tolerance_text
 from planner.verify.setting_record import Measurement, measurements
 
 if TYPE_CHECKING:
@@ -334,7 +335,9 @@ def _row(plan: InspectionPlan, k: int, name: str, one: Measurement) -> tuple[str
     dimension = plan.dimensions[name].choosing(chosen)
     unit = dimension.unit
     ratio = "none stated"
-    if dimension.tolerance is not None:
+    if dimension.tolerance is not None and is_one_sided(dimension.tolerance):
+        ratio = "one limit"
+    elif dimension.tolerance is not None:
         ratio = f"<b>{uncertainty_ratio(one.expanded_uncertainty, dimension.tolerance):.3f}</b>"
     values = {
         "": f"{escape(name)}<br> <span class='note'>{escape(_what(dimension))}</span>",
@@ -373,6 +376,8 @@ def _nominal(dimension: PlannedDimension) -> str:
     text = f"{dimension.nominal:.6g} {dimension.unit}"
     if dimension.tolerance is None:
         return text
+    if is_one_sided(dimension.tolerance):
+        return f"{text}<br> {tolerance_text(dimension.tolerance)}"
     lower, upper = dimension.tolerance
     # pages too narrow for a table show no breaks
     return f"{text}<br> {deviation_text(upper)}<br> {deviation_text(lower)}"
@@ -412,8 +417,11 @@ def _accepted(dimension: PlannedDimension, one: Measurement) -> str:
     limits = acceptance_limits(dimension.tolerance, one.expanded_uncertainty)
     if limits is None:
         return '<span class="bad">nothing: U takes the whole tolerance</span>'
-    low = dimension.nominal + limits[0]
-    high = dimension.nominal + limits[1]
+    low, high = (dimension.nominal + limit for limit in limits)
+    if math.isinf(low):
+        return f"up to {unbroken(f'{high:.6g} {dimension.unit}')}"
+    if math.isinf(high):
+        return f"from {unbroken(f'{low:.6g} {dimension.unit}')}"
     return f"{low:.6g} and {unbroken(f'{high:.6g} {dimension.unit}')}"
 
 

@@ -133,7 +133,8 @@ class Dimension:
     """A quantity to measure in one image, with the permitted error.
 
     Give at most one of ``tolerance``, ``tolerance_class``, ``max_error`` and ``accuracy``. Without
-    any, the accuracy of the call applies.
+    any, the accuracy of the call applies. A tolerance with one limit has no width, so it states no
+    permitted error: ``max_error`` or ``accuracy`` may be stated besides.
 
     Parameters
     ----------
@@ -145,7 +146,7 @@ class Dimension:
         objects, or two end points in mm.
     tolerance : (float, float), optional
         Lower and upper deviation from the nominal value that the drawing allows, mm (angles: degrees).
-        A text is a tolerance class.
+        None or an infinite one is no limit; one of both must be finite. A text is a tolerance class.
     max_error : float, optional
         Largest permitted error of the measurement, mm (angles: degrees).
     accuracy : float, optional
@@ -190,6 +191,8 @@ class Dimension:
     0.0125
     >>> Dimension.diameter("r3", tolerance="H7").with_limits(20.0).tolerance
     (0.0, 0.021)
+    >>> Dimension.distance(17, 18, tolerance_mm=(None, 0.1), max_error_mm=0.02).tolerance
+    (-inf, 0.1)
     """
 
     kind: str
@@ -209,21 +212,11 @@ class Dimension:
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
         object.__setattr__(self, "alternatives", tuple(map(tuple, self.alternatives)))
-        given = [name for name in _REQUIREMENTS if getattr(self, name) is not None]
-        if len(given) > 1:
-            raise RequestError(
-                f"a dimension must have one of tolerance, max_error and accuracy. Got {', '.join(given)}."
-            )
-        tolerance: Any = self.tolerance
-        if isinstance(tolerance, str):
-            object.__setattr__(self, "tolerance_class", tolerance)
-            object.__setattr__(self, "tolerance", None)
+        self._check_requirements()
         if self.tolerance_class is not None:
             object.__setattr__(
                 self, "tolerance_class", checked_class(self.tolerance_class, self.kind)
             )
-        if self.tolerance is not None:
-            object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
         if self.max_error is not None:
             check_number("max_error", self.max_error, _POSITIVE)
         if self.accuracy is not None:
@@ -244,6 +237,25 @@ class Dimension:
                 "places",
                 "must be 1 unless it is a distance of two edges",
                 f"{self.places} for a {self.kind.replace('_', ' ')}",
+            )
+
+    def _check_requirements(self) -> None:
+        """Check that one thing is asked; a text of a tolerance is a class, and None in it an infinite limit."""
+        tolerance: Any = self.tolerance
+        if isinstance(tolerance, str):
+            object.__setattr__(self, "tolerance", None)
+            if self.tolerance_class is None:
+                object.__setattr__(self, "tolerance_class", tolerance)
+        elif tolerance is not None:
+            object.__setattr__(self, "tolerance", checked_tolerance(tolerance))
+        given = [name for name in _REQUIREMENTS if getattr(self, name) is not None]
+        if self.tolerance is not None and is_one_sided(self.tolerance):
+            given.remove("tolerance")
+        if isinstance(tolerance, str) and self.tolerance_class != tolerance:
+            given.insert(0, "tolerance")
+        if len(given) > 1:
+            raise RequestError(
+                f"a dimension must have one of tolerance, max_error and accuracy. Got {', '.join(given)}."
             )
 
     @classmethod
@@ -438,7 +450,8 @@ class Dimension:
         Dimension
             The same dimension, if it has a requirement.
         """
-        if any(getattr(self, name) is not None for name in _REQUIREMENTS):
+        two_sided = self.tolerance is not None and not is_one_sided(self.tolerance)
+        if two_sided or any(getattr(self, name) is not None for name in _REQUIREMENTS[1:]):
             return self
         return replace(self, accuracy=accuracy)
 
@@ -487,14 +500,16 @@ class Dimension:
         """
         dimension = self.with_accuracy(accuracy) if accuracy is not None else self
         dimension = dimension.with_limits(nominal)
-        if dimension.tolerance is not None:
+        if dimension.tolerance is not None and not is_one_sided(dimension.tolerance):
             error = dimension.share * (dimension.tolerance[1] - dimension.tolerance[0]) / 2
         elif dimension.max_error is not None:
             error = float(dimension.max_error)
         elif dimension.accuracy is not None:
             return (1 - dimension.accuracy) * nominal
         else:
-            raise RequestError(f"a {self.kind} needs a tolerance, max_error or accuracy. Got none.")
+            got = "none" if self.tolerance is None else "a tolerance with one limit"
+            rule = "needs a tolerance, max_error or accuracy"
+            raise RequestError(f"a {self.kind} {rule}. Got {got}.")
         if error >= nominal:
             raise RequestError(
                 f"the permitted error of a {self.kind} must be smaller than its nominal value {nominal:.6g}. "
@@ -525,17 +540,40 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     return {names[name]: value for name, value in requirement.items()}
 
 
-def _checked_tolerance(given: Sequence[float]) -> tuple[float, float]:
+def is_one_sided(tolerance: tuple[float, float]) -> bool:
+    """Return whether a tolerance has only one limit: then it has no width."""
+    return math.isinf(tolerance[0]) or math.isinf(tolerance[1])
+
+
+def plain_tolerance(tolerance: tuple[float, float] | None) -> list[float | None] | None:
+    """Return a tolerance for JSON: a limit that is not stated is null, as is a tolerance that is not."""
+    if tolerance is None:
+        return None
+    return [limit if math.isfinite(limit) else None for limit in tolerance]
+
+
+def checked_tolerance(given: Sequence[float | None]) -> tuple[float, float]:
+    """Return lower and upper deviation; None in their place is no limit, and an infinite deviation.
+
+    Raises
+    ------
+    RequestError
+        If they are not two numbers in order, or no limit is left.
+    """
     try:
-        lower, upper = (float(value) for value in given)
+        lower, upper = given
+        lower = -math.inf if lower is None else float(lower)
+        upper = math.inf if upper is None else float(upper)
     except (OverflowError, TypeError, ValueError) as error:
         raise RequestError.of_rule(
             "tolerance",
             "must be two numbers, lower and upper deviation, or a class such as H7",
             repr(given),
         ) from error
-    if not (math.isfinite(lower) and math.isfinite(upper)):
-        raise RequestError.of_rule("tolerance", "must be finite", repr(given))
+    is_limited = math.isfinite(lower) or math.isfinite(upper)
+    if not is_limited or math.isnan(lower + upper) or lower == math.inf or upper == -math.inf:
+        rule = "must have a finite limit, and -inf or inf only where there is none"
+        raise RequestError.of_rule("tolerance", rule, repr(given))
     if lower >= upper:
         raise RequestError.of_rule(
             "tolerance",

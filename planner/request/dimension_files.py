@@ -151,7 +151,8 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     Each name stands for an edge (``rim = 17`` or two end points: its length at the call's accuracy), or for a table
     with a kind and its entities, and what is asked: ``bore = { diameter = "r3", tolerance = [-0.05, 0.05] }``,
     ``step = { distance = [17, 18], max_error = 0.02 }``, ``rim = { edge = 17, max_error = 0.05 }``. Values are mm
-    (angles: degrees), or of the ``unit`` given. A tolerance may be a class: ``tolerance = "H7"``. Other entities that
+    (angles: degrees), or of the ``unit`` given. A tolerance may be a class, ``tolerance = "H7"``, or one limit,
+    ``tolerance = { upper = 0.05 }``, with ``max_error`` or ``accuracy`` besides. Other entities that
     give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
 
@@ -229,6 +230,8 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
         raise RequestError.of_rule("unit", f"must be one of {', '.join(known)}", repr(unit))
     options = {key: value[key] for key in _OPTIONS if key in value and key not in ("unit", "any")}
     factor = _UNITS[unit]
+    if isinstance(options.get("tolerance"), Mapping):
+        options["tolerance"] = _limits(options["tolerance"])
     if isinstance(options.get("tolerance"), list):
         options["tolerance"] = tuple(
             _scaled(deviation, factor) for deviation in options["tolerance"]
@@ -241,6 +244,14 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     return Dimension(
         kind, _entities(entities), alternatives=tuple(map(_entities, others)), **options
     )
+
+
+def _limits(stated: Mapping[str, Any]) -> list[Any]:
+    """Return lower and upper deviation of a table of one or both."""
+    if not stated or any(key not in ("lower", "upper") for key in stated):
+        rule = "must be a table of lower, upper or both"
+        raise RequestError.of_rule("tolerance", rule, repr(dict(stated)))
+    return [stated.get("lower"), stated.get("upper")]
 
 
 def _entities(given: Any) -> tuple[Any, ...]:

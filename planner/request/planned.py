@@ -18,6 +18,7 @@ from errors.measurands.measurand import measurand
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
+from planner.request.dimension import checked_tolerance, is_one_sided, plain_tolerance
 from planner.request.models import Means, measurand_model
 from planner.request.targets import DimensionTarget, Target
 from planner.request.words import (
@@ -367,6 +368,8 @@ class PlannedDimension(PlannedTarget):
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
         if self.tolerance is None:
             return nominal, error
+        if is_one_sided(self.tolerance):
+            return f"{nominal} {tolerance_text(self.tolerance)}", error
         share = self._share(self.tolerance)
         return f"{nominal} {tolerance_text(self.tolerance)}", f"{error} ({share})"
 
@@ -374,9 +377,9 @@ class PlannedDimension(PlannedTarget):
     def share_text(self) -> str:
         """Share of its tolerance that the permitted error is, such as "25 % of ±0.05".
 
-        Of an uneven tolerance of width T "25 % of T/2"; empty without a tolerance.
+        Of an uneven tolerance of width T "25 % of T/2"; empty without a tolerance, or if it has one limit.
         """
-        if self.tolerance is None:
+        if self.tolerance is None or is_one_sided(self.tolerance):
             return ""
         lower, upper = self.tolerance
         width = f"±{upper:.4g}" if lower == -upper else "T/2"
@@ -399,7 +402,7 @@ class PlannedDimension(PlannedTarget):
             "kind": self.kind,
             "unit": self.unit,
             "nominal": self.nominal,
-            "tolerance": None if self.tolerance is None else list(self.tolerance),
+            "tolerance": plain_tolerance(self.tolerance),
             "permitted_error": self.permitted_error,
             "entities": list(self.entities),
             "geometry": [to_dict(item) for item in self.geometry],
@@ -437,7 +440,7 @@ class PlannedDimension(PlannedTarget):
                 tuple(from_dict(item) for item in data["geometry"]),
                 data["permitted_error"],
                 Localisation.from_dict(data["localisation"]),
-                None if data["tolerance"] is None else (data["tolerance"][0], data["tolerance"][1]),
+                None if data["tolerance"] is None else checked_tolerance(data["tolerance"]),
                 None if data["direction"] is None else tuple(data["direction"]),
                 # files of earlier programs do not state these
                 data.get("n_features", 1),

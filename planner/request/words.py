@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -202,7 +203,7 @@ def deviation_text(deviation: float) -> str:
 
 
 def tolerance_text(tolerance: tuple[float, float]) -> str:
-    """Return a tolerance as a drawing has it, such as "±0.05" or "0/-0.2".
+    """Return a tolerance as a drawing has it, such as "±0.05", "0/-0.2" or "at most +0.1".
 
     Parameters
     ----------
@@ -210,6 +211,10 @@ def tolerance_text(tolerance: tuple[float, float]) -> str:
         Lower and upper deviation, mm (angles: degrees).
     """
     lower, upper = tolerance
+    if math.isinf(lower):
+        return f"at most {deviation_text(upper)}"
+    if math.isinf(upper):
+        return f"at least {deviation_text(lower)}"
     if lower == -upper:
         return f"±{upper:.4g}"
     return "/".join(deviation_text(limit) for limit in (upper, lower))

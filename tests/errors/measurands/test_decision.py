@@ -25,6 +25,34 @@ def test_probability_with_a_tolerance_of_four_u():
     assert conformance_probability(0.0, 0.5, WIDE) == pytest.approx(0.954500, abs=1e-6)
 
 
+@pytest.mark.parametrize("in_u", [-40.0, -9.0, -3.0, -0.5, 0.0, 0.5, 3.0, 9.0])
+def test_probability_with_one_limit_is_that_of_one_tail(in_u):
+    """The normal distribution's tail beyond the limit; far tails keep their digits."""
+    wanted = math.erfc(-in_u / math.sqrt(2)) / 2
+    upper = conformance_probability(0.1 - in_u * 0.01, 0.01, (-math.inf, 0.1))
+    lower = conformance_probability(-0.1 + in_u * 0.01, 0.01, (-0.1, math.inf))
+    assert upper == pytest.approx(wanted, rel=1e-9, abs=0)
+    assert lower == pytest.approx(wanted, rel=1e-9, abs=0)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_decisions_with_one_limit(side):
+    """The side without a limit never decides; 1.645 u is the 95 % point of the normal distribution."""
+    tolerance = (-math.inf, 0.1) if side > 0 else (-0.1, math.inf)
+    rule = DecisionRule.iso14253()
+    for deviation, decision in (
+        (-1e6, Decision.CONFORMS),
+        (0.1 - 0.0165, Decision.CONFORMS),
+        (0.1 - 0.0164, Decision.UNDECIDED),
+        (0.1 + 0.0164, Decision.UNDECIDED),
+        (0.1 + 0.0165, Decision.DOES_NOT_CONFORM),
+    ):
+        assert decide(side * deviation, 0.01, tolerance, rule) is decision
+    for rule in (DecisionRule.simple(), DecisionRule.guard()):
+        assert decide(side * -1e6, 0.01, tolerance, rule) is Decision.CONFORMS
+        assert decide(side * 0.2, 0.01, tolerance, rule) is Decision.DOES_NOT_CONFORM
+
+
 def test_a_value_without_error():
     assert conformance_probability(1.0, 0.0, WIDE) == 1.0
     assert conformance_probability(1.0 + 1e-12, 0.0, WIDE) == 0.0

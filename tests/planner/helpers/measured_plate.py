@@ -86,7 +86,7 @@ def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, 
         "width": dimension("distance", ("front", "back"), tuple(sides), (-0.2, 0.2)),
         "long": dimension("length", ("front",), (sides[0],), (-0.5, 0.5)),
     }
-    dimensions = {name: every[name] for name in names}
+    dimensions = changes.get("dimensions") or {name: every[name] for name in names}
     planned = [
         SensorSetting(
             pose, tuple(names), dict.fromkeys(names, 0.95), {"focus_mm": 1.0}, 1.0, 1, 1, "by hand"

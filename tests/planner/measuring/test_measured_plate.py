@@ -9,10 +9,20 @@ import jsonschema
 import numpy as np
 import pytest
 import xmlschema
-from measured_plate import CAMERA, LAMP, POSES, fine_plate, measured_plan, photograph, thick_plate
+from measured_plate import (
+    CAMERA,
+    LAMP,
+    POSES,
+    TOP,
+    dimension,
+    fine_plate,
+    measured_plan,
+    photograph,
+    thick_plate,
+)
 from scipy.ndimage import map_coordinates
 
-from errors.measurands import Decision, DecisionRule
+from errors.measurands import Decision, DecisionRule, Line
 from planner import (
     LightPlan,
     LitImage,
@@ -52,6 +62,18 @@ def exact():
 @pytest.fixture(scope="module")
 def results(solid, images, exact):
     return measure(measured_plan(solid), solid, images, registration=exact)
+
+
+def test_the_length_of_an_edge_is_a_dimension(solid, images, exact):
+    """The plate is 80 mm long, as made."""
+    line = Line([0.0, 0.0, TOP], [80.0, 0.0, TOP])
+    long = dimension("length", ("front",), (line,), (-0.3, 0.3))
+    plan = measured_plan(
+        solid, ("long",), dimensions={"long": long}, entities={"long": np.array([line.p, line.q])}
+    )
+    one = measure(plan, solid, images, registration=exact)["long"]
+    assert one.measured, one.reason
+    assert abs(one.deviation) < 3 * one.standard_uncertainty
 
 
 @pytest.mark.parametrize("name", list(TRUE))

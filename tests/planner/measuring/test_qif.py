@@ -87,6 +87,8 @@ CASES = {
     "guard band": measured(DecisionRule.guard()),
     "upper deviation only": replaced(measured(), tolerance=(0.0, 0.1)),
     "lower deviation only": replaced(measured(), tolerance=(-0.1, 0.0)),
+    "upper limit only": replaced(measured(), tolerance=(-np.inf, 0.1)),
+    "lower limit only": replaced(measured(), tolerance=(-0.1, np.inf)),
     "no tolerance": replaced(measured(), tolerance=None),
     "nothing measured": replaced(
         measured(),
@@ -109,6 +111,16 @@ CASES = {
 @pytest.mark.parametrize("results", CASES.values(), ids=list(CASES))
 def test_documents_are_valid(results):
     assert faults(qif_text(results)) == []
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "stated", "missing"),
+    [((-np.inf, 0.1), "MaxValue", "MinValue"), ((-0.1, np.inf), "MinValue", "MaxValue")],
+)
+def test_a_tolerance_with_one_limit_states_only_that(tolerance, stated, missing):
+    root = ET.fromstring(qif_text(replaced(measured(), tolerance=tolerance)))
+    assert by_tag(root, stated)
+    assert not by_tag(root, missing)
 
 
 def test_documents_of_several_parts_are_valid_and_differ_in_their_ids():
@@ -193,7 +205,7 @@ MUTANTS = {
     "no unit of length": (without("PrimaryUnits", "LinearUnit"), "LinearUnit"),
     "length before angle": (swapped("PrimaryUnits"), "LinearUnit"),
     "results first": (swapped("QIFDocument", 4), "Results"),
-    "lower limit first": (swapped("Tolerance"), "MinValue"),
+    "lower limit first": (swapped("Tolerance"), "MaxValue"),
     "item before status": (swapped("DiameterCharacteristicMeasurement"), "CharacteristicItemId"),
     "serial number after status": (swapped("ActualComponent"), "SerialNumber"),
     "a word for a status": (text("CharacteristicStatusEnum", "GOOD"), "enumeration|must be one of"),

@@ -1,8 +1,13 @@
 """What is asked of a dimension: permitted errors, and every rule."""
 
+import json
+import math
+
 import pytest
 
+from errors.measurands import Circle, Localisation
 from planner import Dimension, RequestError
+from planner.request.planned import PlannedDimension
 
 
 def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_the_value():
@@ -91,3 +96,43 @@ def test_a_class_permits_a_share_of_its_tolerance():
     assert bore.with_limits(20.0) == Dimension.diameter("r3", tolerance_mm=(0.0, 0.021))
     plain = Dimension.diameter("r3")
     assert plain.with_limits(20.0) is plain
+
+
+def test_a_tolerance_with_one_limit_has_no_width():
+    """The permitted error is what is stated beside it, or the call's accuracy."""
+    most = Dimension.diameter("r3", tolerance_mm=(None, 0.1), max_error_mm=0.02)
+    assert most.tolerance == (-math.inf, 0.1)
+    assert most.permitted_error(12.0) == 0.02
+    least = Dimension.diameter("r3", tolerance_mm=(-0.1, math.inf))
+    assert least.tolerance == (-0.1, math.inf)
+    assert least.permitted_error(10.0, accuracy=0.99) == pytest.approx(0.1)
+    with pytest.raises(RequestError, match="Got a tolerance with one limit"):
+        least.permitted_error(10.0)
+
+
+@pytest.mark.parametrize(
+    "tolerance",
+    [(None, None), (-math.inf, math.inf), (math.inf, None), (None, -math.inf), (None, math.nan)],
+)
+def test_a_tolerance_has_a_limit(tolerance):
+    with pytest.raises(RequestError, match="tolerance must have a finite limit"):
+        Dimension.diameter("r3", tolerance_mm=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "stored", "text"),
+    [
+        ((-math.inf, 0.1), [None, 0.1], "at most +0.1"),
+        ((-0.1, math.inf), [-0.1, None], "at least -0.1"),
+    ],
+)
+def test_plans_store_no_limit_as_null(tolerance, stored, text):
+    circle = Circle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0))
+    planned = PlannedDimension(
+        "diameter", ("r1",), (circle,), 0.02, Localisation.gaussian(), tolerance
+    )
+    data = json.loads(json.dumps(planned.to_dict(), allow_nan=False))
+    assert data["tolerance"] == stored
+    assert PlannedDimension.from_dict(data).tolerance == tolerance
+    assert planned.requirement_texts[0].endswith(text)
+    assert planned.share_text == ""

@@ -1,5 +1,7 @@
 """Files of dimensions: what a user writes, and what is refused by name."""
 
+import math
+
 import pytest
 
 from errors.measurands.measurand import kinds
@@ -38,9 +40,33 @@ def test_every_way_to_say_it(tmp_path):
     assert found["long"].entities == ([[0, 0, 10], [80, 0, 10]],)
 
 
+def test_one_limit_of_a_tolerance(tmp_path):
+    """An inch is 25.4 mm."""
+    text = """
+most = { diameter = "r3", tolerance = { upper = 0.05 }, max_error = 0.02 }
+least = { radius = "a0", tolerance = { lower = -0.001 }, unit = "in" }
+endless = { distance = [17, 18], tolerance = [-inf, 0.1] }
+both = { distance = [17, 18], tolerance = { lower = -0.3, upper = 0.2 } }
+"""
+    found = read_wanted(written(tmp_path, text), kinds())
+    assert found["most"] == Dimension.diameter("r3", tolerance_mm=(None, 0.05), max_error_mm=0.02)
+    assert found["least"].tolerance == (pytest.approx(-0.0254), math.inf)
+    assert found["endless"].tolerance == (-math.inf, 0.1)
+    assert found["both"] == Dimension.distance(17, 18, tolerance_mm=(-0.3, 0.2))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (
+            'a = { diameter = "r3", tolerance = { most = 1 } }',
+            "dimension 'a': tolerance must be a table of lower, upper or both. Got {'most': 1}",
+        ),
+        ('a = { diameter = "r3", tolerance = {} }', "must be a table of lower, upper or both"),
+        (
+            'a = { diameter = "r3", tolerance = [-inf, inf] }',
+            "dimension 'a': tolerance must have a finite limit",
+        ),
         ('a = { width = "r3" }', "dimension 'a' must be made of a kind .* Got 'width'"),
         ("a = { max_error = 1 }", "dimension 'a' must have one kind. Got none"),
         ('a = { diameter = "r3", radius = "r3" }', "Got diameter, radius"),
