@@ -231,7 +231,18 @@ class Distortion:
         return np.stack([across, down], axis=-1)
 
     def stretch(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the derivatives (..., 2, 2) of `distort` at ideal points (..., 2)."""
+        """Return the derivatives of `distort` at ideal points.
+
+        Parameters
+        ----------
+        points : array (..., 2)
+            Ideal points, without unit.
+
+        Returns
+        -------
+        array (..., 2, 2)
+            Of each coordinate of the distorted point (rows) by those of the ideal one (columns).
+        """
         x, y = np.moveaxis(points, -1, 0)
         r2 = x * x + y * y
         radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))

@@ -83,10 +83,7 @@ def near_contours(
     wide = reach * widen
     active = np.empty(len(edge_ends), np.int64)
     image = np.empty(vertices.shape)
-    # without distortion, nothing stretches
-    corners = np.zeros((vertices.shape[1], 6))
-    corners[:, 2] = 1.0
-    corners[:, 5] = 1.0
+    corners = np.empty((vertices.shape[1], 6))
     boxes = np.empty((4, len(edge_ends)))
     front = np.empty(contours[2].shape[1], np.uint8)
     within = np.empty(len(edge_ends) + 1, np.int64)
@@ -156,6 +153,11 @@ def _corner_images(
         own = own_vertices[begin + w]
         corners[w, 0] = image[0, own]
         corners[w, 1] = image[1, own]
+        # without distortion, nothing stretches
+        corners[w, 2] = 1.0
+        corners[w, 3] = 0.0
+        corners[w, 4] = 0.0
+        corners[w, 5] = 1.0
         if len(view[1]) > 0:
             stretch = _stretch(image[0, own], image[1, own], view)
             for c in range(4):
