@@ -29,6 +29,8 @@ except ImportError:
 LOCK_FILE = ".aspectgraph.lock"
 # descriptors of locks that this process holds; a forked worker must not keep a lock alive
 _held: set[int] = set()
+# how long to wait for a worker that was forked as its parent was killed to close its copy of the lock, s
+_ORPHAN_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -127,11 +129,8 @@ def _take(handle: int, path: Path, parameter: str) -> None:
     """Lock an open file, or raise `OutputError` if another process holds it."""
     hint = ""
     try:
-        if fcntl is None:
-            raise OSError
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return
-    except BlockingIOError:
+        if _flocked(handle):
+            return
         owner = _owner_of(handle)
     except OSError:
         # this file system has no locks
@@ -145,6 +144,28 @@ def _take(handle: int, path: Path, parameter: str) -> None:
         f"{path.parent}, in use by {owner or 'another process'}",
         hint=hint,
     )
+
+
+def _flocked(handle: int) -> bool:
+    """Lock an open file, unless a process holds it; the workers of one that has ended are waited for.
+
+    Raises
+    ------
+    OSError
+        If this file system has no locks.
+    """
+    if fcntl is None:
+        raise OSError
+    end = time.monotonic() + _ORPHAN_S
+    while True:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            owner = _owner_of(handle)
+        if owner is None or not owner.gone or time.monotonic() > end:
+            return False
+        time.sleep(0.01)
 
 
 def _is_named(handle: int, path: Path) -> bool:

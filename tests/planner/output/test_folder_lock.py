@@ -18,6 +18,8 @@ from planner.report.folder_lock import LOCK_FILE, LockOwner, folder_lock
 _HOLDER = """
 import os, sys, time
 from pathlib import Path
+# on a busy machine the parent may be killed before its worker has closed the lock
+os.register_at_fork(after_in_child=lambda: time.sleep(0.3))
 from planner.report.folder_lock import folder_lock
 with folder_lock(Path(sys.argv[1])):
     if sys.argv[2] == "fork":
