@@ -37,7 +37,7 @@ from planner.measuring.images import Picture
 from planner.measuring.registered import Registered, displaced
 from planner.measuring.samples import POSE, PartEdge, PartModel
 from planner.measuring.scans import STATE_TEXTS, State
-from planner.request.planned import PlannedTarget
+from planner.request.targets import Target
 
 Array = NDArray[np.float64]
 
@@ -347,7 +347,7 @@ class Result:
 
 def merged(
     name: str,
-    target: PlannedTarget,
+    target: Target,
     readings: Sequence[Reading],
     rule: DecisionRule,
     missing: str = "",
@@ -361,7 +361,7 @@ def merged(
     ----------
     name : str
         The target's name.
-    target : PlannedTarget
+    target : Target
         The target.
     readings : sequence of Reading
         Its readings.

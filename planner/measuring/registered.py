@@ -15,7 +15,7 @@ from aspectgraph.entities.carriers import PARAMETERS
 from aspectgraph.solid.ray_scene import RayScene
 from planner.camera.camera import Camera
 from planner.measuring.samples import POSE, PartEdge, PartModel
-from planner.request.targets import LEAST_POSE
+from planner.request.registration import LEAST_POSE
 
 # The lamp that fits an image: the one that makes the grey values beside the edges that were
 # found.

@@ -22,7 +22,7 @@ from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.graph_plot import layout
 from aspectgraph.plot.traces import scene_figure
 from planner.progress import TimeLeft, report
-from planner.request.planned import targets_of
+from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
