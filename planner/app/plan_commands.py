@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
@@ -41,6 +40,7 @@ from planner.app.batch import (
     limits_of,
     plan_folder,
 )
+from planner.app.checks import option, read_camera
 from planner.app.job import (
     Job,
     Wanted,
@@ -56,7 +56,7 @@ from planner.app.job import (
     with_light,
     workspace_of,
 )
-from planner.app.parsing import option, read_camera
+from planner.app.options import Batch, Dimensions, Graph, Info, Optics, Plan, Simulate
 from planner.app.process import DONE, INCOMPLETE
 from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.camera.pose import PoseUncertainty
@@ -362,7 +362,7 @@ class Leftovers:
 
 
 def rank_optics(
-    options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
+    options: Optics, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
 ) -> int:
     """Print bodies and lenses, ranked by how well they measure what is wanted; return the exit code."""
     proposals = propose_optics(
@@ -448,9 +448,9 @@ def listed(names: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(quoted[:-1]), *quoted[-1:]]))
 
 
-def info(options: argparse.Namespace) -> int:
+def info(options: Info) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         edges = solid.straight_edges(min_length_mm=options.min_length)
         curves = (*solid.rims(), *solid.arcs())
@@ -486,9 +486,9 @@ def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list
         raise type(error).of_rule("picture", error.rule, error.got) from None
 
 
-def graph(options: argparse.Namespace) -> int:
+def graph(options: Graph) -> int:
     """Build the entity-based aspect graph and write it."""
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     entities = chosen_entities(options, solid)
     box = workspace_of(options)
     if box is None and options.camera is not None:
@@ -506,7 +506,7 @@ def graph(options: argparse.Namespace) -> int:
 
 
 def _graph(
-    options: argparse.Namespace, solid: Solid, entities: Any, box: Any, progress: Any
+    options: Graph, solid: Solid, entities: Any, box: Any, progress: Any
 ) -> EntityAspectGraph:
     """Return the graph of viewpoints, or of lamp positions."""
     shown = labelled(progress, "visible regions")
@@ -522,9 +522,9 @@ def _graph(
     return graph_of(regions, memory_limit_bytes=limit, progress=progress)
 
 
-def dimensions(options: argparse.Namespace) -> int:
+def dimensions(options: Dimensions) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         stated = read_dimensions(options.part, solid, limits=read_limits(options))
     if not stated:
@@ -538,7 +538,7 @@ def dimensions(options: argparse.Namespace) -> int:
     return DONE
 
 
-def plan(options: argparse.Namespace) -> int:
+def plan(options: Plan) -> int:
     """Plan an inspection and write everything about it."""
     names = (*PLAN_FILES, STATE_FILE)
     with (
@@ -566,7 +566,7 @@ def plan(options: argparse.Namespace) -> int:
 
 
 def _print_planned(
-    options: argparse.Namespace,
+    options: Plan,
     result: InspectionPlan,
     job: Job,
     written: Written,
@@ -598,9 +598,7 @@ def _print_left_out(targets: Wanted) -> None:
         print_text(words(f"{name} is not planned: {reason}", [name]))
 
 
-def _planned(
-    options: argparse.Namespace, job: Job, leftovers: Leftovers
-) -> tuple[InspectionPlan, Written, bool]:
+def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
     solid = job.solid
     with (
@@ -674,7 +672,7 @@ def _searched(
     return plan, regions
 
 
-def batch(options: argparse.Namespace) -> int:
+def batch(options: Batch) -> int:
     """Plan every part of a folder."""
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
@@ -723,14 +721,14 @@ def batch(options: argparse.Namespace) -> int:
     return DONE if all(part_result.status == PLANNED for part_result in results) else INCOMPLETE
 
 
-def simulate(options: argparse.Namespace) -> int:
+def simulate(options: Simulate) -> int:
     """Check a plan by simulation."""
     if options.part is None:
         check_nothing_read(options)
     loaded = read_plan(options.plan)
-    solid = None if options.part is None else read_part(options)
+    solid = None if options.part is None else read_part(options.part, options)
     if solid is not None:
-        check_same_part(solid, loaded, options.part)
+        check_same_part(solid, loaded, str(options.part))
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = simulate_plan(
             loaded, options.poses, rng=options.seed, progress=progress, solid=solid
@@ -742,9 +740,9 @@ def simulate(options: argparse.Namespace) -> int:
     return DONE if loaded.complete and result.confirmed else INCOMPLETE
 
 
-def optics(options: argparse.Namespace) -> int:
+def optics(options: Optics) -> int:
     """Rank bodies and lenses of the catalogue by how well they measure what is wanted."""
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     targets = read_request(options, solid)
     plan_options = inspection_options(
         options, workspace=workspace_of(options), localisation=targets.localisation
