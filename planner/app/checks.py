@@ -216,11 +216,11 @@ def check_numbers(options: Command) -> None:
 
 
 def _check_count(name: str, value: int, rule: Count) -> None:
-    if value < rule.least:
-        raise RequestError.of_rule(name, f"must be at least {rule.least}", str(value))
-    if value > rule.most:
+    if value < rule.minimum:
+        raise RequestError.of_rule(name, f"must be at least {rule.minimum}", str(value))
+    if value > rule.maximum:
         got = f"a number of {len(str(value))} digits"
-        raise RequestError.of_rule(name, f"must be at most {rule.most:g}", got)
+        raise RequestError.of_rule(name, f"must be at most {rule.maximum:g}", got)
 
 
 def check_inputs(options: Command) -> None:

@@ -202,8 +202,8 @@ def _ending(error: Exception, options: Command) -> tuple[str, int] | None:
         return f"standard output must be writable. Got: {error.strerror}.", BAD_INPUT
     if isinstance(error, OSError) and isinstance(error.filename, str):
         path = error.filename
-        shown = repr(path if len(path) <= 80 else f"{path[:77]}...")
-        line = f"{_known_as(path, options)} must be a path that can be used. Got {shown}: {error.strerror}."
+        name = repr(path if len(path) <= 80 else f"{path[:77]}...")
+        line = f"{_known_as(path, options)} must be a path that can be used. Got {name}: {error.strerror}."
         return line, BAD_INPUT
     return None
 

@@ -312,7 +312,7 @@ def command_help(kind: type[Command]) -> str:
     parts = ["\n".join(usage), textwrap.fill(_described(kind), width)]
     texts = texts_of(kind)
     for title, arguments in _in_groups(kind).items():
-        rows = [(f"  {_left(argument)}", _right(argument, texts)) for argument in arguments]
+        rows = [(f"  {_spelling(argument)}", _meaning(argument, texts)) for argument in arguments]
         parts.append("\n".join([*textwrap.wrap(title, width), *_table(rows, width)]))
     return "\n\n".join(filter(None, [*parts, kind.epilog]))
 
@@ -347,7 +347,7 @@ def _title(record: type) -> str:
     return f"{text[:1].lower()}{text[1:]}:"
 
 
-def _left(argument: Argument) -> str:
+def _spelling(argument: Argument) -> str:
     names = ", ".join(sorted(argument.names, key=lambda name: not name.startswith("--")))
     if not names.startswith("-"):
         return names
@@ -356,17 +356,17 @@ def _left(argument: Argument) -> str:
     return f"{names} {metavar}" if metavar and takes_value(argument) else names
 
 
-def _right(argument: Argument, texts: Mapping[str, str]) -> str:
+def _meaning(argument: Argument, texts: Mapping[str, str]) -> str:
     """Return the help of an argument; it ends with the default, unless the text states it."""
     text = texts.get(argument.field_info.name, "")
     default = argument.field_info.default
     if isinstance(default, bool) or not isinstance(default, int | float | str) or "default" in text:
         return text
-    shown = f"{default:g}" if isinstance(default, float) else str(default)
+    value = f"{default:g}" if isinstance(default, float) else str(default)
     unit = str(argument.parameter.metavar).lower()
     if unit in ("mm", "px", "rad", "deg"):
-        shown = f"{shown} {unit}"
-    return f"{text} (default: {shown})"
+        value = f"{value} {unit}"
+    return f"{text} (default: {value})"
 
 
 _COLUMN = 24
@@ -374,12 +374,12 @@ _COLUMN = 24
 
 def _table(rows: Iterable[tuple[str, str]], width: int) -> Iterator[str]:
     """Yield lines of names, and of texts beside or below them."""
-    for left, right in rows:
-        lines = textwrap.wrap(right, max(width - _COLUMN, 20)) or [""]
-        if len(left) > _COLUMN - 2:
-            yield left
+    for name, text in rows:
+        lines = textwrap.wrap(text, max(width - _COLUMN, 20)) or [""]
+        if len(name) > _COLUMN - 2:
+            yield name
         else:
-            lines[0] = f"{left:{_COLUMN}}{lines[0]}"
+            lines[0] = f"{name:{_COLUMN}}{lines[0]}"
             yield lines.pop(0).rstrip()
         for line in lines:
             yield f"{'':{_COLUMN}}{line}"

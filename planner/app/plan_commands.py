@@ -7,8 +7,8 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext, suppress
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,13 +32,17 @@ from aspectgraph import (
 from aspectgraph.read.part_file import MESH_SUFFIXES
 from aspectgraph.visibility.visibility_regions import KeptRegions
 from planner.app.batch import (
+    PLAN_FILE,
     PLANNED,
+    REGIONS_FOLDER,
+    STATE_FILE,
     TABLES,
     PartRequest,
     dask_executor,
     is_table,
     limits_of,
     plan_folder,
+    worker_processes,
 )
 from planner.app.checks import option, read_camera
 from planner.app.job import (
@@ -62,7 +66,7 @@ from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE
 from planner.camera.pose import PoseUncertainty
 from planner.effort.effort import Effort
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
-from planner.executors import leave_signals_to_the_parent, usable_cores
+from planner.executors import usable_cores
 from planner.files import absolute, check_set_place, output_folder, path_text, print_json
 from planner.identity import InspectionRequest, request_difference
 from planner.inspection import space_of, visible_regions
@@ -162,9 +166,6 @@ def _line(plan: InspectionPlan) -> str:
 # discarded with ``--force``.
 
 
-STATE_FILE = "planning-state.json"
-REGIONS_FOLDER = "planning-regions"
-PLAN_FILE = "plan.json"
 # numbers computed on another machine may differ in their last digits
 _SAME = 1e-9
 _RULE = "--out must be a folder without another plan; --force replaces it."
@@ -334,7 +335,7 @@ class Leftovers:
             self.state.unlink(missing_ok=True)
 
     @contextmanager
-    def told(self) -> Iterator[None]:
+    def with_advice(self) -> Iterator[None]:
         """Tell how to go on when the work is interrupted, if there is something to go on from then."""
         try:
             with warnings.catch_warnings():
@@ -378,8 +379,8 @@ def rank_optics(
     counts = [item.n_features for item in items.values() if isinstance(item, Dimension)]
     features = {"n": sum(counts), "not_planned": n_not_planned(counts)}
     if options.json:
-        shown = [proposal.to_dict() for proposal in proposals[: options.rows]]
-        print_json([{**record, "features": features} if counts else record for record in shown])
+        records = [proposal.to_dict() for proposal in proposals[: options.rows]]
+        print_json([{**record, "features": features} if counts else record for record in records])
     else:
         print_table(OPTICS_COLUMNS, optics_rows(proposals, options.rows))
         if features_text(counts):
@@ -509,14 +510,14 @@ def _graph(
     options: Graph, solid: Solid, entities: Any, box: Any, progress: Any
 ) -> EntityAspectGraph:
     """Return the graph of viewpoints, or of lamp positions."""
-    shown = labelled(progress, "visible regions")
+    labels = labelled(progress, "visible regions")
     limit = options.memory_limit
     if options.lamps:
-        lit = compute_light(solid, entities, options.contrast, box, progress=shown)
+        lit = compute_light(solid, entities, options.contrast, box, progress=labels)
         note(progress, cost_sentence(estimate_graph(lit), len(entities)))
         return light_graph_of(lit, memory_limit_bytes=limit, progress=progress)
     regions = compute_regions(
-        solid, entities, workspace=box, progress=shown, kept=JointForecast(limit)
+        solid, entities, workspace=box, progress=labels, kept=JointForecast(limit)
     )
     note(progress, cost_sentence(estimate_graph(regions), len(entities)))
     return graph_of(regions, memory_limit_bytes=limit, progress=progress)
@@ -544,7 +545,7 @@ def plan(options: Plan) -> int:
     with (
         output_folder(options.out, names, "--out") as folder,
         folder_lock(folder, "--out"),
-        (leftovers := Leftovers(folder)).told(),
+        (leftovers := Leftovers(folder)).with_advice(),
     ):
         job = read_job(options)
         lighting = job.request.lighting
@@ -769,18 +770,8 @@ def _unit_note(part: str, units: str | None) -> str:
     return ""
 
 
-@contextmanager
-def _executor(jobs: int) -> Iterator[Executor | None]:
-    """Provide a process pool, or none for one process; work not begun is dropped at the end."""
+def _executor(jobs: int) -> AbstractContextManager[Executor | None]:
+    """Return a process pool, or none for one process."""
     # more processes than cores cost memory and gain nothing, and no result depends on their number
     jobs = min(jobs, usable_cores())
-    if jobs == 1:
-        yield None
-        return
-    executor = ProcessPoolExecutor(
-        jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),)
-    )
-    try:
-        yield executor
-    finally:
-        executor.shutdown(cancel_futures=True)
+    return nullcontext() if jobs == 1 else worker_processes(jobs)

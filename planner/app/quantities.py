@@ -65,8 +65,8 @@ class Quantity:
 class Count(NamedTuple):
     """The range of a whole number, both ends included."""
 
-    least: int
-    most: int = 10**9
+    minimum: int
+    maximum: int = 10**9
 
 
 BOX = tuple[float, float, float, float, float, float]
@@ -218,8 +218,8 @@ def whole(text: str) -> int:
         If it is none.
     """
     if not _WHOLE.fullmatch(text.strip()):
-        shown = text if len(text) <= 40 else f"{text[:37]}..."
-        raise ValueError(f"must be a whole number. Got {shown!r}.")
+        start = text if len(text) <= 40 else f"{text[:37]}..."
+        raise ValueError(f"must be a whole number. Got {start!r}.")
     return int(text)
 
 

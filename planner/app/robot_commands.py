@@ -273,9 +273,9 @@ def _print_first_flange(reachability: Reachability, cell: Cell) -> None:
         for name, poses in reachability.poses.items():
             if poses[number].reached:
                 place = cell.robot.forward(poses[number].joints[0])[:3, 3]
-                shown = " ".join(f"{x:.1f}" for x in place)
+                position = " ".join(f"{x:.1f}" for x in place)
                 print_text(
-                    f"{setting} in {name!r}: {cell.robot.tip} at ({shown}) mm in the base, to compare "
+                    f"{setting} in {name!r}: {cell.robot.tip} at ({position}) mm in the base, to compare "
                     "with the pendant"
                 )
                 return
