@@ -10,10 +10,12 @@ from pathlib import Path
 import pytest
 
 from planner.app.main import main
-from planner.app.options import COMMANDS
+from planner.app.options import COMMANDS, rules_of, texts_of
 from planner.app.parsing import Answered, UsageError, arguments_of, command_help, parse
 from planner.app.process import BAD_INPUT, DONE
 from planner.app.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, registration
+from planner.light.background import DEFAULT_STEP
+from planner.request.defaults import MOST_SEED
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
 PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm", "--jobs", "1"]
@@ -208,3 +210,30 @@ def test_how_poses_are_known_may_be_edges_none_or_a_pair():
     for wrong in ("edge", "0.1", "1,2,3", "-1,0.1", "0.1mm,100"):
         with pytest.raises(ValueError, match="edges, none, or a length and an angle"):
             registration(wrong)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_has_its_help(name):
+    texts = texts_of(COMMANDS[name])
+    names = {argument.field_info.name for argument in arguments_of(COMMANDS[name])}
+    assert all(texts[key] for key in names)
+    assert set(texts) - {""} == names
+
+
+def test_numbers_that_load_too_much_are_the_same():
+    assert rules_of(COMMANDS["plan"])["seed"].maximum == MOST_SEED
+    assert parse([*PLAN]).grey_step == DEFAULT_STEP
+
+
+def test_the_last_value_of_an_option_counts_unless_it_may_be_given_again():
+    options = parse([*PLAN, "--gap", "1%", "--gap=2%", "--out", "a", "-ob"])
+    assert (options.gap, options.out) == (0.02, "b")
+    assert parse(["optics", "p", "--all", "--body", "a", "--body=b"]).body == ["a", "b"]
+
+
+def test_a_text_is_as_it_is_typed():
+    words = ["plan", "none", "--entities=-5", "--camera", "none", "--out=-x", "--localisation="]
+    options = parse(words)
+    assert (options.part, options.entities, options.camera) == ("none", "-5", "none")
+    assert (options.out, options.localisation) == ("-x", "")
+    assert parse(["info", "--", "-p"]).part == "-p"
