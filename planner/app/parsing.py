@@ -163,7 +163,8 @@ def _typed(arguments: Sequence[Argument], words: Sequence[str]) -> list[str]:
     def place(argument: Argument) -> int:
         return min((heads.index(name) for name in argument.names if name in heads), default=0)
 
-    return [argument.name for argument in sorted(arguments, key=place) if argument.tokens]
+    typed = [argument for argument in arguments if argument.tokens and is_option(argument)]
+    return [argument.name for argument in sorted(typed, key=place)]
 
 
 def _check_together(
@@ -228,6 +229,11 @@ def choices_of(argument: Argument) -> list[str]:
     """Return the words that an argument may be; empty if it may be any."""
     kind = argument.resolved_hint
     return list(get_args(kind)) if get_origin(kind) is Literal else []
+
+
+def is_option(argument: Argument) -> bool:
+    """Return whether an argument is typed behind its name."""
+    return argument.name.startswith("-")
 
 
 def takes_value(argument: Argument) -> bool:
@@ -330,7 +336,7 @@ def _described(kind: type) -> str:
 def _in_groups(kind: type[Command]) -> dict[str, list[Argument]]:
     """Return arguments, and options by the titles of their groups, in the order of the records."""
     arguments = {argument.field_info.name: argument for argument in arguments_of(kind)}
-    places = [key for key, argument in arguments.items() if not argument.name.startswith("-")]
+    places = [key for key, argument in arguments.items() if not is_option(argument)]
     groups = {"arguments:": [arguments.pop(key) for key in places]}
     titles = {record: _title(record) for record in kind.__mro__}
     titles[kind] = "options:"
@@ -348,17 +354,17 @@ def _title(record: type) -> str:
 
 
 def _spelling(argument: Argument) -> str:
-    names = ", ".join(sorted(argument.names, key=lambda name: not name.startswith("--")))
-    if not names.startswith("-"):
+    names = ", ".join(argument.names)
+    if not is_option(argument) or not takes_value(argument):
         return names
     choices = choices_of(argument)
     metavar = f"{{{','.join(choices)}}}" if choices else argument.parameter.metavar
-    return f"{names} {metavar}" if metavar and takes_value(argument) else names
+    return f"{names} {metavar}"
 
 
 def _meaning(argument: Argument, texts: Mapping[str, str]) -> str:
     """Return the help of an argument; it ends with the default, unless the text states it."""
-    text = texts.get(argument.field_info.name, "")
+    text = texts[argument.field_info.name]
     default = argument.field_info.default
     if isinstance(default, bool) or not isinstance(default, int | float | str) or "default" in text:
         return text
