@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -268,31 +268,29 @@ def _kind(name: str, path: str) -> Kind | None:
     return GRAPHML if name == "graphml" else None
 
 
+# what must be there, of which kind; a part may be a pipe, too
+_PLACES: dict[str, tuple[str, Callable[[Path], bool]]] = {
+    "part": ("file", lambda path: path.exists() and not path.is_dir()),
+    "cell": ("file", Path.is_file),
+    "images": ("folder", Path.is_dir),
+    "folder": ("folder", Path.is_dir),
+}
+
+
 def _check_files(values: Mapping[str, Any]) -> None:
     """Refuse a part, a plan, a folder, and a file of what is measured, that is not there."""
-    part = values.get("part")
-    if part is not None and (Path(part).is_dir() or not Path(part).exists()):
-        rule = "must be an existing file"
-        raise RequestError.of_rule("part", rule, _place(part))
+    for name, (kind, holds) in _PLACES.items():
+        place = values.get(name)
+        if place is not None and not holds(Path(place)):
+            raise RequestError.of_rule(name, f"must be an existing {kind}", _place(place))
     for name in ("plan", "again"):
         if values.get(name) is not None:
             _check_plan(name, values[name])
-    cell = values.get("cell")
-    if cell is not None and not Path(cell).is_file():
-        raise RequestError.of_rule("cell", "must be an existing file", _place(cell))
-    images = values.get("images")
-    if images is not None and not Path(images).is_dir():
-        raise RequestError.of_rule("images", "must be an existing folder", _place(images))
-    register = values.get("register")
-    if (
-        register not in (None, "none", "edges")
-        and not Path(register.removeprefix("edges+")).is_file()
-    ):
+    register = values.get("register") or "none"
+    is_word = register in ("none", "edges")
+    if not is_word and not Path(register.removeprefix("edges+")).is_file():
         rule = "must be edges, none or name an existing file"
         raise RequestError.of_rule("register", rule, repr(register))
-    folder = values.get("folder")
-    if folder is not None and not Path(folder).is_dir():
-        raise RequestError.of_rule("folder", "must be an existing folder", _place(folder))
     entities = (values.get("entities") or "").strip()
     is_file = Path(entities).suffix.lower() in (".toml", ".json", ".csv")
     if is_file and not Path(entities).exists():

@@ -877,7 +877,7 @@ class Completion(Command):
         for bash and zsh: eval "$(aspectgraph completion bash)"; for fish: aspectgraph completion fish | source
     """
 
-    usage = ("SHELL",)
+    usage = ("{bash,zsh,fish}",)
 
     shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(name="shell")] = field(kw_only=False)
 
