@@ -270,7 +270,7 @@ class Promise:
 
 
 @dataclass(kw_only=True)
-class WithCamera(Promise):
+class WithCamera:
     """Camera and requirement.
 
     Attributes
@@ -454,7 +454,17 @@ class ForCell(Workspace):
 
 @dataclass(kw_only=True)
 class Plan(
-    Wanted, WithCamera, PlanOutput, Search, Limits, ForCell, Showing, Registration, Light, PartFile
+    Wanted,
+    Promise,
+    WithCamera,
+    PlanOutput,
+    Search,
+    Limits,
+    ForCell,
+    Showing,
+    Registration,
+    Light,
+    PartFile,
 ):
     """Plan the inspection and write plan, graph, report and poses."""
 
@@ -810,7 +820,7 @@ class BatchOutput:
 
 
 @dataclass(kw_only=True)
-class Batch(WithCamera, BatchOutput, Search, Limits, Showing, Units, Messages):
+class Batch(Promise, WithCamera, BatchOutput, Search, Limits, Showing, Units, Messages):
     """Plan every part of a folder, on many processes.
 
     Attributes
