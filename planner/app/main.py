@@ -22,14 +22,10 @@ from types import FrameType
 
 from ground.ahead import compiling_ahead
 from planner.app.checks import as_typed, check_inputs, check_numbers, in_words_of_shell
-from planner.app.options import Command, Help
+from planner.app.options import Command
 from planner.app.parsing import (
-    Answered,
     UsageError,
-    command_help,
-    known_command,
     parse,
-    program_help,
 )
 from planner.app.process import (
     BAD_INPUT,
@@ -136,10 +132,12 @@ def _run(arguments: list[str] | None) -> int:
         if sys.stdout is None:
             return _fail("standard output must be open. Got a closed one.", BAD_INPUT)
         begun = time.monotonic()
-        options = parse(sys.argv[1:] if arguments is None else arguments)
+        parsed = parse(sys.argv[1:] if arguments is None else arguments)
+        if isinstance(parsed, str):
+            print(parsed, flush=True)
+            return DONE
+        options = parsed
         options.begun = begun
-        if isinstance(options, Help):
-            raise Answered(_help(options.topic))
         with termination_as_interruption():
             check_numbers(options)
             check_inputs(options)
@@ -148,8 +146,6 @@ def _run(arguments: list[str] | None) -> int:
             # what is held back would fail where nobody can catch it
             print(end="", flush=True)
             return code
-    except Answered as answer:
-        return _answer(str(answer))
     except UsageError as error:
         return _fail(str(error), BAD_INPUT)
     except KeyboardInterrupt as interruption:
@@ -176,12 +172,6 @@ def _command_of(name: str) -> Callable[[Command], int]:
     module = import_module(_MODULES.get(name, "planner.app.plan_commands"))
     command: Callable[[Command], int] = getattr(module, name)
     return command
-
-
-def _help(topic: str | None) -> str:
-    if topic is None:
-        return program_help()
-    return command_help(known_command(topic))
 
 
 def _ending(error: Exception, options: Command) -> tuple[str, int] | None:
@@ -229,16 +219,6 @@ def _loaded_errors() -> tuple[type[Exception], ...]:
         for module, name in roots.items()
         if module in sys.modules
     )
-
-
-def _answer(text: str) -> int:
-    """Print an answer about the program itself, or say that standard output takes none."""
-    try:
-        print(text, flush=True)
-    except OSError as error:
-        ending = _ending(error, Command())
-        return INTERNAL if ending is None else _fail(*ending)
-    return DONE
 
 
 def _fail(message: str, code: int) -> int:

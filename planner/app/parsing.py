@@ -20,7 +20,7 @@ from cyclopts.exceptions import (
     UnknownOptionError,
 )
 
-from planner.app.options import COMMANDS, Command, signature_of, texts_of
+from planner.app.options import COMMANDS, Command, Help, signature_of, texts_of
 from planner.app.quantities import NO_VALUE
 
 PROGRAM = "aspectgraph"
@@ -67,12 +67,8 @@ class UsageError(Exception):
     """A command line that does not parse."""
 
 
-class Answered(Exception):
-    """A question about the program itself; its text is the answer."""
-
-
-def parse(words: Sequence[str]) -> Command:
-    """Return the record of the command that was typed.
+def parse(words: Sequence[str]) -> Command | str:
+    """Return the record of the command that was typed, or the help or version that was asked for.
 
     Parameters
     ----------
@@ -83,40 +79,35 @@ def parse(words: Sequence[str]) -> Command:
     ------
     UsageError
         If it does not parse.
-    Answered
-        If the help or the version was asked for.
     """
     place = next((k for k, word in enumerate(words) if not word.startswith("-")), len(words))
     for word in words[:place]:
         name = _ROOT_SHORT.get(word, word)
         if name == "--help":
-            raise Answered(program_help())
+            return program_help()
         if name == "--version":
             import planner
 
-            raise Answered(f"{PROGRAM} {planner.__version__}")
+            return f"{PROGRAM} {planner.__version__}"
         raise UsageError(_unknown_option(PROGRAM, word, _ROOT))
     if place == len(words):
         raise _usage_error(PROGRAM, "COMMAND must be given")
-    return _record(known_command(words[place]), words[place + 1 :])
+    record = _record(_known_command(words[place]), words[place + 1 :])
+    if not isinstance(record, Help):
+        return record
+    return program_help() if record.topic is None else command_help(_known_command(record.topic))
 
 
-def known_command(name: str) -> type[Command]:
-    """Return the record of a command by its name.
-
-    Raises
-    ------
-    UsageError
-        If there is none; says which one may be meant.
-    """
+def _known_command(name: str) -> type[Command]:
+    """Return the record of a command by its name, or say which one may be meant."""
     if name not in COMMANDS:
         text = f"{PROGRAM}: unknown command {name!r}"
         raise UsageError(_with_guess(text, nearest(name, COMMANDS), PROGRAM))
     return COMMANDS[name]
 
 
-def _record(kind: type[Command], words: Sequence[str]) -> Command:
-    """Return the record of a command and the words behind it."""
+def _record(kind: type[Command], words: Sequence[str]) -> Command | str:
+    """Return the record of a command and the words behind it, or its help."""
     # what cyclopts has read once it has looked at all options, also where it refuses a value then
     arguments: list[Argument] = []
     app = _app(kind, config=lambda _, __, collection: arguments.extend(collection))
@@ -132,7 +123,7 @@ def _record(kind: type[Command], words: Sequence[str]) -> Command:
     _check_unused(kind, unused)
     typed = _typed(arguments, words)
     if "--help" in typed:
-        raise Answered(command_help(kind))
+        return command_help(kind)
     if arguments:
         _check_together(kind, arguments, typed)
     if failure is not None or bound is None:

@@ -11,7 +11,7 @@ import pytest
 
 from planner.app.main import main
 from planner.app.options import COMMANDS, rules_of, texts_of
-from planner.app.parsing import Answered, UsageError, arguments_of, command_help, parse
+from planner.app.parsing import UsageError, arguments_of, command_help, parse
 from planner.app.process import BAD_INPUT, DONE
 from planner.app.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, registration
 from planner.light.background import DEFAULT_STEP
@@ -104,7 +104,7 @@ def complaint(words):
     """What is wrong with a line, or nothing."""
     try:
         parse(words)
-    except (Answered, UsageError) as error:
+    except UsageError as error:
         return str(error)
     return ""
 
