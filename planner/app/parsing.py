@@ -17,11 +17,9 @@ from cyclopts.exceptions import (
     CoercionError,
     CycloptsError,
     MissingArgumentError,
-    UnknownOptionError,
 )
 
 from planner.app.options import COMMANDS, Command, Help, signature_of, texts_of
-from planner.app.quantities import NO_VALUE
 
 PROGRAM = "aspectgraph"
 _DESCRIPTION = """\
@@ -60,7 +58,7 @@ conform, or the work was interrupted; 3 if an image cannot be registered;
 _ROOT = {"--help": "show this help and exit", "--version": "show the version and exit"}
 _ROOT_SHORT = {"-h": "--help", "-V": "--version"}
 # words that begin with a minus and are values
-_NEGATIVE = re.compile(r"-\.?\d")
+_NEGATIVE = re.compile(r"-(\.?\d|inf|nan)")
 
 
 class UsageError(Exception):
@@ -118,9 +116,8 @@ def _record(kind: type[Command], words: Sequence[str]) -> Command | str:
         _, bound, unused, _ = app.parse_known_args(list(words))
     except CycloptsError as error:
         failure = error
-        if arguments or isinstance(error, UnknownOptionError):
-            unused = error.unused_tokens or ()
-    _check_unused(kind, unused)
+        unused = error.unused_tokens or () if arguments else ()
+    _check_words(kind, arguments, unused, words)
     typed = _typed(arguments, words)
     if "--help" in typed:
         return command_help(kind)
@@ -137,14 +134,35 @@ def _program(kind: type[Command]) -> str:
     return f"{PROGRAM} {kind.name()}"
 
 
-def _check_unused(kind: type[Command], words: Sequence[str]) -> None:
-    """Refuse words that no argument and no option took."""
-    for word in words:
-        if len(word) > 1 and word.startswith("-") and not _NEGATIVE.match(word):
-            names = [name for argument in arguments_of(kind) for name in argument.names]
-            raise UsageError(_unknown_option(_program(kind), word, names))
-    if words:
-        raise _usage_error(_program(kind), f"unknown argument {words[0]!r}")
+def _check_words(
+    kind: type[Command], arguments: Sequence[Argument], unused: Sequence[str], words: Sequence[str]
+) -> None:
+    """Refuse words that no argument and no option took, and options that stand where a value should."""
+    end = words.index("--") if "--" in words else len(words)
+    options = {word for word in words[:end] if _is_option_word(word)}
+    tokens = [token for argument in arguments for token in argument.tokens]
+    strange = [token.value for token in tokens if token.keyword is None and token.value in options]
+    strange += [word for word in unused if _is_option_word(word) and word not in words[end:]]
+    if strange:
+        names = [name for argument in arguments_of(kind) for name in argument.names]
+        raise UsageError(_unknown_option(_program(kind), strange[0], names))
+    if unused:
+        raise _usage_error(_program(kind), f"unknown argument {unused[0]!r}")
+    for argument in arguments:
+        if any(token.value in options for token in argument.tokens):
+            raise _usage_error(_program(kind), _without_value(argument))
+
+
+def _is_option_word(word: str) -> bool:
+    """Return whether a word is an option, unless it is behind an equals sign."""
+    is_value = len(word) == 1 or " " in word or _NEGATIVE.match(word)
+    return word.startswith("-") and not is_value
+
+
+def _without_value(argument: Argument) -> str:
+    count, _ = argument.token_count()
+    rule = "must have a value. Got none" if count == 1 else f"must have {count} values"
+    return f"{argument.name} {rule}"
 
 
 def _typed(arguments: Sequence[Argument], words: Sequence[str]) -> list[str]:
@@ -187,8 +205,7 @@ def _worded(error: CycloptsError | None) -> str:
     if argument is None:
         return " ".join(str(error).split())
     if isinstance(error, MissingArgumentError):
-        count, _ = argument.token_count()
-        return f"{argument.name} {NO_VALUE if count == 1 else f'must have {count} values'}"
+        return _without_value(argument)
     token = getattr(error, "token", None)
     value = "none" if token is None else repr(token.value)
     if choices := choices_of(argument):
@@ -201,7 +218,13 @@ def _worded(error: CycloptsError | None) -> str:
 def _app(kind: type[Command], config: Any = None) -> App:
     """Return what reads the options of one command."""
     kind.__signature__ = signature_of(kind)  # type: ignore[attr-defined]
-    plain = Parameter(negative=(), allow_repeating=True, json_dict=False, json_list=False)
+    plain = Parameter(
+        negative=(),
+        allow_repeating=True,
+        allow_leading_hyphen=True,
+        json_dict=False,
+        json_list=False,
+    )
     app = App(
         default_parameter=plain, config=config, help_flags=(), version_flags=(), version="unknown"
     )

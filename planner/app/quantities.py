@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf(?:inity)?|nan)"
 _QUANTITY = re.compile(rf"({_NUMBER})\s*(.*)", re.ASCII | re.IGNORECASE | re.DOTALL)
-NO_VALUE = "must have a value. Got none"
 # how many of the unit that is meant a unit is; a text is multiplied without rounding
 _LENGTHS = {
     "mm": "1", "um": "0.001", "µm": "0.001", "μm": "0.001", "cm": "10", "m": "1000", "in": "25.4",
@@ -73,7 +72,7 @@ BOX = tuple[float, float, float, float, float, float]
 
 
 def value(kind: Callable[[str], Any], metavar: str, *names: str, count: int = 1) -> Parameter:
-    """Return how an option is read whose value may begin with a minus.
+    """Return how the value of an option is read.
 
     Parameters
     ----------
@@ -88,11 +87,7 @@ def value(kind: Callable[[str], Any], metavar: str, *names: str, count: int = 1)
     """
 
     def read(_: Any, tokens: Any) -> Any:
-        texts = [token.value for token in tokens[-count:]]
-        if any(text.startswith("-") and not _QUANTITY.match(text) for text in texts):
-            # an option, so the value before it was forgotten
-            raise ValueError(NO_VALUE if count == 1 else f"must have {count} values")
-        values = [kind(text) for text in texts]
+        values = [kind(token.value) for token in tokens[-count:]]
         return tuple(values) if count > 1 else values[0]
 
     return Parameter(
@@ -100,7 +95,6 @@ def value(kind: Callable[[str], Any], metavar: str, *names: str, count: int = 1)
         metavar=metavar,
         converter=read,
         n_tokens=count,
-        allow_leading_hyphen=True,
     )
 
 

@@ -237,3 +237,23 @@ def test_a_text_is_as_it_is_typed():
     assert (options.part, options.entities, options.camera) == ("none", "-5", "none")
     assert (options.out, options.localisation) == ("-x", "")
     assert parse(["info", "--", "-p"]).part == "-p"
+    assert parse(["info", "-", "--picture=-x"]).picture == "-x"
+    assert parse([*PLAN[:2], "--entities", "-3,4", "--camera", "-"]).entities == "-3,4"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([*PLAN, "--gap", "--quiet"], "--gap must have a value. Got none;"),
+        ([*PLAN, "--out", "-q"], "--out must have a value. Got none;"),
+        ([*PLAN, "--workspace", *"12345", "-q"], "--workspace must have 6 values;"),
+        (["info", "-x"], "unknown option -x;"),
+        (["info", "p", "-qx"], "unknown option -x;"),
+        (["plan", "--acuracy", "1", "p"], "unknown option --acuracy; did you mean --accuracy?"),
+        (["info", "p", "--", "-q"], "unknown argument '-q';"),
+        (["info", "p", "--quiet=x"], "--quiet must have no value. Got 'x';"),
+        (["info", "p", "-qv"], "--verbose must not be given with --quiet;"),
+    ],
+)
+def test_an_option_is_no_value(words, message):
+    assert message in complaint(words)
