@@ -106,6 +106,7 @@ def _known_command(name: str) -> type[Command]:
 
 def _record(kind: type[Command], words: Sequence[str]) -> Command | str:
     """Return the record of a command and the words behind it, or its help."""
+    program = _program(kind)
     # what cyclopts has read once it has looked at all options, also where it refuses a value then
     arguments: list[Argument] = []
     app = _app(kind, config=lambda _, __, collection: arguments.extend(collection))
@@ -117,14 +118,26 @@ def _record(kind: type[Command], words: Sequence[str]) -> Command | str:
     except CycloptsError as error:
         failure = error
         unused = error.unused_tokens or () if arguments else ()
-    _check_words(kind, arguments, unused, words)
+    end = words.index("--") if "--" in words else len(words)
+    options = {word for word in words[:end] if _is_option_word(word)}
+    places = [argument for argument in arguments if not is_option(argument)]
+    taken = [token.value for argument in places for token in argument.tokens]
+    for word in (*taken, *unused):
+        # what is left of several letters behind a minus is no word
+        if word in options or word not in words:
+            raise UsageError(_unknown_option(program, word, _names(kind)))
     typed = _typed(arguments, words)
     if "--help" in typed:
         return command_help(kind)
+    for argument in arguments:
+        if any(token.value in options for token in argument.tokens):
+            raise _usage_error(program, _without_value(argument))
+    if unused:
+        raise _usage_error(program, f"unknown argument {unused[0]!r}")
     if arguments:
         _check_together(kind, arguments, typed)
     if failure is not None or bound is None:
-        raise _usage_error(_program(kind), _worded(failure))
+        raise _usage_error(program, _worded(failure))
     record = kind(*bound.args, **bound.kwargs)
     record.typed = frozenset(typed)
     return record
@@ -134,23 +147,8 @@ def _program(kind: type[Command]) -> str:
     return f"{PROGRAM} {kind.name()}"
 
 
-def _check_words(
-    kind: type[Command], arguments: Sequence[Argument], unused: Sequence[str], words: Sequence[str]
-) -> None:
-    """Refuse words that no argument and no option took, and options that stand where a value should."""
-    end = words.index("--") if "--" in words else len(words)
-    options = {word for word in words[:end] if _is_option_word(word)}
-    tokens = [token for argument in arguments for token in argument.tokens]
-    strange = [token.value for token in tokens if token.keyword is None and token.value in options]
-    strange += [word for word in unused if _is_option_word(word) and word not in words[end:]]
-    if strange:
-        names = [name for argument in arguments_of(kind) for name in argument.names]
-        raise UsageError(_unknown_option(_program(kind), strange[0], names))
-    if unused:
-        raise _usage_error(_program(kind), f"unknown argument {unused[0]!r}")
-    for argument in arguments:
-        if any(token.value in options for token in argument.tokens):
-            raise _usage_error(_program(kind), _without_value(argument))
+def _names(kind: type[Command]) -> list[str]:
+    return [name for argument in arguments_of(kind) for name in argument.names]
 
 
 def _is_option_word(word: str) -> bool:
@@ -265,11 +263,7 @@ def _unknown_option(program: str, word: str, names: Iterable[str]) -> str:
     text = f"{program}: unknown option {name}"
     guess = nearest(name, names)
     if not guess:
-        owners = [
-            key
-            for key, kind in COMMANDS.items()
-            if any(name in argument.names for argument in arguments_of(kind))
-        ]
+        owners = [key for key, kind in COMMANDS.items() if name in _names(kind)]
         # every command has those
         if owners and len(owners) < len(COMMANDS):
             text += f"; it is an option of {', '.join(owners)}"
