@@ -944,12 +944,13 @@ def rules_of(record: type[Command]) -> dict[str, NumberRule | Count]:
 def signature_of(record: type[Command]) -> inspect.Signature:
     """Return the signature of a record in which arguments have no name that can be typed as an option."""
     kinds = inspect.Parameter
+    types = types_of(record)
     parameters = [
         kinds(
             entry.name,
             kinds.KEYWORD_ONLY if entry.kw_only else kinds.POSITIONAL_ONLY,
             default=kinds.empty if entry.default is MISSING else entry.default,
-            annotation=types_of(record)[entry.name],
+            annotation=types[entry.name],
         )
         for entry in fields(record)
         if entry.init
