@@ -23,7 +23,7 @@ from planner.robotcell.cell_file import moved_cell, toml_lines
 from planner.robotcell.placement import PlacementSearch
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.pose_knowledge import ArmUncertainty
-from planner.robotprogram.program_record import FixturedTour, RobotProgram, Stop
+from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
 from planner.robotprogram.program_texts import (
     FORMATS,
     CameraSignals,

@@ -16,15 +16,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from planner.robotprogram.program_record import Move
-from planner.robotprogram.tour import (
-    EXACT_UP_TO,
-    KICKS,
-    JointRates,
-    Tour,
-    move_times,
-    shortest_tour,
-)
+from planner.robotprogram.program import JointRates, Move, move_times
+from planner.travel import EXACT_UP_TO, KICKS, Tour, shortest_tour
 
 # Straight joint moves that are proven free: conservative advancement.
 #
@@ -417,6 +410,8 @@ class TourChecker:
         self._linked: set[_End] = set()
         self._failures: Counter[_End] = Counter()
         self._left = list(range(len(branches)))
+        # the round by the costs as they are, until one of them changes
+        self._solved: Tour | None = None
         self._order: list[int] | None = None
         self._seed = seed
 
@@ -441,6 +436,7 @@ class TourChecker:
                 order = tuple(self._left[k] for k in tour.order)
                 return CheckedTour(order, tour.branches, self._driven(legs), self._dropped)
             self._left.remove(self._worst(blocked))
+            self._solved = None
         return CheckedTour((), (), (), self._dropped)
 
     @property
@@ -449,6 +445,8 @@ class TourChecker:
 
     def _tour(self, kicks: int) -> Tour:
         """Return the shortest round through the settings that are left, by the times known."""
+        if self._solved is not None and len(self._left) <= EXACT_UP_TO:
+            return self._solved
         places = [0, *(k + 1 for k in self._left)]
         chosen = np.ix_(places, places)
         penalties = self._penalties[places]
@@ -461,6 +459,7 @@ class TourChecker:
             start = [self._left.index(k) + 1 for k in self._order if k in self._left]
             tour = shortest_tour(costs, kicks, start)
         self._order = [self._left[k] for k in tour.order]
+        self._solved = tour
         return tour
 
     def _legs(self, tour: Tour) -> list[_Leg]:
@@ -539,8 +538,11 @@ class TourChecker:
 
     def _set_cost(self, leg: _Leg, seconds: float) -> None:
         first, branch, last, branch_there = leg
+        if self._costs[first, last, branch, branch_there] == seconds:
+            return
         self._costs[first, last, branch, branch_there] = seconds
         self._costs[last, first, branch_there, branch] = seconds
+        self._solved = None
 
     def _worst(self, blocked: list[_Leg]) -> int:
         """Return the setting at most blocked moves; of several the last one."""
@@ -549,3 +551,56 @@ class TourChecker:
 
     def _driven(self, legs: list[_Leg]) -> tuple[Move, ...]:
         return tuple(move for leg in legs if (move := self._moves[leg]) is not None)
+
+
+# Which of many branches a round chooses from: on a turntable a setting may have two hundred.
+
+
+_MOST = 24
+_MOST_IN_LONG_ROUNDS = 12
+
+
+def few_branches(
+    branches: Sequence[np.ndarray], home: np.ndarray, rates: JointRates
+) -> list[np.ndarray]:
+    """Return at most 24 branches of each setting, in rounds of more than 10 settings at most 12.
+
+    The angles that serve most settings come first, one after the other until each setting has one,
+    and then the branches that are near home; they stay in their order. So a round can do with few turns of the table.
+
+    Parameters
+    ----------
+    branches : sequence of array (b, k)
+        Of each setting; the last number is the angle of the turntable.
+    home : array (k,)
+        Joints at which the round begins and ends, rad.
+    rates : JointRates
+        Of all of them.
+    """
+    preferred = common_angles([set(group[:, -1].tolist()) for group in branches])
+    most = _MOST if len(branches) <= EXACT_UP_TO else _MOST_IN_LONG_ROUNDS
+    result = []
+    for group in branches:
+        places = [preferred.index(a) if a in preferred else len(preferred) for a in group[:, -1]]
+        seconds = np.round(move_times(group, home[None], rates), 6)
+        order = np.lexsort((seconds, np.array(places, dtype=int)))
+        result.append(group[np.sort(order[:most])])
+    return result
+
+
+def common_angles(options: Sequence[set[float]]) -> list[float]:
+    """Return angles of which each setting has one, greedily those that serve most; the nearest to 0 of equal ones.
+
+    Parameters
+    ----------
+    options : sequence of set of float
+        The angles of each setting, rad; settings without one are left out.
+    """
+    left = [angles for angles in options if angles]
+    chosen: list[float] = []
+    while left:
+        every = sorted(set().union(*left), key=lambda angle: (abs(angle), -angle))
+        best = max(every, key=lambda angle: sum(angle in angles for angles in left))
+        chosen.append(best)
+        left = [angles for angles in left if best not in angles]
+    return chosen

@@ -35,14 +35,18 @@ from planner.argument_kinds import (
 from planner.exceptions import RequestError
 from planner.files import write_text
 from planner.robotcell.arm import ControllerAxes
-from planner.robotprogram.program_record import (
+from planner.robotprogram.program import (
     LEAST_SPEED,
     TURNTABLE,
     FixturedTour,
+    JointRates,
+    LeadingAxis,
     Move,
     RobotProgram,
+    leading_axis,
+    move_times,
+    profile,
 )
-from planner.robotprogram.tour import JointRates, LeadingAxis, leading_axis, move_times, profile
 from planner.sensor_setting import image_name
 
 # What every program does, in no maker's language: moves, images, and what stands at its head.

@@ -16,7 +16,7 @@ from planner.identity import other_part, part_note
 from planner.progress import Progress, report
 from planner.robotcell.held_part_cell import HeldPartCell
 from planner.robotcell.reachability import reachability_of
-from planner.robotprogram.moves import Detours, TourChecker, straight_costs
+from planner.robotprogram.moves import Detours, TourChecker, few_branches, straight_costs
 from planner.robotprogram.other_poses import program_with_other_poses
 from planner.robotprogram.pose_knowledge import (
     ArmUncertainty,
@@ -24,26 +24,21 @@ from planner.robotprogram.pose_knowledge import (
     simulated_rates,
     stated_probabilities,
 )
-from planner.robotprogram.program_record import (
+from planner.robotprogram.program import (
     LARGEST_TOLERANCE_RAD,
     LEAST_SPEED,
     LEAST_TOLERANCE_RAD,
     ArmState,
     FixturedTour,
     HomeStart,
+    JointRates,
     Move,
     RobotProgram,
     Stop,
     plan_digest,
     program_warnings,
 )
-from planner.robotprogram.tour import (
-    EXACT_UP_TO,
-    JointRates,
-    few_branches,
-    quick_length,
-    shortest_tour,
-)
+from planner.travel import EXACT_UP_TO, quick_length, shortest_tour
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -117,16 +112,10 @@ def _assigned(
     n = len(reached)
     usable = [[f for f in chosen if reached[k, f]] for k in range(n)]
     best = tuple(options[0] if options else -1 for options in usable)
-    times: dict[tuple[int, tuple[int, ...]], float] = {}
 
     def total(of_setting: tuple[int, ...]) -> float:
-        rounds = []
-        for f in chosen:
-            key = (f, tuple(k for k in range(n) if of_setting[k] == f))
-            if key not in times:
-                times[key] = seconds(*key) if key[1] else 0.0
-            rounds.append(times[key])
-        return sum(rounds)
+        groups = [(f, tuple(k for k in range(n) if of_setting[k] == f)) for f in chosen]
+        return sum(seconds(f, settings) if settings else 0.0 for f, settings in groups)
 
     least = total(best)
     while True:
@@ -411,6 +400,9 @@ class _ProgramMaker:
         self._names = list(cell.fixturings)
         # reached[f][k]: setting k in fixturing f
         self._reached: list[list[_Reached]] = []
+        # by fixturing: times of straight moves between settings, and of the rounds that were solved
+        self._costs: dict[int, np.ndarray] = {}
+        self._seconds_of: dict[tuple[int, tuple[int, ...]], float] = {}
 
     def state_uncertainty(self, uncertainty: ArmUncertainty | None, simulate: int) -> None:
         """State P at each stop with the uncertainty of the arm, and simulate it."""
@@ -535,11 +527,23 @@ class _ProgramMaker:
         return _Reached(branches, why, covariances, stated, shortfalls(stated))
 
     def _seconds(self, f: int, settings: tuple[int, ...]) -> float:
-        """Return about the time of a round of straight moves."""
-        name = self._names[f]
-        branches = [self._reached[f][k].branches for k in settings]
-        costs = straight_costs(self._home_in(name), branches, self._rates_in(name))
-        return shortest_tour(costs).seconds if len(settings) <= EXACT_UP_TO else quick_length(costs)
+        """Return about the time of a round of straight moves; none is solved twice."""
+        if (f, settings) not in self._seconds_of:
+            places = [0, *(k + 1 for k in settings)]
+            widest = max(len(self._reached[f][k].branches) for k in settings)
+            costs = self._costs_in(f)[np.ix_(places, places)][:, :, :widest, :widest]
+            is_short = len(settings) <= EXACT_UP_TO
+            seconds = shortest_tour(costs).seconds if is_short else quick_length(costs)
+            self._seconds_of[f, settings] = seconds
+        return self._seconds_of[f, settings]
+
+    def _costs_in(self, f: int) -> np.ndarray:
+        """Return the times of straight moves between all settings in a fixturing."""
+        if f not in self._costs:
+            name = self._names[f]
+            branches = [reached.branches for reached in self._reached[f]]
+            self._costs[f] = straight_costs(self._home_in(name), branches, self._rates_in(name))
+        return self._costs[f]
 
     def _tour(self, f: int, settings: list[int], unreached: dict[int, str]) -> FixturedTour:
         """Return the round through settings in a fixturing; adds to ``unreached`` what has no free way."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.robotprogram.tour import JointRates, leading_axis, move_times, profile
+from planner.robotprogram.program import JointRates, leading_axis, move_times, profile
 
 RATES = JointRates(np.array([1.0, 2.0]), np.array([4.0, 1.0]))
 

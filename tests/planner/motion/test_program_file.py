@@ -8,7 +8,7 @@ import pytest
 from robot_programs import program
 
 from planner import PlanFileError, program_text, read_program, write_program
-from planner.robotprogram.program_file import program_of
+from planner.robotprogram.program import program_of
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from itertools import pairwise, permutations, product
 import numpy as np
 import pytest
 
-from planner.robotprogram.tour import best_branches, exact_order, improved_order, shortest_tour
+from planner.travel import best_branches, exact_order, improved_order, shortest_tour
 
 
 def costs_of(points, home):
