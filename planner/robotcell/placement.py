@@ -10,8 +10,9 @@ import numpy as np
 
 from planner.argument_kinds import check_count, shown
 from planner.exceptions import RobotError
-from planner.robotcell.cell import Cell
-from planner.robotcell.reachability import Reachability, reachability_of
+from planner.robotcell.cell import Cell, reachability_of
+from planner.robotcell.hand import axes_of
+from planner.robotcell.reachability import Reachability
 from planner.robotcell.standing import SKIN_MM, Fixturing
 from planner.robotcell.urdf import carry
 
@@ -75,17 +76,8 @@ class Placement:
                 name: [*one.obstacles, *one.turning] for name, one in self.fixturings.items()
             },
             "part2base": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
-            **({"axis": axes} if (axes := _axes(self.fixturings)) else {}),
+            **({"axis": axes} if (axes := axes_of(self.fixturings)) else {}),
         }
-
-
-def _axes(fixturings: Mapping[str, Fixturing]) -> dict[str, Any]:
-    """Return point and direction of the turntables."""
-    tables = {name: one.table for name, one in fixturings.items() if one.table}
-    return {
-        name: {"point": table.point.tolist(), "direction": table.direction.tolist()}
-        for name, table in tables.items()
-    }
 
 
 def propose_placements(

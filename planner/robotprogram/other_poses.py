@@ -16,7 +16,7 @@ from planner.request.reach import TargetSpace
 from planner.request.request import Request
 from planner.request.targets import OWN_EDGES
 from planner.resolve_request import Promise, resolve_request
-from planner.robotcell.reachability import CellRegion, reachability_of
+from planner.robotcell.cell import CellRegion, reachability_of
 from planner.robotprogram.program import (
     NEAR_LIMIT_RAD,
     NEAR_SINGULAR,

@@ -14,8 +14,7 @@ from planner.argument_kinds import ABOVE_0_TO_1, NumberRule, check_count, check_
 from planner.exceptions import InfeasibleError, RequestError
 from planner.identity import other_part, part_note
 from planner.progress import Progress, report
-from planner.robotcell.held_part_cell import HeldPartCell
-from planner.robotcell.reachability import reachability_of
+from planner.robotcell.cell import HeldPartCell, reachability_of
 from planner.robotprogram.moves import Detours, TourChecker, few_branches, straight_costs
 from planner.robotprogram.other_poses import program_with_other_poses
 from planner.robotprogram.pose_knowledge import (
@@ -518,7 +517,7 @@ class _ProgramMaker:
         own = branches[:, : len(self._home)]
         if isinstance(cell, HeldPartCell):
             camera = self._plan.settings[k].cam2world
-            part2flange = cell.grips[fixturing].part2flange
+            part2flange = cell.fixturings[fixturing].part2flange
             covariances = self._uncertainty.covariances_held(cell.robot, own, part2flange, camera)
         else:
             parts = np.array([cell.part_at(q, fixturing) for q in branches])

@@ -11,7 +11,7 @@ from robot_programs import HOME, SIZE, block
 from scipy.spatial.transform import Rotation
 
 from planner import Box, Cell, Fixturing, RobotError
-from planner.robotcell.reachability import CellRegion
+from planner.robotcell.cell import CellRegion
 from planner.robotcell.urdf import compose
 from planner.robotprogram.moves import check_move
 from planner.robotprogram.robot_program import FixturedArm
