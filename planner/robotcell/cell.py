@@ -12,7 +12,7 @@ import numpy as np
 from planner.argument_kinds import NOT_NEGATIVE, check_kinds, check_number, shown
 from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
-from planner.robotcell.bodies import Body, Surface
+from planner.robotcell.bodies import Body, Fixturing, Grip, Standing, Surface
 from planner.robotcell.cell_file import cell_fields
 from planner.robotcell.collisions import (
     Arm,
@@ -43,7 +43,6 @@ from planner.robotcell.reachability import (
     most_often,
     over_angles,
 )
-from planner.robotcell.standing import Fixturing, Grip, Standing
 from planner.robotcell.urdf import N_JOINTS, check_pose, compose, invert
 
 if TYPE_CHECKING:

@@ -17,8 +17,7 @@ from aspectgraph.files import check_plain, read_text
 from planner.argument_kinds import shown
 from planner.exceptions import PlannerError, RobotError
 from planner.robotcell.arm import Robot
-from planner.robotcell.bodies import Body, Box, mesh_of
-from planner.robotcell.standing import Fixturing, Grip
+from planner.robotcell.bodies import Body, Box, Fixturing, Grip, mesh_of
 from planner.robotcell.urdf import carry, check_pose, compose, from_rpy
 
 _FILE = (

@@ -14,9 +14,19 @@ from typing import Any
 import numpy as np
 
 from planner.robotcell.arm import Robot
-from planner.robotcell.bodies import Body, Box, Hull, grown, hull_of, mesh_of
+from planner.robotcell.bodies import (
+    Body,
+    Box,
+    Hull,
+    Standing,
+    Turntable,
+    geometry_of,
+    grown,
+    hull_of,
+    mesh_of,
+    transform_of,
+)
 from planner.robotcell.branches import Chain, needed
-from planner.robotcell.standing import Standing, Turntable, geometry_of, transform_of
 from planner.robotcell.urdf import carry, compose, invert
 
 HAND = 6

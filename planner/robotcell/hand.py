@@ -20,19 +20,22 @@ import numpy as np
 from planner.argument_kinds import shown
 from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
-from planner.robotcell.bodies import Body, Box, hull_of, mesh_of
-from planner.robotcell.branches import needed
-from planner.robotcell.collisions import HAND, Arm, Moving, PairGroup, bodies_of
-from planner.robotcell.standing import (
+from planner.robotcell.bodies import (
     SKIN_MM,
+    Body,
+    Box,
     Fixturing,
     Grip,
     Standing,
     Turntable,
     hidden_by,
+    hull_of,
+    mesh_of,
     standing_bodies,
     sunk_mm,
 )
+from planner.robotcell.branches import needed
+from planner.robotcell.collisions import HAND, Arm, Moving, PairGroup, bodies_of
 from planner.robotcell.urdf import (
     N_JOINTS,
     carry,

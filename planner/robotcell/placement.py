@@ -10,10 +10,10 @@ import numpy as np
 
 from planner.argument_kinds import check_count, shown
 from planner.exceptions import RobotError
+from planner.robotcell.bodies import SKIN_MM, Fixturing
 from planner.robotcell.cell import Cell, reachability_of
 from planner.robotcell.hand import axes_of
 from planner.robotcell.reachability import Reachability
-from planner.robotcell.standing import SKIN_MM, Fixturing
 from planner.robotcell.urdf import carry
 
 if TYPE_CHECKING:

@@ -11,13 +11,17 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from planner.robotprogram.program import JointRates, Move, move_times
 from planner.travel import EXACT_UP_TO, KICKS, Tour, shortest_tour
+
+if TYPE_CHECKING:
+    from planner.robotcell import Cell
 
 # Straight joint moves that are proven free: conservative advancement.
 #
@@ -29,21 +33,52 @@ from planner.travel import EXACT_UP_TO, KICKS, Tour, shortest_tour
 MOST_POSES = 4000
 """A line that needs more poses counts as blocked."""
 _LEAST_SHARE = 2e-5
+# moves keep this share of the distances that poses keep: near a pose at the limit, none could start
+KEPT_SHARE = 0.5
+# of an axis that stands at its limit, rad
+_ROUNDED = 1e-9
 
 
-class JointSpace(Protocol):
-    """What a move needs to know of a robot and what stands around it."""
+@dataclass(frozen=True)
+class FixturedArm:
+    """The arm in one fixturing of a cell, as moves are checked in it.
+
+    Attributes
+    ----------
+    cell : Cell
+        With the part.
+    fixturing : str
+        One of its fixturings.
+    """
+
+    cell: Cell
+    fixturing: str
 
     @property
     def lower(self) -> np.ndarray:
         """Least joints (k,), rad."""
+        return self.cell.limits(self.fixturing)[0]
 
     @property
     def upper(self) -> np.ndarray:
         """Largest joints (k,), rad."""
+        return self.cell.limits(self.fixturing)[1]
 
     def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """Return which share of a turn (k,) is free to both sides of joints (n, k): at most reach (n,)."""
+        shares = self.cell.free_shares(joints, turn, reach, KEPT_SHARE, fixturing=self.fixturing)
+        return np.minimum(shares, self._within_axes(joints, turn))
+
+    def _within_axes(self, joints: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """Return which share of a turn keeps the controller's axes (n,) within their limits, to both sides."""
+        controller = self.cell.robot.controller
+        n = len(controller.lower)
+        axes = controller.of(joints[:, :n])
+        speeds = np.abs(controller.of(turn[:n]))
+        left = np.minimum(axes - controller.lower, controller.upper - axes) + _ROUNDED
+        with np.errstate(divide="ignore"):
+            shares = np.where(left < 0, -1.0, left / speeds)
+        return np.asarray(shares.min(axis=1))
 
 
 class MoveCheck(NamedTuple):
@@ -64,12 +99,12 @@ class MoveCheck(NamedTuple):
     blocked_at: float = np.nan
 
 
-def check_move(space: JointSpace, start: np.ndarray, end: np.ndarray) -> MoveCheck:
+def check_move(space: FixturedArm, start: np.ndarray, end: np.ndarray) -> MoveCheck:
     """Prove that a straight joint move is free, or say where that fails.
 
     Parameters
     ----------
-    space : JointSpace
+    space : FixturedArm
         The robot and its surroundings.
     start, end : array (k,)
         Joints, rad.
@@ -104,7 +139,7 @@ def _left_open(parts: np.ndarray, middles: np.ndarray, shares: np.ndarray) -> np
     return both[both[:, 1] - both[:, 0] > 1e-12]
 
 
-def check_path(space: JointSpace, path: np.ndarray) -> MoveCheck:
+def check_path(space: FixturedArm, path: np.ndarray) -> MoveCheck:
     """Check the straight moves between the joints (n, k) of a path, see `check_move`."""
     asked = 0
     for start, end in itertools.pairwise(path):
@@ -173,7 +208,7 @@ class Detours:
 
     Parameters
     ----------
-    space : JointSpace
+    space : FixturedArm
         The robot and its surroundings.
     rates : JointRates
         Of its joints; shortcuts save time.
@@ -183,7 +218,7 @@ class Detours:
 
     def __init__(
         self,
-        space: JointSpace,
+        space: FixturedArm,
         rates: JointRates,
         effort: DetourEffort | None = None,
     ):

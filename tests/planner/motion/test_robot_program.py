@@ -32,8 +32,8 @@ from planner import (
 )
 from planner.identity import other_part, part_note
 from planner.robotprogram.moves import Detours
-from planner.robotprogram.pose_knowledge import stated_probabilities
 from planner.robotprogram.program import move_times
+from planner.robotprogram.robot_program import stated_probabilities
 
 
 def stops(of):

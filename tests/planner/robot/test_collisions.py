@@ -6,9 +6,8 @@ from robot_cells import random_pose
 from scipy.optimize import nnls
 
 from planner import Box
-from planner.robotcell.bodies import hull_of, surface_of
+from planner.robotcell.bodies import Standing, hull_of, standing_bodies, surface_of
 from planner.robotcell.collisions import Arm, Moving, PairGroup
-from planner.robotcell.standing import Standing, standing_bodies
 from planner.robotcell.urdf import carry
 
 CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)

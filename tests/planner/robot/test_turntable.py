@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from planner import Box, Cell, Fixturing, RobotError
 from planner.robotcell.cell import CellRegion
 from planner.robotcell.urdf import compose
-from planner.robotprogram.moves import check_move
-from planner.robotprogram.robot_program import FixturedArm
+from planner.robotprogram.moves import FixturedArm, check_move
 
 AXIS = ((800.0, 60.0, 0.0), (0.0, 0.0, 1.0))
 PART2BASE = pose((700.0, 0.0, 30.0))
