@@ -280,12 +280,12 @@ def _nearest_first(costs: np.ndarray) -> list[int]:
     """Go to the nearest place that is left, in its nearest branch."""
     here = 0
     branch = 0
-    left = list(range(1, len(costs)))
+    unvisited = list(range(1, len(costs)))
     order = []
-    while left:
-        options = costs[here, left, branch]
+    while unvisited:
+        options = costs[here, unvisited, branch]
         nearest, branch = divmod(int(options.argmin()), options.shape[1])
-        here = left.pop(nearest)
+        here = unvisited.pop(nearest)
         order.append(here)
     return order
 
@@ -310,23 +310,23 @@ def _improved(
     length = _length(costs, order)
     while True:
         candidate = _best_neighbour(costs, order, longest_piece)
-        found = _length(costs, candidate)
-        if found >= length - _LEAST_S:
+        candidate_length = _length(costs, candidate)
+        if candidate_length >= length - _LEAST_S:
             return order
         order = candidate
-        length = found
+        length = candidate_length
 
 
 def _best_neighbour(costs: np.ndarray, order: list[int], longest_piece: int) -> list[int]:
     path = np.array([0, *order, 0])
     ways = _Ways(costs, path)
-    found = [ways.best_reversal()]
+    neighbours = [ways.best_reversal()]
     back = _Ways(costs, path[::-1].copy()) if longest_piece else ways
     for size in range(1, longest_piece + 1):
-        found.append(ways.best_relocation(size))
+        neighbours.append(ways.best_relocation(size))
         length, path_back = back.best_relocation(size)
-        found.append((length, path_back[::-1]))
-    _, path = min(found, key=lambda one: one[0])
+        neighbours.append((length, path_back[::-1]))
+    _, path = min(neighbours, key=lambda one: one[0])
     return [int(place) for place in path[1:-1]]
 
 
@@ -386,7 +386,7 @@ class _Ways:
         start = _onward(self.way[0, first - 1, 0], self.leg[first - 1, last + 1])
         start = _onward(start, self.way[last + 1, target])
         home = self.way[target + 1, m - 1, :, 0]
-        found = []
+        relocations = []
         for entry, leaving in ((first, last), (last, first)):
             piece = self.way[first, last]
             if entry is last:
@@ -395,10 +395,10 @@ class _Ways:
             end = _onward(end, self.leg[leaving, target + 1])
             lengths = (end + home).min(axis=-1)
             k = int(lengths.argmin())
-            found.append((float(lengths[k]), k, entry is last))
+            relocations.append((float(lengths[k]), k, entry is last))
             if size == 1:
                 break
-        length, k, reverse = min(found)
+        length, k, reverse = min(relocations)
         i = int(first[k])
         stop = i + size
         after = int(target[k]) + 1
@@ -410,15 +410,15 @@ class _Ways:
 
 def _chained(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the shortest ways (n, b, b) by any branch in the middle."""
-    found = first[:, :, 0, None] + second[:, 0, None, :]
+    shortest = first[:, :, 0, None] + second[:, 0, None, :]
     for middle in range(1, first.shape[2]):
-        np.minimum(found, first[:, :, middle, None] + second[:, middle, None, :], out=found)
-    return found
+        np.minimum(shortest, first[:, :, middle, None] + second[:, middle, None, :], out=shortest)
+    return shortest
 
 
 def _onward(length: np.ndarray, legs: np.ndarray) -> np.ndarray:
     """Return the shortest ways (n, b) to the end of legs (n, b, b)."""
-    found = length[..., 0, None] + legs[:, 0]
+    shortest = length[..., 0, None] + legs[:, 0]
     for branch in range(1, legs.shape[1]):
-        np.minimum(found, length[..., branch, None] + legs[:, branch], out=found)
-    return found
+        np.minimum(shortest, length[..., branch, None] + legs[:, branch], out=shortest)
+    return shortest

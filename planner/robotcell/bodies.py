@@ -121,17 +121,17 @@ class Hull:
 def hull_of(points: np.ndarray, parameter: str) -> Hull:
     """Return the convex hull of points (n, 3), or raise `RobotError` if it is flat."""
     try:
-        found = ConvexHull(points)
+        qhull = ConvexHull(points)
     except (QhullError, ValueError):
         raise RobotError.of_rule(
             parameter, "must be a solid with a volume", f"{len(points)} points in a plane"
         ) from None
-    numbers = np.sort(found.vertices)
+    numbers = np.sort(qhull.vertices)
     place = np.zeros(len(points), dtype=np.int64)
     place[numbers] = np.arange(len(numbers))
     corners = points[numbers]
-    triangles = place[found.simplices]
-    normals = found.equations[:, :3]
+    triangles = place[qhull.simplices]
+    normals = qhull.equations[:, :3]
     sides = corners[triangles]
     turned = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
     inward = (turned * normals).sum(axis=1) < 0
@@ -222,8 +222,8 @@ def mesh_of(body: Body, parameter: str) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(body, str | PathLike):
         return read_triangles(Path(body), parameter)
     try:
-        given, faces = body  # type: ignore[misc]
-        corners = np.array(given, dtype=np.float64)
+        vertices, faces = body  # type: ignore[misc]
+        corners = np.array(vertices, dtype=np.float64)
         triangles = np.array(faces, dtype=np.int64)
     except (TypeError, ValueError):
         rule = "must be a Box, a mesh file, or corners and triangles"
@@ -404,7 +404,7 @@ def _axis(axis: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return a point and a unit vector."""
     rule = "must be a point in mm and a direction, each of three finite numbers"
     try:
-        point, direction = (np.array(one, dtype=np.float64) for one in axis)
+        point, direction = (np.array(vector, dtype=np.float64) for vector in axis)
     except (TypeError, ValueError):
         raise RobotError.of_rule("axis", rule, shown(axis)) from None
     if point.shape != (3,) or direction.shape != (3,):
@@ -438,7 +438,7 @@ def _listed(given: Any, rule: str) -> list[float]:
         values = [float(angle) for angle in given]
     except (TypeError, ValueError):
         raise RobotError.of_rule("angles", rule, shown(given)) from None
-    within = all(math.isfinite(one) and abs(one) <= 2.0 * math.pi for one in values)
+    within = all(math.isfinite(value) and abs(value) <= 2.0 * math.pi for value in values)
     if not 1 <= len(values) <= _MOST_ANGLES or not within:
         hint = "are they in degrees?" if values and not within else ""
         raise RobotError.of_rule("angles", rule, shown(given), hint=hint)
@@ -516,9 +516,9 @@ class Fixturing:
                 self.axis, self.angles, self.turn_speed, self.turn_acceleration
             )
         for name in ("angles", "turning"):
-            given = getattr(self, name)
-            if given and given != (0.0,):
-                raise RobotError.of_rule(name, "must be given with axis only", shown(given))
+            value = getattr(self, name)
+            if value and value != (0.0,):
+                raise RobotError.of_rule(name, "must be given with axis only", shown(value))
         return None
 
     @property
@@ -738,10 +738,10 @@ def _finer_points(triangles: np.ndarray, low: np.ndarray, high: np.ndarray) -> I
         yield np.concatenate([triangles.reshape(-1, 3), triangles.mean(axis=1)])
         sides = np.roll(triangles, -1, axis=1) - triangles
         longest = np.sqrt((sides**2).sum(axis=-1)).max(axis=1)
-        most = float(longest.max())
-        if most <= SKIN_MM or len(triangles) >= _SAMPLES:
+        longest_side = float(longest.max())
+        if longest_side <= SKIN_MM or len(triangles) >= _SAMPLES:
             return
-        large = longest > most / 2
+        large = longest > longest_side / 2
         triangles = np.concatenate([triangles[~large], _quartered(triangles[large])])
 
 
@@ -761,8 +761,8 @@ def standing_bodies(bodies: Mapping[str, Body], parameter: str) -> tuple[Standin
 
 def _standing(name: str, body: Body, parameter: str) -> Standing:
     if isinstance(body, Box):
-        own = Box(body.low, body.high)
-        return Standing(name, body.pose, hull_of(own.corners(), parameter))
+        unplaced = Box(body.low, body.high)
+        return Standing(name, body.pose, hull_of(unplaced.corners(), parameter))
     return Standing(name, np.eye(4), surface_of(*mesh_of(body, parameter)))
 
 
@@ -795,12 +795,12 @@ def _cut_by_box(
     corners[..., 1:, :] = ends - centre
     apart = (corners.min(axis=2) > half) | (corners.max(axis=2) < -half)
     meets = ~apart.any(axis=-1)
-    left = corners[meets]
-    sides = np.roll(left, -1, axis=1) - left
-    axes = np.cross(sides[:, :, None], np.eye(3)).reshape(len(left), 9, 3)
+    candidates = corners[meets]
+    sides = np.roll(candidates, -1, axis=1) - candidates
+    axes = np.cross(sides[:, :, None], np.eye(3)).reshape(len(candidates), 9, 3)
     normal = np.cross(sides[:, 0], sides[:, 1])[:, None]
     axes = np.concatenate([axes, normal], axis=1)
-    along = np.einsum("mcj,maj->mac", left, axes)
+    along = np.einsum("mcj,maj->mac", candidates, axes)
     reach = np.einsum("maj,j->ma", np.abs(axes), half)
     split = (along.min(axis=2) > reach) | (along.max(axis=2) < -reach)
     meets[meets] = ~split.any(axis=1)

@@ -556,8 +556,8 @@ class Cell:
         """
         joints = np.asarray(q, dtype=np.float64)
         result = np.zeros(len(joints), dtype=bool)
-        for rows, reacher, own in self._by_angle(joints, fixturing):
-            result[rows] = reacher.free(own)
+        for rows, reacher, robot_joints in self._by_angle(joints, fixturing):
+            result[rows] = reacher.free(robot_joints)
         return result
 
     def blocked_by(self, q: np.ndarray, fixturing: str) -> str:
@@ -575,8 +575,8 @@ class Cell:
         str
             Empty if they are free.
         """
-        ((_, reacher, own),) = self._by_angle(np.asarray(q, dtype=np.float64)[None], fixturing)
-        return reacher.blocked_by(own[0])
+        reacher, joints = self._at(q, fixturing)
+        return reacher.blocked_by(joints)
 
     def clearance(
         self, q: np.ndarray, fixturing: str, *, links_mm: float = LINKS_NEAR_MM
@@ -597,8 +597,8 @@ class Cell:
         Closeness
             Names of the closest two objects and their distance, mm.
         """
-        ((_, reacher, own),) = self._by_angle(np.asarray(q, dtype=np.float64)[None], fixturing)
-        return Closeness(*reacher.closest(own[0], links_mm))
+        reacher, joints = self._at(q, fixturing)
+        return Closeness(*reacher.closest(joints, links_mm))
 
     def slack_bound(
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf, *, share: float = 1.0
@@ -623,8 +623,8 @@ class Cell:
         """
         joints = np.asarray(q, dtype=np.float64)
         result = np.empty(len(joints))
-        for rows, reacher, own in self._by_angle(joints, fixturing):
-            result[rows] = reacher.slack(own, share * reacher.required, enough_mm)
+        for rows, reacher, robot_joints in self._by_angle(joints, fixturing):
+            result[rows] = reacher.slack(robot_joints, share * reacher.required, enough_mm)
         return result
 
     def free_shares(
@@ -672,8 +672,8 @@ class Cell:
         list of tuple
             The arm first.
         """
-        ((_, reacher, own),) = self._by_angle(np.asarray(q, dtype=np.float64)[None], fixturing)
-        return reacher.shapes(own[0])
+        reacher, joints = self._at(q, fixturing)
+        return reacher.shapes(joints)
 
     def reachability(self, plan: Any, solid: Solid, *, all_branches: bool = False) -> Reachability:
         """Return which settings of a plan the robot reaches in which fixturing, or why not.
@@ -711,14 +711,14 @@ class Cell:
     def near_by_mount(self) -> tuple[str, ...]:
         """What the mount leaves less than the clearance, in words: there, only touching is refused."""
         bodies = self._arm.bodies
-        least: dict[tuple[str, str], float] = {}
+        nearest: dict[tuple[str, str], float] = {}
         for (first, second), mm in self._arm.near_by_mount.items():
             pair = (bodies[second].name, bodies[first].name)
-            least[pair] = min(mm, least.get(pair, np.inf))
+            nearest[pair] = min(mm, nearest.get(pair, np.inf))
         return tuple(
             f"{held} is mounted {mm:.3g} mm from {link}, clearance {self.clearance_mm:g}: "
             "these two must only not touch"
-            for (held, link), mm in least.items()
+            for (held, link), mm in nearest.items()
         )
 
     @property
@@ -790,6 +790,11 @@ class Cell:
             rule = f"must be one of {', '.join(map(repr, self.fixturings))}"
             raise RobotError.of_rule("fixturing", rule, shown(name))
         return self.fixturings[name]
+
+    def _at(self, q: np.ndarray, fixturing: str) -> tuple[Reacher, np.ndarray]:
+        """Return what knows a fixturing at the angle of joints (6,) or (7,), and the robot's joints."""
+        joints = np.asarray(q, dtype=np.float64)
+        return self._reacher(fixturing, float(joints[N_JOINTS:].sum())), joints[:N_JOINTS]
 
     def _by_angle(
         self, q: np.ndarray, fixturing: str
@@ -976,14 +981,14 @@ def _in_sight(
     """
 
     def asked(angle: float, rows: np.ndarray) -> list[PoseReach]:
-        told = cell.reach(cam2world[rows], fixturing, all_branches=all_branches, angle=angle)
+        poses = cell.reach(cam2world[rows], fixturing, all_branches=all_branches, angle=angle)
         words = [
-            hidden(angle, int(row)) if one.reached else ""
-            for row, one in zip(rows, told, strict=True)
+            hidden(angle, int(row)) if pose.reached else ""
+            for row, pose in zip(rows, poses, strict=True)
         ]
         return [
-            PoseReach(np.empty((0, N_JOINTS)), word) if word else one
-            for one, word in zip(told, words, strict=True)
+            PoseReach(np.empty((0, N_JOINTS)), word) if word else pose
+            for pose, word in zip(poses, words, strict=True)
         ]
 
     if cell.fixturings[fixturing].table is None:
@@ -1035,17 +1040,17 @@ class CellRegion:
         """
         best = np.zeros_like(wanted)
         for name, angle in self._ways:
-            left = np.flatnonzero(best.sum(axis=1) < wanted.sum(axis=1))
-            if not left.size:
+            rows = np.flatnonzero(best.sum(axis=1) < wanted.sum(axis=1))
+            if not rows.size:
                 break
-            told = self._cell.reach(cam2world[left], name, angle=angle)
-            left = left[[one.reached for one in told]]
-            hidden = self._cell.hidden_by(cam2world[left], segments, name, angle) != ""
-            seen = wanted[left]
+            poses = self._cell.reach(cam2world[rows], name, angle=angle)
+            rows = rows[[pose.reached for pose in poses]]
+            hidden = self._cell.hidden_by(cam2world[rows], segments, name, angle) != ""
+            seen = wanted[rows]
             for target in range(wanted.shape[1]):
                 seen[:, target] &= ~hidden[:, owner == target].any(axis=1)
-            better = seen.sum(axis=1) > best[left].sum(axis=1)
-            best[left[better]] = seen[better]
+            better = seen.sum(axis=1) > best[rows].sum(axis=1)
+            best[rows[better]] = seen[better]
         return best
 
     @property
@@ -1074,19 +1079,19 @@ class CellRegion:
         """Return why poses (n, 4, 4) are not reached with all segments (s, 2, 3) in sight, in words."""
         parts = []
         for name in self._cell.fixturings:
-            reasons = [one.why for one in self.told(cam2world, segments, name)]
+            reasons = [pose.why for pose in self.told(cam2world, segments, name)]
             words = most_often([reason for reason in reasons if reason])
             parts.append(f"{words} ({reasons.count(words)} of {len(reasons)} poses in {name!r})")
         return ", ".join(parts)
 
     def placed(self, cam2world: np.ndarray, segments: np.ndarray) -> dict[str, ArmAt]:
         """Return how the robot stands at a pose (4, 4) with all segments (s, 2, 3) in sight, by fixturing."""
-        found = {}
+        arms = {}
         for name in self._cell.fixturings:
-            told = self.told(cam2world[None], segments, name)[0]
-            if told.reached:
-                found[name] = self._standing(told, name)
-        return found
+            pose = self.told(cam2world[None], segments, name)[0]
+            if pose.reached:
+                arms[name] = self._standing(pose, name)
+        return arms
 
     def _standing(self, told: PoseReach, name: str) -> ArmAt:
         near = self._cell.clearance(told.branches[0], name)
@@ -1109,8 +1114,8 @@ class CellRegion:
         """Return 1 for poses (n, 4, 4) that are reached in some fixturing, otherwise -1; (n,)."""
         margin = np.full(len(cam2world), -1.0)
         for name in self._cell.fixturings:
-            left = np.flatnonzero(margin < 0)
-            if left.size:
-                told = self._cell.reach(cam2world[left], name)
-                margin[left[[one.reached for one in told]]] = 1.0
+            rows = np.flatnonzero(margin < 0)
+            if rows.size:
+                poses = self._cell.reach(cam2world[rows], name)
+                margin[rows[[pose.reached for pose in poses]]] = 1.0
         return margin

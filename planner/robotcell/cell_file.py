@@ -66,10 +66,10 @@ def cell_fields(path: str | PathLike[str]) -> dict[str, Any]:
     try:
         return _fields(content, file.parent)
     except RobotError as error:
-        where = f"{file}: {error.parameter or 'a field'}".rstrip()
+        field = f"{file}: {error.parameter or 'a field'}".rstrip()
         if not error.parameter:
             raise
-        raise RobotError.of_rule(where, error.rule, error.got, hint=error.hint) from None
+        raise RobotError.of_rule(field, error.rule, error.got, hint=error.hint) from None
 
 
 def moved_cell(path: str | PathLike[str], motion: np.ndarray, folder: Path) -> dict[str, Any]:
@@ -168,10 +168,10 @@ def _key(name: str) -> str:
 
 def _value(value: Any, digits: int | None) -> str:
     if isinstance(value, Mapping):
-        pairs = [f"{_key(key)} = {_value(one, digits)}" for key, one in value.items()]
+        pairs = [f"{_key(key)} = {_value(item, digits)}" for key, item in value.items()]
         return "{ " + ", ".join(pairs) + " }"
     if isinstance(value, list):
-        return "[" + ", ".join(_value(one, digits) for one in value) + "]"
+        return "[" + ", ".join(_value(item, digits) for item in value) + "]"
     if isinstance(value, float) and digits is not None:
         return repr(round(value, digits) + 0.0)
     return json.dumps(value, ensure_ascii=False)
@@ -201,15 +201,15 @@ def _fields(content: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         "robot": _robot(_table(content["robot"], "robot"), folder),
         camera: _pose(content[camera], camera),
         "fixturings": {
-            name: read(_table(one, f"fixturings.{name}"), f"fixturings.{name}", folder)
-            for name, one in _table(content["fixturings"], "fixturings").items()
+            name: read(_table(item, f"fixturings.{name}"), f"fixturings.{name}", folder)
+            for name, item in _table(content["fixturings"], "fixturings").items()
         },
         "obstacles": _bodies(content.get("obstacles", {}), "obstacles", folder),
     }
     bodies = content.get("camera_body", [])
     if not isinstance(bodies, list):
         raise RobotError.of_rule("camera_body", "must be written [[camera_body]]", shown(bodies))
-    fields["camera_body"] = tuple(_body(one, "camera_body", folder) for one in bodies)
+    fields["camera_body"] = tuple(_body(item, "camera_body", folder) for item in bodies)
     if "clearance_mm" in content:
         fields["clearance_mm"] = content["clearance_mm"]
     if "home_deg" in content:
@@ -220,19 +220,21 @@ def _fields(content: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 def _robot(table: Mapping[str, Any], folder: Path) -> Robot:
     _check_keys(table, _ROBOT, "robot.", required=("urdf",))
     apart = ("urdf", "packages", "axis_limits_deg")
-    given = {key: value for key, value in table.items() if key not in apart}
+    arguments = {key: value for key, value in table.items() if key not in apart}
     if "axis_limits_deg" in table:
-        given["axis_limits"] = _axis_limits(table["axis_limits_deg"])
+        arguments["axis_limits"] = _axis_limits(table["axis_limits_deg"])
     for key in ("tip", "base"):
-        if key in given and not isinstance(given[key], str):
+        if key in arguments and not isinstance(arguments[key], str):
             raise RobotError.of_rule(
-                f"robot.{key}", "must be the name of a link", shown(given[key])
+                f"robot.{key}", "must be the name of a link", shown(arguments[key])
             )
     packages = {
         name: folder / _text(value, f"robot.packages.{name}")
         for name, value in _table(table.get("packages", {}), "robot.packages").items()
     }
-    return Robot.from_urdf(folder / _text(table["urdf"], "robot.urdf"), packages=packages, **given)
+    return Robot.from_urdf(
+        folder / _text(table["urdf"], "robot.urdf"), packages=packages, **arguments
+    )
 
 
 def _axis_limits(rows: Any) -> list[list[float]]:
@@ -248,24 +250,24 @@ def _fixturing(table: Mapping[str, Any], name: str, folder: Path) -> Fixturing:
     _check_keys(table, _FIXTURING, f"{name}.", required=("part2base",))
     part2base = _pose(table["part2base"], f"{name}.part2base")
     obstacles = _bodies(table.get("obstacles", {}), f"{name}.obstacles", folder)
-    given: dict[str, Any] = {key: table[key] for key in _TURNS if key in table}
+    arguments: dict[str, Any] = {key: table[key] for key in _TURNS if key in table}
     if "angles" in table and "angles_deg" in table:
         raise RobotError.of_rule(f"{name}.angles_deg", "must not be given with angles", "both")
     if "angles_deg" in table:
         listed = table["angles_deg"]
         count = len(listed) if isinstance(listed, list) else 1
-        given["angles"] = np.radians(_numbers(listed, count, f"{name}.angles_deg")).tolist()
+        arguments["angles"] = np.radians(_numbers(listed, count, f"{name}.angles_deg")).tolist()
     if "axis" in table:
         axis = _table(table["axis"], f"{name}.axis")
         _check_keys(axis, _AXIS, f"{name}.axis.", required=_AXIS)
-        given["axis"] = [_numbers(axis[key], 3, f"{name}.axis.{key}") for key in _AXIS]
+        arguments["axis"] = [_numbers(axis[key], 3, f"{name}.axis.{key}") for key in _AXIS]
     if "turning" in table:
-        given["turning"] = _bodies(table["turning"], f"{name}.turning", folder)
+        arguments["turning"] = _bodies(table["turning"], f"{name}.turning", folder)
     try:
-        return Fixturing(part2base, obstacles, **given)
+        return Fixturing(part2base, obstacles, **arguments)
     except PlannerError as error:
-        where = f"{name}.{getattr(error, 'parameter', '')}"
-        raise RobotError.of_rule(where, error.rule, error.got, hint=error.hint) from None
+        field = f"{name}.{getattr(error, 'parameter', '')}"
+        raise RobotError.of_rule(field, error.rule, error.got, hint=error.hint) from None
 
 
 def _grip(table: Mapping[str, Any], name: str, folder: Path) -> Grip:
@@ -275,7 +277,7 @@ def _grip(table: Mapping[str, Any], name: str, folder: Path) -> Grip:
 
 
 def _bodies(tables: Any, name: str, folder: Path) -> dict[str, Body]:
-    return {key: _body(one, f"{name}.{key}", folder) for key, one in _table(tables, name).items()}
+    return {key: _body(body, f"{name}.{key}", folder) for key, body in _table(tables, name).items()}
 
 
 def _body(table: Any, name: str, folder: Path) -> Body:

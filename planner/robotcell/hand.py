@@ -503,10 +503,10 @@ def digest_of(
         digest.update(body.hull.corners.tobytes())
     for name, pose, standing in places:
         digest.update(repr((name, pose.tolist())).encode())
-        for one in standing:
-            digest.update(repr((one.name, one.pose.tolist())).encode())
-            digest.update(one.shape.corners.tobytes())
-            digest.update(one.shape.triangles.astype("<i8").tobytes())
+        for obstacle in standing:
+            digest.update(repr((obstacle.name, obstacle.pose.tolist())).encode())
+            digest.update(obstacle.shape.corners.tobytes())
+            digest.update(obstacle.shape.triangles.astype("<i8").tobytes())
     return digest.hexdigest()
 
 
@@ -633,9 +633,9 @@ def arm_with_mount(robot: Robot, bodies: Sequence[Moving], clearance_mm: float) 
         segments = [arm.bodies[number].segment for number in pair]
         between = max(segments) - min(segments)
         if clearance_mm > 0 and arm.keeps_clearance(*pair) and between <= len(_MOUNT_STEPS):
-            least = _mounted_mm(robot, arm, pair, clearance_mm)
-            if least is not None:
-                arm.near_by_mount[pair] = least
+            mm = _mounted_mm(robot, arm, pair, clearance_mm)
+            if mm is not None:
+                arm.near_by_mount[pair] = mm
     return arm
 
 
@@ -652,7 +652,7 @@ def _mounted_mm(robot: Robot, arm: Arm, pair: tuple[int, int], clearance_mm: flo
     # spheres tell of most cameras that they are far enough
     if far.all() or (between > 1 and far.any()):
         return None
-    distances = [group.distance(0, one) for one in frames]
+    distances = [group.distance(0, frame) for frame in frames]
     never_touches = between == 1 and 0 < min(distances) < clearance_mm
     return min(distances) if max(distances) < clearance_mm or never_touches else None
 
@@ -666,9 +666,9 @@ def _drawn_joints(robot: Robot, shares: np.ndarray) -> np.ndarray:
 
 def _always_touch(robot: Robot, arm: Arm, pair: tuple[int, int], drawn: np.ndarray) -> bool:
     """Return whether two links touch in nearly all of drawn joints."""
-    most = int((1 - _ALWAYS) * len(drawn))
+    limit = int((1 - _ALWAYS) * len(drawn))
     apart = (True for touch in _touches(robot, arm, pair, drawn) if not touch)
-    return sum(islice(apart, most + 1)) <= most
+    return sum(islice(apart, limit + 1)) <= limit
 
 
 def _never_touch(robot: Robot, arm: Arm, pair: tuple[int, int]) -> bool:
@@ -732,7 +732,7 @@ def check_turns_free(
     low, high = table.range
     steps = max(1, int(np.ceil((high - low) / _STEP)))
     angles = [*table.angles, *np.linspace(low, high, steps + 1).tolist()]
-    still = [Standing(one.name, np.eye(4), one.hull) for one in arm if one.segment == 0]
+    still = [Standing(link.name, np.eye(4), link.hull) for link in arm if link.segment == 0]
     for body in turning:
         pairs = [(other, _meet(fcl, body, other)) for other in (*others, *still)]
         for angle in angles:

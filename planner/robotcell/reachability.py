@@ -115,9 +115,9 @@ class Reacher:
         """Return what is known of poses (n, 4, 4) of the tip in the base."""
         pieces = range(0, len(flanges), _AT_ONCE)
         return [
-            one
+            pose
             for start in pieces
-            for one in self._reach(flanges[start : start + _AT_ONCE], all_branches)
+            for pose in self._reach(flanges[start : start + _AT_ONCE], all_branches)
         ]
 
     def _reach(self, flanges: np.ndarray, all_branches: bool) -> list[PoseReach]:
@@ -125,22 +125,22 @@ class Reacher:
         apart = np.sqrt(((flanges[:, :3, 3] - self._shoulder) ** 2).sum(axis=1))
         for i in np.flatnonzero(apart > self._radius):
             why[i] = TOO_FAR
-        left = np.flatnonzero(apart <= self._radius)
-        left = self._keep_free_hands(flanges, left, why)
-        q, owner = self._robot.solutions(flanges[left])
-        self._say_why_none(flanges, left, owner, why)
+        rows = np.flatnonzero(apart <= self._radius)
+        rows = self._keep_free_hands(flanges, rows, why)
+        q, owner = self._robot.solutions(flanges[rows])
+        self._say_why_none(flanges, rows, owner, why)
         order = self._nearest_first(q, owner)
         q = q[order]
         owner = owner[order]
         is_free, blockers = self._free_branches(q, owner, all_branches)
         branches = [np.empty((0, 6)) for _ in flanges]
-        starts = np.searchsorted(owner, np.arange(len(left) + 1))
-        for pose, first, end in zip(left, starts, starts[1:], strict=False):
+        starts = np.searchsorted(owner, np.arange(len(rows) + 1))
+        for pose, first, end in zip(rows, starts, starts[1:], strict=False):
             branches[pose] = q[first:end][is_free[first:end]]
             if first < end and not len(branches[pose]):
                 pairs = [touching(*self._around.rest.names(k)) for k in blockers[first:end]]
                 why[pose] = most_often(pairs)
-        return [PoseReach(found, reason) for found, reason in zip(branches, why, strict=True)]
+        return [PoseReach(joints, reason) for joints, reason in zip(branches, why, strict=True)]
 
     def _free_branches(
         self, q: np.ndarray, owner: np.ndarray, all_branches: bool
@@ -174,13 +174,13 @@ class Reacher:
         frames = np.zeros((len(left), HAND + 1, 4, 4))
         frames[:, HAND] = compose(flanges[left], self._tip2hand)
         bounds = group.bounds(frames)
-        kept = np.ones(len(left), dtype=bool)
+        is_free = np.ones(len(left), dtype=bool)
         for row in np.flatnonzero(group.open_rows(bounds)):
             blocker = group.blocker(frames[row], bounds[row])
             if blocker >= 0:
-                kept[row] = False
+                is_free[row] = False
                 why[left[row]] = touching(*group.names(blocker))
-        return left[kept]
+        return left[is_free]
 
     def _say_why_none(
         self, flanges: np.ndarray, left: np.ndarray, owner: np.ndarray, why: list[str]
@@ -269,14 +269,14 @@ class Reacher:
         frames = self._robot.chain.frames(q[None])
         group = self._around.all
         bounds = group.bounds(frames)[0]
-        own = np.array([both for _, _, both in group.pairs], dtype=bool)
-        found = (np.inf, -1)
-        for some, below in ((~own, np.inf), (own, links_mm)):
-            apart = np.where(some, bounds, np.inf)
-            mm, pair = group.closest(frames[0], apart, np.zeros(len(own)), np.inf)
-            if pair >= 0 and mm < min(found[0], below):
-                found = (mm, pair)
-        mm, pair = found
+        of_arm = np.array([both for _, _, both in group.pairs], dtype=bool)
+        nearest = (np.inf, -1)
+        for chosen, below in ((~of_arm, np.inf), (of_arm, links_mm)):
+            apart = np.where(chosen, bounds, np.inf)
+            mm, pair = group.closest(frames[0], apart, np.zeros(len(of_arm)), np.inf)
+            if pair >= 0 and mm < min(nearest[0], below):
+                nearest = (mm, pair)
+        mm, pair = nearest
         return (max(mm, 0.0), *group.names(pair)) if pair >= 0 else (np.inf, "", "")
 
     def blocked_by(self, q: np.ndarray) -> str:
@@ -323,15 +323,15 @@ def over_angles(
     reasons: list[list[str]] = [[] for _ in range(count)]
     for angle in angles:
         rows = np.array([k for k in range(count) if all_branches or not branches[k]], dtype=int)
-        for k, one in zip(rows, asked(angle, rows), strict=True):
-            if one.reached:
-                branches[k].append(one.with_angle(angle).branches)
+        for k, pose in zip(rows, asked(angle, rows), strict=True):
+            if pose.reached:
+                branches[k].append(pose.with_angle(angle).branches)
             else:
-                reasons[k].append(one.why)
+                reasons[k].append(pose.why)
     nothing = np.empty((0, N_JOINTS + 1))
     return [
-        PoseReach(np.concatenate([nothing, *found]), "" if found else most_often(why))
-        for found, why in zip(branches, reasons, strict=True)
+        PoseReach(np.concatenate([nothing, *joints]), "" if joints else most_often(why))
+        for joints, why in zip(branches, reasons, strict=True)
     ]
 
 

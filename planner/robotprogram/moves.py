@@ -75,9 +75,9 @@ class FixturedArm:
         n = len(controller.lower)
         axes = controller.of(joints[:, :n])
         speeds = np.abs(controller.of(turn[:n]))
-        left = np.minimum(axes - controller.lower, controller.upper - axes) + _ROUNDED
+        margins = np.minimum(axes - controller.lower, controller.upper - axes) + _ROUNDED
         with np.errstate(divide="ignore"):
-            shares = np.where(left < 0, -1.0, left / speeds)
+            shares = np.where(margins < 0, -1.0, margins / speeds)
         return np.asarray(shares.min(axis=1))
 
 
@@ -117,17 +117,17 @@ def check_move(space: FixturedArm, start: np.ndarray, end: np.ndarray) -> MoveCh
     """
     turn = np.asarray(end) - np.asarray(start)
     open_parts = np.array([[0.0, 1.0]])
-    asked = 0
+    n_poses = 0
     while len(open_parts):
         middles = open_parts.mean(axis=1)
         halves = (open_parts[:, 1] - open_parts[:, 0]) / 2
         shares = space.free_shares(start + middles[:, None] * turn, turn, halves)
-        asked += len(middles)
+        n_poses += len(middles)
         blocked = shares < np.minimum(halves, _LEAST_SHARE)
-        if blocked.any() or asked > MOST_POSES:
-            return MoveCheck(False, asked, float(middles[int(shares.argmin())]))
+        if blocked.any() or n_poses > MOST_POSES:
+            return MoveCheck(False, n_poses, float(middles[int(shares.argmin())]))
         open_parts = _left_open(open_parts, middles, shares)
-    return MoveCheck(True, asked)
+    return MoveCheck(True, n_poses)
 
 
 def _left_open(parts: np.ndarray, middles: np.ndarray, shares: np.ndarray) -> np.ndarray:
@@ -141,13 +141,13 @@ def _left_open(parts: np.ndarray, middles: np.ndarray, shares: np.ndarray) -> np
 
 def check_path(space: FixturedArm, path: np.ndarray) -> MoveCheck:
     """Check the straight moves between the joints (n, k) of a path, see `check_move`."""
-    asked = 0
+    n_poses = 0
     for start, end in itertools.pairwise(path):
-        found = check_move(space, start, end)
-        asked += found.poses
-        if not found.free:
-            return MoveCheck(False, asked, found.blocked_at)
-    return MoveCheck(True, asked)
+        check = check_move(space, start, end)
+        n_poses += check.poses
+        if not check.free:
+            return MoveCheck(False, n_poses, check.blocked_at)
+    return MoveCheck(True, n_poses)
 
 
 # A way around what blocks a straight joint move: two trees that grow towards each other.
@@ -396,13 +396,13 @@ def straight_costs(
         Seconds; inf for branches that a setting does not have.
     """
     n = len(branches) + 1
-    most = max((len(group) for group in branches), default=1)
-    joints = np.full((n, most, len(home)), np.nan)
+    width = max((len(group) for group in branches), default=1)
+    joints = np.full((n, width, len(home)), np.nan)
     joints[0, 0] = home
     for place, group in enumerate(branches, 1):
         joints[place, : len(group)] = group
-    known = ~np.isnan(joints[..., 0])
-    usable = known[:, None, :, None] & known[None, :, None, :]
+    exists = ~np.isnan(joints[..., 0])
+    usable = exists[:, None, :, None] & exists[None, :, None, :]
     filled = np.where(np.isnan(joints), 0.0, joints)
     times = move_times(filled[:, None, :, None], filled[None, :, None, :], rates)
     return np.where(usable, times, np.inf)
@@ -613,13 +613,13 @@ def few_branches(
         Of all of them.
     """
     preferred = common_angles([set(group[:, -1].tolist()) for group in branches])
-    most = _MOST if len(branches) <= EXACT_UP_TO else _MOST_IN_LONG_ROUNDS
+    limit = _MOST if len(branches) <= EXACT_UP_TO else _MOST_IN_LONG_ROUNDS
     result = []
     for group in branches:
         places = [preferred.index(a) if a in preferred else len(preferred) for a in group[:, -1]]
         seconds = np.round(move_times(group, home[None], rates), 6)
         order = np.lexsort((seconds, np.array(places, dtype=int)))
-        result.append(group[np.sort(order[:most])])
+        result.append(group[np.sort(order[:limit])])
     return result
 
 
@@ -631,11 +631,11 @@ def common_angles(options: Sequence[set[float]]) -> list[float]:
     options : sequence of set of float
         The angles of each setting, rad; settings without one are left out.
     """
-    left = [angles for angles in options if angles]
+    unserved = [angles for angles in options if angles]
     chosen: list[float] = []
-    while left:
-        every = sorted(set().union(*left), key=lambda angle: (abs(angle), -angle))
-        best = max(every, key=lambda angle: sum(angle in angles for angles in left))
+    while unserved:
+        every = sorted(set().union(*unserved), key=lambda angle: (abs(angle), -angle))
+        best = max(every, key=lambda angle: sum(angle in angles for angles in unserved))
         chosen.append(best)
-        left = [angles for angles in left if best not in angles]
+        unserved = [angles for angles in unserved if best not in angles]
     return chosen

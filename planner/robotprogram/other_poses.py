@@ -62,10 +62,10 @@ def why_no_other_poses(plan: InspectionPlan) -> str:
     if plan.light is not None or plan.request.get("ring") is not None:
         return "its lamps were chosen for its poses"
     try:
-        asked = _asked(plan)
+        request = _asked(plan)
     except PlanFileError:
         return "the plan's request cannot be made again"
-    if asked.registration is not None and asked.registration.method == OWN_EDGES:
+    if request.registration is not None and request.registration.method == OWN_EDGES:
         return "its values are read from images registered to the part's own edges"
     return ""
 
@@ -127,17 +127,17 @@ class EquivalentPoses:
         names = before.entities
         judge = self._local(k).judge
         seed = before.seed or 0
-        found = setting_at(judge.request, cam2world, names, _MESSAGE, before.seed)
-        if min(found.probability.values()) < self._plan.probability:
+        setting = setting_at(judge.request, cam2world, names, _MESSAGE, before.seed)
+        if min(setting.probability.values()) < self._plan.probability:
             return None
-        if promised_too_much(judge, found, seed):
+        if promised_too_much(judge, setting, seed):
             return None
         if before.p_all:
             bounds = joint_bounds(judge, cam2world, names, seed)
             if missing(judge, bounds):
                 return None
-            found = _with_bounds(found, bounds)
-        return self._with_lines(k, found)
+            setting = _with_bounds(setting, bounds)
+        return self._with_lines(k, setting)
 
     def distance(self, k: int, cam2world: np.ndarray) -> tuple[float, float]:
         """Return how far a pose (4, 4) is from setting k, mm, and by how much it is turned, rad."""
@@ -145,17 +145,19 @@ class EquivalentPoses:
         return float(shift[0]), float(turn[0])
 
     def _found(self, k: int) -> np.ndarray:
-        own = self._plan.settings[k].cam2world
+        planned = self._plan.settings[k].cam2world
         rng = np.random.default_rng([self._seed, k])
         far = self._plan.camera.focus_distance_mm
-        first = np.concatenate([_rolled(own), perturbed(np.repeat(own[None], _NEAR, 0), far, rng)])
-        kept = self._inspecting(k, first)
-        if len(kept):
-            again = kept[rng.integers(len(kept), size=_NEAR)]
-            kept = np.concatenate([kept, self._inspecting(k, perturbed(again, far, rng))])
-        shift, turn = _apart(own, kept)
+        first = np.concatenate(
+            [_rolled(planned), perturbed(np.repeat(planned[None], _NEAR, 0), far, rng)]
+        )
+        poses = self._inspecting(k, first)
+        if len(poses):
+            again = poses[rng.integers(len(poses), size=_NEAR)]
+            poses = np.concatenate([poses, self._inspecting(k, perturbed(again, far, rng))])
+        shift, turn = _apart(planned, poses)
         # noise in the last digits must not decide the order
-        return kept[np.argsort(np.round(shift + _MM_PER_RAD * turn, 6), kind="stable")]
+        return poses[np.argsort(np.round(shift + _MM_PER_RAD * turn, 6), kind="stable")]
 
     def _inspecting(self, k: int, poses: np.ndarray) -> np.ndarray:
         """Return those of poses (n, 4, 4) that inspect all that setting k does."""
@@ -176,29 +178,29 @@ class EquivalentPoses:
     def _request(self, k: int) -> Request:
         from aspectgraph import compute_regions
 
-        asked = self._asked
+        stated = self._asked
         setting = self._plan.settings[k]
-        records = {record.name: record for record in asked.targets or ()}
+        records = {record.name: record for record in stated.targets or ()}
         items = {name: records[name].item_of(self._solid) for name in setting.entities}
-        promise = Promise(asked.accuracy, asked.probability, asked.seed)
-        options = restored_options(asked)
+        promise = Promise(stated.accuracy, stated.probability, stated.seed)
+        options = restored_options(stated)
         resolved = resolve_request(
-            self._solid, items, asked.camera, asked.pose_uncertainty, promise, options
+            self._solid, items, stated.camera, stated.pose_uncertainty, promise, options
         )
         regions = compute_regions(self._solid, resolved.entities, workspace=self._box(setting))
         space = TargetSpace.of(regions, resolved.targets)
         return Request(
             space,
             space.entity_names,
-            asked.camera,
-            asked.pose_uncertainty,
-            asked.accuracy,
-            asked.probability,
+            stated.camera,
+            stated.pose_uncertainty,
+            stated.accuracy,
+            stated.probability,
             resolved.request.requirements,
             resolved.targets,
-            asked.localisation,
-            asked.surfaces_mm,
-            None if asked.registration is None else asked.registration.pose_uncertainty,
+            stated.localisation,
+            stated.surfaces_mm,
+            None if stated.registration is None else stated.registration.pose_uncertainty,
         )
 
     def _box(self, setting: SensorSetting) -> np.ndarray:
@@ -220,8 +222,8 @@ class EquivalentPoses:
         windows = search_windows_px(self._plan, setting)
         widest = max(windows.values())
         check = request.first.constraints.image_check(replace(showing, separation_px=widest))
-        wanted = np.ones((1, len(request.names)), dtype=bool)
-        apart = check.separations(setting.cam2world[None], wanted, 0.0)[0] + widest
+        targets = np.ones((1, len(request.names)), dtype=bool)
+        apart = check.separations(setting.cam2world[None], targets, 0.0)[0] + widest
         near = dict(zip(request.names, apart.tolist(), strict=True))
         lines = {name: near[name] for name in setting.entities if near[name] < windows[name]}
         return replace(setting, lines_in_window_px=lines)
@@ -351,11 +353,11 @@ class OtherPoses:
         poses = poses[np.unique(np.linspace(0, len(poses) - 1, min(_MOST, len(poses))).astype(int))]
         tries = 0
         for start in range(0, len(poses), _AT_ONCE):
-            some = poses[start : start + _AT_ONCE]
-            for row, name in self._reached_rows(k, some, fixturings, accepts):
-                found = self._found.setting(k, some[row])
-                if found is not None:
-                    return OtherSetting(found, name, *self._found.distance(k, some[row]), why)
+            group = poses[start : start + _AT_ONCE]
+            for row, name in self._reached_rows(k, group, fixturings, accepts):
+                setting = self._found.setting(k, group[row])
+                if setting is not None:
+                    return OtherSetting(setting, name, *self._found.distance(k, group[row]), why)
                 tries += 1
                 if tries == _TRIES:
                     return None
@@ -373,10 +375,14 @@ class OtherPoses:
         segments = self._found.request(k).at_pose(poses[0], names).constraints.segments
         rows: dict[int, str] = {}
         for name in fixturings:
-            left = np.array([row for row in range(len(poses)) if row not in rows], dtype=int)
-            told = self._region.told(poses[left], segments, name, all_branches=accepts is not None)
-            for row, one in zip(left.tolist(), told, strict=True):
-                if one.reached and (accepts is None or any(accepts(q, name) for q in one.branches)):
+            open_rows = np.array([row for row in range(len(poses)) if row not in rows], dtype=int)
+            reaches = self._region.told(
+                poses[open_rows], segments, name, all_branches=accepts is not None
+            )
+            for row, reach in zip(open_rows.tolist(), reaches, strict=True):
+                if reach.reached and (
+                    accepts is None or any(accepts(q, name) for q in reach.branches)
+                ):
                     rows[row] = name
         return sorted(rows.items())
 
@@ -431,24 +437,24 @@ def with_reached_settings(
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"), cell=(cell, "Cell"))
     check_count("seed", seed, 0)
     inside = cell.with_part(solid)
-    told = reachability_of(inside, plan)
-    left = np.flatnonzero(~told.reached.any(axis=1)).tolist()
-    unreached = {k: told.why_not(k) for k in left}
-    note = why_no_other_poses(plan) if left else ""
-    if note or not left:
+    reachability = reachability_of(inside, plan)
+    missed = np.flatnonzero(~reachability.reached.any(axis=1)).tolist()
+    unreached = {k: reachability.why_not(k) for k in missed}
+    note = why_no_other_poses(plan) if missed else ""
+    if note or not missed:
         return ReachedPlan(plan, {}, unreached, note)
     others = OtherPoses(plan, solid, inside, seed)
     # where most settings are reached, the part must not be put another way
-    counts = told.reached.sum(axis=0)
-    names = [list(told.poses)[f] for f in np.argsort(-counts, kind="stable")]
+    counts = reachability.reached.sum(axis=0)
+    names = [list(reachability.poses)[f] for f in np.argsort(-counts, kind="stable")]
     replaced = {}
-    for done, k in enumerate(left):
-        report(progress, done, len(left), "other poses")
-        found = others.reached(k, names, told.why_not(k))
-        if found is not None:
-            replaced[k] = found
+    for done, k in enumerate(missed):
+        report(progress, done, len(missed), "other poses")
+        other = others.reached(k, names, reachability.why_not(k))
+        if other is not None:
+            replaced[k] = other
             del unreached[k]
-    report(progress, len(left), len(left), "other poses")
+    report(progress, len(missed), len(missed), "other poses")
     return ReachedPlan(with_settings(plan, replaced, solid), replaced, unreached)
 
 
@@ -459,7 +465,7 @@ def with_settings(
     if not replaced:
         return plan
     settings = [
-        replaced[k].setting if k in replaced else one for k, one in enumerate(plan.settings)
+        replaced[k].setting if k in replaced else setting for k, setting in enumerate(plan.settings)
     ]
     changed: dict[str, Any] = {"settings": tuple(settings), "simulation": None}
     result = replace(plan, **changed)
@@ -499,7 +505,7 @@ def program_with_other_poses(
             made = other
             replaced.update(again)
     driven = as_driven(with_settings(plan, replaced, solid), made, cell)
-    words = {k: str(one) for k, one in sorted(replaced.items())}
+    words = {k: str(other_setting) for k, other_setting in sorted(replaced.items())}
     digests = {**made.digests, "plan": plan_digest(driven)}
     return replace(made, replaced=words, plan=driven, digests=digests)
 
@@ -514,15 +520,15 @@ def _better(
     robot = cell.robot
 
     def is_good(q: np.ndarray, fixturing: str) -> bool:
-        own = q[None, :_N_JOINTS]
-        far = robot.to_limit_rad(own)[0] >= NEAR_LIMIT_RAD
-        return bool(far and robot.singular_value(own)[0] >= NEAR_SINGULAR)
+        joints = q[None, :_N_JOINTS]
+        far = robot.to_limit_rad(joints)[0] >= NEAR_LIMIT_RAD
+        return bool(far and robot.singular_value(joints)[0] >= NEAR_SINGULAR)
 
     others = OtherPoses(plan, solid, cell.with_part(solid), seed)
     used = [tour.fixturing for tour in made.tours]
     names = [*used, *(name for name in cell.fixturings if name not in used)]
-    found = {k: others.reached(k, names, why, is_good) for k, why in troubles.items()}
-    return {k: one for k, one in found.items() if one is not None}
+    settings = {k: others.reached(k, names, why, is_good) for k, why in troubles.items()}
+    return {k: setting for k, setting in settings.items() if setting is not None}
 
 
 def _troubles(made: RobotProgram) -> dict[int, str]:

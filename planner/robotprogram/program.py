@@ -290,7 +290,7 @@ class Stop:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the stop as plain values, ready for JSON; ``setting`` counts from 1."""
-        found: dict[str, Any] = {
+        fields: dict[str, Any] = {
             "setting": self.setting_idx + 1,
             "joints": self.joints.tolist(),
             "flange": self.flange.tolist(),
@@ -298,10 +298,10 @@ class Stop:
             "arm": self.arm.to_dict(),
         }
         if self.covariance is not None:
-            found["covariance"] = self.covariance.tolist()
-            found["probability"] = dict(self.probability)
+            fields["covariance"] = self.covariance.tolist()
+            fields["probability"] = dict(self.probability)
         if self.simulated:
-            found["simulated"] = {
+            fields["simulated"] = {
                 name: {
                     "successes": rate.successes,
                     "n": rate.n,
@@ -313,7 +313,7 @@ class Stop:
                 }
                 for name, rate in self.simulated.items()
             }
-        return found
+        return fields
 
 
 def _rates_dict(rates: JointRates) -> dict[str, Any]:
@@ -321,12 +321,12 @@ def _rates_dict(rates: JointRates) -> dict[str, Any]:
 
 
 def _controller_dict(controller: ControllerAxes) -> dict[str, Any]:
-    found = {}
+    fields = {}
     if controller.coupled:
-        found["coupled"] = [list(row) for row in controller.coupled]
+        fields["coupled"] = [list(row) for row in controller.coupled]
     if controller.limits:
-        found["axis_limits"] = [list(row) for row in controller.limits]
-    return found
+        fields["axis_limits"] = [list(row) for row in controller.limits]
+    return fields
 
 
 def _move_dict(move: Move) -> dict[str, Any]:
@@ -697,21 +697,21 @@ def program_of(data: Any) -> RobotProgram:
         If they contradict themselves; names the field.
     """
     if not isinstance(data, Mapping) or data.get("format") != FORMAT:
-        found = data.get("format") if isinstance(data, Mapping) else data
-        raise _wrong("format", f"must be {FORMAT!r}", found)
+        program = data.get("format") if isinstance(data, Mapping) else data
+        raise _wrong("format", f"must be {FORMAT!r}", program)
     if data.get("version") != VERSION or isinstance(data.get("version"), bool):
         rule = f"must be {VERSION}"
         hint = "" if data.get("version") != 1 else "; make the program again from its plan"
         raise PlanFileError(f"version {rule}. Got {shown(data.get('version'))}{hint}.")
     for name, kind in _FIELDS.items():
         _of_kind(data.get(name), kind, name)
-    names = [_of_kind(one, str, "joint_names") for one in data["joint_names"]]
+    names = [_of_kind(item, str, "joint_names") for item in data["joint_names"]]
     home = _numbers(data["home"], (len(names),), "home")
     rates = _rates(data["rates"], len(names), "rates")
     if not 0.0 < data["speed"] <= 1.0:
         raise _wrong("speed", "must be above 0 and at most 1", data["speed"])
-    tours = tuple(_tour(one, home, rates, f"tours.{k}") for k, one in enumerate(data["tours"]))
-    found = RobotProgram(
+    tours = tuple(_tour(item, home, rates, f"tours.{k}") for k, item in enumerate(data["tours"]))
+    program = RobotProgram(
         part=data["part"],
         robot=data["robot"],
         joint_names=tuple(names),
@@ -725,13 +725,13 @@ def program_of(data: Any) -> RobotProgram:
         digests=dict(data["digests"]),
         start=_start(data["start"]),
         controller=_controller(data),
-        warnings=tuple(_of_kind(one, str, "warnings") for one in data["warnings"]),
+        warnings=tuple(_of_kind(item, str, "warnings") for item in data["warnings"]),
         replaced=_by_setting(data.get("replaced", {}), "replaced"),
     )
-    _check_settings(found)
-    _check_axes(found)
-    _same_seconds(data["seconds"], found.seconds, "seconds")
-    return found
+    _check_settings(program)
+    _check_axes(program)
+    _same_seconds(data["seconds"], program.seconds, "seconds")
+    return program
 
 
 def _tour(data: Any, home: np.ndarray, rates: JointRates, where: str) -> FixturedTour:
@@ -744,8 +744,8 @@ def _tour(data: Any, home: np.ndarray, rates: JointRates, where: str) -> Fixture
         rates = JointRates(*(np.concatenate(pair) for pair in zip(rates, table, strict=True)))
     stops = []
     here = home
-    for k, one in enumerate(_of_kind(fields.get("stops"), list, f"{where}.stops")):
-        stops.append(_stop(one, here, rates, f"{where}.stops.{k}"))
+    for k, item in enumerate(_of_kind(fields.get("stops"), list, f"{where}.stops")):
+        stops.append(_stop(item, here, rates, f"{where}.stops.{k}"))
         here = stops[-1].joints
     if not stops:
         raise _wrong(f"{where}.stops", "must hold a stop", stops)
@@ -794,8 +794,8 @@ def _move(data: Any, here: np.ndarray, rates: JointRates, where: str) -> Move:
     if not np.array_equal(joints[0], here):
         rule = "must begin where the last move ended"
         raise _wrong(f"{where}.joints", rule, joints[0].tolist())
-    least = float(move_times(joints[:-1], joints[1:], rates).sum())
-    _same_seconds(fields.get("seconds"), least, f"{where}.seconds")
+    shortest = float(move_times(joints[:-1], joints[1:], rates).sum())
+    _same_seconds(fields.get("seconds"), shortest, f"{where}.seconds")
     return Move(joints, float(fields["seconds"]))
 
 
@@ -811,10 +811,10 @@ def _state(data: Any, where: str) -> ArmState:
 
 def _simulated(data: Any, probability: Mapping[str, float], where: str) -> dict[str, SuccessRate]:
     """Return what a simulation found: how often of how many poses, and the interval that was stated."""
-    found = {}
-    for name, one in _of_kind(data, dict, where).items():
+    rates = {}
+    for name, rate in _of_kind(data, dict, where).items():
         at = f"{where}.{name}"
-        fields = _of_kind(one, dict, at)
+        fields = _of_kind(rate, dict, at)
         n, successes, outside = (
             _count(fields.get(key), f"{at}.{key}") for key in ("n", "successes", "outside")
         )
@@ -828,8 +828,8 @@ def _simulated(data: Any, probability: Mapping[str, float], where: str) -> dict[
         if name not in probability:
             raise _wrong(at, "must be of a name with a probability", name)
         stated = (successes, n, low, high, confidence, outside)
-        found[name] = SuccessRate(*stated, probability[name])
-    return found
+        rates[name] = SuccessRate(*stated, probability[name])
+    return rates
 
 
 def _check_settings(found: RobotProgram) -> None:
@@ -844,15 +844,15 @@ def _check_settings(found: RobotProgram) -> None:
 
 def _start(data: Mapping[str, Any]) -> HomeStart:
     """Return how the program begins."""
-    found = HomeStart(
+    start = HomeStart(
         *(_number(data.get(key), f"start.{key}") for key in ("tolerance_rad", "speed"))
     )
-    if not 0.0 < found.tolerance_rad <= LARGEST_TOLERANCE_RAD:
+    if not 0.0 < start.tolerance_rad <= LARGEST_TOLERANCE_RAD:
         rule = f"must be above 0 and at most {LARGEST_TOLERANCE_RAD:g}"
-        raise _wrong("start.tolerance_rad", rule, found.tolerance_rad)
-    if found.speed <= 0.0:
-        raise _wrong("start.speed", "must be positive", found.speed)
-    return found
+        raise _wrong("start.tolerance_rad", rule, start.tolerance_rad)
+    if start.speed <= 0.0:
+        raise _wrong("start.speed", "must be positive", start.speed)
+    return start
 
 
 def _controller(data: Mapping[str, Any]) -> ControllerAxes:
@@ -877,21 +877,21 @@ def _check_axes(found: RobotProgram) -> None:
 
 
 def _by_setting(data: Any, where: str) -> dict[int, str]:
-    found = {}
+    texts = {}
     for key, text in _of_kind(data, dict, where).items():
         if not key.isdecimal() or int(key) < 1:
             raise _wrong(where, "must have numbers of settings from 1 as keys", key)
-        found[int(key) - 1] = _of_kind(text, str, f"{where}.{key}")
-    return found
+        texts[int(key) - 1] = _of_kind(text, str, f"{where}.{key}")
+    return texts
 
 
 def _rates(data: Any, count: int, where: str) -> JointRates:
     fields = _of_kind(data, dict, where)
     names = ("speeds", "accelerations")
     values = [_numbers(fields.get(name), (count,), f"{where}.{name}") for name in names]
-    for name, one in zip(names, values, strict=True):
-        if not (one > 0).all():
-            raise _wrong(f"{where}.{name}", "must be positive", one.tolist())
+    for name, rates in zip(names, values, strict=True):
+        if not (rates > 0).all():
+            raise _wrong(f"{where}.{name}", "must be positive", rates.tolist())
     return JointRates(*values)
 
 
@@ -906,12 +906,12 @@ def _numbers(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
     if not isinstance(value, Sequence) or isinstance(value, str):
         raise _wrong(where, rule, value)
     try:
-        found = np.array(value)
+        numbers = np.array(value)
     except ValueError:
         raise _wrong(where, rule, value) from None
-    if found.shape != shape or found.dtype.kind not in "fi" or not np.isfinite(found).all():
+    if numbers.shape != shape or numbers.dtype.kind not in "fi" or not np.isfinite(numbers).all():
         raise _wrong(where, rule, value)
-    return found.astype(np.float64)
+    return numbers.astype(np.float64)
 
 
 def _number(value: Any, where: str) -> float:

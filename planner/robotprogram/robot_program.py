@@ -124,14 +124,14 @@ class ArmUncertainty:
         by_joints = camera_jacobian(robot, joints, cam2flange)
         sigmas = np.broadcast_to(np.asarray(self.joints_rad, dtype=float), (joints.shape[-1],))
         scaled = by_joints * sigmas
-        found = np.einsum("nij,nkj->nik", scaled, scaled)
+        total = np.einsum("nij,nkj->nik", scaled, scaled)
         if self.hand_eye is not None:
-            found = found + self.hand_eye.covariance
+            total = total + self.hand_eye.covariance
         if self.part is not None:
             camera = robot.forward(joints) @ cam2flange
             by_part = registration_jacobian(np.linalg.inv(part2base) @ camera)
-            found = found + by_part @ self.part.covariance @ by_part.transpose(0, 2, 1)
-        return (found + found.transpose(0, 2, 1)) / 2
+            total = total + by_part @ self.part.covariance @ by_part.transpose(0, 2, 1)
+        return (total + total.transpose(0, 2, 1)) / 2
 
     def covariances_held(
         self, robot: Robot, joints: np.ndarray, part2flange: np.ndarray, cam2part: np.ndarray
@@ -161,12 +161,12 @@ class ArmUncertainty:
         sigmas = np.broadcast_to(np.asarray(self.joints_rad, dtype=float), (joints.shape[-1],))
         # the joints move the part as they would move a camera in its place
         scaled = by_part @ camera_jacobian(robot, joints, part2flange) * sigmas
-        found = np.einsum("nij,nkj->nik", scaled, scaled)
+        total = np.einsum("nij,nkj->nik", scaled, scaled)
         if self.hand_eye is not None:
-            found = found + self.hand_eye.covariance
+            total = total + self.hand_eye.covariance
         if self.part is not None:
-            found = found + by_part @ self.part.covariance @ by_part.transpose(0, 2, 1)
-        return (found + found.transpose(0, 2, 1)) / 2
+            total = total + by_part @ self.part.covariance @ by_part.transpose(0, 2, 1)
+        return (total + total.transpose(0, 2, 1)) / 2
 
 
 def camera_jacobian(robot: Robot, joints: np.ndarray, cam2flange: np.ndarray) -> np.ndarray:
@@ -212,11 +212,11 @@ def registration_jacobian(cam2part: np.ndarray) -> np.ndarray:
     to_camera = cam2part[:, :3, :3].transpose(0, 2, 1)
     axes = np.eye(3)[None]
     place = cam2part[:, :3, 3][:, :, None]
-    found = np.zeros((len(cam2part), 6, 6))
-    found[:, :3, :3] = -to_camera
-    found[:, 3:, 3:] = -to_camera
-    found[:, :3, 3:] = -to_camera @ np.cross(axes, place, axis=1)
-    return found
+    jacobian = np.zeros((len(cam2part), 6, 6))
+    jacobian[:, :3, :3] = -to_camera
+    jacobian[:, 3:, 3:] = -to_camera
+    jacobian[:, :3, 3:] = -to_camera @ np.cross(axes, place, axis=1)
+    return jacobian
 
 
 def stated_probabilities(
@@ -238,17 +238,20 @@ def stated_probabilities(
     list of dict of str to float
         P by target for each covariance, given that the image shows the target.
     """
-    return [_probabilities(plan, _of_arm(plan, setting, one), one) for one in covariances]
+    return [
+        _probabilities(plan, _of_arm(plan, setting, covariance), covariance)
+        for covariance in covariances
+    ]
 
 
 def _of_arm(plan: InspectionPlan, setting: SensorSetting, covariance: np.ndarray) -> SensorSetting:
     """Return a setting whose registration begins with the uncertainty of an arm."""
-    known = setting.registered
-    asked = plan.request.get("registration") or {}
-    if known is None or asked.get("method") != OWN_EDGES:
+    registered = setting.registered
+    registration = plan.request.get("registration") or {}
+    if registered is None or registration.get("method") != OWN_EDGES:
         return setting
     return replace(
-        setting, registered=known.with_prior(plan.pose_uncertainty.covariance, covariance)
+        setting, registered=registered.with_prior(plan.pose_uncertainty.covariance, covariance)
     )
 
 
@@ -257,18 +260,18 @@ def _probabilities(
 ) -> dict[str, float]:
     by_arm = replace(plan.means, pose_uncertainty=PoseUncertainty(covariance))
     targets = targets_of(plan.targets, setting)
-    found = {}
+    probabilities = {}
     for name in setting.entities:
         target = targets[name]
         means = means_at(by_arm, setting, name)
         if isinstance(target, PlannedLength):
-            own = replace(means, accuracy=target.accuracy)
-            model = EdgeModels(target.ends[None], own)
+            target_means = replace(means, accuracy=target.accuracy)
+            model = EdgeModels(target.ends[None], target_means)
             seen = model.probability_where(setting.cam2world[None], np.ones((1, 1), dtype=bool))
-            found[name] = float(seen[0])
+            probabilities[name] = float(seen[0])
         else:
-            found[name] = float(target.describe(setting.cam2world, means).probability)
-    return found
+            probabilities[name] = float(target.describe(setting.cam2world, means).probability)
+    return probabilities
 
 
 def shortfalls(probabilities: Sequence[dict[str, float]]) -> np.ndarray:
@@ -284,7 +287,7 @@ def shortfalls(probabilities: Sequence[dict[str, float]]) -> np.ndarray:
     array (n,)
         Differences of the smallest P.
     """
-    worst = np.array([min(found.values(), default=1.0) for found in probabilities])
+    worst = np.array([min(by_target.values(), default=1.0) for by_target in probabilities])
     return worst.max(initial=0.0) - worst
 
 
@@ -369,20 +372,20 @@ def choose_fixturings(
         The first one, in the order of the fixturings, where several are as good.
     """
     n, f = reached.shape
-    most = int(reached.any(axis=1).sum())
+    reachable = int(reached.any(axis=1).sum())
     coverage = []
     sets: list[tuple[int, ...]] = [()]
     for size in range(1, f + 1):
         sized = list(combinations(range(f), size))
         counts = [int(reached[:, chosen].any(axis=1).sum()) for chosen in sized]
         coverage.append(max(counts))
-        if coverage[-1] == most:
-            sets = [c for c, count in zip(sized, counts, strict=True) if count == most]
+        if coverage[-1] == reachable:
+            sets = [c for c, count in zip(sized, counts, strict=True) if count == reachable]
             break
-    if most == 0:
+    if reachable == 0:
         return FixturingChoice((-1,) * n, tuple(coverage[:1]))
-    found = [_assigned(reached, chosen, seconds) for chosen in sets]
-    _, of_setting = min(found, key=lambda one: one[0])
+    assignments = [_assigned(reached, chosen, seconds) for chosen in sets]
+    _, of_setting = min(assignments, key=lambda one: one[0])
     return FixturingChoice(of_setting, tuple(coverage))
 
 
@@ -400,12 +403,12 @@ def _assigned(
         groups = [(f, tuple(k for k in range(n) if of_setting[k] == f)) for f in chosen]
         return sum(seconds(f, settings) if settings else 0.0 for f, settings in groups)
 
-    least = total(best)
+    shortest = total(best)
     while True:
         shorter = [(total(other), other) for other in _moved(best, usable)]
-        if not shorter or min(shorter)[0] >= least - 1e-9:
-            return least, best
-        least, best = min(shorter)
+        if not shorter or min(shorter)[0] >= shortest - 1e-9:
+            return shortest, best
+        shortest, best = min(shorter)
 
 
 def _moved(of_setting: tuple[int, ...], usable: list[list[int]]) -> Iterator[tuple[int, ...]]:
@@ -652,18 +655,20 @@ class _ProgramMaker:
         for done, name in enumerate(self._names):
             report(progress, done, 2 * steps, f"joints in fixturing {name}")
             self._reached.append(self._reach(name))
-        table = np.array([[bool(len(one.branches)) for one in row] for row in self._reached]).T
+        table = np.array(
+            [[bool(len(setting.branches)) for setting in row] for row in self._reached]
+        ).T
         choice = choose_fixturings(table, self._seconds)
         unreached = {k: self._told.why_not(k) for k, f in enumerate(choice.of_setting) if f < 0}
         tours = []
         for f, name in enumerate(self._names):
             report(progress, steps + f, 2 * steps, f"moves in fixturing {name}")
-            own = [k for k, chosen in enumerate(choice.of_setting) if chosen == f]
-            if own:
-                tours.append(self._tour(f, own, unreached))
+            settings = [k for k, chosen in enumerate(choice.of_setting) if chosen == f]
+            if settings:
+                tours.append(self._tour(f, settings, unreached))
         report(progress, 2 * steps, 2 * steps, "robot program")
-        kept = tuple(tour for tour in tours if tour.stops)
-        if not kept:
+        driven = tuple(tour for tour in tours if tour.stops)
+        if not driven:
             reasons = [f"setting {k + 1}: {why}" for k, why in sorted(unreached.items())]
             raise InfeasibleError(
                 f"the robot must reach a setting. Got none: {'; '.join(reasons[:3])}."
@@ -673,28 +678,28 @@ class _ProgramMaker:
             robot=self._cell.robot.name,
             joint_names=tuple(joint.name for joint in self._cell.robot.joints),
             home=self._home,
-            tours=kept,
+            tours=driven,
             rates=self._rates,
             speed=self._speed,
             keep_mm=KEPT_SHARE * self._cell.clearance_mm,
             unreached=dict(sorted(unreached.items())),
             coverage=choice.coverage,
             digests=self._digests(),
-            start=self._start(kept),
+            start=self._start(driven),
             controller=self._cell.robot.controller,
-            warnings=self._warnings(kept),
+            warnings=self._warnings(driven),
         )
 
     def _reach(self, fixturing: str) -> list[_Reached]:
         """Return by which joints the settings are reached in a fixturing."""
-        found = self._told.poses[fixturing]
-        branches = [self._near_home(one.branches) for one in found]
+        poses = self._told.poses[fixturing]
+        branches = [self._near_home(pose.branches) for pose in poses]
         if self._cell.fixturings[fixturing].table is not None:
             rates = self._rates_in(fixturing)
             branches = few_branches(branches, self._home_in(fixturing), rates)
         return [
-            self._rated(k, own, one.why, fixturing)
-            for k, (own, one) in enumerate(zip(branches, found, strict=True))
+            self._rated(k, group, pose.why, fixturing)
+            for k, (group, pose) in enumerate(zip(branches, poses, strict=True))
         ]
 
     @cached_property
@@ -752,14 +757,16 @@ class _ProgramMaker:
         if self._uncertainty is None or not len(branches):
             return _Reached(branches, why, None, (), np.zeros(len(branches)))
         cell = self._cell
-        own = branches[:, : len(self._home)]
+        joints = branches[:, : len(self._home)]
         if isinstance(cell, HeldPartCell):
             camera = self._plan.settings[k].cam2world
             part2flange = cell.fixturings[fixturing].part2flange
-            covariances = self._uncertainty.covariances_held(cell.robot, own, part2flange, camera)
+            covariances = self._uncertainty.covariances_held(
+                cell.robot, joints, part2flange, camera
+            )
         else:
             parts = np.array([cell.part_at(q, fixturing) for q in branches])
-            covariances = self._uncertainty.covariances(cell.robot, own, cell.cam2flange, parts)
+            covariances = self._uncertainty.covariances(cell.robot, joints, cell.cam2flange, parts)
         stated = stated_probabilities(self._plan, self._plan.settings[k], covariances)
         return _Reached(branches, why, covariances, stated, shortfalls(stated))
 
@@ -786,7 +793,7 @@ class _ProgramMaker:
         """Return the round through settings in a fixturing; adds to ``unreached`` what has no free way."""
         name = self._names[f]
         reached = [self._reached[f][k] for k in settings]
-        branches = [one.branches for one in reached]
+        branches = [setting.branches for setting in reached]
         home = self._home_in(name)
         detours = Detours(FixturedArm(self._cell, name), self._rates_in(name))
         penalties = self._penalties(reached, self._seconds(f, tuple(settings)))
@@ -808,11 +815,11 @@ class _ProgramMaker:
 
     def _penalties(self, reached: Sequence[_Reached], seconds: float) -> np.ndarray:
         """Return seconds (n, b) for branches with a smaller P; all of a round add up to 5 % of its time."""
-        most = max(len(one.branches) for one in reached)
-        found = np.zeros((len(reached), most))
-        for k, one in enumerate(reached):
-            found[k, : len(one.branches)] = one.shortfalls
-        return found * (_LONGER * seconds / len(reached))
+        width = max(len(setting.branches) for setting in reached)
+        shares = np.zeros((len(reached), width))
+        for k, setting in enumerate(reached):
+            shares[k, : len(setting.branches)] = setting.shortfalls
+        return shares * (_LONGER * seconds / len(reached))
 
     def _stop(self, f: int, k: int, branch: int, move: Move) -> Stop:
         name = self._names[f]
@@ -820,14 +827,14 @@ class _ProgramMaker:
         joints = reached.branches[branch]
         closest = self._cell.clearance(joints, name)
         robot = self._cell.robot
-        own = joints[: len(self._home)]
+        robot_joints = joints[: len(self._home)]
         state = ArmState(
             closest.mm,
             (closest.first, closest.second),
-            float(robot.to_limit_rad(own[None])[0]),
-            float(robot.singular_value(own[None])[0]),
+            float(robot.to_limit_rad(robot_joints[None])[0]),
+            float(robot.singular_value(robot_joints[None])[0]),
         )
-        flange = robot.forward(own)
+        flange = robot.forward(robot_joints)
         if reached.covariances is None:
             return Stop(k, move, state, flange)
         covariance = reached.covariances[branch]
@@ -850,11 +857,11 @@ class _ProgramMaker:
 
     def _warnings(self, tours: Sequence[FixturedTour]) -> tuple[str, ...]:
         unchecked = self._given.robot.unchecked
-        found = program_warnings(tours, self._plan.probability)
-        found = (*((f"{unchecked}.",) if unchecked else ()), *found)
+        sentences = program_warnings(tours, self._plan.probability)
+        sentences = (*((f"{unchecked}.",) if unchecked else ()), *sentences)
         if self._part_note:
-            found = (self._part_note, *found)
+            sentences = (self._part_note, *sentences)
         changed = self._given.difference(self._plan.cell)
         if changed:
-            return (f"the cell of the plan differs from the cell given, in {changed}.", *found)
-        return found
+            return (f"the cell of the plan differs from the cell given, in {changed}.", *sentences)
+        return sentences
