@@ -2,7 +2,8 @@
 
 A record is a frozen dataclass or a named tuple. The types of its fields say what a file may hold, and `msgspec.Meta`
 in an ``Annotated`` type states rules. The title of a rule completes the sentence that begins with the name of the
-field; without one, the words follow from type and limits.
+field; without one, the words follow from type and limits. A field with ``init=False`` follows from the others: files
+state it, and it is compared when they are read.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ Path = tuple[object, ...]
 """Keys and indices from the whole down to a value."""
 
 _LONGEST = 60
+# a number computed twice may differ in its last digits
+_SAME = 1e-6
 # larger integers are no floats
 _MOST_BITS = 1000
 
@@ -136,17 +139,20 @@ def to_plain(record: Any, *, defaults: bool = False) -> dict[str, Any]:
     return data
 
 
-def json_schema(cls: Any, **members: object) -> dict[str, Any]:
+def json_schema(cls: Any, *, defaults: bool = False, **members: object) -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a record; each rule is a title.
 
     Parameters
     ----------
     cls : type
         A dataclass or a named tuple.
+    defaults : bool, optional
+        Fields with defaults must be there, too, as `to_plain` then writes them.
     **members
         What the schema says besides, such as a title and a description of the whole.
     """
-    definitions: dict[str, Any] = {}
+    definitions = _Definitions()
+    definitions.defaults = defaults
     reference = _record(cls).schema(definitions)
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **members, **reference}
     return {**schema, "$defs": dict(sorted(definitions.items()))}
@@ -233,6 +239,12 @@ class _Refusal(Exception):
 # What a field may hold, by its type.
 
 
+class _Definitions(dict[str, Any]):
+    """Schemas of records by name, and whether files hold defaults."""
+
+    defaults = False
+
+
 class _Kind:
     """What a value may be: any plain value."""
 
@@ -253,7 +265,7 @@ class _Kind:
         """Return the value of a record as files hold it."""
         return value
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         """Return the schema; those of records are added to the definitions."""
         return self._worded({})
 
@@ -320,7 +332,7 @@ class _Scalar(_Kind):
             raise ValueError(f"a file must hold finite numbers. Got {value!r}.")
         return value
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         schema = msgspec.json.schema(self.ruled)
         if "$ref" in schema:
             schema = {"enum": [member.value for member in self.type]}
@@ -338,6 +350,15 @@ def _is_sensible(value: object) -> bool:
     if isinstance(value, float):
         return math.isfinite(value)
     return not isinstance(value, int) or value.bit_length() <= _MOST_BITS
+
+
+def _alike(first: Any, second: Any) -> bool:
+    """Tell whether two values are the same, but for the last digits of a number."""
+    if isinstance(first, float) and isinstance(second, float):
+        return math.isclose(first, second, rel_tol=1e-9, abs_tol=_SAME)
+    if hasattr(first, "tolist") and hasattr(second, "tolist"):
+        return bool(first.tolist() == second.tolist())
+    return bool(first == second)
 
 
 def _fits(value: object, annotation: Any) -> bool:
@@ -374,7 +395,7 @@ class _Spelled(_Kind):
             return self.number.plain(value, defaults)
         return None if self.null is not None else {"not finite": str(float(value))}
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         other = {"type": "null"} if self.null is not None else {"const": {"not finite": "inf"}}
         return self._worded({"anyOf": [self.number.schema(definitions), other]})
 
@@ -402,7 +423,7 @@ class _Optional(_Kind):
     def plain(self, value: Any, defaults: bool) -> Any:
         return None if value is None else self.value.plain(value, defaults)
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         return self._worded({"anyOf": [self.value.schema(definitions), {"type": "null"}]})
 
 
@@ -438,7 +459,7 @@ class _Items(_Kind):
         kinds = self._kinds_of(value)
         return [kind.plain(item, defaults) for kind, item in zip(kinds, value, strict=True)]
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         schema: dict[str, Any] = {"type": "array"}
         schemas = [kind.schema(definitions) for kind in self.kinds]
         if all(item == schemas[0] for item in schemas):
@@ -480,7 +501,7 @@ class _Named(_Kind):
     def plain(self, value: Any, defaults: bool) -> Any:
         return {str(key): self.value.plain(item, defaults) for key, item in value.items()}
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         schema = {"type": "object", "additionalProperties": self.value.schema(definitions)}
         return self._worded({**schema, **({"minProperties": self.least} if self.least else {})})
 
@@ -525,7 +546,7 @@ class _Array(_Kind):
             raise ValueError("a file must hold finite numbers. Got an array with others.")
         return np.asarray(value).tolist()
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         schema = self.number.schema(definitions)
         for k in reversed(range(len(self.shape))):
             length = self.shape[k]
@@ -542,6 +563,7 @@ class _Field:
     name: str
     kind: _Kind
     default: Any
+    is_derived: bool
 
     @property
     def is_needed(self) -> bool:
@@ -574,16 +596,31 @@ class _Record(_Kind):
                 near = difflib.get_close_matches(str(key), self.fields, n=1)
                 nearest = "".join(f"; the nearest is {name}" for name in near)
                 raise _Refusal((*path, key), rule, f"an unknown field{nearest}")
-        arguments = {}
+        items = {}
         for key, field in self.fields.items():
             if key in value:
-                arguments[field.name] = field.kind.read(value[key], (*path, key))
+                items[key] = field.kind.read(value[key], (*path, key))
             elif field.is_needed:
                 raise _Refusal((*path, key), "must be given", "none")
+        arguments = {
+            self.fields[key].name: item
+            for key, item in items.items()
+            if not self.fields[key].is_derived
+        }
         try:
-            return self.cls(**arguments)
+            record = self.cls(**arguments)
         except ValueError as error:
             raise _Refusal(path) from error
+        self._check_derived(record, items, path)
+        return record
+
+    def _check_derived(self, record: Any, items: Mapping[str, Any], path: Path) -> None:
+        """Refuse what contradicts the other fields."""
+        for key, field in self.fields.items():
+            derived = getattr(record, field.name)
+            if field.is_derived and not _alike(items[key], derived):
+                rule = f"must be {shown(field.kind.plain(derived, True))}, as the other fields say"
+                raise _Refusal.of_value((*path, key), rule, field.kind.plain(items[key], True))
 
     def plain(self, value: Any, defaults: bool) -> Any:
         data = {}
@@ -593,7 +630,7 @@ class _Record(_Kind):
                 data[key] = field.kind.plain(item, defaults)
         return data
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         name = self.cls.__name__
         if name not in definitions:
             definitions[name] = {}
@@ -604,7 +641,11 @@ class _Record(_Kind):
                 "title": "must be an object",
                 **words,
                 "type": "object",
-                "required": [key for key, field in self.fields.items() if field.is_needed],
+                "required": [
+                    key
+                    for key, field in self.fields.items()
+                    if field.is_needed or definitions.defaults
+                ],
                 "additionalProperties": False,
                 "properties": {
                     key: field.kind.schema(definitions) for key, field in self.fields.items()
@@ -654,7 +695,7 @@ class _Variant(_Kind):
         # the field that names the kind is written although it may be the default
         return {self.tag: getattr(value, record.fields[self.tag].name), **data}
 
-    def schema(self, definitions: dict[str, Any]) -> dict[str, Any]:
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
         return self._worded({"anyOf": [record.schema(definitions) for record in self.records]})
 
 
@@ -674,26 +715,25 @@ def _record(cls: type) -> _Record:
     """Return the kind of a dataclass or a named tuple."""
     hints = typing.get_type_hints(cls, include_extras=True)
     fields = {}
-    for name, default in _defaults(cls).items():
+    for name, default, is_derived in _declared(cls):
         marks = getattr(hints[name], "__metadata__", ())
-        if NOT_STORED in marks:
-            continue
-        keys = [mark.name for mark in marks if isinstance(mark, Key)]
-        fields[keys[0] if keys else name] = _Field(name, _kind(hints[name]), default)
+        if NOT_STORED not in marks:
+            key = next((mark.name for mark in marks if isinstance(mark, Key)), name)
+            fields[key] = _Field(name, _kind(hints[name]), default, is_derived)
     return _Record(cls, fields)
 
 
-def _defaults(cls: Any) -> dict[str, Any]:
-    """Return the default of each field; `dataclasses.MISSING` if it has none."""
+def _declared(cls: Any) -> list[tuple[str, Any, bool]]:
+    """Return name and default of each field, `dataclasses.MISSING` if it has none, and whether it is derived."""
     if hasattr(cls, "_fields"):
-        return {name: cls._field_defaults.get(name, dataclasses.MISSING) for name in cls._fields}
-    return {
-        field.name: field.default
-        if field.default_factory is dataclasses.MISSING
-        else field.default_factory()
-        for field in dataclasses.fields(cls)
-        if field.init
-    }
+        missing = dataclasses.MISSING
+        return [(name, cls._field_defaults.get(name, missing), False) for name in cls._fields]
+    return [(field.name, _default(field), not field.init) for field in dataclasses.fields(cls)]
+
+
+def _default(field: dataclasses.Field[Any]) -> Any:
+    factory = field.default_factory
+    return field.default if factory is dataclasses.MISSING else factory()
 
 
 def _kind(annotation: Any) -> _Kind:

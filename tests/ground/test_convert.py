@@ -99,6 +99,17 @@ class Circle:
             raise RuleError.of_rule("radius", "must be positive", str(self.radius))
 
 
+@dataclass(frozen=True)
+class Move:
+    joints: Annotated[NDArray[np.float64], Shape(None)]
+    seconds: float = field(init=False)
+    last: Annotated[NDArray[np.float64], Shape(1)] = field(init=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "seconds", float(self.joints.sum()))
+        object.__setattr__(self, "last", self.joints[-1:])
+
+
 @dataclass(frozen=True, eq=False)
 class Setting:
     """One pose.
@@ -216,6 +227,18 @@ def test_defaults_are_left_out_unless_wanted():
     assert full["rates"]["scale"] == 1.0
     assert full["grade"] == "good"
     assert from_plain(Plan, full, RuleError).light == plan.light
+
+
+def test_what_follows_from_other_fields_is_written_and_compared():
+    data = {"joints": [1.0, 2.0], "seconds": 3.0, "last": [2.0]}
+    assert to_plain(from_plain(Move, data, RuleError)) == data
+    assert from_plain(Move, {**data, "seconds": 3.0000001}, RuleError).seconds == 3.0
+    with pytest.raises(RuleError, match=r"^seconds must be 3\.0, as the other fields say\. Got 4"):
+        from_plain(Move, {**data, "seconds": 4.0}, RuleError)
+    with pytest.raises(RuleError, match=r"^last must be \[2\.0\], as .* Got \[1\.0\]\.$"):
+        from_plain(Move, {**data, "last": [1.0]}, RuleError)
+    with pytest.raises(RuleError, match=r"^seconds must be given"):
+        from_plain(Move, {"joints": [1.0], "last": [1.0]}, RuleError)
 
 
 def test_an_array_without_rows_keeps_its_number_of_axes():
@@ -362,6 +385,11 @@ def test_the_schema_has_words():
     share = schema["$defs"]["Plan"]["properties"]["share"]
     assert share["description"] == "Of all parts."
     assert share["title"] == "must be in (0, 1) or null"
+
+
+def test_the_schema_of_files_that_state_defaults_needs_them():
+    needed = json_schema(Plan, defaults=True)["$defs"]["Plan"]["required"]
+    assert needed == list(to_plain(Plan("a plan", ()), defaults=True))
 
 
 def test_values_are_shown_as_json_writes_them_and_shortened():
