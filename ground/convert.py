@@ -15,7 +15,7 @@ import math
 import re
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from functools import cache
 from typing import Annotated, Any, Literal, Protocol, Self, TypeVar, Union
@@ -29,6 +29,7 @@ Path = tuple[object, ...]
 """Keys and indices from the whole down to a value."""
 
 _LONGEST = 60
+_LONGEST_REPR = 80
 # a number computed twice may differ in its last digits
 _SAME = 1e-6
 # larger integers are no floats
@@ -76,6 +77,9 @@ class NullIs(float):
 NOT_STORED = object()
 """Mark of a field that files do not hold; it needs a default."""
 
+ROW = object()
+"""Mark of a record that a file has as an array of its fields."""
+
 SPELLED = object()
 """Mark of a number that may be infinite: a file then has ``{"not finite": "inf"}``."""
 
@@ -112,6 +116,34 @@ def from_plain(cls: type[T], data: object, error: type[RuleError], source: str =
         return typing.cast(T, _record(record).read(data, ()))
     except _Refusal as refusal:
         raise refusal.as_error(error, source) from refusal.__cause__
+
+
+def check_fields(record: Any, error: type[RuleError]) -> None:
+    """Make the values of a record keep the rules of its fields; for its ``__post_init__``.
+
+    Parameters
+    ----------
+    record : object
+        A dataclass whose fields may hold what is like their types: integers, lists, numbers and arrays of numpy.
+        Afterwards they hold floats, tuples and arrays, as `from_plain` makes them.
+    error : type
+        The error to raise: a class with ``of_rule``.
+
+    Raises
+    ------
+    error
+        Names the first wrong field, the rule and the value as Python writes it.
+    """
+    cls: Any = type(record)
+    for key, field in _record(cls).fields.items():
+        value = getattr(record, field.name, None)
+        if field.is_derived or value is field.default:
+            continue
+        try:
+            read = field.kind.read(value.tolist() if hasattr(value, "tolist") else value, (key,))
+        except _Refusal as refusal:
+            raise refusal.as_error(error, text=_as_python) from None
+        object.__setattr__(record, field.name, read)
 
 
 def to_plain(record: Any, *, defaults: bool = False) -> dict[str, Any]:
@@ -211,29 +243,34 @@ def _listed(words: Sequence[str]) -> str:
 class _Refusal(Exception):
     """A value that breaks a rule, before it is known which error to raise."""
 
-    def __init__(self, path: Path, rule: str = "", got: str = "") -> None:
+    def __init__(self, path: Path, rule: str = "", value: object = None, got: str = "") -> None:
         super().__init__(rule)
         self.path = path
         self.rule = rule
+        self.value = value
         self.got = got
 
-    @classmethod
-    def of_value(cls, path: Path, rule: str, value: object) -> _Refusal:
-        """Return the refusal of a value, which is shown; of a shape, its shape is."""
-        return cls(path, rule, _nested_shape(value) if "shape" in rule else shown(value))
-
-    def as_error(self, error: type[RuleError], source: str) -> Any:
+    def as_error(
+        self, error: type[RuleError], source: str = "", text: Callable[[object], str] = shown
+    ) -> Any:
         """Return the error to raise; what a record says of itself follows its path."""
         cause = self.__cause__
         name = field_name(*self.path)
         if cause is None:
-            refused: Any = error.of_rule(name or "file", self.rule, self.got)
+            got = self.got or (_nested_shape if "shape" in self.rule else text)(self.value)
+            refused: Any = error.of_rule(name or "file", self.rule, got)
         elif not name:
             refused = cause if isinstance(cause, error) else error(str(cause))
         else:
             joint = "." if getattr(cause, "parameter", "") else ": "
             refused = error(f"{name}{joint}{cause}")
         return error(f"{source}: {refused}") if source else refused
+
+
+def _as_python(value: object) -> str:
+    """Return a value as Python writes it, shortened to a readable length."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_REPR else f"{text[: _LONGEST_REPR - 3]}..."
 
 
 # What a field may hold, by its type.
@@ -275,7 +312,7 @@ class _Kind:
 
     def _refuse_unless(self, holds: bool, path: Path, value: object, rule: str = "") -> None:
         if not holds:
-            raise _Refusal.of_value(path, rule or self.rule, value)
+            raise _Refusal(path, rule or self.rule, value)
 
 
 _WORDS = {
@@ -293,37 +330,44 @@ _LIMITS = {
 
 
 class _Scalar(_Kind):
-    """A number, a text, a truth value, or one of several values."""
+    """A number, a text, a truth value, or a choice. Each Meta is a rule, in the words of its title or the next one."""
 
     def __init__(self, annotation: Any, metas: Sequence[Meta]) -> None:
+        super().__init__(metas)
         self.type = annotation
         if typing.get_origin(annotation) is Literal:
-            words = _choice(typing.get_args(annotation))
+            self.words = _choice(typing.get_args(annotation))
         elif issubclass(annotation, Enum):
-            words = _choice([member.value for member in annotation])
+            self.words = _choice([member.value for member in annotation])
         else:
-            words = _WORDS[annotation]
-        super().__init__(metas, words)
-        self.ruled = Annotated[(annotation, *metas)] if metas else annotation
+            self.words = _WORDS[annotation]
+        titles = [
+            next((meta.title for meta in metas[k:] if meta.title), "") for k in range(len(metas))
+        ]
+        self.rules = list(zip(metas, titles, strict=True)) or [(Meta(), "")]
+        self.rule = self.rules[0][1] or self.words
 
     def read(self, value: Any, path: Path) -> Any:
-        if not _is_sensible(value):
-            raise _Refusal.of_value(path, self.rule, value)
-        try:
-            return msgspec.convert(value, self.ruled)
-        except msgspec.ValidationError:
-            raise _Refusal.of_value(path, self._broken(value), value) from None
+        value = value.item() if hasattr(value, "dtype") else value
+        number = value
+        if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+            number = math.inf if value > 0 else -math.inf
+        self._refuse_unless(number == number, path, value)
+        for meta, title in self.rules:
+            if not _fits(number, Annotated[self.type, meta]):
+                raise _Refusal(path, title or self._limit(number, meta), value)
+        if isinstance(number, float) and not math.isfinite(number):
+            raise _Refusal(path, self.rule, value)
+        return msgspec.convert(value, self.type)
 
-    def _broken(self, value: object) -> str:
-        """Return the words of the rule that a value breaks: the title, or type or limit."""
-        if self.stated("title") is None and self.type in (float, int):
-            for name, words in _LIMITS.items():
-                limit = self.stated(name)
-                if limit is not None and not _fits(
-                    value, Annotated[self.type, Meta(**{name: limit})]
-                ):
-                    return words.format(limit) if _fits(value, self.type) else self.rule
-        return self.rule
+    def _limit(self, value: object, meta: Meta) -> str:
+        """Return the words of the limit that a value breaks, or of the type."""
+        for name, words in _LIMITS.items():
+            limit = getattr(meta, name)
+            within = Annotated[self.type, Meta(**{name: limit})]
+            if limit is not None and _fits(value, self.type) and not _fits(value, within):
+                return words.format(limit)
+        return self.words
 
     def plain(self, value: Any, defaults: bool) -> Any:
         value = value.value if isinstance(value, Enum) else value
@@ -333,7 +377,9 @@ class _Scalar(_Kind):
         return value
 
     def schema(self, definitions: _Definitions) -> dict[str, Any]:
-        schema = msgspec.json.schema(self.ruled)
+        schema: dict[str, Any] = {}
+        for meta, _ in self.rules:
+            schema |= msgspec.json.schema(Annotated[self.type, meta])
         if "$ref" in schema:
             schema = {"enum": [member.value for member in self.type]}
         return {**schema, **self._worded({})}
@@ -343,13 +389,6 @@ def _choice(values: Sequence[object]) -> str:
     if len(values) == 1:
         return f"must be {shown(values[0])}"
     return f"must be {_listed([str(value) for value in values])}"
-
-
-def _is_sensible(value: object) -> bool:
-    """Tell whether a value is no number, or one that a float can hold."""
-    if isinstance(value, float):
-        return math.isfinite(value)
-    return not isinstance(value, int) or value.bit_length() <= _MOST_BITS
 
 
 def _alike(first: Any, second: Any) -> bool:
@@ -384,10 +423,10 @@ class _Spelled(_Kind):
         if self.null is None and isinstance(value, Mapping) and set(value) == {"not finite"}:
             spelling = value["not finite"]
             if spelling != "inf":
-                raise _Refusal.of_value((*path, "not finite"), 'must be "inf"', spelling)
+                raise _Refusal((*path, "not finite"), 'must be "inf"', spelling)
             return math.inf
-        if not _is_sensible(value) or not _fits(value, float):
-            raise _Refusal.of_value(path, self.rule, value)
+        if not _fits(value, float) or not math.isfinite(value):
+            raise _Refusal(path, self.rule, value)
         return self.number.read(value, path)
 
     def plain(self, value: Any, defaults: bool) -> Any:
@@ -475,6 +514,24 @@ class _Items(_Kind):
         return self._worded(schema)
 
 
+class _Row(_Items):
+    """A record that files hold as an array of its fields."""
+
+    def __init__(self, record: _Record, metas: Sequence[Meta]) -> None:
+        kinds = [field.kind for field in record.fields.values()]
+        super().__init__(kinds, len(kinds), metas)
+        self.record = record
+
+    def read(self, value: Any, path: Path) -> Any:
+        if isinstance(value, self.record.cls):
+            return value
+        return self.record.cls(*super().read(value, path))
+
+    def plain(self, value: Any, defaults: bool) -> Any:
+        items = [getattr(value, field.name) for field in self.record.fields.values()]
+        return super().plain(items, defaults)
+
+
 class _Named(_Kind):
     """Values by name or number."""
 
@@ -526,7 +583,7 @@ class _Array(_Kind):
         try:
             array = np.array(rows, dtype=self.dtype)
         except ValueError:
-            raise _Refusal.of_value(path, f"must have the shape {self.shape}", value) from None
+            raise _Refusal(path, f"must have the shape {self.shape}", value) from None
         # without rows, nothing states the other lengths
         return array if array.size else np.zeros([n or 0 for n in self.shape], self.dtype)
 
@@ -536,7 +593,7 @@ class _Array(_Kind):
         if not isinstance(value, list | tuple) or shape[0] not in (None, len(value)):
             rule = self.stated("title") if len(shape) == len(self.shape) else None
             rule = rule or f"must have the shape {Shape(*shape)}"
-            raise _Refusal.of_value(path, rule, value)
+            raise _Refusal(path, rule, value)
         return [self._rows(item, (*path, k), shape[1:]) for k, item in enumerate(value)]
 
     def plain(self, value: Any, defaults: bool) -> Any:
@@ -589,19 +646,21 @@ class _Record(_Kind):
         self.fields = fields
 
     def read(self, value: Any, path: Path) -> Any:
+        if isinstance(value, self.cls):
+            return value
         self._refuse_unless(isinstance(value, Mapping), path, value)
         for key in value:
             if key not in self.fields:
                 rule = f"must be one of {', '.join(self.fields)}"
                 near = difflib.get_close_matches(str(key), self.fields, n=1)
                 nearest = "".join(f"; the nearest is {name}" for name in near)
-                raise _Refusal((*path, key), rule, f"an unknown field{nearest}")
+                raise _Refusal((*path, key), rule, got=f"an unknown field{nearest}")
         items = {}
         for key, field in self.fields.items():
             if key in value:
                 items[key] = field.kind.read(value[key], (*path, key))
             elif field.is_needed:
-                raise _Refusal((*path, key), "must be given", "none")
+                raise _Refusal((*path, key), "must be given", got="none")
         arguments = {
             self.fields[key].name: item
             for key, item in items.items()
@@ -620,7 +679,7 @@ class _Record(_Kind):
             derived = getattr(record, field.name)
             if field.is_derived and not _alike(items[key], derived):
                 rule = f"must be {shown(field.kind.plain(derived, True))}, as the other fields say"
-                raise _Refusal.of_value((*path, key), rule, field.kind.plain(items[key], True))
+                raise _Refusal((*path, key), rule, field.kind.plain(items[key], True))
 
     def plain(self, value: Any, defaults: bool) -> Any:
         data = {}
@@ -670,6 +729,8 @@ class _Variant(_Kind):
         self.tag = common[0] if common else None
 
     def read(self, value: Any, path: Path) -> Any:
+        if isinstance(value, tuple(record.cls for record in self.records)):
+            return value
         self._refuse_unless(isinstance(value, Mapping), path, value)
         return self._record_of(value, path).read(value, path)
 
@@ -678,13 +739,13 @@ class _Variant(_Kind):
             for record in self.records:
                 if all(key in value for key, field in record.fields.items() if field.is_needed):
                     return record
-            raise _Refusal.of_value(path, self.rule, value)
+            raise _Refusal(path, self.rule, value)
         kinds = {tag: record for record in self.records for tag in _tags(record, self.tag)}
         tag = value.get(self.tag)
         if self.tag not in value:
-            raise _Refusal((*path, self.tag), "must be given", "none")
+            raise _Refusal((*path, self.tag), "must be given", got="none")
         if not isinstance(tag, str) or tag not in kinds:
-            raise _Refusal.of_value((*path, self.tag), _choice(list(kinds)), tag)
+            raise _Refusal((*path, self.tag), _choice(list(kinds)), tag)
         return kinds[tag]
 
     def plain(self, value: Any, defaults: bool) -> Any:
@@ -759,6 +820,8 @@ def _kind(annotation: Any) -> _Kind:
         return _Array(annotation, shapes[0] if shapes else None, metas)
     if dataclasses.is_dataclass(origin) or hasattr(origin, "_fields"):
         record = _record(origin)
+        if ROW in marks:
+            return _Row(record, metas)
         return _Record(record.cls, record.fields, metas) if metas else record
     if issubclass(origin, Mapping):
         return _Named(arguments[0], _kind(arguments[1]), metas)

@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 
 from ground.convert import (
     NOT_STORED,
+    ROW,
     SPELLED,
     Key,
     Meta,
     NullIs,
     Shape,
+    check_fields,
     field_name,
     from_plain,
     json_schema,
@@ -87,6 +89,18 @@ class Line:
     def __post_init__(self):
         if self.p == self.q:
             raise RuleError(f"a line must have two ends. Got {self.p} twice.")
+
+
+@dataclass(frozen=True)
+class Board:
+    squares: Annotated[tuple[int, int], Meta(title="must be two integers")]
+    side: Annotated[float, Meta(gt=0, title="must be positive"), Meta(ge=0.01), Meta(le=1000)]
+    pose: Annotated[NDArray[np.float64], Shape(2, 2)]
+    line: Annotated[Line | None, ROW] = None
+    kind: Literal["dots", "squares"] = "dots"
+
+    def __post_init__(self):
+        check_fields(self, RuleError)
 
 
 @dataclass(frozen=True)
@@ -266,7 +280,7 @@ WRONG = {
     "long": (
         (*SETTING, "probability", "long edge"),
         10**400,
-        "must be a number. Got an integer of 1329 bits.",
+        "must be at most 1. Got an integer of 1329 bits.",
     ),
     "no object": ((*SETTING, "probability"), 7, "must map names to probabilities. Got 7."),
     "no record": (SETTING, [], "must be an object. Got []."),
@@ -362,6 +376,42 @@ def test_the_error_says_which_parameter_it_is():
     with pytest.raises(RuleError) as caught:
         from_plain(Circle, {"centre": [0, 0], "radius": 0}, RuleError)
     assert caught.value.parameter == "radius"
+
+
+def test_a_record_made_by_hand_keeps_the_same_rules():
+    board = Board([np.int64(3), 4], 2, np.eye(2), Line((0.0, 0.0), (1.0, 0.0)))
+    assert board.squares == (3, 4)
+    assert type(board.side) is float
+    assert to_plain(board)["line"] == [[0.0, 0.0], [1.0, 0.0]]
+    again = from_plain(Board, to_plain(board), RuleError)
+    assert again.line == board.line
+    assert Board([3, 4], np.float64(2), [[1, 0], [0, 1]]).pose.tolist() == np.eye(2).tolist()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"squares": 3}, r"squares must be two integers\. Got 3\."),
+        ({"side": 0}, r"side must be positive\. Got 0\."),
+        ({"side": "2"}, r"side must be positive\. Got '2'\."),
+        ({"side": math.nan}, r"side must be positive\. Got nan\."),
+        ({"side": 0.001}, r"side must be at least 0\.01\. Got 0\.001\."),
+        ({"side": 10**400}, r"side must be at most 1000\. Got 1000.*\.\.\.\."),
+        ({"pose": np.eye(3)}, r"pose must have the shape \(2, 2\)\. Got \(3, 3\)\."),
+        ({"kind": None}, r"kind must be dots or squares\. Got None\."),
+        ({"line": [[0, 0], [0, 0]]}, r"a line must have two ends"),
+    ],
+)
+def test_rules_of_a_record_made_by_hand_show_values_of_python(change, message):
+    good = {"squares": (3, 4), "side": 2.0, "pose": np.eye(2)}
+    with pytest.raises(RuleError, match=f"^{message}$" if "Got" in message else message):
+        Board(**{**good, **change})
+
+
+def test_the_schema_of_several_rules_holds_all_limits():
+    side = json_schema(Board)["$defs"]["Board"]["properties"]["side"]
+    limits = {"exclusiveMinimum": 0, "minimum": 0.01, "maximum": 1000}
+    assert side == {"title": "must be positive", "type": "number", **limits}
 
 
 def test_the_schema_says_what_the_reader_does():
