@@ -118,6 +118,25 @@ def from_plain(cls: type[T], data: object, error: type[RuleError], source: str =
         raise refusal.as_error(error, source) from refusal.__cause__
 
 
+def check_keys(cls: type, data: Mapping[str, Any], error: type[RuleError]) -> None:
+    """Refuse a key that is no field of a record, and a field without a default that is missing.
+
+    Parameters
+    ----------
+    cls : type
+        A dataclass or a named tuple, whose constructor then takes the data.
+    data : mapping
+        Values by key.
+    error : type
+        The error to raise: a class with ``of_rule``.
+    """
+    record: Any = cls
+    try:
+        _record(record).check_keys(data, ())
+    except _Refusal as refusal:
+        raise refusal.as_error(error) from None
+
+
 def check_fields(record: Any, error: type[RuleError]) -> None:
     """Make the values of a record keep the rules of its fields; for its ``__post_init__``.
 
@@ -142,6 +161,8 @@ def check_fields(record: Any, error: type[RuleError]) -> None:
         try:
             read = field.kind.read(value.tolist() if hasattr(value, "tolist") else value, (key,))
         except _Refusal as refusal:
+            # of an argument, which item it is is no name
+            refusal.path = (field.name,)
             raise refusal.as_error(error, text=_as_python) from None
         object.__setattr__(record, field.name, read)
 
@@ -649,18 +670,12 @@ class _Record(_Kind):
         if isinstance(value, self.cls):
             return value
         self._refuse_unless(isinstance(value, Mapping), path, value)
-        for key in value:
-            if key not in self.fields:
-                rule = f"must be one of {', '.join(self.fields)}"
-                near = difflib.get_close_matches(str(key), self.fields, n=1)
-                nearest = "".join(f"; the nearest is {name}" for name in near)
-                raise _Refusal((*path, key), rule, got=f"an unknown field{nearest}")
-        items = {}
-        for key, field in self.fields.items():
-            if key in value:
-                items[key] = field.kind.read(value[key], (*path, key))
-            elif field.is_needed:
-                raise _Refusal((*path, key), "must be given", got="none")
+        self.check_keys(value, path)
+        items = {
+            key: field.kind.read(value[key], (*path, key))
+            for key, field in self.fields.items()
+            if key in value
+        }
         arguments = {
             self.fields[key].name: item
             for key, item in items.items()
@@ -672,6 +687,18 @@ class _Record(_Kind):
             raise _Refusal(path) from error
         self._check_derived(record, items, path)
         return record
+
+    def check_keys(self, data: Mapping[str, Any], path: Path) -> None:
+        """Refuse an unknown key, and a missing one."""
+        for key in data:
+            if key not in self.fields:
+                rule = f"must be one of {', '.join(self.fields)}"
+                near = difflib.get_close_matches(str(key), self.fields, n=1)
+                nearest = "".join(f"; the nearest is {name}" for name in near)
+                raise _Refusal((*path, key), rule, got=f"an unknown field{nearest}")
+        for key, field in self.fields.items():
+            if field.is_needed and key not in data:
+                raise _Refusal((*path, key), "must be given", got="none")
 
     def _check_derived(self, record: Any, items: Mapping[str, Any], path: Path) -> None:
         """Refuse what contradicts the other fields."""
