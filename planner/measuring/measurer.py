@@ -31,7 +31,7 @@ from planner.measuring.reading import (
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
-from planner.measuring.results import MeasurementResults
+from planner.measuring.results import MeasurementResults, Source
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.scans import CLIPPED_SHARE
 from planner.measuring.task import NotRegisteredError
@@ -562,13 +562,8 @@ class Measurer:
                         correlation[at] = covariance[i, j] / u
         return correlation
 
-    def _source(self, found: ImageSet) -> dict[str, Any]:
-        return {
-            "program": project_version(),
-            "part": self.plan.part,
-            "part_digest": self._digest,
-            "images": dict(found.digests),
-        }
+    def _source(self, found: ImageSet) -> Source:
+        return Source(project_version(), self.plan.part, self._digest, dict(found.digests))
 
 
 def measure(

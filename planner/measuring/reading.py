@@ -6,6 +6,7 @@ import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from errors.measurands import (
 from errors.measurands.conformity import COVERAGE
 from errors.measurands.fitted import Frame
 from errors.registration import rests_on_prior
+from ground.convert import NOT_STORED, Key, Meta, NullIs
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.measuring.entity_scan import (
@@ -34,7 +36,7 @@ from planner.measuring.entity_scan import (
 )
 from planner.measuring.fit import CORRELATION_PX, carried_back, fit_entities, uneven_px
 from planner.measuring.images import Picture
-from planner.measuring.registered import Registered, displaced
+from planner.measuring.registered import NumberOrNull, Registered, displaced
 from planner.measuring.samples import POSE, PartEdge, PartModel
 from planner.measuring.scans import STATE_TEXTS, State
 from planner.request.planned import PlannedTarget
@@ -85,19 +87,21 @@ class Reading:
         What the user should know.
     """
 
-    name: str
+    name: Annotated[str, NOT_STORED]
     image: str
-    setting: int
-    value: float = math.nan
-    standard_uncertainty: float = math.nan
-    budget: dict[str, float] = field(default_factory=dict)
+    setting: Annotated[int, NOT_STORED]
+    value: NumberOrNull = math.nan
+    standard_uncertainty: Annotated[NumberOrNull, Key("u")] = math.nan
+    budget: Annotated[dict[str, float], Key("variance")] = field(default_factory=dict)
     reason: str = ""
-    found_share: float = 0.0
-    rms_px: float = math.nan
-    counts: dict[str, int] = field(default_factory=dict)
-    points: tuple[NDArray[np.void], ...] = ()
-    gradient: Array = field(default_factory=lambda: np.empty(0))
-    drawn_uncertainty: float = math.nan
+    found_share: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    rms_px: NumberOrNull = math.nan
+    counts: Annotated[dict[str, Annotated[int, Meta(ge=1)]], Key("samples")] = field(
+        default_factory=dict
+    )
+    points: Annotated[tuple[NDArray[np.void], ...], NOT_STORED] = ()
+    gradient: Annotated[Array, NOT_STORED] = field(default_factory=lambda: np.empty(0))
+    drawn_uncertainty: Annotated[NumberOrNull, Key("U_drawn")] = math.nan
     notes: tuple[str, ...] = ()
 
     @property
@@ -306,35 +310,38 @@ class Result:
         In the order of the images.
     notes : tuple of str
         What the user should know.
+    deviation : float
+        Measured value minus nominal value.
+    expanded_uncertainty : float
+        U, two standard uncertainties.
     """
 
     name: str
     kind: str
-    unit: str
+    unit: Annotated[str, Meta(pattern="^(mm|deg)$")]
     nominal: float
-    tolerance: tuple[float, float] | None
-    value: float
-    standard_uncertainty: float
+    tolerance: Annotated[
+        tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]] | None,
+        Meta(description="Lower and upper deviation; null in place of one is no limit."),
+    ]
+    value: NumberOrNull
+    standard_uncertainty: Annotated[NumberOrNull, Key("u")]
     decision: Decision
-    conformance_probability: float
+    conformance_probability: Annotated[NumberOrNull, Key("P_conforms")]
     reason: str
     readings: tuple[Reading, ...]
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
+    deviation: NumberOrNull = field(init=False)
+    expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "deviation", self.value - self.nominal)
+        object.__setattr__(self, "expanded_uncertainty", COVERAGE * self.standard_uncertainty)
 
     @property
     def measured(self) -> bool:
         """Whether it has a value."""
         return not self.reason
-
-    @property
-    def deviation(self) -> float:
-        """Measured value minus nominal value."""
-        return self.value - self.nominal
-
-    @property
-    def expanded_uncertainty(self) -> float:
-        """U, two standard uncertainties."""
-        return COVERAGE * self.standard_uncertainty
 
     @property
     def budget(self) -> dict[str, float]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.carriers import PARAMETERS
 from aspectgraph.solid.ray_scene import RayScene
+from ground.convert import NOT_STORED, Meta, NullIs, Shape
 from planner.camera.camera import Camera
 from planner.measuring.samples import POSE, PartEdge, PartModel
 from planner.request.targets import LEAST_POSE
@@ -25,6 +27,9 @@ from planner.request.targets import LEAST_POSE
 
 
 Array = NDArray[np.float64]
+
+NumberOrNull = Annotated[float, NullIs(math.nan)]
+"""A number; nan where there is none, for which files have null."""
 
 LEAST_KNOWN = 300
 """A lamp is fitted to this many samples at least."""
@@ -274,23 +279,31 @@ class Registered:
         the sample's edge; planned_u, planned_v: the sample at the planned pose.
     lamps : dict of str to Lamp
         The lamps of images that one fits.
+    pose_covariance : array (6, 6)
+        Covariance of the displacement of the camera.
     """
 
-    cam2world: Array
-    deviations: Array = field(repr=False)
-    covariance: Array = field(repr=False)
-    method: str
+    cam2world: Annotated[Array, Shape(4, 4)]
+    deviations: Annotated[Array, Shape(None)] = field(repr=False)
+    covariance: Annotated[Array, NOT_STORED] = field(repr=False)
+    method: Annotated[str, Meta(pattern="^(planned|given|own edges|fiducials)$")]
     shift_px: float = 0.0
     used: int = 0
     offered: int = 0
-    misfit_px: float = float("nan")
-    blur_px: float = float("nan")
-    chi2: float = float("nan")
-    notes: tuple[str, ...] = field(default=())
-    warnings: tuple[str, ...] = field(default=())
-    prior: Array | None = field(default=None, repr=False)
-    samples: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, SAMPLE), repr=False)
-    lamps: Mapping[str, Lamp] = field(default_factory=dict, repr=False)
+    misfit_px: NumberOrNull = math.nan
+    blur_px: NumberOrNull = math.nan
+    chi2: NumberOrNull = math.nan
+    notes: tuple[str, ...] = ()
+    warnings: Annotated[tuple[str, ...], NOT_STORED] = ()
+    prior: Annotated[Array | None, NOT_STORED] = field(default=None, repr=False)
+    samples: Annotated[NDArray[np.void], NOT_STORED] = field(
+        default_factory=lambda: np.zeros(0, SAMPLE), repr=False
+    )
+    lamps: Annotated[Mapping[str, Lamp], NOT_STORED] = field(default_factory=dict, repr=False)
+    pose_covariance: Annotated[Array, Shape(6, 6)] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose_covariance", self.covariance[:POSE, :POSE])
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""

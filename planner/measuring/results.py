@@ -10,9 +10,8 @@ import uuid
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import resources
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from aspectgraph.entities.entity_files import csv_text
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands.conformity import COVERAGE
+from ground.convert import Key, Meta, Shape, json_schema, to_plain
 from planner.files import write_text
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading, Result
@@ -71,32 +71,6 @@ _DECIMALS = 10
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-class Measured(Protocol):
-    """What is written of a measured part, see `planner.measuring.results.MeasurementResults`."""
-
-    @property
-    def rule(self) -> DecisionRule:
-        """How it was decided."""
-
-    @property
-    def serial(self) -> str:
-        """Name of the part."""
-
-    @property
-    def source(self) -> Mapping[str, Any]:
-        """What it was measured from."""
-
-    @property
-    def conforms(self) -> bool:
-        """Whether everything conforms."""
-
-    def __iter__(self) -> Iterator[Result]:
-        """Go through the results."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values."""
-
-
 class _Ids:
     """Numbers of the document's elements, from 1."""
 
@@ -109,7 +83,7 @@ class _Ids:
         return str(self.last)
 
 
-def qif_text(results: Measured) -> str:
+def qif_text(results: MeasurementResults) -> str:
     """Return results as a document of QIF 3.0.
 
     Parameters
@@ -136,12 +110,12 @@ def qif_text(results: Measured) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _header(root: ET.Element, results: Measured) -> None:
+def _header(root: ET.Element, results: MeasurementResults) -> None:
     header = _add(root, "Header")
     application = _add(header, "Application")
-    _add(application, "Name", f"aspectgraph {results.source.get('program', 'unknown')}")
-    part = results.source.get("part")
-    _add(header, "Description", f"{part or 'part'}; decisions by {results.rule}; u is combined")
+    _add(application, "Name", f"aspectgraph {results.source.program}")
+    part = results.source.part or "part"
+    _add(header, "Description", f"{part}; decisions by {results.rule}; u is combined")
     _add(header, "Scope", "Results")
 
 
@@ -166,7 +140,9 @@ def _units(root: ET.Element) -> None:
         _add(_add(unit, "UnitConversion"), "Factor", factor)
 
 
-def _characteristics(root: ET.Element, results: Measured, standard: str, ids: _Ids) -> list[str]:
+def _characteristics(
+    root: ET.Element, results: MeasurementResults, standard: str, ids: _Ids
+) -> list[str]:
     """Write definition, nominal and item of each target; return the ids of the items."""
     lists = _add(root, "Characteristics")
     _add(lists, "FormalStandardId", standard)
@@ -186,13 +162,12 @@ def _characteristics(root: ET.Element, results: Measured, standard: str, ids: _I
         if "Between" in element.tag:
             _add(element, "AnalysisMode", "THREEDIMENSIONAL")
     parent = _list(lists, "CharacteristicItems", len(every))
-    digest = str(results.source.get("part_digest", ""))
     for one, number, nominal in zip(every, items, nominals, strict=True):
         element = _add(parent, f"{_characteristic(one)}Item", id=number)
         _add(element, "Name", one.name)
         designator = _add(element, "CharacteristicDesignator")
         _add(designator, "Designator", one.name)
-        _add(designator, "UUID", _uuid(f"{digest} {one.name}"))
+        _add(designator, "UUID", _uuid(f"{results.source.part_digest} {one.name}"))
         _add(element, "CharacteristicNominalId", nominal)
     return items
 
@@ -209,13 +184,15 @@ def _definition(element: ET.Element, one: Result) -> None:
     _add(tolerance, "DefinedAsLimit", "false")
 
 
-def _results(root: ET.Element, results: Measured, items: Sequence[str], ids: _Ids) -> None:
+def _results(
+    root: ET.Element, results: MeasurementResults, items: Sequence[str], ids: _Ids
+) -> None:
     """Write the measurements of all characteristics, and the status of the part."""
     parent = _add(root, "Results")
     sets = _list(parent, "MeasurementResultsSet", 1)
     measured = _add(sets, "MeasurementResults", id=ids.next())
     part = ids.next()
-    images = results.source.get("images", {})
+    images = results.source.images
     if images:
         files = _list(measured, "ExternalFileReferences", len(images))
         for name, digest in images.items():
@@ -253,7 +230,7 @@ def _measurement(element: ET.Element, one: Result, item: str, part: str) -> None
         _add(element, "Value", _decimal(one.value), **accuracy)
 
 
-def _part_status(results: Measured) -> str:
+def _part_status(results: MeasurementResults) -> str:
     """Return PASS if all conforms, FAIL if something certainly does not, otherwise UNDEFINED."""
     if any(one.decision is Decision.DOES_NOT_CONFORM for one in results):
         return "FAIL"
@@ -292,8 +269,7 @@ def _uuid(name: str) -> str:
     return str(uuid.uuid5(_OWN, _plain(name)))
 
 
-FORMAT = "aspectgraph-results"
-VERSION = 1
+FORMAT: Final = "aspectgraph-results"
 
 COLUMNS = (
     *("name", "kind", "unit", "nominal", "lower", "upper", "value", "deviation", "u", "U", "k"),
@@ -322,8 +298,8 @@ class MeasurementResults:
         Name of the part that was measured.
     correlation : array (n, n)
         Correlation of the values that were measured, by the poses and surfaces they have in common.
-    source : dict of str to str
-        Names and SHA-256 of plan, part and images.
+    source : Source
+        Names and SHA-256 of part and images.
     notes : tuple of str
         What the user should know.
     pictures : dict of str to Picture
@@ -336,7 +312,7 @@ class MeasurementResults:
     rule: DecisionRule
     serial: str
     correlation: NDArray[np.float64]
-    source: Mapping[str, Any]
+    source: Source
     notes: tuple[str, ...] = ()
     pictures: Mapping[str, Picture] = field(default_factory=dict)
 
@@ -387,26 +363,27 @@ class MeasurementResults:
         dict
             What `write` writes.
         """
-        return {
-            "format": FORMAT,
-            "version": VERSION,
-            "serial": self.serial,
-            "rule": {"name": self.rule.name, "level": self.rule.level, "k": COVERAGE},
-            "source": dict(self.source),
-            "notes": list(self.notes),
-            "results": [_result_dict(one) for one in self],
-            "measured": [one.name for one in self if one.measured],
-            "correlation": self.correlation.tolist(),
-            "images": {name: _image_dict(one) for name, one in self.images.items()},
-            "not_registered": dict(self.failed),
-            "white": {
-                name: {"level": one.white, "from": one.white_from}
-                for name, one in self.pictures.items()
+        file = ResultsFile(
+            format=FORMAT,
+            version=1,
+            serial=self.serial,
+            rule=Rule(self.rule.name, self.rule.level, COVERAGE),
+            source=self.source,
+            notes=self.notes,
+            results=tuple(self),
+            measured=tuple(result.name for result in self if result.measured),
+            correlation=self.correlation,
+            images=self.images,
+            failed=self.failed,
+            white={
+                name: WhiteRecord(picture.white, picture.white_from)
+                for name, picture in self.pictures.items()
             },
-        }
+        )
+        return to_plain(file, defaults=True)
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write the results as JSON, see ``results_schema.json``.
+        """Write the results as JSON, see `results_schema`.
 
         Parameters
         ----------
@@ -491,65 +468,65 @@ class MeasurementResults:
         return Path(path)
 
 
+@dataclass(frozen=True)
+class Rule:
+    """How it was decided: the name, the probability of a right decision, and U as a multiple of u."""
+
+    name: Annotated[str, Meta(pattern="^(iso14253-1|simple|guard U)$")]
+    level: float
+    k: float
+
+
+@dataclass(frozen=True)
+class Source:
+    """What was measured: the program's version, the part with its SHA-256, and the SHA-256 of each image."""
+
+    program: str
+    part: str
+    part_digest: str
+    images: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class WhiteRecord:
+    """Grey value of full exposure of an image, and what says so.
+
+    The camera does, a plateau of the image's brightest pixels, or the depth that its values need.
+    """
+
+    level: Annotated[float, Meta(gt=0)]
+    origin: Annotated[str, Key("from"), Meta(pattern="^(camera|plateau|depth)$")]
+
+
+@dataclass(frozen=True, eq=False)
+class ResultsFile:
+    """What results.json holds."""
+
+    format: Literal["aspectgraph-results"]
+    version: Literal[1]
+    serial: str
+    rule: Rule
+    source: Source
+    notes: tuple[str, ...]
+    results: tuple[Result, ...]
+    measured: tuple[str, ...]
+    correlation: Annotated[NDArray[np.float64], Shape(None, None)]
+    images: Mapping[str, Registered]
+    failed: Annotated[Mapping[str, str], Key("not_registered")]
+    white: Mapping[str, WhiteRecord]
+
+
 def results_schema() -> dict[str, Any]:
     """Return the JSON Schema of results.json."""
-    text = resources.files("planner.measuring").joinpath("results_schema.json").read_text("utf-8")
-    schema: dict[str, Any] = json.loads(text)
-    return schema
+    title = (
+        "Results of measuring one part in images of a plan; "
+        "lengths in mm, angles in degrees, null where there is no number"
+    )
+    return json_schema(ResultsFile, defaults=True, title=title)
 
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _result_dict(one: Result) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        "kind": one.kind,
-        "unit": one.unit,
-        "nominal": one.nominal,
-        "tolerance": plain_tolerance(one.tolerance),
-        "value": _number(one.value),
-        "deviation": _number(one.deviation),
-        "u": _number(one.standard_uncertainty),
-        "U": _number(one.expanded_uncertainty),
-        "decision": one.decision.value,
-        "P_conforms": _number(one.conformance_probability),
-        "reason": one.reason,
-        "notes": list(one.notes),
-        "readings": [_reading_dict(reading) for reading in one.readings],
-    }
-
-
-def _reading_dict(one: Reading) -> dict[str, Any]:
-    return {
-        "image": one.image,
-        "value": _number(one.value),
-        "u": _number(one.standard_uncertainty),
-        "variance": dict(one.budget),
-        "found_share": one.found_share,
-        "rms_px": _number(one.rms_px),
-        "U_drawn": _number(one.drawn_uncertainty),
-        "samples": dict(one.counts),
-        "reason": one.reason,
-        "notes": list(one.notes),
-    }
-
-
-def _image_dict(one: Registered) -> dict[str, Any]:
-    return {
-        "method": one.method,
-        "cam2world": one.cam2world.tolist(),
-        "pose_covariance": one.covariance[:6, :6].tolist(),
-        "deviations": one.deviations.tolist(),
-        "shift_px": one.shift_px,
-        "used": one.used,
-        "offered": one.offered,
-        "misfit_px": _number(one.misfit_px),
-        "blur_px": _number(one.blur_px),
-        "chi2": _number(one.chi2),
-        "notes": list(one.notes),
-    }
 
 
 def _row(one: Result) -> dict[str, Any]:

@@ -361,7 +361,7 @@ def measured_html(results: MeasurementResults) -> str:
     True
     """
     ordered = sorted(results, key=lambda one: _ORDER.index(one.decision))
-    heading = str(results.source.get("part") or "part")
+    heading = results.source.part or "part"
     if results.serial:
         heading += f", {results.serial}"
     page = resources.files("planner.report").joinpath("measured_report.html").read_text("utf-8")

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from errors.formatting import percent_text
 from errors.measurands import Circle, Line, Localisation, Measurand, MeasurandError
-from errors.measurands.geometry import Geometry, from_dict, to_dict
+from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
+from ground.convert import from_plain, to_plain
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
@@ -57,13 +58,21 @@ class PlannedWitness:
         """Return the fields as plain values, ready for JSON."""
         return {
             "entities": list(self.entities),
-            "geometry": [to_dict(item) for item in self.geometry],
+            "geometry": [to_plain(item) for item in self.geometry],
         }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> PlannedWitness:
         """Build from the result of `to_dict`."""
-        return cls(tuple(data["entities"]), tuple(from_dict(item) for item in data["geometry"]))
+        return cls(tuple(data["entities"]), _geometry_of(data))
+
+
+def _geometry_of(data: Mapping[str, Any]) -> tuple[Geometry, ...]:
+    """Return the lines and circles that plain values hold."""
+    return tuple(
+        from_plain(Line if "p" in item else Circle, item, PlanFileError)
+        for item in data["geometry"]
+    )
 
 
 _POINTS = 72
@@ -405,9 +414,9 @@ class PlannedDimension(PlannedTarget):
             "tolerance": plain_tolerance(self.tolerance),
             "permitted_error": self.permitted_error,
             "entities": list(self.entities),
-            "geometry": [to_dict(item) for item in self.geometry],
+            "geometry": [to_plain(item) for item in self.geometry],
             "direction": None if self.direction is None else list(self.direction),
-            "localisation": self.localisation.to_dict(),
+            "localisation": to_plain(self.localisation, defaults=True),
             "n_features": self.n_features,
             "surfaces_mm": self.surfaces_mm,
             "surfaces_from": self.surfaces_from,
@@ -437,9 +446,9 @@ class PlannedDimension(PlannedTarget):
             made = cls(
                 data["kind"],
                 tuple(data["entities"]),
-                tuple(from_dict(item) for item in data["geometry"]),
+                _geometry_of(data),
                 data["permitted_error"],
-                Localisation.from_dict(data["localisation"]),
+                from_plain(Localisation, data["localisation"], PlanFileError),
                 None if data["tolerance"] is None else checked_tolerance(data["tolerance"]),
                 None if data["direction"] is None else tuple(data["direction"]),
                 # files of earlier programs do not state these
