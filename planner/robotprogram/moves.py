@@ -567,8 +567,8 @@ class TourChecker:
         back = (last, branch_there, first, branch)
         if way is not None:
             self._linked |= {(first, branch), (last, branch_there)}
-        self._moves[leg] = None if way is None else Move(way, seconds)
-        self._moves[back] = None if way is None else Move(way[::-1], seconds)
+        self._moves[leg] = None if way is None else Move(seconds, way)
+        self._moves[back] = None if way is None else Move(seconds, way[::-1])
         self._set_cost(leg, seconds)
 
     def _set_cost(self, leg: _Leg, seconds: float) -> None:

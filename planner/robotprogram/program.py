@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ground.convert import (
+    FROM_ONE,
+    NOT_STORED,
+    Key,
+    Meta,
+    Shape,
+    field_name,
+    from_plain,
+    to_plain,
+)
 from planner.argument_kinds import shown
-from planner.exceptions import PlanFileError, RobotError
+from planner.exceptions import PlanFileError
 from planner.files import encoded, read_json
 from planner.robotcell.arm import ControllerAxes
 from planner.verify.simulate_plan import promises_too_much
@@ -22,6 +31,10 @@ from planner.verify.simulate_setting import SuccessRate
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
+
+Vector = Annotated[NDArray[np.float64], Shape(None)]
+Share = Annotated[float, Meta(ge=0, le=1, title="must be from 0 to 1")]
+Count = Annotated[int, Meta(ge=0, title="must be an integer that is not negative")]
 
 # How long a straight joint move takes: all joints start, accelerate and stop together.
 #
@@ -42,8 +55,8 @@ class JointRates(NamedTuple):
         Largest acceleration of each joint, rad/s².
     """
 
-    speeds: np.ndarray
-    accelerations: np.ndarray
+    speeds: Annotated[Vector, Meta(gt=0)]
+    accelerations: Annotated[Vector, Meta(gt=0)]
 
     def scaled(self, share: float) -> JointRates:
         """Return the rates with a share of the speeds; accelerations stay."""
@@ -165,8 +178,8 @@ def profile(start: np.ndarray, end: np.ndarray, rates: JointRates) -> Profile:
     )
 
 
-FORMAT = "aspectgraph robot program"
-VERSION = 2
+FORMAT: Final = "aspectgraph robot program"
+VERSION: Final = 2
 LARGEST_TOLERANCE_RAD = 0.01
 """A program never starts if an axis is farther from home."""
 
@@ -199,17 +212,21 @@ class Move:
 
     Attributes
     ----------
+    seconds : float
+        Time of the whole move, with a stop at each row.
     joints : array (m, k)
         Joints from start to end, rad: two rows, or more if the move is a detour. On a turntable its
         angle is the last column.
-    seconds : float
-        Time of the whole move, with a stop at each row.
     """
 
-    joints: np.ndarray
     seconds: float
+    joints: Annotated[NDArray[np.float64], Shape(None, None)]
 
     def __post_init__(self) -> None:
+        if len(self.joints) < 2:
+            raise PlanFileError.of_rule(
+                "joints", "must hold two rows at least", str(len(self.joints))
+            )
         joints = np.array(self.joints, dtype=np.float64)
         joints.setflags(write=False)
         object.__setattr__(self, "joints", joints)
@@ -238,18 +255,56 @@ class ArmState:
     """
 
     clearance_mm: float
-    closest: tuple[str, str]
+    closest: Annotated[tuple[str, str], Meta(title="must be two names")]
     to_limit_rad: float
     singular_value: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, ready for JSON."""
-        return {
-            "clearance_mm": self.clearance_mm,
-            "closest": list(self.closest),
-            "to_limit_rad": self.to_limit_rad,
-            "singular_value": self.singular_value,
-        }
+
+@dataclass(frozen=True)
+class StopRate:
+    """How often a simulation with this arm measured a target accurately.
+
+    Attributes
+    ----------
+    successes, n, outside : int
+        Accurate measurements, displaced poses, and those with an end outside the image.
+    frequency : float
+        Share of accurate measurements.
+    low, high, confidence : float
+        Confidence interval of the probability of success, and its level.
+    """
+
+    successes: Count
+    n: Annotated[int, Meta(ge=1)]
+    frequency: float = field(init=False)
+    low: Share
+    high: Share
+    confidence: Share
+    outside: Count
+
+    def __post_init__(self) -> None:
+        if self.successes + self.outside > self.n:
+            raise PlanFileError.of_rule("n", "must be all displaced poses", shown(self.n))
+        object.__setattr__(self, "frequency", self.successes / self.n)
+        if not self.low <= self.frequency <= self.high:
+            raise PlanFileError.of_rule("low", "must be at most the frequency", shown(self.low))
+
+    @classmethod
+    def of(cls, rate: SuccessRate) -> StopRate:
+        """Return what a program states of a simulation."""
+        return cls(rate.successes, rate.n, rate.low, rate.high, rate.confidence, rate.outside)
+
+    def of_promise(self, probability: float) -> SuccessRate:
+        """Return the same, compared with a probability."""
+        return SuccessRate(
+            self.successes,
+            self.n,
+            self.low,
+            self.high,
+            self.confidence,
+            self.outside,
+            probability,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,77 +315,40 @@ class Stop:
     ----------
     setting_idx : int
         Index of the setting in the plan, from 0. Its image is named after it.
-    move : Move
-        The way there; the last row holds the joints of the stop.
-    arm : ArmState
-        Distances, limits and singularity there.
+    joints : array (k,)
+        Joints of the stop, rad: where the move ends.
     flange : array (4, 4)
         Pose of the robot's tip in its base, mm, to compare with the controller.
+    move : Move
+        The way there.
+    arm : ArmState
+        Distances, limits and singularity there.
     covariance : array (6, 6) or None
         Covariance of the camera's pose with this arm, as `PoseUncertainty` has it; None if the
         uncertainty of the arm was not given.
     probability : dict of str to float
         P of each target of the setting with this covariance; empty without.
-    simulated : dict of str to SuccessRate
+    simulated : dict of str to StopRate
         The same by simulation; empty if it was not simulated.
     """
 
-    setting_idx: int
+    setting_idx: Annotated[
+        int, Key("setting"), FROM_ONE, Meta(ge=1, title="must be an integer from 1")
+    ]
+    joints: Vector = field(init=False)
+    flange: Annotated[NDArray[np.float64], Shape(4, 4)]
     move: Move
     arm: ArmState
-    flange: np.ndarray
-    covariance: np.ndarray | None = None
-    probability: Mapping[str, float] = field(default_factory=dict)
-    simulated: Mapping[str, SuccessRate] = field(default_factory=dict)
+    covariance: Annotated[NDArray[np.float64] | None, Shape(6, 6)] = None
+    probability: Mapping[str, Share] = field(default_factory=dict)
+    simulated: Mapping[str, StopRate] = field(default_factory=dict)
 
-    @property
-    def joints(self) -> np.ndarray:
-        """Joints (k,) of the stop, rad."""
-        return self.move.joints[-1]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the stop as plain values, ready for JSON; ``setting`` counts from 1."""
-        fields: dict[str, Any] = {
-            "setting": self.setting_idx + 1,
-            "joints": self.joints.tolist(),
-            "flange": self.flange.tolist(),
-            "move": _move_dict(self.move),
-            "arm": self.arm.to_dict(),
-        }
-        if self.covariance is not None:
-            fields["covariance"] = self.covariance.tolist()
-            fields["probability"] = dict(self.probability)
-        if self.simulated:
-            fields["simulated"] = {
-                name: {
-                    "successes": rate.successes,
-                    "n": rate.n,
-                    "frequency": rate.frequency,
-                    "low": rate.low,
-                    "high": rate.high,
-                    "confidence": rate.confidence,
-                    "outside": rate.outside,
-                }
-                for name, rate in self.simulated.items()
-            }
-        return fields
-
-
-def _rates_dict(rates: JointRates) -> dict[str, Any]:
-    return {"speeds": rates.speeds.tolist(), "accelerations": rates.accelerations.tolist()}
-
-
-def _controller_dict(controller: ControllerAxes) -> dict[str, Any]:
-    fields = {}
-    if controller.coupled:
-        fields["coupled"] = [list(row) for row in controller.coupled]
-    if controller.limits:
-        fields["axis_limits"] = [list(row) for row in controller.limits]
-    return fields
-
-
-def _move_dict(move: Move) -> dict[str, Any]:
-    return {"seconds": move.seconds, "joints": move.joints.tolist()}
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", self.move.joints[-1])
+        for name in self.simulated:
+            if name not in self.probability:
+                rule = "must be of a name with a probability"
+                raise PlanFileError.of_rule(field_name("simulated", name), rule, shown(name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,6 +359,8 @@ class FixturedTour:
     ----------
     fixturing : str
         Name of the fixturing in the cell.
+    seconds : float
+        Time of all moves.
     stops : tuple of Stop
         In the order of the visits.
     back : Move
@@ -351,29 +371,18 @@ class FixturedTour:
     """
 
     fixturing: str
-    stops: tuple[Stop, ...]
+    seconds: float = field(init=False)
+    stops: Annotated[tuple[Stop, ...], Meta(min_length=1, title="must hold a stop")]
     back: Move
     turntable: JointRates | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "seconds", sum(move.seconds for move in self.moves))
 
     @property
     def moves(self) -> tuple[Move, ...]:
         """All moves, the way back last."""
         return (*(stop.move for stop in self.stops), self.back)
-
-    @property
-    def seconds(self) -> float:
-        """Time of all moves."""
-        return sum(move.seconds for move in self.moves)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the round as plain values, ready for JSON."""
-        return {
-            "fixturing": self.fixturing,
-            "seconds": self.seconds,
-            "stops": [stop.to_dict() for stop in self.stops],
-            "back": _move_dict(self.back),
-            **({} if self.turntable is None else {"turntable": _rates_dict(self.turntable)}),
-        }
 
 
 @dataclass(frozen=True)
@@ -391,15 +400,18 @@ class HomeStart:
         Largest speed of an axis on the way to home, rad/s.
     """
 
-    tolerance_rad: float
-    speed: float
+    tolerance_rad: Annotated[
+        float,
+        Meta(
+            gt=0,
+            le=LARGEST_TOLERANCE_RAD,
+            title=f"must be above 0 and at most {LARGEST_TOLERANCE_RAD:g}",
+        ),
+    ]
+    speed: Annotated[float, Meta(gt=0, title="must be positive")]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, ready for JSON."""
-        return {"tolerance_rad": self.tolerance_rad, "speed": self.speed}
 
-
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class RobotProgram:
     """What a robot drives to take the images of a plan.
 
@@ -432,6 +444,10 @@ class RobotProgram:
         Digests of plan, part and cell.
     start : HomeStart
         How near home the robot must stand.
+    coupled, axis_limits : tuple of tuple
+        What the controller counts otherwise, see `ControllerAxes`.
+    seconds : float
+        Time of all moves; settling, images and the change of fixturings come on top.
     controller : ControllerAxes
         The axes that the controller counts. All rows hold joints.
     warnings : tuple of str
@@ -453,22 +469,39 @@ class RobotProgram:
     (True, 2, (1,))
     """
 
+    format: Literal["aspectgraph robot program"] = field(init=False)
+    version: Literal[2] = field(init=False)
+    units: Mapping[str, str] = field(init=False)
     part: str
     robot: str
-    joint_names: tuple[str, ...]
-    home: np.ndarray
-    tours: tuple[FixturedTour, ...]
-    rates: JointRates
-    speed: float
-    keep_mm: float
-    unreached: Mapping[int, str]
-    coverage: tuple[int, ...]
     digests: Mapping[str, str]
+    joint_names: tuple[str, ...]
+    home: Vector
+    speed: Annotated[float, Meta(gt=0, le=1, title="must be above 0 and at most 1")]
+    rates: JointRates
+    keep_mm: float
     start: HomeStart
-    controller: ControllerAxes = field(default_factory=ControllerAxes)
-    warnings: tuple[str, ...] = ()
-    replaced: Mapping[int, str] = field(default_factory=dict)
-    plan: InspectionPlan | None = None
+    coupled: tuple[tuple[int, int, float], ...] = ()
+    axis_limits: tuple[tuple[int, float, float], ...] = ()
+    seconds: float = field(init=False)
+    coverage: tuple[int, ...]
+    unreached: Annotated[Mapping[int, str], FROM_ONE]
+    replaced: Annotated[Mapping[int, str], FROM_ONE] = field(default_factory=dict)
+    warnings: tuple[str, ...]
+    tours: tuple[FixturedTour, ...]
+    controller: Annotated[ControllerAxes, NOT_STORED] = field(init=False)
+    plan: Annotated[Any, NOT_STORED] = None
+
+    def __post_init__(self) -> None:
+        derived = {
+            "format": FORMAT,
+            "version": VERSION,
+            "units": dict(_UNITS),
+            "seconds": sum(tour.seconds for tour in self.tours),
+            "controller": ControllerAxes(self.coupled, self.axis_limits),
+        }
+        for name, value in derived.items():
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -483,11 +516,6 @@ class RobotProgram:
     def n_stops(self) -> int:
         """Number of settings that are visited."""
         return sum(len(tour.stops) for tour in self.tours)
-
-    @property
-    def seconds(self) -> float:
-        """Time of all moves; settling, images and the change of fixturings come on top."""
-        return sum(tour.seconds for tour in self.tours)
 
     @property
     def turns(self) -> bool:
@@ -555,31 +583,7 @@ class RobotProgram:
         dict
             With format, version and units. Settings count from 1, as in the names of images.
         """
-        return {
-            "format": FORMAT,
-            "version": VERSION,
-            "units": dict(_UNITS),
-            "part": self.part,
-            "robot": self.robot,
-            "digests": dict(self.digests),
-            "joint_names": list(self.joint_names),
-            "home": self.home.tolist(),
-            "speed": self.speed,
-            "rates": _rates_dict(self.rates),
-            "keep_mm": self.keep_mm,
-            "start": self.start.to_dict(),
-            **_controller_dict(self.controller),
-            "seconds": self.seconds,
-            "coverage": list(self.coverage),
-            "unreached": {str(k + 1): why for k, why in self.unreached.items()},
-            **(
-                {"replaced": {str(k + 1): text for k, text in self.replaced.items()}}
-                if self.replaced
-                else {}
-            ),
-            "warnings": list(self.warnings),
-            "tours": [tour.to_dict() for tour in self.tours],
-        }
+        return to_plain(self)
 
 
 # What a person should look at before driving a program.
@@ -618,7 +622,7 @@ def _warnings(stop: Stop, probability: float) -> Iterator[str]:
     broken = [
         f"{name} {rate.frequency:.3f}"
         for name, rate in stop.simulated.items()
-        if promises_too_much(rate)
+        if promises_too_much(rate.of_promise(stop.probability[name]))
     ]
     if broken:
         yield f"a simulation with this arm finds less than P for {', '.join(broken)}."
@@ -632,22 +636,6 @@ def _warnings(stop: Stop, probability: float) -> Iterator[str]:
 
 
 _SAME = 1e-6
-_FIELDS = {
-    "part": str,
-    "robot": str,
-    "digests": dict,
-    "joint_names": list,
-    "home": list,
-    "speed": float,
-    "rates": dict,
-    "keep_mm": float,
-    "start": dict,
-    "seconds": float,
-    "coverage": list,
-    "unreached": dict,
-    "warnings": list,
-    "tours": list,
-}
 
 
 def read_program(path: str | os.PathLike[str]) -> RobotProgram:
@@ -685,7 +673,7 @@ def read_program(path: str | os.PathLike[str]) -> RobotProgram:
     try:
         return program_of(data)
     except PlanFileError as error:
-        raise PlanFileError(f"{Path(path)}: {error}") from None
+        raise PlanFileError(f"{os.fspath(path)}: {error}") from None
 
 
 def program_of(data: Any) -> RobotProgram:
@@ -696,244 +684,61 @@ def program_of(data: Any) -> RobotProgram:
     PlanFileError
         If they contradict themselves; names the field.
     """
-    if not isinstance(data, Mapping) or data.get("format") != FORMAT:
-        program = data.get("format") if isinstance(data, Mapping) else data
-        raise _wrong("format", f"must be {FORMAT!r}", program)
-    if data.get("version") != VERSION or isinstance(data.get("version"), bool):
-        rule = f"must be {VERSION}"
-        hint = "" if data.get("version") != 1 else "; make the program again from its plan"
-        raise PlanFileError(f"version {rule}. Got {shown(data.get('version'))}{hint}.")
-    for name, kind in _FIELDS.items():
-        _of_kind(data.get(name), kind, name)
-    names = [_of_kind(item, str, "joint_names") for item in data["joint_names"]]
-    home = _numbers(data["home"], (len(names),), "home")
-    rates = _rates(data["rates"], len(names), "rates")
-    if not 0.0 < data["speed"] <= 1.0:
-        raise _wrong("speed", "must be above 0 and at most 1", data["speed"])
-    tours = tuple(_tour(item, home, rates, f"tours.{k}") for k, item in enumerate(data["tours"]))
-    program = RobotProgram(
-        part=data["part"],
-        robot=data["robot"],
-        joint_names=tuple(names),
-        home=home,
-        tours=tours,
-        rates=rates,
-        speed=float(data["speed"]),
-        keep_mm=float(data["keep_mm"]),
-        unreached=_by_setting(data["unreached"], "unreached"),
-        coverage=tuple(data["coverage"]),
-        digests=dict(data["digests"]),
-        start=_start(data["start"]),
-        controller=_controller(data),
-        warnings=tuple(_of_kind(item, str, "warnings") for item in data["warnings"]),
-        replaced=_by_setting(data.get("replaced", {}), "replaced"),
-    )
+    program = from_plain(RobotProgram, data, PlanFileError)
+    n_joints = len(program.joint_names)
+    _check_length(program.home, n_joints, "home")
+    _check_rates(program.rates, n_joints, "rates")
+    for k, tour in enumerate(program.tours):
+        _check_tour(program, tour, ("tours", k))
     _check_settings(program)
-    _check_axes(program)
-    _same_seconds(data["seconds"], program.seconds, "seconds")
     return program
 
 
-def _tour(data: Any, home: np.ndarray, rates: JointRates, where: str) -> FixturedTour:
-    fields = _of_kind(data, dict, where)
-    fixturing = _of_kind(fields.get("fixturing"), str, f"{where}.fixturing")
-    table = None
-    if "turntable" in fields:
-        table = _rates(fields["turntable"], 1, f"{where}.turntable")
-        home = np.append(home, 0.0)
-        rates = JointRates(*(np.concatenate(pair) for pair in zip(rates, table, strict=True)))
-    stops = []
+def _check_rates(rates: JointRates, count: int, *path: object) -> None:
+    for name, values in rates._asdict().items():
+        _check_length(values, count, *path, name)
+
+
+def _check_length(values: np.ndarray, count: int, *path: object) -> None:
+    if values.shape[-1] != count:
+        raise _wrong(path, f"must have {count} numbers", values.shape[-1])
+
+
+def _check_tour(program: RobotProgram, tour: FixturedTour, path: tuple[object, ...]) -> None:
+    """Check that moves begin where the last one ended, take their time, and end at home within the axes."""
+    if tour.turntable is not None:
+        _check_rates(tour.turntable, 1, *path, "turntable")
+    rates = program.rates_of(tour)
+    home = program.home_of(tour)
     here = home
-    for k, item in enumerate(_of_kind(fields.get("stops"), list, f"{where}.stops")):
-        stops.append(_stop(item, here, rates, f"{where}.stops.{k}"))
-        here = stops[-1].joints
-    if not stops:
-        raise _wrong(f"{where}.stops", "must hold a stop", stops)
-    back = _move(fields.get("back"), here, rates, f"{where}.back")
-    if not np.array_equal(back.joints[-1], home):
-        raise _wrong(f"{where}.back.joints", "must end at home", back.joints[-1].tolist())
-    tour = FixturedTour(fixturing, tuple(stops), back, table)
-    _same_seconds(fields.get("seconds"), tour.seconds, f"{where}.seconds")
-    return tour
+    for k, move in enumerate(tour.moves):
+        inner = ("stops", k, "move") if k < len(tour.stops) else ("back",)
+        place = (*path, *inner, "joints")
+        _check_length(move.joints, len(home), *place)
+        if not np.array_equal(move.joints[0], here):
+            rule = "must begin where the last move ended"
+            raise _wrong(place, rule, move.joints[0].tolist())
+        seconds = float(move_times(move.joints[:-1], move.joints[1:], rates).sum())
+        if abs(move.seconds - seconds) > _SAME:
+            rule = f"must be the time of the moves, {seconds:.6f}"
+            raise _wrong((*path, *inner, "seconds"), rule, move.seconds)
+        if (program.controller.margin(move.joints) < -_SAME).any():
+            got = f"{field_name(*path)} beyond one"
+            raise _wrong(("axis_limits",), "must hold all joints of the moves", got)
+        here = move.joints[-1]
+    if not np.array_equal(here, home):
+        raise _wrong((*path, "back", "joints"), "must end at home", here.tolist())
 
 
-def _stop(data: Any, here: np.ndarray, rates: JointRates, where: str) -> Stop:
-    fields = _of_kind(data, dict, where)
-    setting = fields.get("setting")
-    if not isinstance(setting, int) or isinstance(setting, bool) or setting < 1:
-        raise _wrong(f"{where}.setting", "must be an integer from 1", setting)
-    move = _move(fields.get("move"), here, rates, f"{where}.move")
-    joints = _numbers(fields.get("joints"), here.shape, f"{where}.joints")
-    if not np.array_equal(joints, move.joints[-1]):
-        raise _wrong(f"{where}.joints", "must be those at which its move ends", joints.tolist())
-    covariance = None
-    if "covariance" in fields:
-        covariance = _numbers(fields["covariance"], (6, 6), f"{where}.covariance")
-    probability = _of_kind(fields.get("probability", {}), dict, f"{where}.probability")
-    for name, value in probability.items():
-        if not 0.0 <= _number(value, f"{where}.probability.{name}") <= 1.0:
-            raise _wrong(f"{where}.probability.{name}", "must be from 0 to 1", value)
-    return Stop(
-        setting - 1,
-        move,
-        _state(fields.get("arm"), f"{where}.arm"),
-        _numbers(fields.get("flange"), (4, 4), f"{where}.flange"),
-        covariance,
-        dict(probability),
-        _simulated(fields.get("simulated", {}), probability, f"{where}.simulated"),
-    )
-
-
-def _move(data: Any, here: np.ndarray, rates: JointRates, where: str) -> Move:
-    """Return a move that begins where the last one ended, and takes the time that its rates allow."""
-    fields = _of_kind(data, dict, where)
-    rows = _of_kind(fields.get("joints"), list, f"{where}.joints")
-    joints = _numbers(rows, (len(rows), len(here)), f"{where}.joints")
-    if len(joints) < 2:
-        raise _wrong(f"{where}.joints", "must hold two rows at least", rows)
-    if not np.array_equal(joints[0], here):
-        rule = "must begin where the last move ended"
-        raise _wrong(f"{where}.joints", rule, joints[0].tolist())
-    shortest = float(move_times(joints[:-1], joints[1:], rates).sum())
-    _same_seconds(fields.get("seconds"), shortest, f"{where}.seconds")
-    return Move(joints, float(fields["seconds"]))
-
-
-def _state(data: Any, where: str) -> ArmState:
-    fields = _of_kind(data, dict, where)
-    names = ("clearance_mm", "to_limit_rad", "singular_value")
-    mm, limit, singular = (_number(fields.get(name), f"{where}.{name}") for name in names)
-    closest = _of_kind(fields.get("closest"), list, f"{where}.closest")
-    if len(closest) != 2 or not all(isinstance(one, str) for one in closest):
-        raise _wrong(f"{where}.closest", "must be two names", closest)
-    return ArmState(mm, (closest[0], closest[1]), limit, singular)
-
-
-def _simulated(data: Any, probability: Mapping[str, float], where: str) -> dict[str, SuccessRate]:
-    """Return what a simulation found: how often of how many poses, and the interval that was stated."""
-    rates = {}
-    for name, rate in _of_kind(data, dict, where).items():
-        at = f"{where}.{name}"
-        fields = _of_kind(rate, dict, at)
-        n, successes, outside = (
-            _count(fields.get(key), f"{at}.{key}") for key in ("n", "successes", "outside")
-        )
-        low, high, confidence = (
-            _number(fields.get(key), f"{at}.{key}") for key in ("low", "high", "confidence")
-        )
-        if not 0 < n >= successes + outside:
-            raise _wrong(f"{at}.n", "must be all displaced poses", n)
-        if not 0.0 <= low <= successes / n <= high <= 1.0:
-            raise _wrong(f"{at}.low", "must be at most the frequency", low)
-        if name not in probability:
-            raise _wrong(at, "must be of a name with a probability", name)
-        stated = (successes, n, low, high, confidence, outside)
-        rates[name] = SuccessRate(*stated, probability[name])
-    return rates
-
-
-def _check_settings(found: RobotProgram) -> None:
+def _check_settings(program: RobotProgram) -> None:
     """Check that each setting is visited once, or is not reached."""
-    visited = [stop.setting_idx for tour in found.tours for stop in tour.stops]
+    visited = [stop.setting_idx for tour in program.tours for stop in tour.stops]
     for k in visited:
         if visited.count(k) > 1:
-            raise _wrong("tours", "must visit each setting once", f"setting {k + 1} again")
-        if k in found.unreached:
-            raise _wrong("unreached", "must hold settings that are not visited", k + 1)
+            raise _wrong(("tours",), "must visit each setting once", f"setting {k + 1} again")
+        if k in program.unreached:
+            raise _wrong(("unreached",), "must hold settings that are not visited", k + 1)
 
 
-def _start(data: Mapping[str, Any]) -> HomeStart:
-    """Return how the program begins."""
-    start = HomeStart(
-        *(_number(data.get(key), f"start.{key}") for key in ("tolerance_rad", "speed"))
-    )
-    if not 0.0 < start.tolerance_rad <= LARGEST_TOLERANCE_RAD:
-        rule = f"must be above 0 and at most {LARGEST_TOLERANCE_RAD:g}"
-        raise _wrong("start.tolerance_rad", rule, start.tolerance_rad)
-    if start.speed <= 0.0:
-        raise _wrong("start.speed", "must be positive", start.speed)
-    return start
-
-
-def _controller(data: Mapping[str, Any]) -> ControllerAxes:
-    """Return the axes of the controller."""
-    try:
-        return ControllerAxes(data.get("coupled", ()), data.get("axis_limits", ()))
-    except RobotError as error:
-        raise _wrong_axes(error) from None
-
-
-def _wrong_axes(error: RobotError) -> PlanFileError:
-    return PlanFileError(f"{error.parameter} {error.rule}. Got {error.got}.")
-
-
-def _check_axes(found: RobotProgram) -> None:
-    """Check that all joints are within the limits of the controller's axes."""
-    for k, tour in enumerate(found.tours):
-        for move in tour.moves:
-            if (found.controller.margin(move.joints) < -_SAME).any():
-                got = f"tours.{k} beyond one"
-                raise _wrong("axis_limits", "must hold all joints of the moves", got)
-
-
-def _by_setting(data: Any, where: str) -> dict[int, str]:
-    texts = {}
-    for key, text in _of_kind(data, dict, where).items():
-        if not key.isdecimal() or int(key) < 1:
-            raise _wrong(where, "must have numbers of settings from 1 as keys", key)
-        texts[int(key) - 1] = _of_kind(text, str, f"{where}.{key}")
-    return texts
-
-
-def _rates(data: Any, count: int, where: str) -> JointRates:
-    fields = _of_kind(data, dict, where)
-    names = ("speeds", "accelerations")
-    values = [_numbers(fields.get(name), (count,), f"{where}.{name}") for name in names]
-    for name, rates in zip(names, values, strict=True):
-        if not (rates > 0).all():
-            raise _wrong(f"{where}.{name}", "must be positive", rates.tolist())
-    return JointRates(*values)
-
-
-def _same_seconds(given: Any, computed: float, where: str) -> None:
-    if abs(_number(given, where) - computed) > _SAME:
-        raise _wrong(where, f"must be the time of the moves, {computed:.6f}", given)
-
-
-def _numbers(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
-    """Return finite numbers of a shape."""
-    rule = f"must hold finite numbers of the shape {shape}"
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        raise _wrong(where, rule, value)
-    try:
-        numbers = np.array(value)
-    except ValueError:
-        raise _wrong(where, rule, value) from None
-    if numbers.shape != shape or numbers.dtype.kind not in "fi" or not np.isfinite(numbers).all():
-        raise _wrong(where, rule, value)
-    return numbers.astype(np.float64)
-
-
-def _number(value: Any, where: str) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
-        raise _wrong(where, "must be a finite number", value)
-    return float(value)
-
-
-def _count(value: Any, where: str) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise _wrong(where, "must be an integer that is not negative", value)
-    return value
-
-
-def _of_kind(value: Any, kind: type, where: str) -> Any:
-    if kind is float:
-        return _number(value, where)
-    if not isinstance(value, kind):
-        words = {"str": "a text", "dict": "an object", "list": "a list"}
-        raise _wrong(where, f"must be {words[kind.__name__]}", value)
-    return value
-
-
-def _wrong(where: str, rule: str, got: Any) -> PlanFileError:
-    return PlanFileError(f"{where} {rule}. Got {shown(got)}.")
+def _wrong(path: Sequence[object], rule: str, got: object) -> PlanFileError:
+    return PlanFileError.of_rule(field_name(*path), rule, shown(got))

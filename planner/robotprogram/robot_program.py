@@ -40,11 +40,12 @@ from planner.robotprogram.program import (
     Move,
     RobotProgram,
     Stop,
+    StopRate,
     plan_digest,
     program_warnings,
 )
 from planner.travel import EXACT_UP_TO, quick_length, shortest_tour
-from planner.verify.simulate_setting import SuccessRate, simulate_setting
+from planner.verify.simulate_setting import simulate_setting
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -298,7 +299,7 @@ def simulated_rates(
     covariance: np.ndarray,
     n: int,
     seed: list[int],
-) -> dict[str, SuccessRate]:
+) -> dict[str, StopRate]:
     """Measure the targets of a setting from displaced poses of an arm.
 
     Parameters
@@ -318,10 +319,10 @@ def simulated_rates(
 
     Returns
     -------
-    dict of str to SuccessRate
+    dict of str to StopRate
         By target. A target outside of the image counts as a failure.
     """
-    return simulate_setting(
+    rates = simulate_setting(
         replace(_of_arm(plan, setting, covariance), probability=dict(stated), p_all={}),
         plan.targets,
         plan.camera,
@@ -330,6 +331,7 @@ def simulated_rates(
         n=n,
         rng=np.random.default_rng(seed),
     )
+    return {name: StopRate.of(rate) for name, rate in rates.items()}
 
 
 # Which fixturings a plan needs: as many settings as can be reached, then few fixturings, then
@@ -686,7 +688,8 @@ class _ProgramMaker:
             coverage=choice.coverage,
             digests=self._digests(),
             start=self._start(driven),
-            controller=self._cell.robot.controller,
+            coupled=self._cell.robot.controller.coupled,
+            axis_limits=self._cell.robot.controller.limits,
             warnings=self._warnings(driven),
         )
 
@@ -804,7 +807,7 @@ class _ProgramMaker:
             self._stop(f, settings[i], branch, move)
             for i, branch, move in zip(tour.order, tour.branches, tour.moves[:-1], strict=True)
         )
-        back = tour.moves[-1] if stops else Move(np.array([home, home]), 0.0)
+        back = tour.moves[-1] if stops else Move(0.0, np.array([home, home]))
         return FixturedTour(name, stops, back, self._table_rates(name))
 
     def _table_rates(self, fixturing: str) -> JointRates | None:
@@ -836,7 +839,7 @@ class _ProgramMaker:
         )
         flange = robot.forward(robot_joints)
         if reached.covariances is None:
-            return Stop(k, move, state, flange)
+            return Stop(k, flange, move, state)
         covariance = reached.covariances[branch]
         stated = reached.probabilities[branch]
         rates = {}
@@ -845,7 +848,7 @@ class _ProgramMaker:
             rates = simulated_rates(
                 self._plan, setting, stated, covariance, self._simulate, [self._seed, k]
             )
-        return Stop(k, move, state, flange, covariance, stated, rates)
+        return Stop(k, flange, move, state, covariance, stated, rates)
 
     def _digests(self) -> dict[str, str]:
         digests = {"plan": plan_digest(self._plan)}
