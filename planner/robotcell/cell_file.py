@@ -7,45 +7,204 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from aspectgraph.files import check_plain, read_text
-from planner.argument_kinds import shown
+from ground.convert import Meta, from_plain
 from planner.exceptions import PlannerError, RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Box, Fixturing, Grip, mesh_of
 from planner.robotcell.urdf import carry, check_pose, compose, from_rpy
 
-_FILE = (
-    "robot",
-    "cam2flange",
-    "cam2base",
-    "fixturings",
-    "camera_body",
-    "obstacles",
-    "clearance_mm",
-    "home_deg",
-)
-_ROBOT = (
-    "urdf",
-    "tip",
-    "base",
-    "packages",
-    "accelerations",
-    "speeds",
-    "bodiless_links",
-    "coupled",
-    "axis_limits_deg",
-)
-_TURNS = ("angles", "turn_speed", "turn_acceleration")
-_FIXTURING = ("part2base", "obstacles", "axis", "angles_deg", "turning", *_TURNS)
-_AXIS = ("point", "direction")
 _INLINE = ("cam2flange", "part2base", "pose", "axis", "packages")
-_BODY = ("low", "high", "pose", "mesh")
+
+# The tables of a cell file; a value without a rule here is checked by what is made of it.
+
+
+Triple = Annotated[tuple[float, float, float], Meta(title="must be 3 finite numbers")]
+FileName = Annotated[str, Meta(min_length=1, title="must be the name of a file or folder")]
+SixAngles = Annotated[
+    tuple[float, ...], Meta(min_length=6, max_length=6, title="must be 6 finite numbers")
+]
+
+
+@dataclass(frozen=True)
+class PoseTable:
+    """A pose as a place, mm, and turns about fixed x, then y, then z, degrees."""
+
+    xyz: Triple
+    rpy_deg: Triple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class BodyTable:
+    """A box or a mesh."""
+
+    low: Any = None
+    high: Any = None
+    mesh: FileName = ""
+    pose: Any = None
+
+    def __post_init__(self) -> None:
+        corners = _stated(self, "low", "high")
+        if self.mesh and corners:
+            got = ", ".join([*corners, "mesh"])
+            raise RobotError.of_rule("", "must have either a mesh or low and high", got)
+        if not self.mesh and len(corners) < 2:
+            missing = "high" if "low" in corners else "low"
+            raise RobotError.of_rule("", "must have a mesh, or low and high", f"no {missing}")
+        pose = None if self.pose is None else _pose("pose", self.pose)
+        object.__setattr__(self, "pose", pose)
+        if corners:
+            # refuses what is no box, and the path of this table then stands before it
+            Box(**corners)
+
+    def body(self, folder: Path, name: str) -> Body:
+        """Return the body; a mesh is in a folder."""
+        if not self.mesh:
+            return Box(**_stated(self, "low", "high", "pose"))
+        if self.pose is None:
+            return folder / self.mesh
+        corners, triangles = mesh_of(folder / self.mesh, f"{name}.mesh")
+        return carry(self.pose, corners), triangles
+
+
+@dataclass(frozen=True)
+class AxisTable:
+    """The axis of a turntable: a point, mm, and a direction."""
+
+    point: Triple
+    direction: Triple
+
+
+@dataclass(frozen=True)
+class FixturingTable:
+    """One way the part lies."""
+
+    part2base: Any
+    obstacles: Mapping[str, BodyTable] = field(default_factory=dict)
+    turning: Mapping[str, BodyTable] = field(default_factory=dict)
+    axis: AxisTable | None = None
+    angles: Any = None
+    angles_deg: tuple[float, ...] | None = None
+    turn_speed: Any = None
+    turn_acceleration: Any = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "part2base", _pose("part2base", self.part2base))
+        if self.angles_deg is None:
+            return
+        if self.angles is not None:
+            raise RobotError.of_rule("angles_deg", "must not be given with angles", "both")
+        object.__setattr__(self, "angles", np.radians(self.angles_deg).tolist())
+
+    def fixturing(self, folder: Path, name: str) -> Fixturing:
+        """Return the fixturing."""
+        return Fixturing(
+            self.part2base,
+            _bodies(self.obstacles, folder, f"{name}.obstacles"),
+            None if self.axis is None else (self.axis.point, self.axis.direction),
+            turning=_bodies(self.turning, folder, f"{name}.turning"),
+            **_stated(self, "angles", "turn_speed", "turn_acceleration"),
+        )
+
+
+@dataclass(frozen=True)
+class GripTable:
+    """One way the robot holds the part."""
+
+    part2flange: Any
+    gripper: Mapping[str, BodyTable] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "part2flange", _pose("part2flange", self.part2flange))
+
+    def fixturing(self, folder: Path, name: str) -> Grip:
+        """Return the grip."""
+        return Grip(self.part2flange, _bodies(self.gripper, folder, f"{name}.gripper"))
+
+
+@dataclass(frozen=True)
+class RobotTable:
+    """The robot: a URDF, and what it does not state."""
+
+    urdf: FileName
+    tip: Any = None
+    base: Any = None
+    packages: Mapping[str, FileName] = field(default_factory=dict)
+    accelerations: Any = None
+    speeds: Any = None
+    bodiless_links: Any = None
+    coupled: Any = None
+    axis_limits_deg: tuple[Triple, ...] = ()
+
+    def robot(self, folder: Path) -> Robot:
+        """Return the robot, which is read from its files."""
+        names = ("tip", "base", "accelerations", "speeds", "bodiless_links", "coupled")
+        return Robot.from_urdf(
+            folder / self.urdf,
+            packages={name: folder / path for name, path in self.packages.items()},
+            axis_limits=[
+                [axis, *np.radians([low, high]).tolist()]
+                for axis, low, high in self.axis_limits_deg
+            ],
+            **_stated(self, *names),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellTable:
+    """What a cell has, whatever its hand carries."""
+
+    robot: RobotTable
+    camera_body: Annotated[
+        tuple[BodyTable, ...], Meta(title="must be written [[camera_body]]")
+    ] = ()
+    obstacles: Mapping[str, BodyTable] = field(default_factory=dict)
+    clearance_mm: Any = None
+    home_deg: SixAngles = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraInHandTable(CellTable):
+    """A cell whose hand carries the camera."""
+
+    cam2flange: Any
+    fixturings: Mapping[str, FixturingTable]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartInHandTable(CellTable):
+    """A cell whose camera stands still, while the hand holds the part."""
+
+    cam2base: Any
+    fixturings: Mapping[str, GripTable]
+
+
+def _stated(table: Any, *names: str) -> dict[str, Any]:
+    """Return those fields of a table that a file states, as arguments."""
+    values = {name: getattr(table, name) for name in names}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _bodies(tables: Mapping[str, BodyTable], folder: Path, name: str) -> dict[str, Body]:
+    return {key: table.body(folder, f"{name}.{key}") for key, table in tables.items()}
+
+
+def _pose(name: str, value: Any) -> np.ndarray:
+    """Return a pose from four rows, or from a `PoseTable`."""
+    if not isinstance(value, Mapping):
+        return check_pose(name, value)
+    try:
+        table = from_plain(PoseTable, value, RobotError)
+    except RobotError as error:
+        raise RobotError.of_rule(f"{name}.{error.parameter}", error.rule, error.got) from None
+    return from_rpy(np.array(table.xyz), np.radians(table.rpy_deg))
 
 
 def cell_fields(path: str | PathLike[str]) -> dict[str, Any]:
@@ -63,13 +222,43 @@ def cell_fields(path: str | PathLike[str]) -> dict[str, Any]:
     """
     file = Path(path)
     content = _read(file)
+    if "cam2base" in content and "cam2flange" in content:
+        name = f"{file}: cam2base"
+        raise RobotError.of_rule(name, "must not be given with cam2flange", "both")
+    camera = "cam2base" if "cam2base" in content else "cam2flange"
+    kind = PartInHandTable if camera == "cam2base" else CameraInHandTable
+    table: Any = from_plain(kind, content, RobotError, str(file))
     try:
-        return _fields(content, file.parent)
+        return {camera: _pose(camera, content[camera]), **_arguments(table, file.parent)}
     except RobotError as error:
-        field = f"{file}: {error.parameter or 'a field'}".rstrip()
         if not error.parameter:
             raise
-        raise RobotError.of_rule(field, error.rule, error.got, hint=error.hint) from None
+        name = f"{file}: {error.parameter}"
+        raise RobotError.of_rule(name, error.rule, error.got, hint=error.hint) from None
+
+
+def _arguments(table: CameraInHandTable | PartInHandTable, folder: Path) -> dict[str, Any]:
+    """Return the arguments of a cell, but for its camera's place."""
+    home = {"home": np.radians(table.home_deg)} if table.home_deg else {}
+    return {
+        "robot": table.robot.robot(folder),
+        "fixturings": {
+            name: _fixturing(way, folder, f"fixturings.{name}")
+            for name, way in table.fixturings.items()
+        },
+        "obstacles": _bodies(table.obstacles, folder, "obstacles"),
+        "camera_body": tuple(body.body(folder, "camera_body") for body in table.camera_body),
+        **_stated(table, "clearance_mm"),
+        **home,
+    }
+
+
+def _fixturing(table: FixturingTable | GripTable, folder: Path, name: str) -> Fixturing | Grip:
+    try:
+        return table.fixturing(folder, name)
+    except PlannerError as error:
+        parameter = f"{name}.{getattr(error, 'parameter', '')}"
+        raise RobotError.of_rule(parameter, error.rule, error.got, hint=error.hint) from None
 
 
 def moved_cell(path: str | PathLike[str], motion: np.ndarray, folder: Path) -> dict[str, Any]:
@@ -87,13 +276,13 @@ def moved_cell(path: str | PathLike[str], motion: np.ndarray, folder: Path) -> d
     file = Path(path)
     content = _read(file)
     for fixturing in content["fixturings"].values():
-        pose = compose(motion, _pose(fixturing["part2base"], "part2base"))
+        pose = compose(motion, _pose("part2base", fixturing["part2base"]))
         fixturing["part2base"] = pose.tolist()
         for body in (
             *fixturing.get("obstacles", {}).values(),
             *fixturing.get("turning", {}).values(),
         ):
-            before = _pose(body["pose"], "pose") if "pose" in body else np.eye(4)
+            before = _pose("pose", body["pose"]) if "pose" in body else np.eye(4)
             body["pose"] = compose(motion, before).tolist()
         if "axis" in fixturing:
             axis = fixturing["axis"]
@@ -188,157 +377,3 @@ def _read(file: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise RobotError(f"{file}: cell file must be TOML. Got: {error}.") from None
     return content
-
-
-def _fields(content: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    # the camera is in the hand, or stands still while the hand holds the part
-    camera = "cam2base" if "cam2base" in content else "cam2flange"
-    _check_keys(content, _FILE, "", required=("robot", camera, "fixturings"))
-    if "cam2base" in content and "cam2flange" in content:
-        raise RobotError.of_rule("cam2base", "must not be given with cam2flange", "both")
-    read = _grip if camera == "cam2base" else _fixturing
-    fields: dict[str, Any] = {
-        "robot": _robot(_table(content["robot"], "robot"), folder),
-        camera: _pose(content[camera], camera),
-        "fixturings": {
-            name: read(_table(item, f"fixturings.{name}"), f"fixturings.{name}", folder)
-            for name, item in _table(content["fixturings"], "fixturings").items()
-        },
-        "obstacles": _bodies(content.get("obstacles", {}), "obstacles", folder),
-    }
-    bodies = content.get("camera_body", [])
-    if not isinstance(bodies, list):
-        raise RobotError.of_rule("camera_body", "must be written [[camera_body]]", shown(bodies))
-    fields["camera_body"] = tuple(_body(item, "camera_body", folder) for item in bodies)
-    if "clearance_mm" in content:
-        fields["clearance_mm"] = content["clearance_mm"]
-    if "home_deg" in content:
-        fields["home"] = np.radians(_numbers(content["home_deg"], 6, "home_deg"))
-    return fields
-
-
-def _robot(table: Mapping[str, Any], folder: Path) -> Robot:
-    _check_keys(table, _ROBOT, "robot.", required=("urdf",))
-    apart = ("urdf", "packages", "axis_limits_deg")
-    arguments = {key: value for key, value in table.items() if key not in apart}
-    if "axis_limits_deg" in table:
-        arguments["axis_limits"] = _axis_limits(table["axis_limits_deg"])
-    for key in ("tip", "base"):
-        if key in arguments and not isinstance(arguments[key], str):
-            raise RobotError.of_rule(
-                f"robot.{key}", "must be the name of a link", shown(arguments[key])
-            )
-    packages = {
-        name: folder / _text(value, f"robot.packages.{name}")
-        for name, value in _table(table.get("packages", {}), "robot.packages").items()
-    }
-    return Robot.from_urdf(
-        folder / _text(table["urdf"], "robot.urdf"), packages=packages, **arguments
-    )
-
-
-def _axis_limits(rows: Any) -> list[list[float]]:
-    """Return limits of the controller's axes in rad."""
-    name = "robot.axis_limits_deg"
-    if not isinstance(rows, list):
-        raise RobotError.of_rule(name, "must be a list", shown(rows))
-    read = [_numbers(row, 3, name) for row in rows]
-    return [[axis, *np.radians([low, high]).tolist()] for axis, low, high in read]
-
-
-def _fixturing(table: Mapping[str, Any], name: str, folder: Path) -> Fixturing:
-    _check_keys(table, _FIXTURING, f"{name}.", required=("part2base",))
-    part2base = _pose(table["part2base"], f"{name}.part2base")
-    obstacles = _bodies(table.get("obstacles", {}), f"{name}.obstacles", folder)
-    arguments: dict[str, Any] = {key: table[key] for key in _TURNS if key in table}
-    if "angles" in table and "angles_deg" in table:
-        raise RobotError.of_rule(f"{name}.angles_deg", "must not be given with angles", "both")
-    if "angles_deg" in table:
-        listed = table["angles_deg"]
-        count = len(listed) if isinstance(listed, list) else 1
-        arguments["angles"] = np.radians(_numbers(listed, count, f"{name}.angles_deg")).tolist()
-    if "axis" in table:
-        axis = _table(table["axis"], f"{name}.axis")
-        _check_keys(axis, _AXIS, f"{name}.axis.", required=_AXIS)
-        arguments["axis"] = [_numbers(axis[key], 3, f"{name}.axis.{key}") for key in _AXIS]
-    if "turning" in table:
-        arguments["turning"] = _bodies(table["turning"], f"{name}.turning", folder)
-    try:
-        return Fixturing(part2base, obstacles, **arguments)
-    except PlannerError as error:
-        field = f"{name}.{getattr(error, 'parameter', '')}"
-        raise RobotError.of_rule(field, error.rule, error.got, hint=error.hint) from None
-
-
-def _grip(table: Mapping[str, Any], name: str, folder: Path) -> Grip:
-    _check_keys(table, ("part2flange", "gripper"), f"{name}.", required=("part2flange",))
-    part2flange = _pose(table["part2flange"], f"{name}.part2flange")
-    return Grip(part2flange, _bodies(table.get("gripper", {}), f"{name}.gripper", folder))
-
-
-def _bodies(tables: Any, name: str, folder: Path) -> dict[str, Body]:
-    return {key: _body(body, f"{name}.{key}", folder) for key, body in _table(tables, name).items()}
-
-
-def _body(table: Any, name: str, folder: Path) -> Body:
-    fields = _table(table, name)
-    _check_keys(fields, _BODY, f"{name}.")
-    if "mesh" in fields:
-        if "low" in fields or "high" in fields:
-            rule = "must have either a mesh or low and high"
-            raise RobotError.of_rule(name, rule, ", ".join(fields))
-        mesh = folder / _text(fields["mesh"], f"{name}.mesh")
-        if "pose" not in fields:
-            return mesh
-        corners, triangles = mesh_of(mesh, f"{name}.mesh")
-        return carry(_pose(fields["pose"], f"{name}.pose"), corners), triangles
-    for key in ("low", "high"):
-        if key not in fields:
-            raise RobotError.of_rule(name, "must have a mesh, or low and high", f"no {key}")
-    low, high = (_numbers(fields[key], 3, f"{name}.{key}") for key in ("low", "high"))
-    pose = _pose(fields["pose"], f"{name}.pose") if "pose" in fields else np.eye(4)
-    return Box(low, high, pose)
-
-
-def _pose(value: Any, name: str) -> np.ndarray:
-    """Return a pose from four rows, or from xyz in mm and rpy_deg."""
-    if isinstance(value, Mapping):
-        _check_keys(value, ("xyz", "rpy_deg"), f"{name}.", required=("xyz",))
-        xyz = _numbers(value["xyz"], 3, f"{name}.xyz")
-        rpy = _numbers(value.get("rpy_deg", (0.0, 0.0, 0.0)), 3, f"{name}.rpy_deg")
-        return from_rpy(np.array(xyz), np.radians(rpy))
-    return check_pose(name, value)
-
-
-def _check_keys(
-    table: Mapping[str, Any], known: tuple[str, ...], prefix: str, required: tuple[str, ...] = ()
-) -> None:
-    for key in table:
-        if key not in known:
-            hint = f"the fields are {', '.join(known)}"
-            raise RobotError.of_rule(f"{prefix}{key}", "must be a field of a cell", key, hint=hint)
-    for key in required:
-        if key not in table:
-            raise RobotError.of_rule(f"{prefix}{key}", "must be given", "none")
-
-
-def _table(value: Any, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise RobotError.of_rule(name, "must be a table", shown(value))
-    return value
-
-
-def _text(value: Any, name: str) -> str:
-    if not isinstance(value, str) or not value:
-        raise RobotError.of_rule(name, "must be the name of a file or folder", shown(value))
-    return value
-
-
-def _numbers(value: Any, count: int, name: str) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(number) for number in value)
-    except (TypeError, ValueError):
-        numbers = ()
-    if len(numbers) != count or isinstance(value, str) or not np.isfinite(numbers).all():
-        raise RobotError.of_rule(name, f"must be {count} finite numbers", shown(value))
-    return numbers
