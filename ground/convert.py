@@ -155,7 +155,7 @@ def check_fields(record: Any, error: type[RuleError]) -> None:
     """
     cls: Any = type(record)
     for key, field in _record(cls).fields.items():
-        value = getattr(record, field.name, None)
+        value: Any = getattr(record, field.name, None)
         if field.is_derived or value is field.default:
             continue
         try:
@@ -385,8 +385,9 @@ class _Scalar(_Kind):
         """Return the words of the limit that a value breaks, or of the type."""
         for name, words in _LIMITS.items():
             limit = getattr(meta, name)
-            within = Annotated[self.type, Meta(**{name: limit})]
-            if limit is not None and _fits(value, self.type) and not _fits(value, within):
+            rule = Meta(**{name: limit})
+            is_number = _fits(value, Annotated[self.type, Meta()])
+            if limit is not None and is_number and not _fits(value, Annotated[self.type, rule]):
                 return words.format(limit)
         return self.words
 

@@ -721,7 +721,8 @@ class Camera:
         dict
             Field names and values, without those that are not stated.
         """
-        return to_plain(self)
+        # a file without a name is named after itself
+        return {"name": self.name, **to_plain(self)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Camera:

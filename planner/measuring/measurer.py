@@ -17,24 +17,28 @@ from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity import PartRecord, other_part
 from planner.light.light_plan import beside, irradiance
-from planner.measuring.entity_scan import entity_samples, scan_entity
-from planner.measuring.gates import TooFarError, check_distance, displacement_between, distance_of
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.reading import (
     Reading,
-    Result,
     covariance_of,
-    merged,
+    entity_samples,
     read_length,
     read_value,
+    scan_entity,
 )
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
-from planner.measuring.results import MeasurementResults, Source
+from planner.measuring.results import MeasurementResults, Result, Source, merged
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.scans import CLIPPED_SHARE
-from planner.measuring.task import NotRegisteredError
+from planner.measuring.task import (
+    NotRegisteredError,
+    TooFarError,
+    check_distance,
+    displacement_between,
+    distance_of,
+)
 from planner.request.dimension import is_one_sided
 from planner.request.planned import PlannedTarget, targets_of
 from planner.request.targets import GIVEN, LEAST_POSE, OWN_EDGES

@@ -25,16 +25,17 @@ from aspectgraph.entities.carriers import PARAMETERS
 from errors.registration import Posterior, Rows, bias_variance_of, surprise
 from errors.registration.posterior import posterior
 from ground.loop_cache import njit
-from planner.measuring.gates import MOVE_SIGMAS, check_one_pose
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, Registered, prior_covariance
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.scans import SAMPLING_PX, State, gradients_of, profiles_of
 from planner.measuring.task import (
+    MOVE_SIGMAS,
     Found,
     NotRegisteredError,
     Scan,
     Task,
+    check_one_pose,
     cost_of,
     noise_of,
     registration_task,

@@ -27,18 +27,18 @@ from errors.registration.posterior import posterior
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
-from planner.measuring.gates import (
+from planner.measuring.images import Picture
+from planner.measuring.registered import displaced
+from planner.measuring.samples import POSE, pixels_of
+from planner.measuring.task import (
     CREDIBLE,
     MOVE_SIGMAS,
+    NotRegisteredError,
     check_distance,
     check_one_pose,
     distance_of,
     rigid_motion,
 )
-from planner.measuring.images import Picture
-from planner.measuring.registered import displaced
-from planner.measuring.samples import POSE, pixels_of
-from planner.measuring.task import NotRegisteredError
 from planner.plan_file import shown
 from planner.request.targets import GIVEN, LEAST_POSE, OWN_EDGES, RegistrationRecord
 from planner.sensor_setting import setting_name

@@ -15,18 +15,20 @@ from errors.registration import Posterior, Rows, undetermined
 from planner.camera.camera import Camera
 from planner.camera.imaging import tangents_of
 from planner.measuring.fit import TUKEY
-from planner.measuring.gates import MOST_CHI2, check_distance, distance_of
 from planner.measuring.images import Picture
 from planner.measuring.registered import LEAST_KNOWN, SAMPLE, Faces, Lamp, Registered, fitted
 from planner.measuring.samples import POSE, PartEdge, Samples, across_of, pixels_of
 from planner.measuring.scans import State, profiles_of
 from planner.measuring.task import (
     LEAST_NOISE_PX,
+    MOST_CHI2,
     STRETCH_RAD,
     Found,
     NotRegisteredError,
     Scan,
     Task,
+    check_distance,
+    distance_of,
     residual_scale,
 )
 
