@@ -133,10 +133,12 @@ def entity_samples(
 ) -> Samples:
     """Return the samples of entities, and which are apart from all lines of the part that a scan could reach."""
     pose = registered.cam2world
-    own = model.edges.samples(pose, camera, edges, _MARGIN_PX)
+    samples = model.edges.samples(pose, camera, edges, _MARGIN_PX)
     shown = model.shown(pose, camera)
-    own.apart[:] = shown.apart(edges, own.edge, pixels_of(own.points, pose, camera), half_px)
-    return own
+    samples.apart[:] = shown.apart(
+        edges, samples.edge, pixels_of(samples.points, pose, camera), half_px
+    )
+    return samples
 
 
 def scan_entity(
@@ -176,27 +178,27 @@ def scan_entity(
     places = registered.moved(model, edge, samples.points)
     centres = pixels_of(places, pose, camera)
     across = across_of(places, samples.tangents, pose, camera)
-    found = _searched(picture, centres, across, samples, half_px)
+    scans = _searched(picture, centres, across, samples, half_px)
     if isinstance(edge.geometry, Circle):
-        found.offset[:] -= _curvature(centres, across) / 2 * _along_variance(found)
-    found.state[:] = _without_shadows(
-        model, edge, samples, picture, registered, (centres, across), found
+        scans.offset[:] -= _curvature(centres, across) / 2 * _along_variance(scans)
+    scans.state[:] = _without_shadows(
+        model, edge, samples, picture, registered, (centres, across), scans
     )
-    pixels = centres + np.where(found.state == State.FOUND, found.offset, 0.0)[:, None] * across
+    pixels = centres + np.where(scans.state == State.FOUND, scans.offset, 0.0)[:, None] * across
     normal = np.cross(frame.x, frame.y)
     # the plane is where the entity is, along the plane's normal
     origins = samples.points + ((places - samples.points) @ normal)[:, None] * normal
-    state = found.state.copy()
+    state = scans.state.copy()
     residual = np.full(len(state), np.nan)
     fit = None
-    kept = state == State.FOUND
+    is_found = state == State.FOUND
     scale = _px_per_mm(edge.geometry, frame, places, across, pose, camera)
-    if kept.sum() >= LEAST_POINTS:
+    if is_found.sum() >= LEAST_POINTS:
         directions = tangents_of(camera, pixels)
-        flat = carried_back(directions[kept], pose, origins[kept], normal, frame)
-        fit, good = robust_fit(edge.geometry, flat, scale[kept])
-        residual[kept] = fit.residual
-        state[np.flatnonzero(kept)[~good]] = State.OUTLIER
+        flat = carried_back(directions[is_found], pose, origins[is_found], normal, frame)
+        fit, good = robust_fit(edge.geometry, flat, scale[is_found])
+        residual[is_found] = fit.residual
+        state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
     points = np.zeros(len(state), dtype=POINT)
     points["u"], points["v"] = pixels.T
     points["nu"], points["nv"] = across.T
@@ -205,11 +207,11 @@ def scan_entity(
     points["residual_px"] = residual
     points["state"] = state
     reason = _incomplete(edge, points, coverage)
-    kept = state == State.FOUND
-    directions = tangents_of(camera, pixels[kept])
+    is_found = state == State.FOUND
+    directions = tangents_of(camera, pixels[is_found])
     fit = None if reason else fit
     return EntityScan(
-        edge, points, directions, origins[kept], scale[kept], fit, reason, _spacing(centres)
+        edge, points, directions, origins[is_found], scale[is_found], fit, reason, _spacing(centres)
     )
 
 
@@ -223,11 +225,11 @@ def _searched(
     if usable.any():
         first = picture.find(centres[usable], across[usable], half_px)
         sign = np.full(len(first.step), sign_of(first), dtype=np.int64)
-        found = picture.find(centres[usable], across[usable], half_px, sign)
-        state[usable] = found.state
-        offset[usable] = found.offset
-        step[usable] = found.step
-        blur[usable] = found.blur_px
+        scans = picture.find(centres[usable], across[usable], half_px, sign)
+        state[usable] = scans.state
+        offset[usable] = scans.offset
+        step[usable] = scans.step
+        blur[usable] = scans.blur_px
     return Scans(offset, state, step, blur)
 
 
@@ -245,9 +247,9 @@ def _without_shadows(
     good = found.state == State.FOUND
     if lamp is None or not good.any():
         return found.state
-    own = replace(samples, edge=np.zeros_like(samples.edge))
+    alone = replace(samples, edge=np.zeros_like(samples.edge))
     pose = registered.cam2world
-    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], own)
+    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], alone)
     edges = where[0] + np.where(good, found.offset, 0.0)[:, None] * where[1]
     stretch = stretches_of(edge, samples.share)
     shadows = beside_shadows(lamp, sampled, picture, (edges, where[1]), good, stretch)
@@ -309,34 +311,34 @@ def _px_per_mm(
 
 def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> str:
     """Say why what was found of an entity is not enough; empty if it is."""
-    what = "edge" if isinstance(edge.geometry, Line) else "rim"
+    word = "edge" if isinstance(edge.geometry, Line) else "rim"
     if not len(points):
-        return f"the image of {what} {edge.name} is too short"
-    found = points["state"] == State.FOUND
-    share = float(found.mean())
-    if share < coverage or found.sum() < LEAST_POINTS:
+        return f"the image of {word} {edge.name} is too short"
+    is_found = points["state"] == State.FOUND
+    share = float(is_found.mean())
+    if share < coverage or is_found.sum() < LEAST_POINTS:
         counts = {state: int(np.sum(points["state"] == state)) for state in State}
         del counts[State.FOUND]
         worst = max(counts, key=lambda state: counts[state])
         if counts[worst] >= 0.9 * len(points):
-            return f"{what} {edge.name} is {STATE_TEXTS[worst]}"
-        rest = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
-        return f"only {100 * share:.0f} % of {what} {edge.name} was found; {rest}"
+            return f"{word} {edge.name} is {STATE_TEXTS[worst]}"
+        main_reason = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
+        return f"only {100 * share:.0f} % of {word} {edge.name} was found; {main_reason}"
     low = points["share"].min()
     high = points["share"].max()
     sector = np.minimum(
         ((points["share"] - low) / max(high - low, 1e-12) * SECTORS).astype(int), SECTORS - 1
     )
-    missing = set(sector.tolist()) - set(sector[found].tolist())
+    missing = set(sector.tolist()) - set(sector[is_found].tolist())
     if missing:
-        return f"a twelfth of {what} {edge.name} was not found"
+        return f"a twelfth of {word} {edge.name} was not found"
     return ""
 
 
 def largest_state(counts: Mapping[str, int]) -> str:
     """Return the state that most samples have which were not found; empty if all were found."""
-    rest = {name: n for name, n in counts.items() if name != STATE_TEXTS[State.FOUND]}
-    return max(rest, key=lambda name: rest[name]) if rest else ""
+    others = {name: n for name, n in counts.items() if name != STATE_TEXTS[State.FOUND]}
+    return max(others, key=lambda name: others[name]) if others else ""
 
 
 # The uncertainty of a reading by drawing (JCGM 101): the check of the one by derivatives.
@@ -382,13 +384,13 @@ def drawn_uncertainty(
         Of the draws.
     """
     rng = np.random.default_rng(seed)
-    own = [model.unknowns_of(scan.edge) for scan in scans]
-    unknowns = np.unique(np.concatenate([np.arange(POSE), *own]))
+    scan_unknowns = [model.unknowns_of(scan.edge) for scan in scans]
+    unknowns = np.unique(np.concatenate([np.arange(POSE), *scan_unknowns]))
     root = covariance_root(registered.covariance[np.ix_(unknowns, unknowns)])
     moves = rng.standard_normal((DRAWS, len(unknowns))) @ root.T
     fits = []
     for scan, frame, surfaces, (sigma, floor) in zip(
-        scans, measurand.frames, own, noise, strict=True
+        scans, measurand.frames, scan_unknowns, noise, strict=True
     ):
         columns = np.searchsorted(unknowns, surfaces)
         drawn = np.concatenate([moves[:, :POSE], moves[:, columns]], axis=1)
@@ -412,8 +414,8 @@ def _drawn_fits(
     count = len(scan.directions)
     thin = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).round().astype(int))
     normal = np.cross(frame.x, frame.y)
-    kept = scan.points["state"] == 0
-    samples = np.stack([scan.points[name][kept][thin] for name in "xyz"], axis=1)
+    counted = scan.points["state"] == 0
+    samples = np.stack([scan.points[name][counted][thin] for name in "xyz"], axis=1)
     lift = np.einsum("mij,i->mj", model.displacement(scan.edge, samples), normal)
     origins = scan.origins[thin] + (moves[:, POSE:] @ lift.T)[..., None] * normal
     poses = displaced(registered.cam2world, moves[:, :POSE])
@@ -551,19 +553,19 @@ def read_value(
     gradient = np.zeros(model.n_unknowns)
     rms = []
     noise = []
-    for scan, fit, frame, own in zip(scans, fits, measurand.frames, by_fitted, strict=True):
-        kept = np.isfinite(scan.points["residual_px"]) & (scan.points["state"] == 0)
-        residual = scan.points["residual_px"][kept]
-        variance = float((residual**2).sum() / max(len(residual) - len(own), 1))
+    for scan, fit, frame, slope in zip(scans, fits, measurand.frames, by_fitted, strict=True):
+        counted = np.isfinite(scan.points["residual_px"]) & (scan.points["state"] == 0)
+        residual = scan.points["residual_px"][counted]
+        variance = float((residual**2).sum() / max(len(residual) - len(slope), 1))
         rms.append(float((residual**2).mean()))
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
         # such errors have one direction, so their mean over the entity is about as large as they are
         common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
         noise.append((math.sqrt(variance * alike), common_px))
-        random += variance * alike * float(own @ fit.covariance @ own)
-        floor += common_px**2 * float(((own @ fit.common) ** 2).sum())
+        random += variance * alike * float(slope @ fit.covariance @ slope)
+        floor += common_px**2 * float(((slope @ fit.common) ** 2).sum())
         unknowns, rows = _fitted_by_unknowns(scan, frame, registered, model)
-        np.add.at(gradient, unknowns, own @ rows)
+        np.add.at(gradient, unknowns, slope @ rows)
     budget = budget_of(gradient, registered.covariance, random, floor)
     u = math.sqrt(max(math.fsum(budget.values()), 0.0))
     # of the name, so that no other target changes the draws
@@ -622,18 +624,18 @@ def budget_of(gradient: Array, covariance: Array, random: float, floor: float) -
 
 def _by_fitted(measurand: Measurand, fitted: Sequence[Array]) -> list[Array]:
     """Return the value's derivatives by what is fitted of each entity."""
-    found = []
-    for k, own in enumerate(fitted):
-        slopes = np.empty(len(own))
-        for i in range(len(own)):
+    derivatives = []
+    for k, parameters in enumerate(fitted):
+        slopes = np.empty(len(parameters))
+        for i in range(len(parameters)):
             values = []
             for sign in (1, -1):
-                moved = [one[None].copy() for one in fitted]
+                moved = [fit_values[None].copy() for fit_values in fitted]
                 moved[k][0, i] += sign * _FITTED_STEP
                 values.append(float(measurand.value(moved)[0]))
             slopes[i] = (values[0] - values[1]) / (2 * _FITTED_STEP)
-        found.append(slopes)
-    return found
+        derivatives.append(slopes)
+    return derivatives
 
 
 def _fitted_by_unknowns(
@@ -653,8 +655,8 @@ def fits_after(
 ) -> Array:
     """Return what is fitted (n, p) if the pose and the entity's surfaces were displaced by moves (n, 12)."""
     normal = np.cross(frame.x, frame.y)
-    kept = scan.points["state"] == 0
-    samples = np.stack([scan.points[name][kept] for name in "xyz"], axis=1)
+    counted = scan.points["state"] == 0
+    samples = np.stack([scan.points[name][counted] for name in "xyz"], axis=1)
     lift = np.einsum("mij,i->mj", model.displacement(scan.edge, samples), normal)
     lifted = moves[:, POSE:] @ lift.T
     origins = scan.origins + lifted[..., None] * normal
@@ -666,7 +668,7 @@ def fits_after(
 
 def covariance_of(readings: Mapping[str, Reading], covariance: Array) -> Array:
     """Return the covariance (n, n) of readings of one image by what they have in common: pose and surfaces."""
-    gradients = np.array([one.gradient for one in readings.values()])
+    gradients = np.array([reading.gradient for reading in readings.values()])
     return np.asarray(gradients @ covariance @ gradients.T)
 
 
@@ -720,9 +722,9 @@ def read_length(
         points of a line have in common, px.
     """
     half_px, coverage, floor_px = how
-    own = _scan(model, edge, picture, registered, (half_px, coverage, None))
-    scans = [own]
-    reasons = [own.reason]
+    length_scan = _scan(model, edge, picture, registered, (half_px, coverage, None))
+    scans = [length_scan]
+    reasons = [length_scan.reason]
     for end in _ends(edge):
         arm = _arm(model, edge, end, picture, registered, half_px)
         reasons.append("" if arm else "no line that leaves a corner was found")
@@ -732,7 +734,7 @@ def read_length(
     reason = next(filter(None, reasons), "")
     if reason:
         return Reading(
-            *where, reason=reason, found_share=own.found_share, counts=counts, points=points
+            *where, reason=reason, found_share=length_scan.found_share, counts=counts, points=points
         )
     fitted = np.concatenate([scan.fit.fitted for scan in scans if scan.fit is not None])
     planned = _planned_ends(model, edge, registered, picture.camera, np.zeros(POSE + 6))
@@ -753,8 +755,8 @@ def read_length(
         value=length,
         standard_uncertainty=math.sqrt(max(math.fsum(budget.values()), 0.0)),
         budget=budget,
-        found_share=own.found_share,
-        rms_px=_rms(own),
+        found_share=length_scan.found_share,
+        rms_px=_rms(length_scan),
         counts=counts,
         points=points,
         gradient=gradient,
@@ -907,13 +909,13 @@ def _localisation(
     random = 0.0
     floor = 0.0
     for k, scan in enumerate(scans):
-        own = slopes[2 * k : 2 * k + 2]
+        slope = slopes[2 * k : 2 * k + 2]
         assert scan.fit is not None
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
-        random += _rms(scan) ** 2 * alike * float(own @ scan.fit.covariance @ own)
+        random += _rms(scan) ** 2 * alike * float(slope @ scan.fit.covariance @ slope)
         residual = scan.points["residual_px"][scan.points["state"] == 0]
         common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
-        floor += common_px**2 * float(((own @ scan.fit.common) ** 2).sum())
+        floor += common_px**2 * float(((slope @ scan.fit.common) ** 2).sum())
     return random, floor
 
 

@@ -118,7 +118,7 @@ class Task:
     def spans(self) -> list[float]:
         """Angle of each edge that is round, rad; 0 of lines."""
         shapes = (edge.geometry for edge in self.edges)
-        return [one.span_rad if isinstance(one, Circle) else 0.0 for one in shapes]
+        return [shape.span_rad if isinstance(shape, Circle) else 0.0 for shape in shapes]
 
     @cached_property
     def stretch(self) -> NDArray[np.int64]:
@@ -162,11 +162,11 @@ class Task:
     def edge_means(self, residual: Array, good: NDArray[np.bool_]) -> Array:
         """Return for each sample the median of its edge's residuals, px, as far as an edge's bias explains it."""
         means = np.zeros(len(self.edges))
-        most = _MOST_BIASES * self.bias_px
-        for k, own in enumerate(self.own):
-            known = residual[own][good[own]]
-            if len(known) >= 4:
-                means[k] = min(max(float(np.median(known)), -most), most)
+        limit = _MOST_BIASES * self.bias_px
+        for k, samples in enumerate(self.own):
+            offsets = residual[samples][good[samples]]
+            if len(offsets) >= 4:
+                means[k] = min(max(float(np.median(offsets)), -limit), limit)
         return np.asarray(means[self.samples.edge])
 
 
@@ -225,16 +225,16 @@ def registration_task(
         )
     used = np.unique(chosen.edge)
     number = np.searchsorted(used, chosen.edge)
-    kept = [edges[k] for k in used]
+    used_edges = [edges[k] for k in used]
     moves = np.zeros((len(number), 3, 6))
-    firsts = np.searchsorted(number, np.arange(len(kept) + 1))
-    for edge, (first, last) in zip(kept, itertools.pairwise(firsts), strict=True):
+    firsts = np.searchsorted(number, np.arange(len(used_edges) + 1))
+    for edge, (first, last) in zip(used_edges, itertools.pairwise(firsts), strict=True):
         moves[first:last] = model.displacement(edge, chosen.points[first:last])
     samples = Samples(
         number, chosen.share, chosen.points, chosen.tangents, chosen.visible, chosen.apart
     )
-    unknowns = np.array([model.unknowns_of(edge) for edge in kept])
-    return Task(model, camera, planned, prior, samples, kept, unknowns, moves, bias_px)
+    unknowns = np.array([model.unknowns_of(edge) for edge in used_edges])
+    return Task(model, camera, planned, prior, samples, used_edges, unknowns, moves, bias_px)
 
 
 def residual_scale(residual: Array) -> float:
@@ -282,27 +282,28 @@ def solved(
     """
     design = task.design(x, across)
     now = moved(task, design, x)
-    weights = [tukey_weights(one.offset, residual_scale(one.offset[one.good])) for one in found]
+    weights = [tukey_weights(scan.offset, residual_scale(scan.offset[scan.good])) for scan in found]
     then = x
     for _ in range(2 if going_on else 3):
         rows = []
-        offsets = [one.offset - moved(task, design, then - x) for one in found]
-        counted = [one.good & (weight > 0) for one, weight in zip(found, weights, strict=True)]
-        left = [
-            rest - task.edge_means(rest, own) for rest, own in zip(offsets, counted, strict=True)
+        offsets = [scan.offset - moved(task, design, then - x) for scan in found]
+        counted = [scan.good & (weight > 0) for scan, weight in zip(found, weights, strict=True)]
+        residuals = [
+            offset - task.edge_means(offset, within)
+            for offset, within in zip(offsets, counted, strict=True)
         ]
-        noise = _noise(left, found)
+        noise = _noise(residuals, found)
         if then is not x:
-            weights = [tukey_weights(own, noise) for own in left]
+            weights = [tukey_weights(residual, noise) for residual in residuals]
         if whole and then is not x:
             weights = [
-                _of_whole_edges(task, one, weight)
-                for one, weight in zip(found, weights, strict=True)
+                _of_whole_edges(task, scan, weight)
+                for scan, weight in zip(found, weights, strict=True)
             ]
         variance = _correlated(noise)
-        for one, weight in zip(found, weights, strict=True):
-            rows += rows_of(task, design, one.offset + now, one.good * weight / variance)
-        alike = [one._replace(modes=None) for one in rows]
+        for scan, weight in zip(found, weights, strict=True):
+            rows += rows_of(task, design, scan.offset + now, scan.good * weight / variance)
+        alike = [row._replace(modes=None) for row in rows]
         then = damped(task.prior, x, alike, task.bias_px**2)
     return then, rows
 
@@ -316,18 +317,18 @@ def damped(prior: Array, x: Array, rows: list[Rows], variance: float) -> Array:
     nearer = 1 + DAMPING
     middle = x * DAMPING / nearer
     from_middle = [
-        one._replace(residual=one.residual - one.design @ middle[one.unknowns]) for one in rows
+        row._replace(residual=row.residual - row.design @ middle[row.unknowns]) for row in rows
     ]
     then = posterior(prior / nearer, from_middle, variance).mean + middle
-    told = np.zeros(len(x), dtype=np.bool_)
-    for one in rows:
-        told[one.unknowns] = True
-    return np.where(told, then, x)
+    is_told = np.zeros(len(x), dtype=np.bool_)
+    for row in rows:
+        is_told[row.unknowns] = True
+    return np.where(is_told, then, x)
 
 
 def noise_of(task: Task, found: list[Found]) -> float:
     """Return the standard deviation of found points about their edges, px."""
-    return _noise([one.offset - task.edge_means(one.offset, one.good) for one in found], found)
+    return _noise([scan.offset - task.edge_means(scan.offset, scan.good) for scan in found], found)
 
 
 def cost_of(
@@ -352,21 +353,21 @@ def cost_of(
         Variance of the biases of each edge, of all modes, px². Default: it has one, with the variance of the task.
     """
     variance = _correlated(noise)
-    most = (TUKEY * noise) ** 2 / variance
+    farthest = (TUKEY * noise) ** 2 / variance
     each = task.bias_px**2 if biases is None else biases
     total = float(x @ task.information @ x)
-    for one in found:
-        for k, own in enumerate(task.own):
-            at = own.start + np.flatnonzero(one.good[own])
+    for scan in found:
+        for k, samples in enumerate(task.own):
+            at = samples.start + np.flatnonzero(scan.good[samples])
             if len(at):
-                off = one.offset[at]
+                off = scan.offset[at]
                 at = at[np.abs(off - np.median(off)) <= TUKEY * noise]
-            lost = own.stop - own.start - len(at)
+            lost = samples.stop - samples.start - len(at)
             square = 0.0
             if len(at):
                 modes = np.ones((len(at), 1)) if biases is None else _bias_modes(task, k, at)
-                square = _square(one.offset[at], modes, variance, each)
-            total += min(square + lost * most, (own.stop - own.start) * most)
+                square = _square(scan.offset[at], modes, variance, each)
+            total += min(square + lost * farthest, (samples.stop - samples.start) * farthest)
     return total
 
 
@@ -378,7 +379,7 @@ def _square(offset: Array, modes: Array, variance: float, biases: float) -> floa
 
 
 def _noise(left: list[Array], found: list[Found]) -> float:
-    good = [own[one.good] for own, one in zip(left, found, strict=True)]
+    good = [residual[scan.good] for residual, scan in zip(left, found, strict=True)]
     return max(residual_scale(np.concatenate(good)), LEAST_NOISE_PX)
 
 
@@ -392,9 +393,9 @@ def _of_whole_edges(task: Task, one: Found, weight: Array) -> Array:
 
     What is left of such an edge is where it crosses the prediction, and it seems to lie there.
     """
-    kept = np.bincount(task.samples.edge, one.good & (weight > 0), len(task.edges))
+    fitting = np.bincount(task.samples.edge, one.good & (weight > 0), len(task.edges))
     offered = np.bincount(task.samples.edge, one.good, len(task.edges))
-    return np.asarray(weight * (kept >= LEAST_KEPT * offered)[task.samples.edge])
+    return np.asarray(weight * (fitting >= LEAST_KEPT * offered)[task.samples.edge])
 
 
 def moved(task: Task, design: Array, step: Array) -> Array:
@@ -406,13 +407,13 @@ def moved(task: Task, design: Array, step: Array) -> Array:
 def rows_of(task: Task, design: Array, residual: Array, weight: Array) -> list[Rows]:
     """Return the rows of each edge that was found."""
     rows = []
-    for k, own in enumerate(task.unknowns):
+    for k, surfaces in enumerate(task.unknowns):
         at = task.own[k].start + np.flatnonzero(weight[task.own[k]] > 0)
         if not len(at):
             continue
-        unknowns = np.concatenate([np.arange(POSE), own])
+        unknowns = np.concatenate([np.arange(POSE), surfaces])
         part = design[at]
-        if own[0] == own[3]:
+        if surfaces[0] == surfaces[3]:
             # both faces on one surface
             unknowns = unknowns[: POSE + 3]
             part = part[:, : POSE + 3]
@@ -544,13 +545,13 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
     NotRegisteredError
         If a displacement is beyond the limit.
     """
-    most = chi_squared.ppf(CREDIBLE, POSE)
+    limit = chi_squared.ppf(CREDIBLE, POSE)
     first = len(covariance) - len(moves)
     for k, name in enumerate(names[1:]):
-        own = slice(POSE * k, POSE * (k + 1))
-        at = slice(first + own.start, first + own.stop)
-        chi2 = distance_of(moves[own], covariance[at, at])
-        if not chi2 <= most:
+        move = slice(POSE * k, POSE * (k + 1))
+        at = slice(first + move.start, first + move.stop)
+        chi2 = distance_of(moves[move], covariance[at, at])
+        if not chi2 <= limit:
             raise NotRegisteredError(
                 f"{names[0]} and {name} are from different poses: the camera moved by "
                 f"{np.sqrt(chi2):.1f} standard deviations between them"
