@@ -137,7 +137,9 @@ def check_keys(cls: type, data: Mapping[str, Any], error: type[RuleError]) -> No
         raise refusal.as_error(error) from None
 
 
-def check_fields(record: Any, error: type[RuleError]) -> None:
+def check_fields(
+    record: Any, error: type[RuleError], text: Callable[[object], str] | None = None
+) -> None:
     """Make the values of a record keep the rules of its fields; for its ``__post_init__``.
 
     Parameters
@@ -147,11 +149,13 @@ def check_fields(record: Any, error: type[RuleError]) -> None:
         Afterwards they hold floats, tuples and arrays, as `from_plain` makes them.
     error : type
         The error to raise: a class with ``of_rule``.
+    text : callable, optional
+        Returns a value in words. Default: as Python writes it.
 
     Raises
     ------
     error
-        Names the first wrong field, the rule and the value as Python writes it.
+        Names the first wrong field, the rule and the value.
     """
     cls: Any = type(record)
     for key, field in _record(cls).fields.items():
@@ -163,7 +167,7 @@ def check_fields(record: Any, error: type[RuleError]) -> None:
         except _Refusal as refusal:
             # of an argument, which item it is is no name
             refusal.path = (field.name,)
-            raise refusal.as_error(error, text=_as_python) from None
+            raise refusal.as_error(error, text=text or _as_python) from None
         object.__setattr__(record, field.name, read)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,7 @@ from scipy.stats import chi2 as chi_squared
 from aspectgraph.exceptions import how_to_install
 from errors.registration import Posterior, Rows
 from errors.registration.posterior import posterior
+from ground.convert import Meta, Shape, check_fields
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
@@ -80,6 +81,12 @@ class NoFiducialsError(Exception):
     """An image shows too few corners of the board; says how many."""
 
 
+_Positive = Annotated[float, Meta(gt=0, title="must be positive")]
+_Side = Annotated[_Positive, Meta(le=SQUARE_MM[1])]
+_TWO = "must be two numbers of at least 2"
+_Count = Annotated[int, Meta(ge=2, title=_TWO)]
+
+
 @dataclass(frozen=True, eq=False)
 class Fiducials:
     """A ChArUco board that is fixed to the part.
@@ -113,41 +120,31 @@ class Fiducials:
     (5, 7)
     """
 
-    squares: tuple[int, int]
-    square_mm: float
-    marker_mm: float
-    dictionary: str
-    board2part: Array
-    sigma_mm: float
-    sigma_rad: float
-    corner_px: float = CORNER_PX
+    squares: Annotated[tuple[_Count, _Count], Meta(title=_TWO)]
+    square_mm: Annotated[_Side, Meta(ge=SQUARE_MM[0])]
+    marker_mm: _Side
+    dictionary: Annotated[
+        str,
+        Meta(
+            pattern=f"^({'|'.join(MARKERS)})$", title="must be one of OpenCV, such as DICT_4X4_50"
+        ),
+    ]
+    board2part: Annotated[Array, Shape(4, 4)]
+    sigma_mm: Annotated[_Positive, Meta(le=MAX_SIGMA_MM)]
+    sigma_rad: Annotated[_Positive, Meta(le=MAX_SIGMA_RAD)]
+    corner_px: Annotated[_Positive, Meta(le=MOST_CORNER_PX)] = CORNER_PX
 
     def __post_init__(self) -> None:
-        limits = {
-            "square_mm": SQUARE_MM[1],
-            "marker_mm": SQUARE_MM[1],
-            "sigma_mm": MAX_SIGMA_MM,
-            "sigma_rad": MAX_SIGMA_RAD,
-            "corner_px": MOST_CORNER_PX,
-        }
-        for name, largest in limits.items():
-            _check_positive(name, getattr(self, name), largest)
-        if self.square_mm < SQUARE_MM[0]:
-            raise RequestError.of_rule(
-                "square_mm", f"must be at least {SQUARE_MM[0]:g}", repr(self.square_mm)
-            )
+        object.__setattr__(self, "board2part", rigid_motion(self.board2part, "board2part"))
+        check_fields(self, RequestError, shown)
         if self.marker_mm >= self.square_mm:
             raise RequestError.of_rule(
                 "marker_mm", f"must be below square_mm, {self.square_mm:g}", repr(self.marker_mm)
             )
-        if not isinstance(self.dictionary, str) or self.dictionary not in MARKERS:
-            raise RequestError.of_rule(
-                "dictionary",
-                "must be one of OpenCV, such as DICT_4X4_50",
-                shown(self.dictionary),
-            )
-        object.__setattr__(self, "squares", _squares(self.squares, self.dictionary))
-        object.__setattr__(self, "board2part", rigid_motion(self.board2part, "board2part"))
+        largest = 2 * MARKERS[self.dictionary] + 1
+        if self.squares[0] * self.squares[1] > largest:
+            rule = f"must be at most {largest} in all with {self.dictionary}"
+            raise RequestError.of_rule("squares", rule, shown(self.squares))
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Fiducials:
@@ -206,9 +203,7 @@ class Fiducials:
         """
         cv2 = _opencv()
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
-        board = cv2.aruco.CharucoBoard(
-            self.squares, float(self.square_mm), float(self.marker_mm), markers
-        )
+        board = cv2.aruco.CharucoBoard(self.squares, self.square_mm, self.marker_mm, markers)
         grey = np.clip(picture.grey * (255.0 / picture.white), 0, 255).astype(np.uint8)
         corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
         count = 0 if ids is None else len(ids)
@@ -220,30 +215,6 @@ class Fiducials:
         on_board = np.asarray(board.getChessboardCorners(), dtype=np.float64)[ids.ravel()]
         points = on_board @ self.board2part[:3, :3].T + self.board2part[:3, 3]
         return points, images.reshape(-1, 2).astype(np.float64)
-
-
-def _check_positive(name: str, value: object, most: float) -> None:
-    """Refuse what is no positive number, or a larger one than most."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    # also NaN is not above 0
-    if not (is_number and value > 0):  # type: ignore[operator]
-        raise RequestError.of_rule(name, "must be positive", shown(value))
-    if value > most:  # type: ignore[operator]
-        raise RequestError.of_rule(name, f"must be at most {most:g}", shown(value))
-
-
-def _squares(value: object, dictionary: str) -> tuple[int, int]:
-    """Return the squares of a board whose markers a dictionary has."""
-    counts = tuple(value) if isinstance(value, list | tuple) else ()
-    are_numbers = all(isinstance(n, int) and not isinstance(n, bool) for n in counts)
-    if len(counts) != 2 or not are_numbers or min(counts) < 2:
-        raise RequestError.of_rule("squares", "must be two numbers of at least 2", shown(value))
-    largest = 2 * MARKERS[dictionary] + 1
-    if counts[0] * counts[1] > largest:
-        raise RequestError.of_rule(
-            "squares", f"must be at most {largest} in all with {dictionary}", shown(value)
-        )
-    return counts[0], counts[1]
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
