@@ -140,7 +140,9 @@ def check_keys(cls: type, data: Mapping[str, Any], error: type[RuleError]) -> No
         raise refusal.as_error(error) from None
 
 
-def check_fields(record: Any, error: type[RuleError]) -> None:
+def check_fields(
+    record: Any, error: type[RuleError], text: Callable[[object], str] | None = None
+) -> None:
     """Make the values of a record keep the rules of its fields; for its ``__post_init__``.
 
     Parameters
@@ -150,15 +152,17 @@ def check_fields(record: Any, error: type[RuleError]) -> None:
         Afterwards they hold floats, tuples and arrays, as `from_plain` makes them.
     error : type
         The error to raise: a class with ``of_rule``.
+    text : callable, optional
+        Returns a value in words. Default: as Python writes it.
 
     Raises
     ------
     error
-        Names the first wrong field, the rule and the value as Python writes it.
+        Names the first wrong field, the rule and the value.
     """
     cls: Any = type(record)
     for key, field in _record(cls).fields.items():
-        value = getattr(record, field.name, None)
+        value: Any = getattr(record, field.name, None)
         if field.is_derived or value is field.default:
             continue
         try:
@@ -166,7 +170,7 @@ def check_fields(record: Any, error: type[RuleError]) -> None:
         except _Refusal as refusal:
             # of an argument, which item it is is no name
             refusal.path = (field.name,)
-            raise refusal.as_error(error, text=_as_python) from None
+            raise refusal.as_error(error, text=text or _as_python) from None
         object.__setattr__(record, field.name, read)
 
 
@@ -388,8 +392,9 @@ class _Scalar(_Kind):
         """Return the words of the limit that a value breaks, or of the type."""
         for name, words in _LIMITS.items():
             limit = getattr(meta, name)
-            within = Annotated[self.type, Meta(**{name: limit})]
-            if limit is not None and _fits(value, self.type) and not _fits(value, within):
+            rule = Meta(**{name: limit})
+            is_number = _fits(value, Annotated[self.type, Meta()])
+            if limit is not None and is_number and not _fits(value, Annotated[self.type, rule]):
                 return words.format(limit)
         return self.words
 

@@ -36,12 +36,12 @@ from .measuring.measurer import MeasureOptions as MeasureOptions
 from .measuring.measurer import Measurer as Measurer
 from .measuring.measurer import measure as measure
 from .measuring.reading import Reading as Reading
-from .measuring.reading import Result as Result
 from .measuring.registration import Fiducials as Fiducials
 from .measuring.registration import Registration as Registration
 from .measuring.results import Decision as Decision
 from .measuring.results import DecisionRule as DecisionRule
 from .measuring.results import MeasurementResults as MeasurementResults
+from .measuring.results import Result as Result
 from .optics import OpticsProposal as OpticsProposal
 from .optics import optics_table as optics_table
 from .optics import propose_optics as propose_optics

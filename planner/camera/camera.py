@@ -497,8 +497,8 @@ class Camera:
     @property
     def finest_pitch_mm(self) -> tuple[float, float]:
         """Lower bound of the pixel pitch in the undistorted image, over the outer field."""
-        most = self.field().most
-        return self.pixel_pitch_mm[0] / most, self.pixel_pitch_mm[1] / most
+        largest_stretch = self.field().most
+        return self.pixel_pitch_mm[0] / largest_stretch, self.pixel_pitch_mm[1] / largest_stretch
 
     def focused_at(self, distance_mm: float) -> Camera:
         """Return the same camera and lens, focused at another distance.
@@ -721,7 +721,8 @@ class Camera:
         dict
             Field names and values, without those that are not stated.
         """
-        return to_plain(self)
+        # a file without a name is named after itself
+        return {"name": self.name, **to_plain(self)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Camera:

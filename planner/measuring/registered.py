@@ -181,7 +181,7 @@ def fitted(faces: Faces, grey: Array) -> Lamp:
         place = _moved(faces, start.place, move)
         return fine.lamps(place[None], grey[many], (start.falloff,))[0]
 
-    found = []
+    lamps = []
     for start in starts[:_STARTS]:
         best = minimize(
             lambda move, start: moved(move, start).cost,
@@ -190,8 +190,8 @@ def fitted(faces: Faces, grey: Array) -> Lamp:
             "Nelder-Mead",
             options={"maxfev": _EVALUATIONS, "initial_simplex": _SIMPLEX},
         )
-        found.append(moved(best.x, start))
-    return min(found, key=lambda one: one.cost)
+        lamps.append(moved(best.x, start))
+    return min(lamps, key=lambda one: one.cost)
 
 
 def _places(faces: Faces) -> Array:
@@ -307,10 +307,10 @@ class Registered:
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""
-        own = self.deviations[model.unknowns_of(edge) - POSE]
-        if not own.any():
+        deviations = self.deviations[model.unknowns_of(edge) - POSE]
+        if not deviations.any():
             return points
-        return points + model.displacement(edge, points) @ own
+        return points + model.displacement(edge, points) @ deviations
 
 
 def prior_covariance(
@@ -340,9 +340,9 @@ def prior_covariance(
     free_mm = 0.0
     if camera is not None:
         free_mm = FREE_PX * camera.focus_distance_mm / float(camera.matrix.diagonal()[:2].min())
-    for k, one in enumerate(model.carriers.surfaces):
+    for k, surface in enumerate(model.carriers.surfaces):
         start = POSE + PARAMETERS * k
-        if one.is_plane:
+        if surface.is_plane:
             sigmas = sigma * np.array([1.0, TILT_SHARE, TILT_SHARE])
         else:
             sigmas = np.full(PARAMETERS, CYLINDER_SHARE * sigma)

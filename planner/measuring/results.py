@@ -15,17 +15,168 @@ from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_files import csv_text
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
+from errors.measurands import (
+    conformance_probability,
+    decide,
+)
 from errors.measurands.conformity import COVERAGE
-from ground.convert import Key, Meta, Shape, json_schema, to_plain
+from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from planner.files import write_text
 from planner.measuring.images import Picture
-from planner.measuring.reading import SOURCES, Reading, Result
-from planner.measuring.registered import Registered
+from planner.measuring.reading import SOURCES, Reading
+from planner.measuring.registered import NumberOrNull, Registered
 from planner.request.dimension import plain_tolerance
+from planner.request.planned import PlannedTarget
+
+# Results: the readings of one target merged, its expanded uncertainty, and the decision.
+
+
+CONSISTENT = 0.99
+"""Readings of one target that differ more than with this probability are said to disagree."""
+
+# errors that readings from several images have in common
+_COMMON = ("surfaces", "localisation floor")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One target, measured.
+
+    Attributes
+    ----------
+    name, kind, unit : str
+        The target.
+    nominal : float
+        Nominal value, mm (angles: degrees), as everything here.
+    tolerance : (float, float) or None
+        Lower and upper deviation that the drawing allows.
+    value : float
+        Measured value; nan if it was not measured.
+    standard_uncertainty : float
+        Its u.
+    decision : Decision
+        What it says of the part.
+    conformance_probability : float
+        Probability that the part is within its tolerance; nan without value or tolerance.
+    reason : str
+        Why it was not measured; empty if it was.
+    readings : tuple of Reading
+        In the order of the images.
+    notes : tuple of str
+        What the user should know.
+    deviation : float
+        Measured value minus nominal value.
+    expanded_uncertainty : float
+        U, two standard uncertainties.
+    """
+
+    name: str
+    kind: str
+    unit: Annotated[str, Meta(pattern="^(mm|deg)$")]
+    nominal: float
+    tolerance: Annotated[
+        tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]] | None,
+        Meta(description="Lower and upper deviation; null in place of one is no limit."),
+    ]
+    value: NumberOrNull
+    standard_uncertainty: Annotated[NumberOrNull, Key("u")]
+    decision: Decision
+    conformance_probability: Annotated[NumberOrNull, Key("P_conforms")]
+    reason: str
+    readings: tuple[Reading, ...]
+    notes: tuple[str, ...] = ()
+    deviation: NumberOrNull = field(init=False)
+    expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "deviation", self.value - self.nominal)
+        object.__setattr__(self, "expanded_uncertainty", COVERAGE * self.standard_uncertainty)
+
+    @property
+    def measured(self) -> bool:
+        """Whether it has a value."""
+        return not self.reason
+
+    @property
+    def budget(self) -> dict[str, float]:
+        """Variance by source of the reading with the smallest uncertainty; empty if none was measured."""
+        measured = [reading for reading in self.readings if reading.measured]
+        if not measured:
+            return {}
+        return min(measured, key=lambda one: one.standard_uncertainty).budget
+
+
+def merged(
+    name: str,
+    target: PlannedTarget,
+    readings: Sequence[Reading],
+    rule: DecisionRule,
+    missing: str = "",
+) -> Result:
+    """Return the result of a target.
+
+    Readings are weighted by their variances. What pose and single points do is independent between images. The
+    deviations of surfaces and the floor of the localisation are common, and do not average out.
+
+    Parameters
+    ----------
+    name : str
+        The target's name.
+    target : PlannedTarget
+        The target.
+    readings : sequence of Reading
+        Its readings.
+    rule : DecisionRule
+        How it is decided.
+    missing : str
+        Why there is no reading at all.
+    """
+    target_fields = (name, target.kind, target.unit, target.nominal, target.tolerance)
+    good = [reading for reading in readings if reading.measured]
+    if not good:
+        reason = missing or "; ".join(dict.fromkeys(f"{r.image}: {r.reason}" for r in readings))
+        nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
+        return Result(*target_fields, *nothing, reason or "no image shows it", tuple(readings))
+    value, u, notes = _weighted(good)
+    notes += tuple(dict.fromkeys(note for reading in good for note in reading.notes))
+    deviation = value - target.nominal
+    decision = decide(deviation, u, target.tolerance, rule)
+    probability = math.nan
+    if target.tolerance is not None:
+        probability = conformance_probability(deviation, u, target.tolerance)
+    return Result(*target_fields, value, u, decision, probability, "", tuple(readings), notes)
+
+
+def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...]]:
+    """Return the weighted mean of readings, its standard uncertainty, and notes."""
+    if len(readings) == 1:
+        return readings[0].value, readings[0].standard_uncertainty, ()
+    inverse = [1 / max(reading.standard_uncertainty, 1e-12) ** 2 for reading in readings]
+    weights = [weight / math.fsum(inverse) for weight in inverse]
+    value = math.fsum(w * reading.value for w, reading in zip(weights, readings, strict=True))
+    common = math.fsum(
+        w * math.sqrt(math.fsum(reading.budget[source] for source in _COMMON))
+        for w, reading in zip(weights, readings, strict=True)
+    )
+    variance = math.fsum(
+        w**2 * (reading.standard_uncertainty**2 - math.fsum(reading.budget[s] for s in _COMMON))
+        for w, reading in zip(weights, readings, strict=True)
+    )
+    u = math.sqrt(max(common**2 + variance, 0.0))
+    spread = math.fsum(
+        (reading.value - value) ** 2 * i for reading, i in zip(readings, inverse, strict=True)
+    )
+    freedoms = len(readings) - 1
+    if spread <= chi_squared.ppf(CONSISTENT, freedoms):
+        return value, u, ()
+    note = f"{len(readings)} readings disagree: u is enlarged by their spread"
+    return value, u * math.sqrt(spread / freedoms), (note,)
+
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
 # XML.
@@ -151,23 +302,23 @@ def _characteristics(
     nominals = [ids.next() for _ in every]
     items = [ids.next() for _ in every]
     parent = _list(lists, "CharacteristicDefinitions", len(every))
-    for one, number in zip(every, definitions, strict=True):
-        _definition(_add(parent, f"{_characteristic(one)}Definition", id=number), one)
+    for result, number in zip(every, definitions, strict=True):
+        _definition(_add(parent, f"{_characteristic(result)}Definition", id=number), result)
     parent = _list(lists, "CharacteristicNominals", len(every))
-    for one, number, definition in zip(every, nominals, definitions, strict=True):
-        element = _add(parent, f"{_characteristic(one)}Nominal", id=number)
+    for result, number, definition in zip(every, nominals, definitions, strict=True):
+        element = _add(parent, f"{_characteristic(result)}Nominal", id=number)
         _add(element, "CharacteristicDefinitionId", definition)
-        _add(element, "Name", one.name)
-        _add(element, "TargetValue", _decimal(one.nominal))
+        _add(element, "Name", result.name)
+        _add(element, "TargetValue", _decimal(result.nominal))
         if "Between" in element.tag:
             _add(element, "AnalysisMode", "THREEDIMENSIONAL")
     parent = _list(lists, "CharacteristicItems", len(every))
-    for one, number, nominal in zip(every, items, nominals, strict=True):
-        element = _add(parent, f"{_characteristic(one)}Item", id=number)
-        _add(element, "Name", one.name)
+    for result, number, nominal in zip(every, items, nominals, strict=True):
+        element = _add(parent, f"{_characteristic(result)}Item", id=number)
+        _add(element, "Name", result.name)
         designator = _add(element, "CharacteristicDesignator")
-        _add(designator, "Designator", one.name)
-        _add(designator, "UUID", _uuid(f"{results.source.part_digest} {one.name}"))
+        _add(designator, "Designator", result.name)
+        _add(designator, "UUID", _uuid(f"{results.source.part_digest} {result.name}"))
         _add(element, "CharacteristicNominalId", nominal)
     return items
 
@@ -202,9 +353,9 @@ def _results(
             _add(file, "Description", f"SHA-256 {digest}")
     lists = _add(measured, "MeasuredCharacteristics")
     parent_list = _list(lists, "CharacteristicMeasurements", len(items))
-    for one, item in zip(results, items, strict=True):
-        element = _add(parent_list, f"{_characteristic(one)}Measurement", id=ids.next())
-        _measurement(element, one, item, part)
+    for result, item in zip(results, items, strict=True):
+        element = _add(parent_list, f"{_characteristic(result)}Measurement", id=ids.next())
+        _measurement(element, result, item, part)
     status = _part_status(results)
     _add(_add(measured, "InspectionStatus"), "InspectionStatusEnum", status)
     _add(_list(measured, "ActualComponentIds", 1), "Id", part)
@@ -232,9 +383,9 @@ def _measurement(element: ET.Element, one: Result, item: str, part: str) -> None
 
 def _part_status(results: MeasurementResults) -> str:
     """Return PASS if all conforms, FAIL if something certainly does not, otherwise UNDEFINED."""
-    if any(one.decision is Decision.DOES_NOT_CONFORM for one in results):
+    if any(result.decision is Decision.DOES_NOT_CONFORM for result in results):
         return "FAIL"
-    decided = any(one.decision is Decision.CONFORMS for one in results)
+    decided = any(result.decision is Decision.CONFORMS for result in results)
     return "PASS" if results.conforms and decided else "UNDEFINED"
 
 
@@ -336,24 +487,24 @@ class MeasurementResults:
     @property
     def readings(self) -> dict[str, tuple[Reading, ...]]:
         """The readings of each target."""
-        return {name: one.readings for name, one in self.results.items()}
+        return {name: result.readings for name, result in self.results.items()}
 
     @property
     def counts(self) -> dict[str, int]:
         """Number of targets by decision."""
-        found = [one.decision for one in self]
-        return {str(d.value): found.count(d) for d in Decision if d in found}
+        decisions = [result.decision for result in self]
+        return {str(d.value): decisions.count(d) for d in Decision if d in decisions}
 
     @property
     def measured(self) -> bool:
         """Whether every target has a value."""
-        return all(one.measured for one in self)
+        return all(result.measured for result in self)
 
     @property
     def conforms(self) -> bool:
         """Whether every target was measured, and those with a tolerance conform."""
         fine = (Decision.CONFORMS, Decision.NO_TOLERANCE)
-        return all(one.decision in fine for one in self)
+        return all(result.decision in fine for result in self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but points and pictures as plain values, ready for JSON.
@@ -433,7 +584,7 @@ class MeasurementResults:
         list of dict
             For each target its values by column; None where there is no number.
         """
-        return [_row(one) for one in self]
+        return [_row(result) for result in self]
 
     def to_csv(self) -> str:
         """Return the table as CSV.

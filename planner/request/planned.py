@@ -69,10 +69,11 @@ class PlannedWitness:
 
 def _geometry_of(data: Mapping[str, Any]) -> tuple[Geometry, ...]:
     """Return the lines and circles that plain values hold."""
-    return tuple(
-        from_plain(Line if "p" in item else Circle, item, PlanFileError)
-        for item in data["geometry"]
-    )
+    shapes: list[Geometry] = []
+    for item in data["geometry"]:
+        kind: type[Line] | type[Circle] = Line if "p" in item else Circle
+        shapes.append(from_plain(kind, item, PlanFileError))
+    return tuple(shapes)
 
 
 _POINTS = 72

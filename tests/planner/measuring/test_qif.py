@@ -14,11 +14,12 @@ import pytest
 import xmlschema
 
 from errors.measurands import Decision, DecisionRule
-from planner.measuring.reading import Reading, Result
+from planner.measuring.reading import Reading
 from planner.measuring.results import (
     CHARACTERISTICS,
     NAMESPACE,
     MeasurementResults,
+    Result,
     Source,
     qif_text,
 )
