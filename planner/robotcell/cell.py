@@ -980,7 +980,7 @@ def _in_sight(
     ``hidden(angle, row)`` tells in words what hides a target of a pose at an angle of the turntable; empty if nothing.
     """
 
-    def asked(angle: float, rows: np.ndarray) -> list[PoseReach]:
+    def reach_at(angle: float, rows: np.ndarray) -> list[PoseReach]:
         poses = cell.reach(cam2world[rows], fixturing, all_branches=all_branches, angle=angle)
         words = [
             hidden(angle, int(row)) if pose.reached else ""
@@ -992,8 +992,8 @@ def _in_sight(
         ]
 
     if cell.fixturings[fixturing].table is None:
-        return asked(0.0, np.arange(len(cam2world)))
-    return over_angles(asked, len(cam2world), cell.angles(fixturing), all_branches)
+        return reach_at(0.0, np.arange(len(cam2world)))
+    return over_angles(reach_at, len(cam2world), cell.angles(fixturing), all_branches)
 
 
 class CellRegion:
@@ -1059,7 +1059,7 @@ class CellRegion:
         cell = self._cell
         return [(name, angle) for name in cell.fixturings for angle in cell.angles(name)]
 
-    def told(
+    def poses_in_sight(
         self,
         cam2world: np.ndarray,
         segments: np.ndarray,
@@ -1079,7 +1079,7 @@ class CellRegion:
         """Return why poses (n, 4, 4) are not reached with all segments (s, 2, 3) in sight, in words."""
         parts = []
         for name in self._cell.fixturings:
-            reasons = [pose.why for pose in self.told(cam2world, segments, name)]
+            reasons = [pose.why for pose in self.poses_in_sight(cam2world, segments, name)]
             words = most_often([reason for reason in reasons if reason])
             parts.append(f"{words} ({reasons.count(words)} of {len(reasons)} poses in {name!r})")
         return ", ".join(parts)
@@ -1088,21 +1088,21 @@ class CellRegion:
         """Return how the robot stands at a pose (4, 4) with all segments (s, 2, 3) in sight, by fixturing."""
         arms = {}
         for name in self._cell.fixturings:
-            pose = self.told(cam2world[None], segments, name)[0]
+            pose = self.poses_in_sight(cam2world[None], segments, name)[0]
             if pose.reached:
                 arms[name] = self._standing(pose, name)
         return arms
 
-    def _standing(self, told: PoseReach, name: str) -> ArmAt:
-        near = self._cell.clearance(told.branches[0], name)
-        q = told.joints[:1]
+    def _standing(self, pose: PoseReach, name: str) -> ArmAt:
+        near = self._cell.clearance(pose.branches[0], name)
+        q = pose.joints[:1]
         return ArmAt(
             tuple(q[0].tolist()),
             min(near.mm, _FAR_MM),
             f"{near.first} and {near.second}" if near.first else "",
             float(self._cell.robot.to_limit_rad(q)[0]),
             float(self._cell.robot.singular_value(q)[0]),
-            angle_deg(told.branches[0]),
+            angle_deg(pose.branches[0]),
         )
 
     def travel_seconds(self, joints: np.ndarray, fixturing: str) -> np.ndarray:

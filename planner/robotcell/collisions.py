@@ -197,7 +197,7 @@ class PairGroup:
         self._arm = arm
         self._standing = tuple(standing)
         self._moving = list(moving)
-        self._own = list(own)
+        self._arm_pairs = list(own)
         self._clearance_mm = clearance_mm
         self._pairs = [(i, j, False) for j in range(len(standing)) for i in moving]
         self._pairs += [(a, b, True) for a, b in own]
@@ -245,12 +245,12 @@ class PairGroup:
         return np.concatenate(bounds, axis=1)
 
     def _own_bounds(self, frames: np.ndarray) -> np.ndarray:
-        bounds = np.empty((len(frames), len(self._own)))
-        if not self._own:
+        bounds = np.empty((len(frames), len(self._arm_pairs)))
+        if not self._arm_pairs:
             return bounds
         arm = self._arm
         centres = arm.sphere_centres(frames, range(len(arm.bodies)))
-        for column, (a, b) in enumerate(self._own):
+        for column, (a, b) in enumerate(self._arm_pairs):
             first = slice(arm.starts[a], arm.starts[a + 1])
             second = slice(arm.starts[b], arm.starts[b + 1])
             apart = centres[:, first, None] - centres[:, None, second]

@@ -100,7 +100,7 @@ class Reacher:
     def __init__(self, robot: Robot, around: Surroundings, rest: np.ndarray) -> None:
         self._robot = robot
         self._around = around
-        self._rest = rest
+        self._near_joints = rest
         first = robot.chain.steps[0][:3, 3]
         self._shoulder = first
         self._radius = float(robot.chain.reach_mm()[0]) * (1 + 1e-9)
@@ -168,34 +168,34 @@ class Reacher:
                 done[starts[rows]] |= is_free[rows]
         return is_free, blockers
 
-    def _keep_free_hands(self, flanges: np.ndarray, left: np.ndarray, why: list[str]) -> np.ndarray:
+    def _keep_free_hands(self, flanges: np.ndarray, rows: np.ndarray, why: list[str]) -> np.ndarray:
         """Return the numbers of poses whose hand touches nothing that stands still."""
         group = self._around.hand
-        frames = np.zeros((len(left), HAND + 1, 4, 4))
-        frames[:, HAND] = compose(flanges[left], self._tip2hand)
+        frames = np.zeros((len(rows), HAND + 1, 4, 4))
+        frames[:, HAND] = compose(flanges[rows], self._tip2hand)
         bounds = group.bounds(frames)
-        is_free = np.ones(len(left), dtype=bool)
+        is_free = np.ones(len(rows), dtype=bool)
         for row in np.flatnonzero(group.open_rows(bounds)):
             blocker = group.blocker(frames[row], bounds[row])
             if blocker >= 0:
                 is_free[row] = False
-                why[left[row]] = touching(*group.names(blocker))
-        return left[is_free]
+                why[rows[row]] = touching(*group.names(blocker))
+        return rows[is_free]
 
     def _say_why_none(
-        self, flanges: np.ndarray, left: np.ndarray, owner: np.ndarray, why: list[str]
+        self, flanges: np.ndarray, rows: np.ndarray, owner: np.ndarray, why: list[str]
     ) -> None:
         """Tell joint limits from poses that no joints lead to."""
-        without = np.setdiff1d(np.arange(len(left)), owner)
+        without = np.setdiff1d(np.arange(len(rows)), owner)
         if not len(without):
             return
-        beyond = self._robot.solvable(flanges[left[without]])
-        for i, is_limit in zip(left[without], beyond, strict=True):
+        beyond = self._robot.solvable(flanges[rows[without]])
+        for i, is_limit in zip(rows[without], beyond, strict=True):
             why[i] = LIMITS if is_limit else NO_BRANCH
 
     def _nearest_first(self, q: np.ndarray, owner: np.ndarray) -> np.ndarray:
         """Return an order of branches: by pose, then by the time from the rest to them."""
-        seconds = (np.abs(q - self._rest) / self._robot.speeds).max(axis=1, initial=0.0)
+        seconds = (np.abs(q - self._near_joints) / self._robot.speeds).max(axis=1, initial=0.0)
         return np.lexsort((np.round(seconds, 6), owner))
 
     def free(self, q: np.ndarray) -> np.ndarray:
@@ -301,7 +301,7 @@ class Reacher:
 
 
 def over_angles(
-    asked: Callable[[float, np.ndarray], Sequence[PoseReach]],
+    reach_at: Callable[[float, np.ndarray], Sequence[PoseReach]],
     count: int,
     angles: Sequence[float],
     all_branches: bool,
@@ -310,8 +310,8 @@ def over_angles(
 
     Parameters
     ----------
-    asked : callable
-        ``asked(angle, rows)`` returns what is known of some of the poses at one angle.
+    reach_at : callable
+        ``reach_at(angle, rows)`` returns what is known of some of the poses at one angle.
     count : int
         Number of poses.
     angles : sequence of float
@@ -323,7 +323,7 @@ def over_angles(
     reasons: list[list[str]] = [[] for _ in range(count)]
     for angle in angles:
         rows = np.array([k for k in range(count) if all_branches or not branches[k]], dtype=int)
-        for k, pose in zip(rows, asked(angle, rows), strict=True):
+        for k, pose in zip(rows, reach_at(angle, rows), strict=True):
             if pose.reached:
                 branches[k].append(pose.with_angle(angle).branches)
             else:

@@ -444,7 +444,7 @@ class TourChecker:
         self._longer: list[float] = []
         self._linked: set[_End] = set()
         self._failures: Counter[_End] = Counter()
-        self._left = list(range(len(branches)))
+        self._settings = list(range(len(branches)))
         # the round by the costs as they are, until one of them changes
         self._solved: Tour | None = None
         self._order: list[int] | None = None
@@ -453,7 +453,7 @@ class TourChecker:
     def run(self) -> CheckedTour:
         """Return the round; settings without a free way are dropped one by one."""
         kicks = KICKS
-        while self._left:
+        while self._settings:
             tour = self._tour(kicks)
             legs = self._legs(tour)
             unchecked = [leg for leg in legs if leg not in self._moves]
@@ -463,26 +463,26 @@ class TourChecker:
                 kicks = 0
                 continue
             blocked = [leg for leg in legs if self._moves[leg] is None]
-            if not blocked and kicks == 0 and len(self._left) > EXACT_UP_TO:
+            if not blocked and kicks == 0 and len(self._settings) > EXACT_UP_TO:
                 # only a round that is known as a whole is worth disturbing again
                 kicks = _KICKS_AGAIN
                 continue
             if not blocked:
-                order = tuple(self._left[k] for k in tour.order)
+                order = tuple(self._settings[k] for k in tour.order)
                 return CheckedTour(order, tour.branches, self._driven(legs), self._dropped)
-            self._left.remove(self._worst(blocked))
+            self._settings.remove(self._worst(blocked))
             self._solved = None
         return CheckedTour((), (), (), self._dropped)
 
     @property
     def _dropped(self) -> tuple[int, ...]:
-        return tuple(k for k in range(len(self._joints) - 1) if k not in self._left)
+        return tuple(k for k in range(len(self._joints) - 1) if k not in self._settings)
 
     def _tour(self, kicks: int) -> Tour:
         """Return the shortest round through the settings that are left, by the times known."""
-        if self._solved is not None and len(self._left) <= EXACT_UP_TO:
+        if self._solved is not None and len(self._settings) <= EXACT_UP_TO:
             return self._solved
-        places = [0, *(k + 1 for k in self._left)]
+        places = [0, *(k + 1 for k in self._settings)]
         chosen = np.ix_(places, places)
         penalties = self._penalties[places]
         extra = penalties[:, None, :, None] + penalties[None, :, None, :]
@@ -491,16 +491,17 @@ class TourChecker:
             tour = shortest_tour(costs)
         else:
             # a few times have changed since
-            start = [self._left.index(k) + 1 for k in self._order if k in self._left]
+            start = [self._settings.index(k) + 1 for k in self._order if k in self._settings]
             tour = shortest_tour(costs, kicks, start)
-        self._order = [self._left[k] for k in tour.order]
+        self._order = [self._settings[k] for k in tour.order]
         self._solved = tour
         return tour
 
     def _legs(self, tour: Tour) -> list[_Leg]:
         places = [(0, 0)]
         places += [
-            (self._left[k] + 1, branch) for k, branch in zip(tour.order, tour.branches, strict=True)
+            (self._settings[k] + 1, branch)
+            for k, branch in zip(tour.order, tour.branches, strict=True)
         ]
         places.append((0, 0))
         return [(*first, *last) for first, last in pairwise(places)]

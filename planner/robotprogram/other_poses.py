@@ -62,7 +62,7 @@ def why_no_other_poses(plan: InspectionPlan) -> str:
     if plan.light is not None or plan.request.get("ring") is not None:
         return "its lamps were chosen for its poses"
     try:
-        request = _asked(plan)
+        request = _stated_request(plan)
     except PlanFileError:
         return "the plan's request cannot be made again"
     if request.registration is not None and request.registration.method == OWN_EDGES:
@@ -70,7 +70,7 @@ def why_no_other_poses(plan: InspectionPlan) -> str:
     return ""
 
 
-def _asked(plan: InspectionPlan) -> InspectionRequest:
+def _stated_request(plan: InspectionPlan) -> InspectionRequest:
     """Return the request of a plan, without the robot: that is asked apart."""
     stated: Mapping[str, Any] = plan.request
     return restored_request({**stated, "requirements": {**stated["requirements"], "cell": None}})
@@ -104,8 +104,8 @@ class EquivalentPoses:
         self._plan = plan
         self._solid = solid
         self._seed = seed
-        self._asked = _asked(plan)
-        self._known: dict[int, _Local] = {}
+        self._stated = _stated_request(plan)
+        self._locals: dict[int, _Local] = {}
         self._poses: dict[int, np.ndarray] = {}
 
     def request(self, k: int) -> Request:
@@ -115,7 +115,7 @@ class EquivalentPoses:
     def poses(self, k: int) -> np.ndarray:
         """Return poses (n, 4, 4) that inspect what setting k does, the nearest first; the setting's own is left out."""
         if k not in self._poses:
-            self._poses[k] = self._found(k)
+            self._poses[k] = self._searched(k)
         return self._poses[k]
 
     def setting(self, k: int, cam2world: np.ndarray) -> SensorSetting | None:
@@ -144,7 +144,7 @@ class EquivalentPoses:
         shift, turn = _apart(self._plan.settings[k].cam2world, cam2world[None])
         return float(shift[0]), float(turn[0])
 
-    def _found(self, k: int) -> np.ndarray:
+    def _searched(self, k: int) -> np.ndarray:
         planned = self._plan.settings[k].cam2world
         rng = np.random.default_rng([self._seed, k])
         far = self._plan.camera.focus_distance_mm
@@ -171,14 +171,14 @@ class EquivalentPoses:
         return np.asarray(poses[steady.all(axis=1)])
 
     def _local(self, k: int) -> _Local:
-        if k not in self._known:
-            self._known[k] = _Local(Judge(self._request(k), self._asked.effort))
-        return self._known[k]
+        if k not in self._locals:
+            self._locals[k] = _Local(Judge(self._request(k), self._stated.effort))
+        return self._locals[k]
 
     def _request(self, k: int) -> Request:
         from aspectgraph import compute_regions
 
-        stated = self._asked
+        stated = self._stated
         setting = self._plan.settings[k]
         records = {record.name: record for record in stated.targets or ()}
         items = {name: records[name].item_of(self._solid) for name in setting.entities}
@@ -334,7 +334,7 @@ class OtherPoses:
 
     def __init__(self, plan: InspectionPlan, solid: Solid, inside: Cell, seed: int = 0) -> None:
         self._plan = plan
-        self._found = EquivalentPoses(plan, solid, seed)
+        self._equivalents = EquivalentPoses(plan, solid, seed)
         self._region = CellRegion(inside)
 
     def reached(
@@ -348,16 +348,18 @@ class OtherPoses:
 
         ``accepts(branch, fixturing)`` says whether joints (6,) or (7,) are good enough. Default: all are.
         """
-        poses = self._found.poses(k)
+        poses = self._equivalents.poses(k)
         # near ones and far ones: what is not reached from one side is from another
         poses = poses[np.unique(np.linspace(0, len(poses) - 1, min(_MOST, len(poses))).astype(int))]
         tries = 0
         for start in range(0, len(poses), _AT_ONCE):
             group = poses[start : start + _AT_ONCE]
             for row, name in self._reached_rows(k, group, fixturings, accepts):
-                setting = self._found.setting(k, group[row])
+                setting = self._equivalents.setting(k, group[row])
                 if setting is not None:
-                    return OtherSetting(setting, name, *self._found.distance(k, group[row]), why)
+                    return OtherSetting(
+                        setting, name, *self._equivalents.distance(k, group[row]), why
+                    )
                 tries += 1
                 if tries == _TRIES:
                     return None
@@ -372,11 +374,11 @@ class OtherPoses:
     ) -> list[tuple[int, str]]:
         """Return which of poses (n, 4, 4) are reached with all in sight, and in which fixturing; the nearest first."""
         names = self._plan.settings[k].entities
-        segments = self._found.request(k).at_pose(poses[0], names).constraints.segments
+        segments = self._equivalents.request(k).at_pose(poses[0], names).constraints.segments
         rows: dict[int, str] = {}
         for name in fixturings:
             open_rows = np.array([row for row in range(len(poses)) if row not in rows], dtype=int)
-            reaches = self._region.told(
+            reaches = self._region.poses_in_sight(
                 poses[open_rows], segments, name, all_branches=accepts is not None
             )
             for row, reach in zip(open_rows.tolist(), reaches, strict=True):

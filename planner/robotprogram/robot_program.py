@@ -122,17 +122,9 @@ class ArmUncertainty:
         array (n, 6, 6)
             Covariances of (dx, dy, dz, phi_x, phi_y, phi_z), mm and rad.
         """
-        by_joints = camera_jacobian(robot, joints, cam2flange)
-        sigmas = np.broadcast_to(np.asarray(self.joints_rad, dtype=float), (joints.shape[-1],))
-        scaled = by_joints * sigmas
-        total = np.einsum("nij,nkj->nik", scaled, scaled)
-        if self.hand_eye is not None:
-            total = total + self.hand_eye.covariance
-        if self.part is not None:
-            camera = robot.forward(joints) @ cam2flange
-            by_part = registration_jacobian(np.linalg.inv(part2base) @ camera)
-            total = total + by_part @ self.part.covariance @ by_part.transpose(0, 2, 1)
-        return (total + total.transpose(0, 2, 1)) / 2
+        camera = robot.forward(joints) @ cam2flange
+        by_part = registration_jacobian(np.linalg.inv(part2base) @ camera)
+        return self._added(camera_jacobian(robot, joints, cam2flange), by_part)
 
     def covariances_held(
         self, robot: Robot, joints: np.ndarray, part2flange: np.ndarray, cam2part: np.ndarray
@@ -159,9 +151,13 @@ class ArmUncertainty:
             As of `covariances`.
         """
         by_part = registration_jacobian(cam2part[None])
-        sigmas = np.broadcast_to(np.asarray(self.joints_rad, dtype=float), (joints.shape[-1],))
         # the joints move the part as they would move a camera in its place
-        scaled = by_part @ camera_jacobian(robot, joints, part2flange) * sigmas
+        return self._added(by_part @ camera_jacobian(robot, joints, part2flange), by_part)
+
+    def _added(self, by_joints: np.ndarray, by_part: np.ndarray) -> np.ndarray:
+        """Return the sum of all covariances, by what joints and part do to the camera."""
+        sigmas = np.broadcast_to(np.asarray(self.joints_rad, dtype=float), by_joints.shape[-1:])
+        scaled = by_joints * sigmas
         total = np.einsum("nij,nkj->nik", scaled, scaled)
         if self.hand_eye is not None:
             total = total + self.hand_eye.covariance
@@ -630,7 +626,7 @@ class _ProgramMaker:
     ):
         robot = cell.robot
         self._plan = plan
-        self._given = cell
+        self._empty_cell = cell
         self._cell = cell.with_part(solid)
         self._part_note = part_note(plan, solid)
         self._home = np.array(cell.home, dtype=np.float64)
@@ -661,7 +657,9 @@ class _ProgramMaker:
             [[bool(len(setting.branches)) for setting in row] for row in self._reached]
         ).T
         choice = choose_fixturings(table, self._seconds)
-        unreached = {k: self._told.why_not(k) for k, f in enumerate(choice.of_setting) if f < 0}
+        unreached = {
+            k: self._reachability.why_not(k) for k, f in enumerate(choice.of_setting) if f < 0
+        }
         tours = []
         for f, name in enumerate(self._names):
             report(progress, steps + f, 2 * steps, f"moves in fixturing {name}")
@@ -695,7 +693,7 @@ class _ProgramMaker:
 
     def _reach(self, fixturing: str) -> list[_Reached]:
         """Return by which joints the settings are reached in a fixturing."""
-        poses = self._told.poses[fixturing]
+        poses = self._reachability.poses[fixturing]
         branches = [self._near_home(pose.branches) for pose in poses]
         if self._cell.fixturings[fixturing].table is not None:
             rates = self._rates_in(fixturing)
@@ -706,7 +704,7 @@ class _ProgramMaker:
         ]
 
     @cached_property
-    def _told(self) -> Reachability:
+    def _reachability(self) -> Reachability:
         """By which joints the settings are reached with all their targets in sight."""
         return reachability_of(self._cell, self._plan, all_branches=True)
 
@@ -855,16 +853,16 @@ class _ProgramMaker:
         part = self._plan.request.get("part")
         if part is not None:
             digests["part"] = str(part["digest"])
-        digests["cell"] = self._given.to_dict()["digest"]
+        digests["cell"] = self._empty_cell.to_dict()["digest"]
         return digests
 
     def _warnings(self, tours: Sequence[FixturedTour]) -> tuple[str, ...]:
-        unchecked = self._given.robot.unchecked
+        unchecked = self._empty_cell.robot.unchecked
         sentences = program_warnings(tours, self._plan.probability)
         sentences = (*((f"{unchecked}.",) if unchecked else ()), *sentences)
         if self._part_note:
             sentences = (self._part_note, *sentences)
-        changed = self._given.difference(self._plan.cell)
+        changed = self._empty_cell.difference(self._plan.cell)
         if changed:
             return (f"the cell of the plan differs from the cell given, in {changed}.", *sentences)
         return sentences
