@@ -17,6 +17,8 @@ from planner.request.request import Request
 from planner.request.targets import OWN_EDGES
 from planner.resolve_request import Promise, resolve_request
 from planner.robotcell.cell import CellRegion, reachability_of
+from planner.robotcell.reachability import angle_deg
+from planner.robotcell.urdf import N_JOINTS
 from planner.robotprogram.program import (
     NEAR_LIMIT_RAD,
     NEAR_SINGULAR,
@@ -478,9 +480,6 @@ def with_settings(
     return result.simulated(before.n, 0 if before.seed is None else before.seed, solid=shown_of)
 
 
-_N_JOINTS = 6
-
-
 def program_with_other_poses(
     plan: InspectionPlan,
     solid: Solid,
@@ -522,7 +521,7 @@ def _better(
     robot = cell.robot
 
     def is_good(q: np.ndarray, fixturing: str) -> bool:
-        joints = q[None, :_N_JOINTS]
+        joints = q[None, :N_JOINTS]
         far = robot.to_limit_rad(joints)[0] >= NEAR_LIMIT_RAD
         return bool(far and robot.singular_value(joints)[0] >= NEAR_SINGULAR)
 
@@ -560,15 +559,12 @@ def as_driven(plan: InspectionPlan, made: RobotProgram, cell: Cell) -> Inspectio
             settings.append(blank)
             continue
         tour, stop = stops[k]
-        turned = None
-        if tour.turntable is not None:
-            turned = round(float(np.degrees(stop.joints[_N_JOINTS])), 9) + 0.0
         settings.append(
             replace(
                 setting,
                 fixturing=tour.fixturing,
-                joints=tuple(stop.joints[:_N_JOINTS].tolist()),
-                angle_deg=turned,
+                joints=tuple(stop.joints[:N_JOINTS].tolist()),
+                angle_deg=angle_deg(stop.joints),
                 arm=_arm(stop),
             )
         )
