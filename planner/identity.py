@@ -13,8 +13,9 @@ from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from errors.exceptions import InvalidParameterError, MeasurandError
-from errors.measurands.geometry import Localisation, from_dict, to_dict
+from errors.measurands.geometry import Circle, Geometry, Line, Localisation
 from errors.measurands.measurand import measurand
+from ground.convert import from_plain, to_plain
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort.effort import Effort
@@ -589,7 +590,7 @@ def _target_values(target: Target) -> dict[str, Any]:
     witnesses = [
         {
             "entities": [plain_fields(record) for record in witness.records],
-            "geometry": [to_dict(item) for item in witness.geometry],
+            "geometry": [to_plain(item) for item in witness.geometry],
         }
         for witness in target.witnesses
     ]
@@ -610,6 +611,15 @@ def _target_values(target: Target) -> dict[str, Any]:
     }
 
 
+def _geometry_of(witness: Mapping[str, Any]) -> tuple[Geometry, ...]:
+    """Return the lines and circles that plain values hold."""
+    shapes: list[Geometry] = []
+    for item in witness["geometry"]:
+        kind: type[Line] | type[Circle] = Line if "p" in item else Circle
+        shapes.append(from_plain(kind, item, PlanFileError))
+    return tuple(shapes)
+
+
 def _target_of(values: Mapping[str, Any]) -> Target:
     """Return the target of plain values."""
     name = values["name"]
@@ -626,13 +636,13 @@ def _target_of(values: Mapping[str, Any]) -> Target:
                 ),
                 measurand(
                     "length" if kind == EDGE else kind,
-                    tuple(map(from_dict, witness["geometry"])),
+                    _geometry_of(witness),
                     direction,
                 ),
             )
             for witness in values["witnesses"]
         )
-    except (MeasurandError, InvalidParameterError) as error:
+    except (MeasurandError, InvalidParameterError, PlanFileError) as error:
         raise PlanFileError(
             f"{field_name('targets', name)} must be one that can be measured. Got: {error}"
         ) from None

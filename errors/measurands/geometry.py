@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errors.exceptions import InvalidParameterError
+from ground.convert import Meta, Shape, check_fields
+
+Vector = Annotated[NDArray[np.float64], Shape(3)]
 
 _UNIT = 1e-9
 
@@ -30,8 +33,8 @@ class Line:
         If the ends are the same point, or not finite.
     """
 
-    p: NDArray[np.float64]
-    q: NDArray[np.float64]
+    p: Vector
+    q: Vector
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "p", _vector("p", self.p))
@@ -80,10 +83,10 @@ class Circle:
         If the radius or the angle is not positive, a vector is not finite, or the start runs along the axis.
     """
 
-    centre: NDArray[np.float64]
-    axis: NDArray[np.float64]
+    centre: Vector
+    axis: Vector
     radius_mm: float
-    start: NDArray[np.float64] | None = None
+    start: Vector | None = None
     span_rad: float = 2 * math.pi
 
     def __post_init__(self) -> None:
@@ -135,25 +138,6 @@ class Circle:
 Geometry = Line | Circle
 
 
-def to_dict(shape: Geometry) -> dict[str, object]:
-    """Return a line or circle as plain values, mm, ready for JSON."""
-    if isinstance(shape, Line):
-        return {"p": shape.p.tolist(), "q": shape.q.tolist()}
-    data: dict[str, object] = {
-        "centre": shape.centre.tolist(),
-        "axis": shape.axis.tolist(),
-        "radius_mm": shape.radius_mm,
-    }
-    if shape.start is not None:
-        data |= {"start": shape.start.tolist(), "span_rad": shape.span_rad}
-    return data
-
-
-def from_dict(data: dict[str, Any]) -> Geometry:
-    """Return the line or circle that `to_dict` wrote."""
-    return Line(**data) if "p" in data else Circle(**data)
-
-
 def _vector(name: str, value: object) -> NDArray[np.float64]:
     vector = np.array(value, dtype=np.float64)
     if vector.shape != (3,) or not np.isfinite(vector).all():
@@ -174,7 +158,7 @@ FLOOR_PX = 0.05
 In path-traced images, edges over a whole rim were found 0.02 to 0.10 px off their position, and lines up to 0.04 px.
 """
 
-_MODELS = ("rounding", "gaussian", "fit")
+NotNegative = Annotated[float, Meta(ge=0, title="must be finite and not negative")]
 
 
 @dataclass(frozen=True)
@@ -213,35 +197,23 @@ class Localisation:
     (0.1, 0.05)
     """
 
-    model: str
-    sigma_px: float
-    points: int = POINTS
-    correlation_px: float = 0.0
-    floor_px: float = 0.0
+    model: Annotated[
+        str,
+        Meta(pattern="^(rounding|gaussian|fit)$", title="must be one of rounding, gaussian, fit"),
+    ]
+    sigma_px: NotNegative
+    points: Annotated[int, Meta(ge=3, title="must be an integer of at least 3")] = POINTS
+    correlation_px: NotNegative = 0.0
+    floor_px: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        if self.model not in _MODELS:
-            raise InvalidParameterError.of_rule(
-                "localisation", f"must be one of {', '.join(_MODELS)}", repr(self.model)
-            )
-        for name in ("sigma_px", "correlation_px", "floor_px"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not (
-                isinstance(value, int | float) and math.isfinite(value) and value >= 0
-            ):
-                raise InvalidParameterError.of_rule(
-                    name, "must be finite and not negative", repr(value)
-                )
+        check_fields(self, InvalidParameterError)
         if self.model == "rounding" and self.floor_px != 0:
             raise InvalidParameterError.of_rule(
                 "floor_px", "must be 0 with rounding", repr(self.floor_px)
             )
         if self.model == "fit" and self.correlation_px == 0:
             raise InvalidParameterError("correlation_px must be positive. Got 0.")
-        if isinstance(self.points, bool) or not isinstance(self.points, int) or self.points < 3:
-            raise InvalidParameterError.of_rule(
-                "points", "must be an integer of at least 3", repr(self.points)
-            )
 
     @classmethod
     def rounding(cls, points: int = POINTS) -> Localisation:
@@ -313,32 +285,6 @@ class Localisation:
     def common_px(self) -> float:
         """Standard deviation of the error that all points of an entity have in common, px."""
         return self.floor_px if self.model == "gaussian" else 0.0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, ready for JSON.
-
-        Returns
-        -------
-        dict
-            Text and numbers.
-        """
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Localisation:
-        """Return the model that `to_dict` wrote.
-
-        Parameters
-        ----------
-        data : dict
-            The fields.
-
-        Returns
-        -------
-        Localisation
-            The model.
-        """
-        return cls(**data)
 
     def __str__(self) -> str:
         """Return what a report says of it."""

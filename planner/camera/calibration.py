@@ -43,8 +43,8 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
             f"{path}: camera file must be UTF-8 text. Got byte {error.object[error.start]:#04x}."
         ) from None
     except tomllib.TOMLDecodeError as error:
-        found = re.search(r"line (\d+)", str(error))
-        line = int(found.group(1)) if found else len(text.splitlines())
+        match = re.search(r"line (\d+)", str(error))
+        line = int(match.group(1)) if match else len(text.splitlines())
         raise CameraError(f"{path}:{line}: camera file must be TOML. {error}.") from None
     except RecursionError:
         raise CameraError(
@@ -270,21 +270,24 @@ class Distortion:
         CameraError
             If the iteration finds no ideal point: the lens model folds before it.
         """
-        wanted = np.asarray(points, dtype=float)
-        found = wanted.copy()
+        target = np.asarray(points, dtype=float)
+        ideal = target.copy()
         for _ in range(_STEPS):
-            rest = self.distort(found) - wanted
-            if not np.all(np.isfinite(rest)) or np.max(np.abs(rest), initial=0.0) <= _RESIDUAL:
+            residual = self.distort(ideal) - target
+            if (
+                not np.all(np.isfinite(residual))
+                or np.max(np.abs(residual), initial=0.0) <= _RESIDUAL
+            ):
                 break
-            jacobian = self.stretch(found)
+            jacobian = self.stretch(ideal)
             if np.any(np.linalg.det(jacobian) <= 0.0):
                 break
-            found = found - np.linalg.solve(jacobian, rest[..., None])[..., 0]
-        if not np.max(np.abs(self.distort(found) - wanted), initial=0.0) <= _RESIDUAL:
+            ideal = ideal - np.linalg.solve(jacobian, residual[..., None])[..., 0]
+        if not np.max(np.abs(self.distort(ideal) - target), initial=0.0) <= _RESIDUAL:
             raise CameraError(
                 f"points must be images of the lens model before it folds. Got {self}."
             )
-        return found
+        return ideal
 
 
 _NEEDED = ("pixel_pitch_mm", "f_number", "focus_distance_mm")

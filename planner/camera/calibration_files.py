@@ -217,15 +217,15 @@ class _YamlReader:
         return event.value if event.style else plain_value(event.value)
 
     def _mapping(self) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for event in self._until(yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent) or _is_merge(event):
                 raise self._error(event, "a key must be a word", "a merge or a structure")
             self._value(event)
-            if event.value in found:
+            if event.value in values:
                 raise self._error(event, "a key must stand once", shown(event.value, str))
-            found[event.value] = self._value(next(self._events))
-        return found
+            values[event.value] = self._value(next(self._events))
+        return values
 
     def _until(self, end: type) -> Iterator[Any]:
         """Yield the events that begin an item, up to the end of a collection."""
@@ -294,12 +294,12 @@ def _element_value(path: Path, element: ElementTree.Element) -> Any:
         )
     children = list(element)
     if any(child.tag != "_" for child in children):
-        found: dict[str, Any] = {}
+        content: dict[str, Any] = {}
         for child in children:
-            if child.tag in found:
+            if child.tag in content:
                 raise CameraError(f"{path}: a key must stand once. Got {shown(child.tag, str)}.")
-            found[child.tag] = _element_value(path, child)
-        return found
+            content[child.tag] = _element_value(path, child)
+        return content
     if children:
         return [_element_value(path, child) for child in children]
     words = (element.text or "").strip()
@@ -597,22 +597,22 @@ def read_colmap(path: Path, text: str) -> Calibration:
     ]
     if len(lines) != 1:
         raise CameraError(f"{path}: file must hold one camera. Got {len(lines)}.")
-    _, model, *rest = lines[0]
+    _, model, *words = lines[0]
     if model not in _COLMAP:
         raise CameraError(
             f"{path}: camera model must be one of {', '.join(_COLMAP)}. Got {shown(model)}."
         )
     names = _COLMAP[model]
-    if len(rest) < 2 or not all(_WHOLE.fullmatch(size) for size in rest[:2]):
+    if len(words) < 2 or not all(_WHOLE.fullmatch(size) for size in words[:2]):
         raise CameraError(
-            f"{path}: width and height must follow the model. Got {shown(' '.join(rest))}."
+            f"{path}: width and height must follow the model. Got {shown(' '.join(words))}."
         )
-    size = (int(rest[0]), int(rest[1]))
+    size = (int(words[0]), int(words[1]))
     try:
-        numbers = [float(number.replace("_", "x")) for number in rest[2:]]
+        numbers = [float(number.replace("_", "x")) for number in words[2:]]
     except ValueError:
         raise CameraError(
-            f"{path}: numbers must follow the model. Got {shown(' '.join(rest))}."
+            f"{path}: numbers must follow the model. Got {shown(' '.join(words))}."
         ) from None
     if len(numbers) != len(names):
         raise CameraError(f"{path}: {model} must have {len(names)} parameters. Got {len(numbers)}.")
@@ -652,13 +652,13 @@ _ROI_KEYS = ("x_offset", "y_offset", "width", "height", "do_rectify")
 def calibrated_fields(path: str | PathLike[str], lens: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a camera of a calibration file; see `Camera.from_calibration`."""
     path = Path(path)
-    found = read_calibration(path)
+    calibration = read_calibration(path)
     lens = {"name": name_text(path.stem), **lens}
-    if found.binning[0] > 1 and "pixel_pitch_mm" in lens:
+    if calibration.binning[0] > 1 and "pixel_pitch_mm" in lens:
         # the pitch is the sensor's, as its data sheet states it
         pitch = check_positive("pixel_pitch_mm", lens["pixel_pitch_mm"])
-        lens["pixel_pitch_mm"] = pitch * found.binning[0]
-    return opencv_fields(found.matrix, found.distortion, found.image_size, lens)
+        lens["pixel_pitch_mm"] = pitch * calibration.binning[0]
+    return opencv_fields(calibration.matrix, calibration.distortion, calibration.image_size, lens)
 
 
 def read_calibration(path: Path) -> Calibration:

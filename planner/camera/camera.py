@@ -17,17 +17,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ground.convert import ROW, Meta, check_keys, to_plain
 from planner.argument_kinds import shown
 from planner.camera.calibration import (
+    LEAST_WHITE,
+    MOST_WHITE,
     Distortion,
     check_count,
     check_number,
@@ -278,6 +281,11 @@ def _largest(a: _Interval) -> NDArray[np.float64]:
 _LARGEST_PITCH_MM = 0.5
 
 
+Positive = Annotated[float, Meta(gt=0, title="must be finite and positive")]
+_PAIR = Meta(title="must be two numbers, across and down")
+_COUNT = Meta(ge=1, title="must be a positive integer")
+
+
 @dataclass(frozen=True)
 class Camera:
     """A thin-lens camera with rectangular pixels; a calibrated one may be off centre and distort.
@@ -321,16 +329,30 @@ class Camera:
     27.778
     """
 
-    focal_length_mm: float
-    pixel_pitch_mm: tuple[float, float]
-    resolution: tuple[int, int]
-    f_number: float
-    focus_distance_mm: float
-    largest_blur_mm: float | None = None
+    focal_length_mm: Positive
+    pixel_pitch_mm: Annotated[tuple[Positive, Positive], _PAIR]
+    resolution: Annotated[
+        tuple[Annotated[int, _COUNT], Annotated[int, _COUNT]],
+        _PAIR,
+    ]
+    f_number: Positive
+    focus_distance_mm: Positive
+    largest_blur_mm: Positive | None = None
     name: str = ""
-    principal_point_px: tuple[float, float] | None = None
-    distortion: Distortion | None = None
-    white_level: int | None = None
+    principal_point_px: Annotated[tuple[float, float] | None, _PAIR] = None
+    distortion: Annotated[
+        Distortion | None, ROW, Meta(title="must be five numbers: k1, k2, p1, p2, k3")
+    ] = None
+    white_level: Annotated[
+        int | None,
+        Meta(
+            ge=LEAST_WHITE,
+            le=MOST_WHITE,
+            title=f"must be a whole number from {LEAST_WHITE} to {MOST_WHITE}",
+            description="Grey value of full exposure in image files of 8 or 16 bits. "
+            "Without it, it is that of each image.",
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
@@ -475,8 +497,8 @@ class Camera:
     @property
     def finest_pitch_mm(self) -> tuple[float, float]:
         """Lower bound of the pixel pitch in the undistorted image, over the outer field."""
-        most = self.field().most
-        return self.pixel_pitch_mm[0] / most, self.pixel_pitch_mm[1] / most
+        largest_stretch = self.field().most
+        return self.pixel_pitch_mm[0] / largest_stretch, self.pixel_pitch_mm[1] / largest_stretch
 
     def focused_at(self, distance_mm: float) -> Camera:
         """Return the same camera and lens, focused at another distance.
@@ -697,18 +719,10 @@ class Camera:
         Returns
         -------
         dict
-            Field names and values; pairs are tuples.
+            Field names and values, without those that are not stated.
         """
-        data = {field.name: getattr(self, field.name) for field in fields(self)}
-        # what is not stated is left out
-        if self.principal_point_px is None:
-            del data["principal_point_px"]
-        if self.white_level is None:
-            del data["white_level"]
-        data.pop("distortion")
-        if self.distortion is not None:
-            data["distortion"] = self.distortion.coefficients
-        return data
+        # a file without a name is named after itself
+        return {"name": self.name, **to_plain(self)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Camera:
@@ -729,14 +743,5 @@ class Camera:
         CameraError
             If a field is missing, unknown or wrong.
         """
-        known = [field.name for field in fields(cls)]
-        for key in data:
-            if key not in known:
-                named = key if key.isidentifier() else shown(key)
-                rule = f"must be one of {', '.join(known)}"
-                raise CameraError.of_rule(named, rule, "an unknown field")
-        for key in known[:5]:
-            if key not in data:
-                names = ", ".join(str(name) for name in data if name != "name")
-                raise CameraError.of_rule(key, "must be given", shown(names or "nothing", str))
+        check_keys(cls, data, CameraError)
         return cls(**data)

@@ -76,10 +76,10 @@ def camera_parts() -> dict[str, dict[str, dict[str, Any]]]:
 
 def check_bodies(names: Sequence[str]) -> None:
     """Raise `RequestError` unless all names are bodies of the catalogue."""
-    known = _data()["body"]
+    bodies = _data()["body"]
     for name in names:
-        if name not in known:
-            rule = f"must be of the catalogue: {', '.join(known)}"
+        if name not in bodies:
+            rule = f"must be of the catalogue: {', '.join(bodies)}"
             raise RequestError.of_rule("bodies", rule, repr(name))
 
 
@@ -107,14 +107,13 @@ def catalogued() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
 
 def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
     """Return the name of a camera as the catalogue spells it, its fields and its lens; or raise `CameraError`."""
-    known = {key.lower(): key for key in catalogued()}
-    key = known.get(str(name).lower())
+    keys = {key.lower(): key for key in catalogued()}
+    key = keys.get(str(name).lower())
     if key is None:
         near = (
-            difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.3)
-            or sorted(known)[:3]
+            difflib.get_close_matches(str(name).lower(), keys, n=3, cutoff=0.3) or sorted(keys)[:3]
         )
-        offered = ", ".join(known[n] for n in near)
+        offered = ", ".join(keys[n] for n in near)
         raise CameraError.of_rule(
             "camera", "must be a name of the catalogue", repr(str(name)), hint=f"nearest: {offered}"
         )

@@ -16,10 +16,12 @@ import math
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ground.convert import Shape
 from planner.exceptions import UncertaintyError
 
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
@@ -188,7 +190,7 @@ class PoseUncertainty:
     [0.05, 0.05, 0.05, 0.001, 0.001, 0.001]
     """
 
-    covariance: np.ndarray
+    covariance: Annotated[NDArray[np.float64], Shape(6, 6)]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", _check_covariance(self.covariance))

@@ -230,13 +230,13 @@ def robust_fit(geometry: Geometry, flat: Array, px_per_mm: Array) -> tuple[Fit, 
         weight = tukey_weights(off, scale)
         if np.abs(weight - before).max() < 1e-4:
             break
-    kept = np.abs(off) <= TUKEY * scale
-    final = kept * px_per_mm**2
+    within = np.abs(off) <= TUKEY * scale
+    final = within * px_per_mm**2
     fitted, design, residual = fit_entities(geometry, flat[None], final)
-    rows = design * (px_per_mm * kept)[:, None]
+    rows = design * (px_per_mm * within)[:, None]
     covariance = np.asarray(np.linalg.inv(rows.T @ rows), dtype=np.float64)
-    common = covariance @ (rows.T @ (floor_modes(geometry, design) * kept[:, None]))
-    return Fit(fitted[0], covariance, common, residual[0] * px_per_mm), kept
+    common = covariance @ (rows.T @ (floor_modes(geometry, design) * within[:, None]))
+    return Fit(fitted[0], covariance, common, residual[0] * px_per_mm), within
 
 
 def _first_residual(geometry: Geometry, flat: Array, px_per_mm: Array) -> Array:

@@ -203,21 +203,21 @@ class Picture:
         share : float, optional
             For what share of the time to expose, if the image is overexposed and that is known.
         """
-        found = []
+        notes = []
         bright = float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
         shorter = "expose for half of the time or less"
         if share is not None:
             shorter = f"expose for {percent_text(share, 2)} of the time, less if the part is shiny"
         if self.overexposed:
-            found.append(f"{100 * self.clipped_share:.0f} % of the image is overexposed: {shorter}")
+            notes.append(f"{100 * self.clipped_share:.0f} % of the image is overexposed: {shorter}")
         elif overexposed:
-            found.append(f"overexposed beside {', '.join(overexposed)}: {shorter}")
+            notes.append(f"overexposed beside {', '.join(overexposed)}: {shorter}")
         elif bright < DARK_SHARE:
             times = f"expose for {WELL_EXPOSED / max(bright, 0.004):.1f} times as long"
-            found.append(f"dark{self._if_white}: {times}")
+            notes.append(f"dark{self._if_white}: {times}")
         if blur_px > MOST_BLUR_PX:
-            found.append(f"blurred: edges are spread with a standard deviation of {blur_px:.1f} px")
-        return found
+            notes.append(f"blurred: edges are spread with a standard deviation of {blur_px:.1f} px")
+        return notes
 
     @property
     def _if_white(self) -> str:
@@ -378,11 +378,11 @@ def read_images(
     """
     files = _in_folder(source, shots) if isinstance(source, str | os.PathLike) else _by_name(source)
     _check_names(files, shots, partial)
-    found = ImageSet()
+    image_set = ImageSet()
     wrong = []
     for shot in shots:
         if shot.name not in files:
-            found.notes.append(f"{shot.name}: no image")
+            image_set.notes.append(f"{shot.name}: no image")
             continue
         try:
             image, digest, notes = _read(files[shot.name], allow_lossy)
@@ -391,15 +391,15 @@ def read_images(
         except RequestError as error:
             wrong.append(f"{shot.name}: {error.rule or error}")
             continue
-        found.images[shot.name] = image
-        found.digests[shot.name] = digest
-        found.notes += [f"{shot.name}: {note}" for note in notes]
-    wrong += _twice(found.digests)
+        image_set.images[shot.name] = image
+        image_set.digests[shot.name] = digest
+        image_set.notes += [f"{shot.name}: {note}" for note in notes]
+    wrong += _twice(image_set.digests)
     if wrong:
         raise RequestError.of_rule(
             "images", "must be images of the plan's settings", "; ".join(wrong[:_LISTED])
         )
-    return found
+    return image_set
 
 
 def _in_folder(source: str | os.PathLike[str], shots: list[Shot]) -> dict[str, Any]:
@@ -435,11 +435,11 @@ def _by_name(source: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool) -> None:
-    known = [shot.name for shot in shots]
-    missing = [name for name in known if name not in files]
-    extra = [name for name in files if name not in known]
+    names = [shot.name for shot in shots]
+    missing = [name for name in names if name not in files]
+    extra = [name for name in files if name not in names]
     parts = []
-    if missing and (not partial or len(missing) == len(known)):
+    if missing and (not partial or len(missing) == len(names)):
         parts.append(f"no {_listed(missing)}")
     if extra:
         parts.append(f"{_listed(extra)}, which the plan does not take")
@@ -447,7 +447,7 @@ def _check_names(files: Mapping[str, Any], shots: list[Shot], partial: bool) -> 
         hint = "" if extra or partial else "--partial measures what is there"
         raise RequestError.of_rule(
             "images",
-            f"must be the {len(known)} images of the plan, {known[0]} to {known[-1]}",
+            f"must be the {len(names)} images of the plan, {names[0]} to {names[-1]}",
             " and ".join(parts),
             hint=hint,
         )
@@ -608,8 +608,8 @@ def _as_grey(array: Image) -> tuple[Image, list[str]]:
     """Return grey values of 8 or 16 bits, or floats in [0, 1]."""
     notes = []
     if array.dtype.kind not in "uif" or not array.size:
-        what = f"values of the kind {array.dtype}" if array.size else "no values"
-        raise _wrong(f"has {what}; it must have grey values")
+        text = f"values of the kind {array.dtype}" if array.size else "no values"
+        raise _wrong(f"has {text}; it must have grey values")
     # files may have the other order of bytes
     array = array.astype(array.dtype.newbyteorder("="), copy=False)
     if array.dtype.kind == "f" and not np.isfinite(array).all():
@@ -662,16 +662,16 @@ def _most_of(array: NDArray[Any]) -> float:
 
 def _check_size(image: Image, camera: Camera) -> None:
     height, width = image.shape
-    wanted = tuple(camera.resolution)
-    if (width, height) == wanted:
+    size = tuple(camera.resolution)
+    if (width, height) == size:
         return
     text = f"is {width} × {height} px"
     hint = ""
-    if (height, width) == wanted:
+    if (height, width) == size:
         hint = ", turned by 90 degrees"
-    elif width and height and wanted[0] / width == wanted[1] / height:
+    elif width and height and size[0] / width == size[1] / height:
         hint = ", binned or scaled"
-    raise _wrong(f"{text}{hint}; the plan's camera has {wanted[0]} × {wanted[1]} px")
+    raise _wrong(f"{text}{hint}; the plan's camera has {size[0]} × {size[1]} px")
 
 
 def _check_white(image: NDArray[Any], camera: Camera) -> None:
@@ -679,8 +679,8 @@ def _check_white(image: NDArray[Any], camera: Camera) -> None:
     white = camera.white_level
     if white is None or image.dtype.kind == "f":
         return
-    most = int(np.iinfo(image.dtype).max)
-    if white > most:
+    largest = int(np.iinfo(image.dtype).max)
+    if white > largest:
         raise _wrong(f"has 8 bits; the camera's white_level is {white}")
     share = float(np.mean(image > white))
     if share > _ABOVE_WHITE:

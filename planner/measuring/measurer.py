@@ -17,24 +17,28 @@ from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
-from planner.measuring.entity_scan import entity_samples, scan_entity
-from planner.measuring.gates import TooFarError, check_distance, displacement_between, distance_of
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.reading import (
     Reading,
-    Result,
     covariance_of,
-    merged,
+    entity_samples,
     read_length,
     read_value,
+    scan_entity,
 )
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
-from planner.measuring.results import MeasurementResults
+from planner.measuring.results import MeasurementResults, Result, Source, merged
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.scans import CLIPPED_SHARE
-from planner.measuring.task import NotRegisteredError
+from planner.measuring.task import (
+    NotRegisteredError,
+    TooFarError,
+    check_distance,
+    displacement_between,
+    distance_of,
+)
 from planner.request.dimension import is_one_sided
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.request.targets import Target, targets_of
@@ -86,13 +90,19 @@ def image_notes(
     """
     lit = _lit_images(plan)
     # what was stated of the part, and is not so
-    notes = [f"{name}: {one}" for name, own in registered.items() for one in own.warnings]
+    notes = [
+        f"{name}: {warning}"
+        for name, registration in registered.items()
+        for warning in registration.warnings
+    ]
     for name, picture in pictures.items():
         lost = [
-            one.name
-            for own in readings.values()
-            for one in own
-            if one.image == name and not one.measured and one.overexposed_share > LOST_SHARE
+            reading.name
+            for target_readings in readings.values()
+            for reading in target_readings
+            if reading.image == name
+            and not reading.measured
+            and reading.overexposed_share > LOST_SHARE
         ]
         share = None
         if name in lit and (lost or picture.overexposed):
@@ -105,7 +115,7 @@ def image_notes(
                 picture,
                 scene,
                 np.asarray(pose),
-                {one: targets[one].points for one in image.contrast},
+                {name: targets[name].points for name in image.contrast},
                 plan.light.lamps[list(image.lamps)],
             )
         blur = registered[name].blur_px if name in registered else 0.0
@@ -117,9 +127,9 @@ def _lit_images(plan: InspectionPlan) -> dict[str, tuple[int, LitImage]]:
     """Return setting and lamps of each image, by name; none of a plan without lamps."""
     images = () if plan.light is None else plan.light.images
     return {
-        setting_name(k, i if len(own) > 1 else None): (k, image)
-        for k, own in enumerate(images)
-        for i, image in enumerate(own)
+        setting_name(k, i if len(setting_images) > 1 else None): (k, image)
+        for k, setting_images in enumerate(images)
+        for i, image in enumerate(setting_images)
     }
 
 
@@ -153,7 +163,10 @@ def exposure_share(
     float or None
         Below 1. None if too little is not overexposed, or if the light does not explain that anything is.
     """
-    rings = [beside(picture.camera, cam2world, own).reshape(-1, 2) for own in points.values()]
+    rings = [
+        beside(picture.camera, cam2world, target_points).reshape(-1, 2)
+        for target_points in points.values()
+    ]
     pixels = np.concatenate(rings)
     light = irradiance(scene, cam2world, picture.camera, pixels, lamps)
     u, v = np.rint(pixels[light > 0]).astype(int).T
@@ -279,9 +292,9 @@ class Measurer:
         self.targets = {name: plan.targets[name] for name in plan.inspected}
         # a setting measures a target by the witness that it was planned with
         self._by_witness = {
-            _witness_key(one, name): targets_of(plan.targets, one)[name]
-            for one in plan.settings
-            for name in one.entities
+            _witness_key(setting, name): targets_of(plan.targets, setting)[name]
+            for setting in plan.settings
+            for name in setting.entities
         }
         self.model = PartModel(solid, self._by_witness)
 
@@ -322,34 +335,36 @@ class Measurer:
         camera = self.plan.camera
         if options.white_level is not None:
             camera = replace(camera, white_level=options.white_level)
-        found = read_images(images, self.shots, camera, partial=partial, allow_lossy=allow_lossy)
+        image_set = read_images(
+            images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
+        )
         registered: dict[str, Registered] = {}
         failed: dict[str, str] = {}
         readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
         pictures = {}
         for shot in self.shots:
-            if shot.name not in found.images:
+            if shot.name not in image_set.images:
                 continue
-            pictures[shot.name] = Picture.of(shot.name, found.images[shot.name], camera)
-        for own in self._by_pose(pictures, options.registration):
+            pictures[shot.name] = Picture.of(shot.name, image_set.images[shot.name], camera)
+        for shots in self._by_pose(pictures, options.registration):
             try:
-                one = self._registered(own, pictures, options)
+                registration = self._registered(shots, pictures, options)
             except NotRegisteredError as error:
-                failed |= {shot.name: str(error) for shot in own}
+                failed |= {shot.name: str(error) for shot in shots}
                 continue
-            for shot in own:
-                registered[shot.name] = one
-                for reading in self._read(shot, pictures[shot.name], one, options):
+            for shot in shots:
+                registered[shot.name] = registration
+                for reading in self._read(shot, pictures[shot.name], registration, options):
                     readings[reading.name].append(reading)
         for shot in self.shots:
             if shot.name in failed:
                 reason = f"the image cannot be registered: {failed[shot.name]}"
                 for name in shot.targets:
-                    where = (name, shot.name, shot.setting)
-                    readings[name].append(Reading(*where, reason=reason))
+                    place = (name, shot.name, shot.setting)
+                    readings[name].append(Reading(*place, reason=reason))
         results = {
-            name: merged(name, self.plan.targets[name], own, options.rule)
-            for name, own in readings.items()
+            name: merged(name, self.plan.targets[name], target_readings, options.rule)
+            for name, target_readings in readings.items()
         }
         results |= self._not_planned(options.rule)
         scene = self.model.edges.scene
@@ -361,68 +376,72 @@ class Measurer:
             options.rule,
             serial,
             self._correlation(results, registered),
-            self._source(found),
-            (*found.notes, *notes),
+            self._source(image_set),
+            (*image_set.notes, *notes),
             pictures,
         )
 
     def _by_pose(self, pictures: Mapping[str, Picture], how: Registration) -> list[list[Shot]]:
         """Return the shots that have an image, those of one pose together: of a setting, unless each has its own."""
-        found: dict[object, list[Shot]] = {}
+        groups: dict[object, list[Shot]] = {}
         for shot in self.shots:
             if shot.name in pictures:
                 key = shot.name if shot.name in how.poses else shot.setting
-                found.setdefault(key, []).append(shot)
-        return list(found.values())
+                groups.setdefault(key, []).append(shot)
+        return list(groups.values())
 
     def _registered(
         self, shots: list[Shot], pictures: Mapping[str, Picture], options: MeasureOptions
     ) -> Registered:
         """Return the pose of a setting, given its shots."""
-        how = options.registration
+        registration = options.registration
         shot = shots[0]
         planned = np.asarray(self.plan.settings[shot.setting].cam2world)
-        uncertainty = how.pose_uncertainty or self.plan.pose_uncertainty
+        uncertainty = registration.pose_uncertainty or self.plan.pose_uncertainty
         pose = planned
-        known = uncertainty.covariance
-        own = [pictures[one.name] for one in shots]
-        if how.board is not None:
+        covariance = uncertainty.covariance
+        setting_pictures = [pictures[shot.name] for shot in shots]
+        if registration.board is not None:
             try:
-                pose, known = locate(how.board, own, planned, known)
+                pose, covariance = locate(registration.board, setting_pictures, planned, covariance)
             except NoFiducialsError as error:
                 raise NotRegisteredError(str(error)) from None
-        if how.method in (OWN_EDGES, BOTH):
-            stated = known, self._surfaces_mm(how)
-            prior = prior_covariance(self.model, *stated, own[0].camera)
+        if registration.method in (OWN_EDGES, BOTH):
+            stated = covariance, self._surfaces_mm(registration)
+            prior = prior_covariance(self.model, *stated, setting_pictures[0].camera)
             try:
-                found = register_as_shown(self.model, own, pose, *stated, self._bias_px(options))
+                registered = register_as_shown(
+                    self.model, setting_pictures, pose, *stated, self._bias_px(options)
+                )
             except NotRegisteredError as error:
-                poses = [np.asarray(one.cam2world) for one in self.plan.settings]
-                like = looks_like(self.model, own, poses, shot.setting, prior)
+                poses = [np.asarray(setting.cam2world) for setting in self.plan.settings]
+                like = looks_like(self.model, setting_pictures, poses, shot.setting, prior)
                 # what it looks like is the better reason
                 why = f"{error.what}; it {like}" if like else str(error)
                 raise NotRegisteredError(why) from None
-            check_lens(self.model, own, pose, prior, found)
-            return found
-        if how.method == GIVEN:
-            stem = shot.name if shot.name in how.poses else setting_name(shot.setting)
-            if stem not in how.poses:
+            check_lens(self.model, setting_pictures, pose, prior, registered)
+            return registered
+        if registration.method == GIVEN:
+            stem = shot.name if shot.name in registration.poses else setting_name(shot.setting)
+            if stem not in registration.poses:
                 raise RequestError.of_rule(
                     "register", "must hold the pose of every image", f"none of {shot.name}"
                 )
-            pose = how.poses[stem]
-        found = as_given(self.model, pose, known, self._surfaces_mm(how), how.method)
-        if how.method != PLANNED:
+            pose = registration.poses[stem]
+        registered = as_given(
+            self.model, pose, covariance, self._surfaces_mm(registration), registration.method
+        )
+        if registration.method != PLANNED:
             spread = self.plan.pose_uncertainty.covariance + np.diag(LEAST_POSE**2)
-            if how.method == GIVEN:
+            if registration.method == GIVEN:
                 # both poses are off the real one
-                spread = spread + known
+                spread = spread + covariance
             chi2 = distance_of(displacement_between(planned, pose), spread)
             check_distance(chi2)
-            found = replace(found, chi2=chi2)
-        if how.board is None:
-            self._check_edges(found, own, planned, options)
-        return found
+            registered = replace(registered, chi2=chi2)
+        if registration.board is None:
+            self._check_edges(registered, setting_pictures, planned, options)
+        return registered
 
     def _check_edges(
         self,
@@ -452,23 +471,29 @@ class Measurer:
         planned = self.plan.request.registration
         if planned is not None and planned.surfaces_mm is not None:
             return planned.surfaces_mm
-        return max((one.surfaces_mm for one in self.targets.values()), default=0.0)
+        return max((target.surfaces_mm for target in self.targets.values()), default=0.0)
 
     def _read(
         self, shot: Shot, picture: Picture, registered: Registered, options: MeasureOptions
     ) -> list[Reading]:
         """Return the readings of an image."""
         half = self._half_px(shot, registered)
-        found = []
+        readings = []
         for name in shot.targets:
             key = _witness_key(self.plan.settings[shot.setting], name)
             target = self._by_witness[key]
-            where = (name, shot.name, shot.setting)
+            place = (name, shot.name, shot.setting)
             if target.measurand.in_image:
                 (edge,) = self.model.measured[key]
-                how = (half[name], options.coverage, self._floor_px(target.localisation, options))
-                found.append(
-                    read_length(where, target.measurand, edge, picture, registered, self.model, how)
+                search = (
+                    half[name],
+                    options.coverage,
+                    self._floor_px(target.localisation, options),
+                )
+                readings.append(
+                    read_length(
+                        place, target.measurand, edge, picture, registered, self.model, search
+                    )
                 )
                 continue
             edges = list(self.model.measured[key])
@@ -487,8 +512,10 @@ class Measurer:
                 for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
             ]
             floor = self._floor_px(target.localisation, options)
-            found.append(read_value(where, target.measurand, scans, registered, self.model, floor))
-        return found
+            readings.append(
+                read_value(place, target.measurand, scans, registered, self.model, floor)
+            )
+        return readings
 
     def _half_px(self, shot: Shot, registered: Registered) -> dict[str, float]:
         """Return how far from its prediction each target is searched, px."""
@@ -525,7 +552,7 @@ class Measurer:
 
     def _bias_px(self, options: MeasureOptions) -> float:
         """Return the standard deviation of edges' biases, px."""
-        floors = (self._floor_px(one.localisation, options) for one in self.targets.values())
+        floors = (self._floor_px(target.localisation, options) for target in self.targets.values())
         return bias_of(max(floors, default=FLOOR_PX))
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
@@ -541,8 +568,8 @@ class Measurer:
         """Return the correlation of measured values of one image by its pose and surfaces."""
         names = [name for name in self.plan.entities if results[name].measured]
         correlation = np.eye(len(names))
-        for image, one in registered.items():
-            own = {
+        for image, registration in registered.items():
+            alike = {
                 name: reading
                 for name in names
                 for reading in results[name].readings
@@ -551,24 +578,19 @@ class Measurer:
                 # of merged values nothing is stated
                 and len(results[name].readings) == 1
             }
-            if len(own) < 2:
+            if len(alike) < 2:
                 continue
-            covariance = covariance_of(own, one.covariance)
-            for i, first in enumerate(own):
-                for j, second in enumerate(own):
+            covariance = covariance_of(alike, registration.covariance)
+            for i, first in enumerate(alike):
+                for j, second in enumerate(alike):
                     if i != j:
-                        u = own[first].standard_uncertainty * own[second].standard_uncertainty
+                        u = alike[first].standard_uncertainty * alike[second].standard_uncertainty
                         at = names.index(first), names.index(second)
                         correlation[at] = covariance[i, j] / u
         return correlation
 
-    def _source(self, found: ImageSet) -> dict[str, Any]:
-        return {
-            "program": project_version(),
-            "part": self.plan.part,
-            "part_digest": self._digest,
-            "images": dict(found.digests),
-        }
+    def _source(self, found: ImageSet) -> Source:
+        return Source(project_version(), self.plan.part, self._digest, dict(found.digests))
 
 
 def measure(
@@ -624,10 +646,10 @@ def measure(
     >>> measure(plan, solid, dark).measured
     False
     """
-    how = MeasureOptions(
+    options = MeasureOptions(
         registration or Registration.own_edges(),
         localisation,
         coverage,
         rule or DecisionRule.iso14253(),
     )
-    return Measurer(plan, solid).measure(images, how)
+    return Measurer(plan, solid).measure(images, options)

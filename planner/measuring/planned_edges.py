@@ -75,20 +75,24 @@ def planned_edges(request: Request, surfaces_mm: float | None = None) -> OwnEdge
     targets = dict(single.measured)
     model = PartModel(single.space.solid, targets)
     if surfaces_mm is None:
-        surfaces_mm = max((one.surfaces_mm for one in targets.values()), default=0.0)
+        surfaces_mm = max((target.surfaces_mm for target in targets.values()), default=0.0)
     before = prior_covariance(
         model, request.pose_uncertainty.covariance, surfaces_mm, request.camera
     )
     sigmas = np.sqrt(np.diag(before))[POSE:].reshape(-1, 3)
-    floor = max((one.localisation.floor_px for one in targets.values()), default=0.0) or FLOOR_PX
+    floor = (
+        max((target.localisation.floor_px for target in targets.values()), default=0.0) or FLOOR_PX
+    )
     return OwnEdges(
         before[:POSE, :POSE].copy(),
         _stretches(model, request.camera, sigmas),
         _imaging(request.camera, bias_of(floor)),
         {
-            key_of(one.name, one.witness.entities): _lifts(model, one.name, targets[one.name])
-            for one in single.targets
-            if isinstance(one, PlannedDimension)
+            key_of(target.name, target.witness.entities): _lifts(
+                model, target.name, targets[target.name]
+            )
+            for target in single.targets
+            if isinstance(target, PlannedDimension)
         },
     )
 
@@ -136,8 +140,8 @@ def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
     parts = []
     for k, edge in enumerate(edges):
         length = _length(edge.geometry)
-        least = _LEAST if isinstance(edge.geometry, Line) else _LEAST_CIRCLE
-        n = int(np.clip(np.ceil(length / step), least, _MOST))
+        shortest = _LEAST if isinstance(edge.geometry, Line) else _LEAST_CIRCLE
+        n = int(np.clip(np.ceil(length / step), shortest, _MOST))
         along = (np.arange(n) + 0.5) / n
         points, tangents, normals = edge.at(along)
         moves = model.displacement(edge, points)
@@ -145,7 +149,7 @@ def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
         parts.append((points, tangents, np.full(n, length / n), along, moves, normals))
     edge_of = np.concatenate(number)
     points, tangents, lengths, along, moves, normals = (
-        np.concatenate(one) for one in zip(*parts, strict=True)
+        np.concatenate(part) for part in zip(*parts, strict=True)
     )
     turn = Rotation.from_euler("xyz", _TURN).as_matrix()
     return Stretches(
@@ -198,9 +202,9 @@ def _free(
     extent = float(np.linalg.norm(np.ptp(edges.solid.vertices, axis=0)))
     free = np.empty((len(points), GRID, GRID), dtype=np.bool_)
     for first in range(0, len(points), _RAYS):
-        some = lifted[first : first + _RAYS, None, None]
-        rays = np.broadcast_to(2 * extent * ways, (len(some), *ways.shape))
-        free[first : first + _RAYS] = ~edges.scene.blocked(some, rays)
+        ray_points = lifted[first : first + _RAYS, None, None]
+        rays = np.broadcast_to(2 * extent * ways, (len(ray_points), *ways.shape))
+        free[first : first + _RAYS] = ~edges.scene.blocked(ray_points, rays)
     return free
 
 
@@ -214,12 +218,12 @@ def _lifts(model: PartModel, name: str, target: Target) -> Lifts:
         moved = model.displacement(edge, points)
         if target.measurand.in_image:
             # along itself it makes no error
-            kept = np.eye(3) - np.outer(frame.x, frame.x)
+            projection = np.eye(3) - np.outer(frame.x, frame.x)
         else:
             # in its plane, it is what is measured
             normal = np.cross(frame.x, frame.y)
-            kept = np.outer(normal, normal)
-        motions[k] = _rigid(points, kept @ moved).reshape(2, 3, 6)
+            projection = np.outer(normal, normal)
+        motions[k] = _rigid(points, projection @ moved).reshape(2, 3, 6)
     surfaces = np.array([model.carried_by[edge.name] for edge in measured], dtype=np.int64)
     return Lifts(surfaces, _rounded(motions))
 
@@ -233,6 +237,6 @@ def _rigid(points: Array, moved: Array) -> Array:
     rows[:, :, :3] = np.eye(3)
     for i in range(3):
         rows[:, :, 3 + i] = np.cross(np.eye(3)[i], off) / size
-    found = np.linalg.lstsq(rows.reshape(-1, 6), moved.reshape(3 * len(points), -1), rcond=1e-9)[0]
-    turn = found[3:].T / size
-    return np.concatenate([found[:3].T - np.cross(turn, middle), turn], axis=1)
+    motion = np.linalg.lstsq(rows.reshape(-1, 6), moved.reshape(3 * len(points), -1), rcond=1e-9)[0]
+    turn = motion[3:].T / size
+    return np.concatenate([motion[:3].T - np.cross(turn, middle), turn], axis=1)

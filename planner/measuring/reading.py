@@ -5,41 +5,441 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.carriers import PARAMETERS
+from errors.checks import covariance_root
 from errors.measurands import (
-    Decision,
-    DecisionRule,
+    Circle,
+    Geometry,
     Line,
     Measurand,
-    conformance_probability,
-    decide,
 )
 from errors.measurands.conformity import COVERAGE
 from errors.measurands.fitted import Frame
 from errors.registration import rests_on_prior
+from ground.convert import NOT_STORED, Key, Meta
 from planner.camera.camera import Camera
+from planner.camera.imaging import tangents_of
 from planner.camera.pose import world_to_cam
-from planner.measuring.entity_scan import (
-    TOLERATED,
-    EntityScan,
-    drawn_uncertainty,
-    entity_samples,
-    scan_entity,
+from planner.detectability.image_check import SECTORS
+from planner.measuring.fit import (
+    CORRELATION_PX,
+    Fit,
+    carried_back,
+    fit_entities,
+    floor_modes,
+    robust_fit,
+    uneven_px,
 )
-from planner.measuring.fit import CORRELATION_PX, carried_back, fit_entities, uneven_px
 from planner.measuring.images import Picture
-from planner.measuring.registered import Registered, displaced
-from planner.measuring.samples import POSE, PartEdge, PartModel
-from planner.measuring.scans import STATE_TEXTS, State
-from planner.request.targets import Target
+from planner.measuring.registered import NumberOrNull, Registered, displaced
+from planner.measuring.samples import POSE, PartEdge, PartModel, Samples, across_of, pixels_of
+from planner.measuring.scans import ALONG_VARIANCE, STATE_TEXTS, Scans, State
+from planner.measuring.verdict import Sampled, beside_shadows, stretches_of
 
 Array = NDArray[np.float64]
+
+# Scans of one entity of a target in one image, and what was found of it.
+
+
+LEAST_POINTS = 8
+"""Fewer found points are no entity."""
+_MARGIN_PX = 4.0
+# of an entity's size: difference quotients across it in the image
+_AHEAD = 1e-5
+
+# in the structured array of points
+POINT = np.dtype(
+    [
+        ("u", float),
+        ("v", float),
+        ("nu", float),
+        ("nv", float),
+        ("x", float),
+        ("y", float),
+        ("z", float),
+        ("share", float),
+        ("residual_px", float),
+        ("state", np.int64),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class EntityScan:
+    """What was found of an entity.
+
+    Attributes
+    ----------
+    edge : PartEdge
+        The entity.
+    points : structured array (m,)
+        u, v: found place, px (of what was not found, where it was looked for). nu, nv: unit vector across. x, y, z: the
+        sample, mm. share: where on the entity. residual_px: distance from the fit. state: see `State`.
+    directions : array (k, 2)
+        x/z and y/z of the rays of found points.
+    origins : array (k, 3)
+        Points of the planes they are carried back to, mm.
+    px_per_mm : array (k,)
+        Pixels of a millimetre across the entity, at each.
+    fit : Fit or None
+        None if too little was found.
+    reason : str
+        Why there is no fit; empty if there is one.
+    spacing_px : float
+        Distance of neighbouring samples in the image.
+    """
+
+    edge: PartEdge
+    points: NDArray[np.void]
+    directions: Array
+    origins: Array
+    px_per_mm: Array
+    fit: Fit | None
+    reason: str
+    spacing_px: float
+
+    @property
+    def n_found(self) -> int:
+        """Number of found points."""
+        return int(np.sum(self.points["state"] == State.FOUND))
+
+    @property
+    def found_share(self) -> float:
+        """Share of the samples that were found."""
+        return self.n_found / len(self.points) if len(self.points) else 0.0
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of samples by state, in words."""
+        return {
+            STATE_TEXTS[state]: int(n)
+            for state in State
+            if (n := np.sum(self.points["state"] == state))
+        }
+
+
+def entity_samples(
+    model: PartModel,
+    edges: list[PartEdge],
+    registered: Registered,
+    camera: Camera,
+    half_px: float,
+) -> Samples:
+    """Return the samples of entities, and which are apart from all lines of the part that a scan could reach."""
+    pose = registered.cam2world
+    samples = model.edges.samples(pose, camera, edges, _MARGIN_PX)
+    shown = model.shown(pose, camera)
+    samples.apart[:] = shown.apart(
+        edges, samples.edge, pixels_of(samples.points, pose, camera), half_px
+    )
+    return samples
+
+
+def scan_entity(
+    model: PartModel,
+    edge: PartEdge,
+    frame: Frame,
+    samples: Samples,
+    picture: Picture,
+    registered: Registered,
+    *,
+    half_px: float,
+    coverage: float,
+) -> EntityScan:
+    """Look for an entity in an image, and fit it.
+
+    Parameters
+    ----------
+    model : PartModel
+        The part.
+    edge : PartEdge
+        The entity.
+    frame : Frame
+        The plane that it is fitted in.
+    samples : Samples
+        Its samples.
+    picture : Picture
+        The image.
+    registered : Registered
+        Its pose.
+    half_px : float
+        How far from its prediction it is searched, px.
+    coverage : float
+        Share of its samples that must be found.
+    """
+    camera = picture.camera
+    pose = registered.cam2world
+    places = registered.moved(model, edge, samples.points)
+    centres = pixels_of(places, pose, camera)
+    across = across_of(places, samples.tangents, pose, camera)
+    scans = _searched(picture, centres, across, samples, half_px)
+    if isinstance(edge.geometry, Circle):
+        scans.offset[:] -= _curvature(centres, across) / 2 * _along_variance(scans)
+    scans.state[:] = _without_shadows(
+        model, edge, samples, picture, registered, (centres, across), scans
+    )
+    pixels = centres + np.where(scans.state == State.FOUND, scans.offset, 0.0)[:, None] * across
+    normal = np.cross(frame.x, frame.y)
+    # the plane is where the entity is, along the plane's normal
+    origins = samples.points + ((places - samples.points) @ normal)[:, None] * normal
+    state = scans.state.copy()
+    residual = np.full(len(state), np.nan)
+    fit = None
+    is_found = state == State.FOUND
+    scale = _px_per_mm(edge.geometry, frame, places, across, pose, camera)
+    if is_found.sum() >= LEAST_POINTS:
+        directions = tangents_of(camera, pixels)
+        flat = carried_back(directions[is_found], pose, origins[is_found], normal, frame)
+        fit, good = robust_fit(edge.geometry, flat, scale[is_found])
+        residual[is_found] = fit.residual
+        state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
+    points = np.zeros(len(state), dtype=POINT)
+    points["u"], points["v"] = pixels.T
+    points["nu"], points["nv"] = across.T
+    points["x"], points["y"], points["z"] = samples.points.T
+    points["share"] = samples.share
+    points["residual_px"] = residual
+    points["state"] = state
+    reason = _incomplete(edge, points, coverage)
+    is_found = state == State.FOUND
+    directions = tangents_of(camera, pixels[is_found])
+    fit = None if reason else fit
+    return EntityScan(
+        edge, points, directions, origins[is_found], scale[is_found], fit, reason, _spacing(centres)
+    )
+
+
+def _searched(
+    picture: Picture, centres: Array, across: Array, samples: Samples, half_px: float
+) -> Scans:
+    """Scan twice: the sign of the step is that of most of the entity."""
+    usable = samples.usable
+    state = np.where(samples.visible, int(State.NEAR_LINE), int(State.HIDDEN))
+    offset, step, blur = np.zeros((3, len(state)))
+    if usable.any():
+        first = picture.find(centres[usable], across[usable], half_px)
+        sign = np.full(len(first.step), sign_of(first), dtype=np.int64)
+        scans = picture.find(centres[usable], across[usable], half_px, sign)
+        state[usable] = scans.state
+        offset[usable] = scans.offset
+        step[usable] = scans.step
+        blur[usable] = scans.blur_px
+    return Scans(offset, state, step, blur)
+
+
+def _without_shadows(
+    model: PartModel,
+    edge: PartEdge,
+    samples: Samples,
+    picture: Picture,
+    registered: Registered,
+    where: tuple[Array, Array],
+    found: Scans,
+) -> NDArray[np.int64]:
+    """Return what became of samples (m,) if a shadow that ends beside the edge does not count as the edge."""
+    lamp = registered.lamps.get(picture.name)
+    good = found.state == State.FOUND
+    if lamp is None or not good.any():
+        return found.state
+    alone = replace(samples, edge=np.zeros_like(samples.edge))
+    pose = registered.cam2world
+    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], alone)
+    edges = where[0] + np.where(good, found.offset, 0.0)[:, None] * where[1]
+    stretch = stretches_of(edge, samples.share)
+    shadows = beside_shadows(lamp, sampled, picture, (edges, where[1]), good, stretch)
+    return np.where(good & shadows, int(State.SHADOW), found.state)
+
+
+def _along_variance(found: Scans) -> float:
+    """Return the variance of where along an edge its grey values come from, px²."""
+    good = found.state == State.FOUND
+    blur = float(np.median(found.blur_px[good])) if good.any() else 0.0
+    return ALONG_VARIANCE + blur**2
+
+
+def _curvature(centres: Array, across: Array) -> Array:
+    """Return the curvature of an image at samples in order (m,), 1/px: positive if its centre is across."""
+    if len(centres) < 3:
+        return np.zeros(len(centres))
+    first = np.gradient(centres, axis=0)
+    # the ends of a rim's samples have one neighbour in order
+    second = centres[2:] - 2 * centres[1:-1] + centres[:-2]
+    second = np.concatenate([second[:1], second, second[-1:]])
+    return np.asarray((second * across).sum(axis=1) / (first**2).sum(axis=1))
+
+
+def sign_of(scans: Scans) -> int:
+    """Return the sign of an edge's step: that of its strongest scans."""
+    good = scans.state == State.FOUND
+    strong = scans.step[good] if good.any() else scans.step[np.isfinite(scans.step)]
+    if not len(strong):
+        return 0
+    limit = np.quantile(np.abs(strong), 0.5)
+    total = float(np.sign(strong[np.abs(strong) >= limit]).sum())
+    return int(np.sign(total))
+
+
+def _spacing(centres: Array) -> float:
+    """Return the distance of neighbouring samples in the image, px."""
+    if len(centres) < 2:
+        return 1.0
+    return max(float(np.median(np.linalg.norm(np.diff(centres, axis=0), axis=1))), 0.1)
+
+
+def _px_per_mm(
+    geometry: Geometry, frame: Frame, places: Array, across: Array, pose: Array, camera: Camera
+) -> Array:
+    """Return how many pixels across an entity's image a millimetre across it is (m,)."""
+    if isinstance(geometry, Line):
+        way = np.tile(frame.y, (len(places), 1))
+    else:
+        way = places - geometry.centre
+        way = way - (way @ geometry.axis)[:, None] * geometry.axis
+        way = way / np.linalg.norm(way, axis=1, keepdims=True)
+    step = _AHEAD * float(np.median(world_to_cam(places, pose)[:, 2]))
+    moved = pixels_of(places + step * way, pose, camera) - pixels_of(
+        places - step * way, pose, camera
+    )
+    return np.asarray(np.abs((moved * across).sum(axis=1)) / (2 * step))
+
+
+def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> str:
+    """Say why what was found of an entity is not enough; empty if it is."""
+    word = "edge" if isinstance(edge.geometry, Line) else "rim"
+    if not len(points):
+        return f"the image of {word} {edge.name} is too short"
+    is_found = points["state"] == State.FOUND
+    share = float(is_found.mean())
+    if share < coverage or is_found.sum() < LEAST_POINTS:
+        counts = {state: int(np.sum(points["state"] == state)) for state in State}
+        del counts[State.FOUND]
+        worst = max(counts, key=lambda state: counts[state])
+        if counts[worst] >= 0.9 * len(points):
+            return f"{word} {edge.name} is {STATE_TEXTS[worst]}"
+        main_reason = f"{100 * counts[worst] / len(points):.0f} % is {STATE_TEXTS[worst]}"
+        return f"only {100 * share:.0f} % of {word} {edge.name} was found; {main_reason}"
+    low = points["share"].min()
+    high = points["share"].max()
+    sector = np.minimum(
+        ((points["share"] - low) / max(high - low, 1e-12) * SECTORS).astype(int), SECTORS - 1
+    )
+    missing = set(sector.tolist()) - set(sector[is_found].tolist())
+    if missing:
+        return f"a twelfth of {word} {edge.name} was not found"
+    return ""
+
+
+def largest_state(counts: Mapping[str, int]) -> str:
+    """Return the state that most samples have which were not found; empty if all were found."""
+    others = {name: n for name, n in counts.items() if name != STATE_TEXTS[State.FOUND]}
+    return max(others, key=lambda name: others[name]) if others else ""
+
+
+# The uncertainty of a reading by drawing (JCGM 101): the check of the one by derivatives.
+#
+# Poses, surfaces and points are drawn from their distributions and go through the same fit and
+# value. Points are thinned, and their errors made smaller by the root of how many each stands
+# for, so that the fit is as sure as with all of them.
+
+
+DRAWS = 5_000
+"""Draws: the spread is then known to 1 % and the interval to 2 %."""
+TOLERATED = 0.05
+"""Difference of the two uncertainties, as a share, from which on a reading has a note."""
+COVERED = 0.9545
+"""Share of the draws in the interval of U, that of two standard deviations of a normal distribution."""
+
+_POINTS = 24
+
+
+def drawn_uncertainty(
+    measurand: Measurand,
+    scans: Sequence[EntityScan],
+    registered: Registered,
+    model: PartModel,
+    noise: Sequence[tuple[float, float]],
+    seed: int,
+) -> float:
+    """Return half the width of the interval that holds 95.45 % of the drawn values.
+
+    Parameters
+    ----------
+    measurand : Measurand
+        The value.
+    scans : sequence of EntityScan
+        Its entities, each with a fit.
+    registered : Registered
+        The image.
+    model : PartModel
+        The part.
+    noise : sequence of (float, float)
+        For each entity the standard deviation of an independent point, and the floor, px.
+    seed : int
+        Of the draws.
+    """
+    rng = np.random.default_rng(seed)
+    scan_unknowns = [model.unknowns_of(scan.edge) for scan in scans]
+    unknowns = np.unique(np.concatenate([np.arange(POSE), *scan_unknowns]))
+    root = covariance_root(registered.covariance[np.ix_(unknowns, unknowns)])
+    moves = rng.standard_normal((DRAWS, len(unknowns))) @ root.T
+    fits = []
+    for scan, frame, surfaces, (sigma, floor) in zip(
+        scans, measurand.frames, scan_unknowns, noise, strict=True
+    ):
+        columns = np.searchsorted(unknowns, surfaces)
+        drawn = np.concatenate([moves[:, :POSE], moves[:, columns]], axis=1)
+        fits.append(_drawn_fits(scan, frame, registered, model, drawn, (sigma, floor), rng))
+    values = measurand.value(fits)
+    tail = (1 - COVERED) / 2
+    low, high = np.quantile(values, [tail, 1 - tail])
+    return float(high - low) / 2
+
+
+def _drawn_fits(
+    scan: EntityScan,
+    frame: Frame,
+    registered: Registered,
+    model: PartModel,
+    moves: Array,
+    noise: tuple[float, float],
+    rng: np.random.Generator,
+) -> Array:
+    """Return what is fitted in each draw (n, p)."""
+    count = len(scan.directions)
+    thin = np.unique(np.linspace(0, count - 1, min(count, _POINTS)).round().astype(int))
+    normal = np.cross(frame.x, frame.y)
+    counted = scan.points["state"] == 0
+    samples = np.stack([scan.points[name][counted][thin] for name in "xyz"], axis=1)
+    lift = np.einsum("mij,i->mj", model.displacement(scan.edge, samples), normal)
+    origins = scan.origins[thin] + (moves[:, POSE:] @ lift.T)[..., None] * normal
+    poses = displaced(registered.cam2world, moves[:, :POSE])
+    directions = np.broadcast_to(scan.directions[thin], (len(moves), len(thin), 2))
+    flat = carried_back(directions, poses, origins, normal, frame)
+    sigma, floor = noise
+    weight = scan.px_per_mm[thin]
+    _, design, _ = fit_entities(scan.edge.geometry, flat[:1], weight**2)
+    modes = floor_modes(scan.edge.geometry, design)
+    off = sigma * np.sqrt(len(thin) / count) * rng.standard_normal(flat.shape[:2])
+    off += floor * rng.standard_normal((len(moves), modes.shape[1])) @ modes.T
+    flat = flat + (off / weight)[..., None] * _across(scan.edge.geometry, flat)
+    return fit_entities(scan.edge.geometry, flat, weight**2)[0]
+
+
+def _across(geometry: Geometry, flat: Array) -> Array:
+    """Return unit vectors across an entity in its frame, at points (n, m, 2)."""
+    if isinstance(geometry, Circle):
+        return np.asarray(flat / np.linalg.norm(flat, axis=-1, keepdims=True))
+    return np.broadcast_to(np.array([0.0, 1.0]), flat.shape)
+
+
+# Readings: the value of one target in one image.
+
 
 SOURCES = ("pose", "surfaces", "pose with surfaces", "localisation", "localisation floor")
 """What the variance of a reading comes from. What pose and surfaces have in common may be negative."""
@@ -80,24 +480,26 @@ class Reading:
     gradient : array (n,)
         Of the value by the unknowns of the image.
     drawn_uncertainty : float
-        U by drawing instead of derivatives, see `planner.measuring.entity_scan`.
+        U by drawing instead of derivatives, see `drawn_uncertainty`.
     notes : tuple of str
         What the user should know.
     """
 
-    name: str
+    name: Annotated[str, NOT_STORED]
     image: str
-    setting: int
-    value: float = math.nan
-    standard_uncertainty: float = math.nan
-    budget: dict[str, float] = field(default_factory=dict)
+    setting: Annotated[int, NOT_STORED]
+    value: NumberOrNull = math.nan
+    standard_uncertainty: Annotated[NumberOrNull, Key("u")] = math.nan
+    budget: Annotated[dict[str, float], Key("variance")] = field(default_factory=dict)
     reason: str = ""
-    found_share: float = 0.0
-    rms_px: float = math.nan
-    counts: dict[str, int] = field(default_factory=dict)
-    points: tuple[NDArray[np.void], ...] = ()
-    gradient: Array = field(default_factory=lambda: np.empty(0))
-    drawn_uncertainty: float = math.nan
+    found_share: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    rms_px: NumberOrNull = math.nan
+    counts: Annotated[dict[str, Annotated[int, Meta(ge=1)]], Key("samples")] = field(
+        default_factory=dict
+    )
+    points: Annotated[tuple[NDArray[np.void], ...], NOT_STORED] = ()
+    gradient: Annotated[Array, NOT_STORED] = field(default_factory=lambda: np.empty(0))
+    drawn_uncertainty: Annotated[NumberOrNull, Key("U_drawn")] = math.nan
     notes: tuple[str, ...] = ()
 
     @property
@@ -151,19 +553,19 @@ def read_value(
     gradient = np.zeros(model.n_unknowns)
     rms = []
     noise = []
-    for scan, fit, frame, own in zip(scans, fits, measurand.frames, by_fitted, strict=True):
-        kept = np.isfinite(scan.points["residual_px"]) & (scan.points["state"] == 0)
-        residual = scan.points["residual_px"][kept]
-        variance = float((residual**2).sum() / max(len(residual) - len(own), 1))
+    for scan, fit, frame, slope in zip(scans, fits, measurand.frames, by_fitted, strict=True):
+        counted = np.isfinite(scan.points["residual_px"]) & (scan.points["state"] == 0)
+        residual = scan.points["residual_px"][counted]
+        variance = float((residual**2).sum() / max(len(residual) - len(slope), 1))
         rms.append(float((residual**2).mean()))
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
         # such errors have one direction, so their mean over the entity is about as large as they are
         common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
         noise.append((math.sqrt(variance * alike), common_px))
-        random += variance * alike * float(own @ fit.covariance @ own)
-        floor += common_px**2 * float(((own @ fit.common) ** 2).sum())
+        random += variance * alike * float(slope @ fit.covariance @ slope)
+        floor += common_px**2 * float(((slope @ fit.common) ** 2).sum())
         unknowns, rows = _fitted_by_unknowns(scan, frame, registered, model)
-        np.add.at(gradient, unknowns, own @ rows)
+        np.add.at(gradient, unknowns, slope @ rows)
     budget = budget_of(gradient, registered.covariance, random, floor)
     u = math.sqrt(max(math.fsum(budget.values()), 0.0))
     # of the name, so that no other target changes the draws
@@ -222,18 +624,18 @@ def budget_of(gradient: Array, covariance: Array, random: float, floor: float) -
 
 def _by_fitted(measurand: Measurand, fitted: Sequence[Array]) -> list[Array]:
     """Return the value's derivatives by what is fitted of each entity."""
-    found = []
-    for k, own in enumerate(fitted):
-        slopes = np.empty(len(own))
-        for i in range(len(own)):
+    derivatives = []
+    for k, parameters in enumerate(fitted):
+        slopes = np.empty(len(parameters))
+        for i in range(len(parameters)):
             values = []
             for sign in (1, -1):
-                moved = [one[None].copy() for one in fitted]
+                moved = [fit_values[None].copy() for fit_values in fitted]
                 moved[k][0, i] += sign * _FITTED_STEP
                 values.append(float(measurand.value(moved)[0]))
             slopes[i] = (values[0] - values[1]) / (2 * _FITTED_STEP)
-        found.append(slopes)
-    return found
+        derivatives.append(slopes)
+    return derivatives
 
 
 def _fitted_by_unknowns(
@@ -253,8 +655,8 @@ def fits_after(
 ) -> Array:
     """Return what is fitted (n, p) if the pose and the entity's surfaces were displaced by moves (n, 12)."""
     normal = np.cross(frame.x, frame.y)
-    kept = scan.points["state"] == 0
-    samples = np.stack([scan.points[name][kept] for name in "xyz"], axis=1)
+    counted = scan.points["state"] == 0
+    samples = np.stack([scan.points[name][counted] for name in "xyz"], axis=1)
     lift = np.einsum("mij,i->mj", model.displacement(scan.edge, samples), normal)
     lifted = moves[:, POSE:] @ lift.T
     origins = scan.origins + lifted[..., None] * normal
@@ -266,150 +668,8 @@ def fits_after(
 
 def covariance_of(readings: Mapping[str, Reading], covariance: Array) -> Array:
     """Return the covariance (n, n) of readings of one image by what they have in common: pose and surfaces."""
-    gradients = np.array([one.gradient for one in readings.values()])
+    gradients = np.array([reading.gradient for reading in readings.values()])
     return np.asarray(gradients @ covariance @ gradients.T)
-
-
-# Results: the readings of one target merged, its expanded uncertainty, and the decision.
-
-
-CONSISTENT = 0.99
-"""Readings of one target that differ more than with this probability are said to disagree."""
-
-# errors that readings from several images have in common
-_COMMON = ("surfaces", "localisation floor")
-
-
-@dataclass(frozen=True)
-class Result:
-    """One target, measured.
-
-    Attributes
-    ----------
-    name, kind, unit : str
-        The target.
-    nominal : float
-        Nominal value, mm (angles: degrees), as everything here.
-    tolerance : (float, float) or None
-        Lower and upper deviation that the drawing allows.
-    value : float
-        Measured value; nan if it was not measured.
-    standard_uncertainty : float
-        Its u.
-    decision : Decision
-        What it says of the part.
-    conformance_probability : float
-        Probability that the part is within its tolerance; nan without value or tolerance.
-    reason : str
-        Why it was not measured; empty if it was.
-    readings : tuple of Reading
-        In the order of the images.
-    notes : tuple of str
-        What the user should know.
-    """
-
-    name: str
-    kind: str
-    unit: str
-    nominal: float
-    tolerance: tuple[float, float] | None
-    value: float
-    standard_uncertainty: float
-    decision: Decision
-    conformance_probability: float
-    reason: str
-    readings: tuple[Reading, ...]
-    notes: tuple[str, ...] = field(default=())
-
-    @property
-    def measured(self) -> bool:
-        """Whether it has a value."""
-        return not self.reason
-
-    @property
-    def deviation(self) -> float:
-        """Measured value minus nominal value."""
-        return self.value - self.nominal
-
-    @property
-    def expanded_uncertainty(self) -> float:
-        """U, two standard uncertainties."""
-        return COVERAGE * self.standard_uncertainty
-
-    @property
-    def budget(self) -> dict[str, float]:
-        """Variance by source of the reading with the smallest uncertainty; empty if none was measured."""
-        measured = [one for one in self.readings if one.measured]
-        if not measured:
-            return {}
-        return min(measured, key=lambda one: one.standard_uncertainty).budget
-
-
-def merged(
-    name: str,
-    target: Target,
-    readings: Sequence[Reading],
-    rule: DecisionRule,
-    missing: str = "",
-) -> Result:
-    """Return the result of a target.
-
-    Readings are weighted by their variances. What pose and single points do is independent between images. The
-    deviations of surfaces and the floor of the localisation are common, and do not average out.
-
-    Parameters
-    ----------
-    name : str
-        The target's name.
-    target : Target
-        The target.
-    readings : sequence of Reading
-        Its readings.
-    rule : DecisionRule
-        How it is decided.
-    missing : str
-        Why there is no reading at all.
-    """
-    known = (name, target.kind, target.unit, target.nominal, target.tolerance)
-    good = [one for one in readings if one.measured]
-    if not good:
-        reason = missing or "; ".join(dict.fromkeys(f"{r.image}: {r.reason}" for r in readings))
-        nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
-        return Result(*known, *nothing, reason or "no image shows it", tuple(readings))
-    value, u, notes = _weighted(good)
-    notes += tuple(dict.fromkeys(note for one in good for note in one.notes))
-    deviation = value - target.nominal
-    decision = decide(deviation, u, target.tolerance, rule)
-    probability = math.nan
-    if target.tolerance is not None:
-        probability = conformance_probability(deviation, u, target.tolerance)
-    return Result(*known, value, u, decision, probability, "", tuple(readings), notes)
-
-
-def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...]]:
-    """Return the weighted mean of readings, its standard uncertainty, and notes."""
-    if len(readings) == 1:
-        return readings[0].value, readings[0].standard_uncertainty, ()
-    inverse = [1 / max(one.standard_uncertainty, 1e-12) ** 2 for one in readings]
-    weights = [one / math.fsum(inverse) for one in inverse]
-    value = math.fsum(w * one.value for w, one in zip(weights, readings, strict=True))
-    common = math.fsum(
-        w * math.sqrt(math.fsum(one.budget[source] for source in _COMMON))
-        for w, one in zip(weights, readings, strict=True)
-    )
-    own = math.fsum(
-        w**2 * (one.standard_uncertainty**2 - math.fsum(one.budget[s] for s in _COMMON))
-        for w, one in zip(weights, readings, strict=True)
-    )
-    u = math.sqrt(max(common**2 + own, 0.0))
-    spread = math.fsum(
-        (one.value - value) ** 2 * i for one, i in zip(readings, inverse, strict=True)
-    )
-    freedoms = len(readings) - 1
-    if spread <= chi_squared.ppf(CONSISTENT, freedoms):
-        return value, u, ()
-    note = f"{len(readings)} readings disagree: u is enlarged by their spread"
-    return value, u * math.sqrt(spread / freedoms), (note,)
 
 
 # The length of an edge in an image: its line and a line that leaves each of its ends, intersected
@@ -462,9 +722,9 @@ def read_length(
         points of a line have in common, px.
     """
     half_px, coverage, floor_px = how
-    own = _scan(model, edge, picture, registered, (half_px, coverage, None))
-    scans = [own]
-    reasons = [own.reason]
+    length_scan = _scan(model, edge, picture, registered, (half_px, coverage, None))
+    scans = [length_scan]
+    reasons = [length_scan.reason]
     for end in _ends(edge):
         arm = _arm(model, edge, end, picture, registered, half_px)
         reasons.append("" if arm else "no line that leaves a corner was found")
@@ -474,7 +734,7 @@ def read_length(
     reason = next(filter(None, reasons), "")
     if reason:
         return Reading(
-            *where, reason=reason, found_share=own.found_share, counts=counts, points=points
+            *where, reason=reason, found_share=length_scan.found_share, counts=counts, points=points
         )
     fitted = np.concatenate([scan.fit.fitted for scan in scans if scan.fit is not None])
     planned = _planned_ends(model, edge, registered, picture.camera, np.zeros(POSE + 6))
@@ -495,8 +755,8 @@ def read_length(
         value=length,
         standard_uncertainty=math.sqrt(max(math.fsum(budget.values()), 0.0)),
         budget=budget,
-        found_share=own.found_share,
-        rms_px=_rms(own),
+        found_share=length_scan.found_share,
+        rms_px=_rms(length_scan),
         counts=counts,
         points=points,
         gradient=gradient,
@@ -649,13 +909,13 @@ def _localisation(
     random = 0.0
     floor = 0.0
     for k, scan in enumerate(scans):
-        own = slopes[2 * k : 2 * k + 2]
+        slope = slopes[2 * k : 2 * k + 2]
         assert scan.fit is not None
         alike = max(1.0, CORRELATION_PX / scan.spacing_px)
-        random += _rms(scan) ** 2 * alike * float(own @ scan.fit.covariance @ own)
+        random += _rms(scan) ** 2 * alike * float(slope @ scan.fit.covariance @ slope)
         residual = scan.points["residual_px"][scan.points["state"] == 0]
         common_px = math.hypot(floor_px, uneven_px(residual, scan.spacing_px))
-        floor += common_px**2 * float(((own @ scan.fit.common) ** 2).sum())
+        floor += common_px**2 * float(((slope @ scan.fit.common) ** 2).sum())
     return random, floor
 
 

@@ -25,16 +25,17 @@ from aspectgraph.entities.carriers import PARAMETERS
 from errors.registration import Posterior, Rows, bias_variance_of, surprise
 from errors.registration.posterior import posterior
 from ground.loop_cache import njit
-from planner.measuring.gates import MOVE_SIGMAS, check_one_pose
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, Registered, prior_covariance
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.scans import SAMPLING_PX, State, gradients_of, profiles_of
 from planner.measuring.task import (
+    MOVE_SIGMAS,
     Found,
     NotRegisteredError,
     Scan,
     Task,
+    check_one_pose,
     cost_of,
     noise_of,
     registration_task,
@@ -94,8 +95,8 @@ def coarse_shift(
     best = np.unravel_index(int(np.argmax(votes)), votes.shape)
     grid = (np.arange(2 * n + 1) - n) * STEP_PX
     far = np.hypot(*np.meshgrid(grid - grid[best[0]], grid - grid[best[1]], indexing="ij")) >= 3.0
-    rest = float(votes[far].max()) if far.any() else 0.0
-    lead = float(votes[best]) / rest if rest > 0 else np.inf
+    second = float(votes[far].max()) if far.any() else 0.0
+    lead = float(votes[best]) / second if second > 0 else np.inf
     # strong edges are cut off and have a flat top: its middle
     top = (votes >= _TOP * votes[best]) & ~far
     i, j = np.nonzero(top)
@@ -203,8 +204,8 @@ class Scanner:
         """Return what is found up to so many px from the prediction."""
         places = self._task.predicted(x)
         every = zip(self._pictures, self._signs, self._left_out, strict=True)
-        found = [_scanned(picture, places, half, sign, out) for picture, sign, out in every]
-        return Scan(x, *places, found)
+        scans = [_scanned(picture, places, half, sign, out) for picture, sign, out in every]
+        return Scan(x, *places, scans)
 
     def no_worse(self, scan: Scan, last: Scan, half: float) -> Scan:
         """Return a scan, or one nearer to the last one if it is explained worse than that.
@@ -212,9 +213,9 @@ class Scanner:
         What an image hardly tells lies along a curved valley, which steps can leave.
         """
         noise = noise_of(self._task, last.found)
-        most = cost_of(self._task, last.x, last.found, noise)
+        largest_cost = cost_of(self._task, last.x, last.found, noise)
         for _ in range(MOST_HALVINGS):
-            if cost_of(self._task, scan.x, scan.found, noise) <= most:
+            if cost_of(self._task, scan.x, scan.found, noise) <= largest_cost:
                 break
             scan = self.at((last.x + scan.x) / 2, half)
         return scan
@@ -224,9 +225,9 @@ def signs_of(
     picture: Picture, centres: Array, across: Array, half: float, alike: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Return the sign of each sample's step: that of the strongest samples with the same number (m,)."""
-    found = picture.find(centres, across, half)
-    good = (found.state == State.FOUND) | (found.state == State.AT_END)
-    total = np.bincount(alike, np.where(good, found.step, 0.0))
+    scans = picture.find(centres, across, half)
+    good = (scans.state == State.FOUND) | (scans.state == State.AT_END)
+    total = np.bincount(alike, np.where(good, scans.step, 0.0))
     return np.sign(total).astype(np.int64)[alike]
 
 
@@ -237,9 +238,9 @@ def _scanned(
     sign: NDArray[np.int64],
     out: NDArray[np.bool_],
 ) -> Found:
-    found = picture.find(*places, half, sign)
-    state = np.where(out & (found.state == State.FOUND), int(State.SHADOW), found.state)
-    return Found(found.offset, state == State.FOUND, state, found.blur_px)
+    scans = picture.find(*places, half, sign)
+    state = np.where(out & (scans.state == State.FOUND), int(State.SHADOW), scans.state)
+    return Found(scans.offset, state == State.FOUND, state, scans.blur_px)
 
 
 def bias_of(floor_px: float) -> float:
@@ -281,12 +282,12 @@ def register(
     """
     task = registration_task(model, pictures[0].camera, planned, prior, bias_px)
     start = _coarse(task, pictures)
-    found = _best(task, pictures, start)
-    if not found[0].accepted and found[0].share >= LEAST_HOPEFUL:
+    outcome = _best(task, pictures, start)
+    if not outcome[0].accepted and outcome[0].share >= LEAST_HOPEFUL:
         # where little is found, half of an edge may be what is left
         other = _best(task, pictures, start._replace(late=0))
-        found = other if other[0].accepted else found
-    attempt, lamps = found
+        outcome = other if other[0].accepted else outcome
+    attempt, lamps = outcome
     registered = replace(judged(attempt, _stated(attempt)), lamps=lamps)
     if len(pictures) > 1:
         _check_one_pose(attempt)
@@ -302,28 +303,28 @@ def _check_one_pose(attempt: Attempt) -> None:
     alone = []
     for picture in attempt.pictures:
         start = Start(attempt.scan.x, attempt.lead)
-        own = _attempted(task, [picture], start, task.samples.edge)
-        if not own.convincing:
+        alone_attempt = _attempted(task, [picture], start, task.samples.edge)
+        if not alone_attempt.convincing:
             # farther off than edges are searched
-            own = _attempted(task, [picture], _coarse(task, [picture]), task.samples.edge)
-        if own.convincing:
-            alone.append(own)
+            alone_attempt = _attempted(task, [picture], _coarse(task, [picture]), task.samples.edge)
+        if alone_attempt.convincing:
+            alone.append(alone_attempt)
     if len(alone) < 2:
         return
     n = len(task.prior)
     rows = list(alone[0].rows)
-    for k, own in enumerate(alone[1:]):
+    for k, alone_attempt in enumerate(alone[1:]):
         move = n + POSE * k + np.arange(POSE)
         rows += [
-            one._replace(
-                unknowns=np.concatenate([one.unknowns, move]),
-                design=np.hstack([one.design, one.design[:, :POSE]]),
+            rows._replace(
+                unknowns=np.concatenate([rows.unknowns, move]),
+                design=np.hstack([rows.design, rows.design[:, :POSE]]),
             )
-            for one in own.rows
+            for rows in alone_attempt.rows
         ]
     between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(alone) - 1)
     estimate = posterior(block_diag(task.prior, *between), rows, task.bias_px**2)
-    names = [own.pictures[0].name for own in alone]
+    names = [alone_attempt.pictures[0].name for alone_attempt in alone]
     check_one_pose(names, estimate.mean[n:], estimate.covariance)
 
 
@@ -341,7 +342,7 @@ def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, d
         shadows = attempt.contradicted
         if attempt.share < LEAST_HOPEFUL or np.mean(shadows) < LEAST_CONTRADICTED:
             break
-        out = [before | own for before, own in zip(attempt.left_out, shadows, strict=True)]
+        out = [before | shadow for before, shadow in zip(attempt.left_out, shadows, strict=True)]
         start = start._replace(x=_without_pull(attempt, out))
         attempt = _attempted(task, pictures, start, alike, out)
     if np.any(attempt.left_out) and not attempt.convincing:
@@ -377,12 +378,12 @@ def _attempted(
     scanner = Scanner(task, pictures, out)
     scan = scanner.signed(start.x, start.windows[0], alike)
     rows: list[Rows] = []
-    for left in range(len(start.windows) - 1, -1, -1):
+    for level in range(len(start.windows) - 1, -1, -1):
         x, rows = solved(
-            task, scan.x, scan.across, scan.found, going_on=left > 0, whole=left < start.late
+            task, scan.x, scan.across, scan.found, going_on=level > 0, whole=level < start.late
         )
-        half = start.windows[-max(left, 1)]
-        if left == len(start.windows) - 1:
+        half = start.windows[-max(level, 1)]
+        if level == len(start.windows) - 1:
             scan = scanner.signed(x, half, alike)
         else:
             scan = scanner.no_worse(scanner.at(x, half), scan, half)
@@ -409,11 +410,13 @@ def _coarse(task: Task, pictures: list[Picture]) -> Start:
     rows = [
         Rows(
             np.arange(POSE),
-            design[own][:, :POSE],
-            across[own] @ shift,
-            np.full(own.stop - own.start, 1 / (_COARSE_PX**2 * (own.stop - own.start))),
+            design[samples][:, :POSE],
+            across[samples] @ shift,
+            np.full(
+                samples.stop - samples.start, 1 / (_COARSE_PX**2 * (samples.stop - samples.start))
+            ),
         )
-        for own in task.own
+        for samples in task.own
     ]
     x = nothing.copy()
     # surfaces are not moved by it
@@ -439,9 +442,9 @@ def _stated(attempt: Attempt) -> Posterior:
     # this step, too, may leave the valley
     x = estimate.mean
     noise = noise_of(task, attempt.scan.found)
-    most = LITTLE_WORSE * cost_of(task, attempt.scan.x, attempt.scan.found, noise, variance)
+    largest_cost = LITTLE_WORSE * cost_of(task, attempt.scan.x, attempt.scan.found, noise, variance)
     for _ in range(MOST_HALVINGS):
-        if cost_of(task, x, attempt.found_at(x), noise, variance) <= most:
+        if cost_of(task, x, attempt.found_at(x), noise, variance) <= largest_cost:
             break
         x = (x + attempt.scan.x) / 2
     return Posterior(x, estimate.covariance)
@@ -491,30 +494,32 @@ def register_as_shown(
     shown_mm = surfaces_mm
     for _ in range(_ROUNDS):
         prior = prior_covariance(model, pose_covariance, shown_mm, pictures[0].camera)
-        found = register(model, pictures, planned, prior, bias_px)
-        more = times_more(model, found, prior)
+        registered = register(model, pictures, planned, prior, bias_px)
+        more = times_more(model, registered, prior)
         if more <= 1:
             break
         shown_mm *= more
     if shown_mm <= surfaces_mm:
-        return found
+        return registered
     note = (
         f"faces deviate by about {shown_mm:.2g} mm, not by {surfaces_mm:.2g} mm as stated; "
         f"U is computed with that"
     )
-    return replace(found, warnings=(note,))
+    return replace(registered, warnings=(note,))
 
 
 def times_more(model: PartModel, found: Registered, prior: Array) -> float:
     """Return how many times more than stated the faces deviate that no target measures; 1 if it may be chance."""
     planes = [
-        k for k, one in enumerate(model.carriers.surfaces) if one.is_plane and k not in model.free
+        k
+        for k, surface in enumerate(model.carriers.surfaces)
+        if surface.is_plane and k not in model.free
     ]
     if not planes:
         return 1.0
-    own = (PARAMETERS * np.array(planes)[:, None] + np.arange(PARAMETERS)).ravel()
-    at = np.ix_(POSE + own, POSE + own)
-    total, n = surprise(found.deviations[own], found.covariance[at], prior[at])
+    unknowns = (PARAMETERS * np.array(planes)[:, None] + np.arange(PARAMETERS)).ravel()
+    at = np.ix_(POSE + unknowns, POSE + unknowns)
+    total, n = surprise(found.deviations[unknowns], found.covariance[at], prior[at])
     if n == 0 or total <= chi_squared.ppf(CREDIBLE, n):
         return 1.0
     return math.sqrt(total / n)
@@ -565,11 +570,13 @@ def looks_like(
         for k, pose in enumerate(poses[:_MOST_LOOKS])
         if k != setting
     ]
-    own = poses[setting]
-    tried.append(("looks turned by 180 degrees", [one.turned() for one in pictures], own))
-    tried.append(("looks mirrored", [one.mirrored() for one in pictures], own))
+    planned = poses[setting]
+    tried.append(
+        ("looks turned by 180 degrees", [picture.turned() for picture in pictures], planned)
+    )
+    tried.append(("looks mirrored", [picture.mirrored() for picture in pictures], planned))
     if pictures[0].camera.distortion is not None:
-        tried.append((_UNDISTORTED.removeprefix("it "), _undistorted(pictures), own))
+        tried.append((_UNDISTORTED.removeprefix("it "), _undistorted(pictures), planned))
     for text, shown, pose in tried:
         try:
             register(model, shown, pose, prior)
@@ -615,4 +622,6 @@ def check_lens(
 
 def _undistorted(pictures: list[Picture]) -> list[Picture]:
     """Return images as those of a camera without distortion."""
-    return [replace(one, camera=replace(one.camera, distortion=None)) for one in pictures]
+    return [
+        replace(picture, camera=replace(picture.camera, distortion=None)) for picture in pictures
+    ]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.carriers import PARAMETERS
 from aspectgraph.solid.ray_scene import RayScene
+from ground.convert import NOT_STORED, Meta, NullIs, Shape
 from planner.camera.camera import Camera
 from planner.measuring.samples import POSE, PartEdge, PartModel
 from planner.request.registration import LEAST_POSE
@@ -25,6 +27,9 @@ from planner.request.registration import LEAST_POSE
 
 
 Array = NDArray[np.float64]
+
+NumberOrNull = Annotated[float, NullIs(math.nan)]
+"""A number; nan where there is none, for which files have null."""
 
 LEAST_KNOWN = 300
 """A lamp is fitted to this many samples at least."""
@@ -176,7 +181,7 @@ def fitted(faces: Faces, grey: Array) -> Lamp:
         place = _moved(faces, start.place, move)
         return fine.lamps(place[None], grey[many], (start.falloff,))[0]
 
-    found = []
+    lamps = []
     for start in starts[:_STARTS]:
         best = minimize(
             lambda move, start: moved(move, start).cost,
@@ -185,8 +190,8 @@ def fitted(faces: Faces, grey: Array) -> Lamp:
             "Nelder-Mead",
             options={"maxfev": _EVALUATIONS, "initial_simplex": _SIMPLEX},
         )
-        found.append(moved(best.x, start))
-    return min(found, key=lambda one: one.cost)
+        lamps.append(moved(best.x, start))
+    return min(lamps, key=lambda one: one.cost)
 
 
 def _places(faces: Faces) -> Array:
@@ -274,30 +279,38 @@ class Registered:
         the sample's edge; planned_u, planned_v: the sample at the planned pose.
     lamps : dict of str to Lamp
         The lamps of images that one fits.
+    pose_covariance : array (6, 6)
+        Covariance of the displacement of the camera.
     """
 
-    cam2world: Array
-    deviations: Array = field(repr=False)
-    covariance: Array = field(repr=False)
-    method: str
+    cam2world: Annotated[Array, Shape(4, 4)]
+    deviations: Annotated[Array, Shape(None)] = field(repr=False)
+    covariance: Annotated[Array, NOT_STORED] = field(repr=False)
+    method: Annotated[str, Meta(pattern="^(planned|given|own edges|fiducials)$")]
     shift_px: float = 0.0
     used: int = 0
     offered: int = 0
-    misfit_px: float = float("nan")
-    blur_px: float = float("nan")
-    chi2: float = float("nan")
-    notes: tuple[str, ...] = field(default=())
-    warnings: tuple[str, ...] = field(default=())
-    prior: Array | None = field(default=None, repr=False)
-    samples: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, SAMPLE), repr=False)
-    lamps: Mapping[str, Lamp] = field(default_factory=dict, repr=False)
+    misfit_px: NumberOrNull = math.nan
+    blur_px: NumberOrNull = math.nan
+    chi2: NumberOrNull = math.nan
+    notes: tuple[str, ...] = ()
+    warnings: Annotated[tuple[str, ...], NOT_STORED] = ()
+    prior: Annotated[Array | None, NOT_STORED] = field(default=None, repr=False)
+    samples: Annotated[NDArray[np.void], NOT_STORED] = field(
+        default_factory=lambda: np.zeros(0, SAMPLE), repr=False
+    )
+    lamps: Annotated[Mapping[str, Lamp], NOT_STORED] = field(default_factory=dict, repr=False)
+    pose_covariance: Annotated[Array, Shape(6, 6)] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose_covariance", self.covariance[:POSE, :POSE])
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""
-        own = self.deviations[model.unknowns_of(edge) - POSE]
-        if not own.any():
+        deviations = self.deviations[model.unknowns_of(edge) - POSE]
+        if not deviations.any():
             return points
-        return points + model.displacement(edge, points) @ own
+        return points + model.displacement(edge, points) @ deviations
 
 
 def prior_covariance(
@@ -327,9 +340,9 @@ def prior_covariance(
     free_mm = 0.0
     if camera is not None:
         free_mm = FREE_PX * camera.focus_distance_mm / float(camera.matrix.diagonal()[:2].min())
-    for k, one in enumerate(model.carriers.surfaces):
+    for k, surface in enumerate(model.carriers.surfaces):
         start = POSE + PARAMETERS * k
-        if one.is_plane:
+        if surface.is_plane:
             sigmas = sigma * np.array([1.0, TILT_SHARE, TILT_SHARE])
         else:
             sigmas = np.full(PARAMETERS, CYLINDER_SHARE * sigma)

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,21 +24,22 @@ from scipy.stats import chi2 as chi_squared
 from aspectgraph.exceptions import how_to_install
 from errors.registration import Posterior, Rows
 from errors.registration.posterior import posterior
+from ground.convert import Meta, Shape, check_fields
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
-from planner.measuring.gates import (
+from planner.measuring.images import Picture
+from planner.measuring.registered import displaced
+from planner.measuring.samples import POSE, pixels_of
+from planner.measuring.task import (
     CREDIBLE,
     MOVE_SIGMAS,
+    NotRegisteredError,
     check_distance,
     check_one_pose,
     distance_of,
     rigid_motion,
 )
-from planner.measuring.images import Picture
-from planner.measuring.registered import displaced
-from planner.measuring.samples import POSE, pixels_of
-from planner.measuring.task import NotRegisteredError
 from planner.plan_file import shown
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES, RegistrationRecord
 from planner.sensor_setting import setting_name
@@ -80,6 +81,12 @@ class NoFiducialsError(Exception):
     """An image shows too few corners of the board; says how many."""
 
 
+_Positive = Annotated[float, Meta(gt=0, title="must be positive")]
+_Side = Annotated[_Positive, Meta(le=SQUARE_MM[1])]
+_TWO = "must be two numbers of at least 2"
+_Count = Annotated[int, Meta(ge=2, title=_TWO)]
+
+
 @dataclass(frozen=True, eq=False)
 class Fiducials:
     """A ChArUco board that is fixed to the part.
@@ -113,41 +120,31 @@ class Fiducials:
     (5, 7)
     """
 
-    squares: tuple[int, int]
-    square_mm: float
-    marker_mm: float
-    dictionary: str
-    board2part: Array
-    sigma_mm: float
-    sigma_rad: float
-    corner_px: float = CORNER_PX
+    squares: Annotated[tuple[_Count, _Count], Meta(title=_TWO)]
+    square_mm: Annotated[_Side, Meta(ge=SQUARE_MM[0])]
+    marker_mm: _Side
+    dictionary: Annotated[
+        str,
+        Meta(
+            pattern=f"^({'|'.join(MARKERS)})$", title="must be one of OpenCV, such as DICT_4X4_50"
+        ),
+    ]
+    board2part: Annotated[Array, Shape(4, 4)]
+    sigma_mm: Annotated[_Positive, Meta(le=MAX_SIGMA_MM)]
+    sigma_rad: Annotated[_Positive, Meta(le=MAX_SIGMA_RAD)]
+    corner_px: Annotated[_Positive, Meta(le=MOST_CORNER_PX)] = CORNER_PX
 
     def __post_init__(self) -> None:
-        limits = {
-            "square_mm": SQUARE_MM[1],
-            "marker_mm": SQUARE_MM[1],
-            "sigma_mm": MAX_SIGMA_MM,
-            "sigma_rad": MAX_SIGMA_RAD,
-            "corner_px": MOST_CORNER_PX,
-        }
-        for name, most in limits.items():
-            _check_positive(name, getattr(self, name), most)
-        if self.square_mm < SQUARE_MM[0]:
-            raise RequestError.of_rule(
-                "square_mm", f"must be at least {SQUARE_MM[0]:g}", repr(self.square_mm)
-            )
+        object.__setattr__(self, "board2part", rigid_motion(self.board2part, "board2part"))
+        check_fields(self, RequestError, shown)
         if self.marker_mm >= self.square_mm:
             raise RequestError.of_rule(
                 "marker_mm", f"must be below square_mm, {self.square_mm:g}", repr(self.marker_mm)
             )
-        if not isinstance(self.dictionary, str) or self.dictionary not in MARKERS:
-            raise RequestError.of_rule(
-                "dictionary",
-                "must be one of OpenCV, such as DICT_4X4_50",
-                shown(self.dictionary),
-            )
-        object.__setattr__(self, "squares", _squares(self.squares, self.dictionary))
-        object.__setattr__(self, "board2part", rigid_motion(self.board2part, "board2part"))
+        largest = 2 * MARKERS[self.dictionary] + 1
+        if self.squares[0] * self.squares[1] > largest:
+            rule = f"must be at most {largest} in all with {self.dictionary}"
+            raise RequestError.of_rule("squares", rule, shown(self.squares))
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Fiducials:
@@ -169,8 +166,8 @@ class Fiducials:
             If it cannot be read, or a field is missing, unknown or wrong.
         """
         data = _read_toml(Path(path))
-        names = [one.name for one in fields(cls)]
-        needed = [one.name for one in fields(cls) if one.default is MISSING]
+        names = [field_.name for field_ in fields(cls)]
+        needed = [field_.name for field_ in fields(cls) if field_.default is MISSING]
         unknown = [name for name in data if name not in names]
         missing = [name for name in needed if name not in data]
         if unknown or missing:
@@ -206,44 +203,18 @@ class Fiducials:
         """
         cv2 = _opencv()
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
-        board = cv2.aruco.CharucoBoard(
-            self.squares, float(self.square_mm), float(self.marker_mm), markers
-        )
+        board = cv2.aruco.CharucoBoard(self.squares, self.square_mm, self.marker_mm, markers)
         grey = np.clip(picture.grey * (255.0 / picture.white), 0, 255).astype(np.uint8)
-        found, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
+        corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
         count = 0 if ids is None else len(ids)
         if count < LEAST_CORNERS:
             raise NoFiducialsError(f"only {count} corners of the board were found")
         window = (_REFINED_PX, _REFINED_PX)
         stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
-        images = cv2.cornerSubPix(grey, found.astype(np.float32), window, (-1, -1), stop)
+        images = cv2.cornerSubPix(grey, corners.astype(np.float32), window, (-1, -1), stop)
         on_board = np.asarray(board.getChessboardCorners(), dtype=np.float64)[ids.ravel()]
         points = on_board @ self.board2part[:3, :3].T + self.board2part[:3, 3]
         return points, images.reshape(-1, 2).astype(np.float64)
-
-
-def _check_positive(name: str, value: object, most: float) -> None:
-    """Refuse what is no positive number, or a larger one than most."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    # also NaN is not above 0
-    if not (is_number and value > 0):  # type: ignore[operator]
-        raise RequestError.of_rule(name, "must be positive", shown(value))
-    if value > most:  # type: ignore[operator]
-        raise RequestError.of_rule(name, f"must be at most {most:g}", shown(value))
-
-
-def _squares(value: object, dictionary: str) -> tuple[int, int]:
-    """Return the squares of a board whose markers a dictionary has."""
-    counts = tuple(value) if isinstance(value, list | tuple) else ()
-    are_numbers = all(isinstance(n, int) and not isinstance(n, bool) for n in counts)
-    if len(counts) != 2 or not are_numbers or min(counts) < 2:
-        raise RequestError.of_rule("squares", "must be two numbers of at least 2", shown(value))
-    most = 2 * MARKERS[dictionary] + 1
-    if counts[0] * counts[1] > most:
-        raise RequestError.of_rule(
-            "squares", f"must be at most {most} in all with {dictionary}", shown(value)
-        )
-    return counts[0], counts[1]
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -318,24 +289,26 @@ def locate(
         raise NoFiducialsError(why)
     prior = pose_covariance + np.diag(LEAST_POSE**2)
     view = _View(fiducials, seen, planned, pictures[0].camera, prior)
-    found = view.solved()
+    solution = view.solved()
     if len(seen) > 1:
         apart = view.solved(apart=True)
-        check_one_pose([one.name for one in seen], apart.mean[_SCALE + 1 :], apart.covariance)
-    _check_corners(view, found)
-    return displaced(planned, found.mean[:POSE])[0], found.covariance[:POSE, :POSE]
+        check_one_pose(
+            [picture.name for picture in seen], apart.mean[_SCALE + 1 :], apart.covariance
+        )
+    _check_corners(view, solution)
+    return displaced(planned, solution.mean[:POSE])[0], solution.covariance[:POSE, :POSE]
 
 
 def _check_corners(view: _View, found: Posterior) -> None:
     """Refuse a pose that leaves corners unexplained, or that is too far from the planned one."""
     stated = view.fiducials.corner_px
-    rest = view.rest(found.mean)
-    freedoms = len(rest) - POSE
-    square = float(rest @ rest) / stated**2
+    residual = view.rest(found.mean)
+    freedoms = len(residual) - POSE
+    square = float(residual @ residual) / stated**2
     try:
         if square > chi_squared.ppf(CREDIBLE, freedoms):
             raise NotRegisteredError(
-                f"the corners of the board are {np.sqrt(rest @ rest / freedoms):.2g} px off its pose, "
+                f"the corners of the board are {np.sqrt(residual @ residual / freedoms):.2g} px off its pose, "
                 f"and corner_px is {stated:g}"
             )
         check_distance(distance_of(found.mean[:POSE], view.prior))
@@ -346,11 +319,11 @@ def _check_corners(view: _View, found: Posterior) -> None:
 def _printed(view: _View) -> str:
     """Say at which scale the board looks printed, if another one than stated explains its corners surely better."""
     try:
-        found = view.solved(scaled=True)
+        solution = view.solved(scaled=True)
     except NotRegisteredError:
         return ""
-    scale = float(found.mean[_SCALE])
-    if scale**2 <= chi_squared.ppf(CREDIBLE, 1) * found.covariance[_SCALE, _SCALE]:
+    scale = float(solution.mean[_SCALE])
+    if scale**2 <= chi_squared.ppf(CREDIBLE, 1) * solution.covariance[_SCALE, _SCALE]:
         return ""
     percent = 100 * (1 + scale)
     return f"the board looks printed at {percent:.1f} %: measure its squares, and state square_mm"
@@ -399,37 +372,37 @@ class _View:
             chosen = np.append(chosen, np.arange(_SCALE + 1, len(prior)))
         steps = np.concatenate([_STEPS, _STEPS, _STEPS[-1:], np.tile(_STEPS, len(self.seen) - 1)])
         x = np.zeros(len(prior))
-        found = Posterior(x, prior)
+        solution = Posterior(x, prior)
         for _ in range(_ROUNDS):
-            rest = self.rest(x)
+            residual = self.rest(x)
             moves = np.diag(steps)[chosen]
             slopes = [self.rest(x - move) - self.rest(x + move) for move in moves]
             design = np.stack(slopes, axis=1) / (2 * steps[chosen])
-            if not (np.isfinite(rest).all() and np.isfinite(design).all()):
+            if not (np.isfinite(residual).all() and np.isfinite(design).all()):
                 raise NotRegisteredError("the corners of the board do not lead to a pose")
-            weight = np.full(len(rest), 1 / self.fiducials.corner_px**2)
-            rows = Rows(chosen, design, rest + design @ x[chosen], weight)
-            found = posterior(prior, [rows], 0.0)
+            weight = np.full(len(residual), 1 / self.fiducials.corner_px**2)
+            rows = Rows(chosen, design, residual + design @ x[chosen], weight)
+            solution = posterior(prior, [rows], 0.0)
             last = x
-            x = found.mean
-            if (np.abs(x - last) <= _STILL * np.sqrt(np.diag(found.covariance))).all():
+            x = solution.mean
+            if (np.abs(x - last) <= _STILL * np.sqrt(np.diag(solution.covariance))).all():
                 break
-        return found
+        return solution
 
     def rest(self, x: Array) -> Array:
         """Return how far corners were found off their prediction at unknowns, px: all numbers in one row."""
         board = self.fiducials.board2part
         moved = displaced(board, x[POSE:_SCALE])[0]
         rests = []
-        for k, one in enumerate(self.seen):
-            local = (one.points - board[:3, 3]) @ board[:3, :3] * (1 + x[_SCALE])
+        for k, picture in enumerate(self.seen):
+            local = (picture.points - board[:3, 3]) @ board[:3, :3] * (1 + x[_SCALE])
             places = local @ moved[:3, :3].T + moved[:3, 3]
             pose = displaced(self.planned, x[:POSE])[0]
             if k:
                 first = _SCALE + 1 + POSE * (k - 1)
                 pose = displaced(pose, x[first : first + POSE])[0]
             with np.errstate(all="ignore"):
-                rests.append((one.images - pixels_of(places, pose, self.camera)).ravel())
+                rests.append((picture.images - pixels_of(places, pose, self.camera)).ravel())
         return np.concatenate(rests)
 
     def _prior(self) -> Array:
@@ -446,8 +419,8 @@ def _opencv() -> Any:
         raise RequestError(f"fiducials need OpenCV; {how_to_install('fiducials')}.") from None
     version = tuple(int(part) for part in cv2.__version__.split(".")[:2])
     if version < OLDEST_OPENCV:
-        least = ".".join(map(str, OLDEST_OPENCV))
-        raise RequestError.of_rule("OpenCV", f"must be {least} or newer", cv2.__version__)
+        oldest = ".".join(map(str, OLDEST_OPENCV))
+        raise RequestError.of_rule("OpenCV", f"must be {oldest} or newer", cv2.__version__)
     return cv2
 
 
@@ -550,8 +523,8 @@ class Registration:
         Registration
             The registration.
         """
-        known = board if isinstance(board, Fiducials) else Fiducials.read(board)
-        return cls(FIDUCIALS, surfaces_mm, board=known)
+        fiducials = board if isinstance(board, Fiducials) else Fiducials.read(board)
+        return cls(FIDUCIALS, surfaces_mm, board=fiducials)
 
     @classmethod
     def both(
@@ -571,8 +544,8 @@ class Registration:
         Registration
             The registration.
         """
-        known = board if isinstance(board, Fiducials) else Fiducials.read(board)
-        return cls(BOTH, surfaces_mm, board=known)
+        fiducials = board if isinstance(board, Fiducials) else Fiducials.read(board)
+        return cls(BOTH, surfaces_mm, board=fiducials)
 
     @classmethod
     def given(
@@ -611,8 +584,8 @@ class Registration:
             if name in checked:
                 raise RequestError.of_rule("poses", "must have one pose of a name", repr(name))
             checked[name] = rigid_motion(pose, f"the pose of {name}")
-        known = None if covariance is None else PoseUncertainty(covariance)  # type: ignore[arg-type]
-        return cls(GIVEN, surfaces_mm, checked, known)
+        uncertainty = None if covariance is None else PoseUncertainty(covariance)  # type: ignore[arg-type]
+        return cls(GIVEN, surfaces_mm, checked, uncertainty)
 
     def planned(self) -> RegistrationRecord | None:
         """Return it as a plan takes it: for poses that are not known yet.

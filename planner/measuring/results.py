@@ -10,22 +10,173 @@ import uuid
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import resources
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_files import csv_text
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
+from errors.measurands import (
+    conformance_probability,
+    decide,
+)
 from errors.measurands.conformity import COVERAGE
+from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from planner.files import write_text
 from planner.measuring.images import Picture
-from planner.measuring.reading import SOURCES, Reading, Result
-from planner.measuring.registered import Registered
+from planner.measuring.reading import SOURCES, Reading
+from planner.measuring.registered import NumberOrNull, Registered
 from planner.request.dimension import plain_tolerance
+from planner.request.targets import Target
+
+# Results: the readings of one target merged, its expanded uncertainty, and the decision.
+
+
+CONSISTENT = 0.99
+"""Readings of one target that differ more than with this probability are said to disagree."""
+
+# errors that readings from several images have in common
+_COMMON = ("surfaces", "localisation floor")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One target, measured.
+
+    Attributes
+    ----------
+    name, kind, unit : str
+        The target.
+    nominal : float
+        Nominal value, mm (angles: degrees), as everything here.
+    tolerance : (float, float) or None
+        Lower and upper deviation that the drawing allows.
+    value : float
+        Measured value; nan if it was not measured.
+    standard_uncertainty : float
+        Its u.
+    decision : Decision
+        What it says of the part.
+    conformance_probability : float
+        Probability that the part is within its tolerance; nan without value or tolerance.
+    reason : str
+        Why it was not measured; empty if it was.
+    readings : tuple of Reading
+        In the order of the images.
+    notes : tuple of str
+        What the user should know.
+    deviation : float
+        Measured value minus nominal value.
+    expanded_uncertainty : float
+        U, two standard uncertainties.
+    """
+
+    name: str
+    kind: str
+    unit: Annotated[str, Meta(pattern="^(mm|deg)$")]
+    nominal: float
+    tolerance: Annotated[
+        tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]] | None,
+        Meta(description="Lower and upper deviation; null in place of one is no limit."),
+    ]
+    value: NumberOrNull
+    standard_uncertainty: Annotated[NumberOrNull, Key("u")]
+    decision: Decision
+    conformance_probability: Annotated[NumberOrNull, Key("P_conforms")]
+    reason: str
+    readings: tuple[Reading, ...]
+    notes: tuple[str, ...] = ()
+    deviation: NumberOrNull = field(init=False)
+    expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "deviation", self.value - self.nominal)
+        object.__setattr__(self, "expanded_uncertainty", COVERAGE * self.standard_uncertainty)
+
+    @property
+    def measured(self) -> bool:
+        """Whether it has a value."""
+        return not self.reason
+
+    @property
+    def budget(self) -> dict[str, float]:
+        """Variance by source of the reading with the smallest uncertainty; empty if none was measured."""
+        measured = [reading for reading in self.readings if reading.measured]
+        if not measured:
+            return {}
+        return min(measured, key=lambda one: one.standard_uncertainty).budget
+
+
+def merged(
+    name: str,
+    target: Target,
+    readings: Sequence[Reading],
+    rule: DecisionRule,
+    missing: str = "",
+) -> Result:
+    """Return the result of a target.
+
+    Readings are weighted by their variances. What pose and single points do is independent between images. The
+    deviations of surfaces and the floor of the localisation are common, and do not average out.
+
+    Parameters
+    ----------
+    name : str
+        The target's name.
+    target : Target
+        The target.
+    readings : sequence of Reading
+        Its readings.
+    rule : DecisionRule
+        How it is decided.
+    missing : str
+        Why there is no reading at all.
+    """
+    target_fields = (name, target.kind, target.unit, target.nominal, target.tolerance)
+    good = [reading for reading in readings if reading.measured]
+    if not good:
+        reason = missing or "; ".join(dict.fromkeys(f"{r.image}: {r.reason}" for r in readings))
+        nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
+        return Result(*target_fields, *nothing, reason or "no image shows it", tuple(readings))
+    value, u, notes = _weighted(good)
+    notes += tuple(dict.fromkeys(note for reading in good for note in reading.notes))
+    deviation = value - target.nominal
+    decision = decide(deviation, u, target.tolerance, rule)
+    probability = math.nan
+    if target.tolerance is not None:
+        probability = conformance_probability(deviation, u, target.tolerance)
+    return Result(*target_fields, value, u, decision, probability, "", tuple(readings), notes)
+
+
+def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...]]:
+    """Return the weighted mean of readings, its standard uncertainty, and notes."""
+    if len(readings) == 1:
+        return readings[0].value, readings[0].standard_uncertainty, ()
+    inverse = [1 / max(reading.standard_uncertainty, 1e-12) ** 2 for reading in readings]
+    weights = [weight / math.fsum(inverse) for weight in inverse]
+    value = math.fsum(w * reading.value for w, reading in zip(weights, readings, strict=True))
+    common = math.fsum(
+        w * math.sqrt(math.fsum(reading.budget[source] for source in _COMMON))
+        for w, reading in zip(weights, readings, strict=True)
+    )
+    variance = math.fsum(
+        w**2 * (reading.standard_uncertainty**2 - math.fsum(reading.budget[s] for s in _COMMON))
+        for w, reading in zip(weights, readings, strict=True)
+    )
+    u = math.sqrt(max(common**2 + variance, 0.0))
+    spread = math.fsum(
+        (reading.value - value) ** 2 * i for reading, i in zip(readings, inverse, strict=True)
+    )
+    freedoms = len(readings) - 1
+    if spread <= chi_squared.ppf(CONSISTENT, freedoms):
+        return value, u, ()
+    note = f"{len(readings)} readings disagree: u is enlarged by their spread"
+    return value, u * math.sqrt(spread / freedoms), (note,)
+
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
 # XML.
@@ -71,32 +222,6 @@ _DECIMALS = 10
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-class Measured(Protocol):
-    """What is written of a measured part, see `planner.measuring.results.MeasurementResults`."""
-
-    @property
-    def rule(self) -> DecisionRule:
-        """How it was decided."""
-
-    @property
-    def serial(self) -> str:
-        """Name of the part."""
-
-    @property
-    def source(self) -> Mapping[str, Any]:
-        """What it was measured from."""
-
-    @property
-    def conforms(self) -> bool:
-        """Whether everything conforms."""
-
-    def __iter__(self) -> Iterator[Result]:
-        """Go through the results."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values."""
-
-
 class _Ids:
     """Numbers of the document's elements, from 1."""
 
@@ -109,7 +234,7 @@ class _Ids:
         return str(self.last)
 
 
-def qif_text(results: Measured) -> str:
+def qif_text(results: MeasurementResults) -> str:
     """Return results as a document of QIF 3.0.
 
     Parameters
@@ -136,12 +261,12 @@ def qif_text(results: Measured) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _header(root: ET.Element, results: Measured) -> None:
+def _header(root: ET.Element, results: MeasurementResults) -> None:
     header = _add(root, "Header")
     application = _add(header, "Application")
-    _add(application, "Name", f"aspectgraph {results.source.get('program', 'unknown')}")
-    part = results.source.get("part")
-    _add(header, "Description", f"{part or 'part'}; decisions by {results.rule}; u is combined")
+    _add(application, "Name", f"aspectgraph {results.source.program}")
+    part = results.source.part or "part"
+    _add(header, "Description", f"{part}; decisions by {results.rule}; u is combined")
     _add(header, "Scope", "Results")
 
 
@@ -166,7 +291,9 @@ def _units(root: ET.Element) -> None:
         _add(_add(unit, "UnitConversion"), "Factor", factor)
 
 
-def _characteristics(root: ET.Element, results: Measured, standard: str, ids: _Ids) -> list[str]:
+def _characteristics(
+    root: ET.Element, results: MeasurementResults, standard: str, ids: _Ids
+) -> list[str]:
     """Write definition, nominal and item of each target; return the ids of the items."""
     lists = _add(root, "Characteristics")
     _add(lists, "FormalStandardId", standard)
@@ -175,24 +302,23 @@ def _characteristics(root: ET.Element, results: Measured, standard: str, ids: _I
     nominals = [ids.next() for _ in every]
     items = [ids.next() for _ in every]
     parent = _list(lists, "CharacteristicDefinitions", len(every))
-    for one, number in zip(every, definitions, strict=True):
-        _definition(_add(parent, f"{_characteristic(one)}Definition", id=number), one)
+    for result, number in zip(every, definitions, strict=True):
+        _definition(_add(parent, f"{_characteristic(result)}Definition", id=number), result)
     parent = _list(lists, "CharacteristicNominals", len(every))
-    for one, number, definition in zip(every, nominals, definitions, strict=True):
-        element = _add(parent, f"{_characteristic(one)}Nominal", id=number)
+    for result, number, definition in zip(every, nominals, definitions, strict=True):
+        element = _add(parent, f"{_characteristic(result)}Nominal", id=number)
         _add(element, "CharacteristicDefinitionId", definition)
-        _add(element, "Name", one.name)
-        _add(element, "TargetValue", _decimal(one.nominal))
+        _add(element, "Name", result.name)
+        _add(element, "TargetValue", _decimal(result.nominal))
         if "Between" in element.tag:
             _add(element, "AnalysisMode", "THREEDIMENSIONAL")
     parent = _list(lists, "CharacteristicItems", len(every))
-    digest = str(results.source.get("part_digest", ""))
-    for one, number, nominal in zip(every, items, nominals, strict=True):
-        element = _add(parent, f"{_characteristic(one)}Item", id=number)
-        _add(element, "Name", one.name)
+    for result, number, nominal in zip(every, items, nominals, strict=True):
+        element = _add(parent, f"{_characteristic(result)}Item", id=number)
+        _add(element, "Name", result.name)
         designator = _add(element, "CharacteristicDesignator")
-        _add(designator, "Designator", one.name)
-        _add(designator, "UUID", _uuid(f"{digest} {one.name}"))
+        _add(designator, "Designator", result.name)
+        _add(designator, "UUID", _uuid(f"{results.source.part_digest} {result.name}"))
         _add(element, "CharacteristicNominalId", nominal)
     return items
 
@@ -209,13 +335,15 @@ def _definition(element: ET.Element, one: Result) -> None:
     _add(tolerance, "DefinedAsLimit", "false")
 
 
-def _results(root: ET.Element, results: Measured, items: Sequence[str], ids: _Ids) -> None:
+def _results(
+    root: ET.Element, results: MeasurementResults, items: Sequence[str], ids: _Ids
+) -> None:
     """Write the measurements of all characteristics, and the status of the part."""
     parent = _add(root, "Results")
     sets = _list(parent, "MeasurementResultsSet", 1)
     measured = _add(sets, "MeasurementResults", id=ids.next())
     part = ids.next()
-    images = results.source.get("images", {})
+    images = results.source.images
     if images:
         files = _list(measured, "ExternalFileReferences", len(images))
         for name, digest in images.items():
@@ -225,9 +353,9 @@ def _results(root: ET.Element, results: Measured, items: Sequence[str], ids: _Id
             _add(file, "Description", f"SHA-256 {digest}")
     lists = _add(measured, "MeasuredCharacteristics")
     parent_list = _list(lists, "CharacteristicMeasurements", len(items))
-    for one, item in zip(results, items, strict=True):
-        element = _add(parent_list, f"{_characteristic(one)}Measurement", id=ids.next())
-        _measurement(element, one, item, part)
+    for result, item in zip(results, items, strict=True):
+        element = _add(parent_list, f"{_characteristic(result)}Measurement", id=ids.next())
+        _measurement(element, result, item, part)
     status = _part_status(results)
     _add(_add(measured, "InspectionStatus"), "InspectionStatusEnum", status)
     _add(_list(measured, "ActualComponentIds", 1), "Id", part)
@@ -253,11 +381,11 @@ def _measurement(element: ET.Element, one: Result, item: str, part: str) -> None
         _add(element, "Value", _decimal(one.value), **accuracy)
 
 
-def _part_status(results: Measured) -> str:
+def _part_status(results: MeasurementResults) -> str:
     """Return PASS if all conforms, FAIL if something certainly does not, otherwise UNDEFINED."""
-    if any(one.decision is Decision.DOES_NOT_CONFORM for one in results):
+    if any(result.decision is Decision.DOES_NOT_CONFORM for result in results):
         return "FAIL"
-    decided = any(one.decision is Decision.CONFORMS for one in results)
+    decided = any(result.decision is Decision.CONFORMS for result in results)
     return "PASS" if results.conforms and decided else "UNDEFINED"
 
 
@@ -292,8 +420,7 @@ def _uuid(name: str) -> str:
     return str(uuid.uuid5(_OWN, _plain(name)))
 
 
-FORMAT = "aspectgraph-results"
-VERSION = 1
+FORMAT: Final = "aspectgraph-results"
 
 COLUMNS = (
     *("name", "kind", "unit", "nominal", "lower", "upper", "value", "deviation", "u", "U", "k"),
@@ -322,8 +449,8 @@ class MeasurementResults:
         Name of the part that was measured.
     correlation : array (n, n)
         Correlation of the values that were measured, by the poses and surfaces they have in common.
-    source : dict of str to str
-        Names and SHA-256 of plan, part and images.
+    source : Source
+        Names and SHA-256 of part and images.
     notes : tuple of str
         What the user should know.
     pictures : dict of str to Picture
@@ -336,7 +463,7 @@ class MeasurementResults:
     rule: DecisionRule
     serial: str
     correlation: NDArray[np.float64]
-    source: Mapping[str, Any]
+    source: Source
     notes: tuple[str, ...] = ()
     pictures: Mapping[str, Picture] = field(default_factory=dict)
 
@@ -360,24 +487,24 @@ class MeasurementResults:
     @property
     def readings(self) -> dict[str, tuple[Reading, ...]]:
         """The readings of each target."""
-        return {name: one.readings for name, one in self.results.items()}
+        return {name: result.readings for name, result in self.results.items()}
 
     @property
     def counts(self) -> dict[str, int]:
         """Number of targets by decision."""
-        found = [one.decision for one in self]
-        return {str(d.value): found.count(d) for d in Decision if d in found}
+        decisions = [result.decision for result in self]
+        return {str(d.value): decisions.count(d) for d in Decision if d in decisions}
 
     @property
     def measured(self) -> bool:
         """Whether every target has a value."""
-        return all(one.measured for one in self)
+        return all(result.measured for result in self)
 
     @property
     def conforms(self) -> bool:
         """Whether every target was measured, and those with a tolerance conform."""
         fine = (Decision.CONFORMS, Decision.NO_TOLERANCE)
-        return all(one.decision in fine for one in self)
+        return all(result.decision in fine for result in self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but points and pictures as plain values, ready for JSON.
@@ -387,26 +514,27 @@ class MeasurementResults:
         dict
             What `write` writes.
         """
-        return {
-            "format": FORMAT,
-            "version": VERSION,
-            "serial": self.serial,
-            "rule": {"name": self.rule.name, "level": self.rule.level, "k": COVERAGE},
-            "source": dict(self.source),
-            "notes": list(self.notes),
-            "results": [_result_dict(one) for one in self],
-            "measured": [one.name for one in self if one.measured],
-            "correlation": self.correlation.tolist(),
-            "images": {name: _image_dict(one) for name, one in self.images.items()},
-            "not_registered": dict(self.failed),
-            "white": {
-                name: {"level": one.white, "from": one.white_from}
-                for name, one in self.pictures.items()
+        file = ResultsFile(
+            format=FORMAT,
+            version=1,
+            serial=self.serial,
+            rule=Rule(self.rule.name, self.rule.level, COVERAGE),
+            source=self.source,
+            notes=self.notes,
+            results=tuple(self),
+            measured=tuple(result.name for result in self if result.measured),
+            correlation=self.correlation,
+            images=self.images,
+            failed=self.failed,
+            white={
+                name: WhiteRecord(picture.white, picture.white_from)
+                for name, picture in self.pictures.items()
             },
-        }
+        )
+        return to_plain(file, defaults=True)
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write the results as JSON, see ``results_schema.json``.
+        """Write the results as JSON, see `results_schema`.
 
         Parameters
         ----------
@@ -456,7 +584,7 @@ class MeasurementResults:
         list of dict
             For each target its values by column; None where there is no number.
         """
-        return [_row(one) for one in self]
+        return [_row(result) for result in self]
 
     def to_csv(self) -> str:
         """Return the table as CSV.
@@ -491,65 +619,65 @@ class MeasurementResults:
         return Path(path)
 
 
+@dataclass(frozen=True)
+class Rule:
+    """How it was decided: the name, the probability of a right decision, and U as a multiple of u."""
+
+    name: Annotated[str, Meta(pattern="^(iso14253-1|simple|guard U)$")]
+    level: float
+    k: float
+
+
+@dataclass(frozen=True)
+class Source:
+    """What was measured: the program's version, the part with its SHA-256, and the SHA-256 of each image."""
+
+    program: str
+    part: str
+    part_digest: str
+    images: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class WhiteRecord:
+    """Grey value of full exposure of an image, and what says so.
+
+    The camera does, a plateau of the image's brightest pixels, or the depth that its values need.
+    """
+
+    level: Annotated[float, Meta(gt=0)]
+    origin: Annotated[str, Key("from"), Meta(pattern="^(camera|plateau|depth)$")]
+
+
+@dataclass(frozen=True, eq=False)
+class ResultsFile:
+    """What results.json holds."""
+
+    format: Literal["aspectgraph-results"]
+    version: Literal[1]
+    serial: str
+    rule: Rule
+    source: Source
+    notes: tuple[str, ...]
+    results: tuple[Result, ...]
+    measured: tuple[str, ...]
+    correlation: Annotated[NDArray[np.float64], Shape(None, None)]
+    images: Mapping[str, Registered]
+    failed: Annotated[Mapping[str, str], Key("not_registered")]
+    white: Mapping[str, WhiteRecord]
+
+
 def results_schema() -> dict[str, Any]:
     """Return the JSON Schema of results.json."""
-    text = resources.files("planner.measuring").joinpath("results_schema.json").read_text("utf-8")
-    schema: dict[str, Any] = json.loads(text)
-    return schema
+    title = (
+        "Results of measuring one part in images of a plan; "
+        "lengths in mm, angles in degrees, null where there is no number"
+    )
+    return json_schema(ResultsFile, defaults=True, title=title)
 
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _result_dict(one: Result) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        "kind": one.kind,
-        "unit": one.unit,
-        "nominal": one.nominal,
-        "tolerance": plain_tolerance(one.tolerance),
-        "value": _number(one.value),
-        "deviation": _number(one.deviation),
-        "u": _number(one.standard_uncertainty),
-        "U": _number(one.expanded_uncertainty),
-        "decision": one.decision.value,
-        "P_conforms": _number(one.conformance_probability),
-        "reason": one.reason,
-        "notes": list(one.notes),
-        "readings": [_reading_dict(reading) for reading in one.readings],
-    }
-
-
-def _reading_dict(one: Reading) -> dict[str, Any]:
-    return {
-        "image": one.image,
-        "value": _number(one.value),
-        "u": _number(one.standard_uncertainty),
-        "variance": dict(one.budget),
-        "found_share": one.found_share,
-        "rms_px": _number(one.rms_px),
-        "U_drawn": _number(one.drawn_uncertainty),
-        "samples": dict(one.counts),
-        "reason": one.reason,
-        "notes": list(one.notes),
-    }
-
-
-def _image_dict(one: Registered) -> dict[str, Any]:
-    return {
-        "method": one.method,
-        "cam2world": one.cam2world.tolist(),
-        "pose_covariance": one.covariance[:6, :6].tolist(),
-        "deviations": one.deviations.tolist(),
-        "shift_px": one.shift_px,
-        "used": one.used,
-        "offered": one.offered,
-        "misfit_px": _number(one.misfit_px),
-        "blur_px": _number(one.blur_px),
-        "chi2": _number(one.chi2),
-        "notes": list(one.notes),
-    }
 
 
 def _row(one: Result) -> dict[str, Any]:

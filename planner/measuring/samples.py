@@ -83,15 +83,19 @@ class EdgeTable:
         self.edges = list(edges)
         self.chord_mm = np.array([edge.chord_mm for edge in edges])
         shapes = [edge.geometry for edge in edges]
-        self._round = np.array([isinstance(one, Circle) for one in shapes])
-        self._radius = np.array([one.radius_mm if isinstance(one, Circle) else 1 for one in shapes])
-        self._span = np.array([one.span_rad if isinstance(one, Circle) else 0 for one in shapes])
+        self._round = np.array([isinstance(shape, Circle) for shape in shapes])
+        self._radius = np.array(
+            [shape.radius_mm if isinstance(shape, Circle) else 1 for shape in shapes]
+        )
+        self._span = np.array(
+            [shape.span_rad if isinstance(shape, Circle) else 0 for shape in shapes]
+        )
         # where it starts or has its centre; the way along it, or two radii at right angles; its direction, or axis
         vectors = [
-            (one.p, one.q - one.p, _NOTHING, one.direction)
-            if isinstance(one, Line)
-            else (one.centre, *one.basis, one.axis)
-            for one in shapes
+            (shape.p, shape.q - shape.p, _NOTHING, shape.direction)
+            if isinstance(shape, Line)
+            else (shape.centre, *shape.basis, shape.axis)
+            for shape in shapes
         ]
         self._origin, self._x, self._y, self._way = np.array(vectors).transpose(1, 0, 2)
         self._count = np.array([len(edge.normals) for edge in edges])
@@ -113,13 +117,15 @@ class EdgeTable:
         points = origin + shares[:, None] * x
         tangents = self._way[number]
         curved = self._round[number]
-        own = number[curved]
-        angle = (shares[curved] * self._span[own])[:, None]
-        radius = self._radius[own][:, None]
+        round_number = number[curved]
+        angle = (shares[curved] * self._span[round_number])[:, None]
+        radius = self._radius[round_number][:, None]
         points[curved] = origin[curved] + radius * (
-            np.cos(angle) * x[curved] + np.sin(angle) * self._y[own]
+            np.cos(angle) * x[curved] + np.sin(angle) * self._y[round_number]
         )
-        tangents[curved] = np.cross(self._way[own], points[curved] - origin[curved]) / radius
+        tangents[curved] = (
+            np.cross(self._way[round_number], points[curved] - origin[curved]) / radius
+        )
         chord = np.clip((shares * self._count[number]).astype(int), 0, self._count[number] - 1)
         return points, tangents, self._normals[self._first[number] + chord]
 
@@ -281,16 +287,16 @@ class PartEdges:
         high = images.max(axis=1) + room
         outside = np.any((high < 0) | (low > np.array(camera.resolution)), axis=1)
         images[outside] = np.nan
-        found = self._samples(self._table, images, cam2world, camera, 0.0)
-        found = found.chosen(found.visible)
-        return ShownEdges(self.edges, found, pixels_of(found.points, cam2world, camera))
+        samples = self._samples(self._table, images, cam2world, camera, 0.0)
+        samples = samples.chosen(samples.visible)
+        return ShownEdges(self.edges, samples, pixels_of(samples.points, cam2world, camera))
 
     def _samples(
         self, table: EdgeTable, images: Array, cam2world: Array, camera: Camera, margin_px: float
     ) -> Samples:
         """Return the samples of edges, given the images (e, k, 2) of their outlines; none where these are nan."""
         shares = sample_shares(table.edges, images)
-        number = np.repeat(np.arange(len(shares)), [len(own) for own in shares])
+        number = np.repeat(np.arange(len(shares)), [len(edge_shares) for edge_shares in shares])
         share = np.concatenate(shares)
         points, tangents, normals = table.at(number, share)
         visible = in_image(pixels_of(points, cam2world, camera), camera, margin_px)
@@ -491,7 +497,7 @@ class PartModel:
             self._carry(edge)
         self._shown: tuple[bytes, Camera, ShownEdges] | None = None
         self.measured = {
-            name: tuple(self._entity(one, name) for one in target.geometry)
+            name: tuple(self._entity(shape, name) for shape in target.geometry)
             for name, target in targets.items()
         }
         self.free: set[int] = set()
@@ -545,30 +551,30 @@ class PartModel:
         from aspectgraph.exceptions import EntityError
 
         try:
-            found = resolve_entities(self.solid, {target: (geometry.p, geometry.q)})[target]
+            entity = resolve_entities(self.solid, {target: (geometry.p, geometry.q)})[target]
         except EntityError as error:
             if (stretch := self._stretch(geometry)) is not None:
                 return stretch
             rule = "must be the one that was planned"
             raise RequestError.of_rule("part", rule, f"another: {error}".rstrip(".")) from error
-        name = "+".join(f"e{i}" for i in found.edge_ids)
-        edge = self.edges.edge_of(name, geometry, found.edge_ids)
+        name = "+".join(f"e{i}" for i in entity.edge_ids)
+        edge = self.edges.edge_of(name, geometry, entity.edge_ids)
         self._carry(edge)
         return edge
 
     def _stretch(self, line: Line) -> PartEdge | None:
         """Return the part's edge that a line is a stretch of, as long as the line; None if there is none."""
         for edge in self.edges.edges:
-            one = edge.geometry
-            if not isinstance(one, Line):
+            shape = edge.geometry
+            if not isinstance(shape, Line):
                 continue
-            ends = np.array([line.p, line.q]) - one.p
-            along = ends @ one.direction
-            off = np.linalg.norm(ends - along[:, None] * one.direction, axis=1)
+            ends = np.array([line.p, line.q]) - shape.p
+            along = ends @ shape.direction
+            off = np.linalg.norm(ends - along[:, None] * shape.direction, axis=1)
             if (
                 off.max() <= _ON_MM
                 and along.min() >= -_ON_MM
-                and along.max() <= one.length + _ON_MM
+                and along.max() <= shape.length + _ON_MM
             ):
                 return self.edges.edge_of(edge.name, line, edge.edge_ids)
         return None

@@ -38,7 +38,7 @@ _SAMPLING_VARIANCE = 1 / 6 + 1 / 12
 # px: blurs that can be told apart
 _BLURS = np.linspace(0.0, 5.0, 101)
 
-ALONG_VARIANCE = sum(one**2 for one in _ALONG) / len(_ALONG) + _SAMPLING_VARIANCE
+ALONG_VARIANCE = sum(step**2 for step in _ALONG) / len(_ALONG) + _SAMPLING_VARIANCE
 """Variance of where along an edge grey values come from, px², besides the image's blur.
 
 What is averaged along a curve of the curvature c appears nearer to its centre, by c/2 times this variance.
@@ -200,8 +200,8 @@ def find_edges(
     outside = np.asarray(~np.isfinite(grey).all(axis=1))
     grey = np.where(outside[:, None], 0.0, grey)
     slope = gradients_of(grey)
-    wanted = np.zeros(len(grey), dtype=np.int64) if sign is None else sign
-    strength = np.where(wanted[:, None] == 0, np.abs(slope), slope * wanted[:, None])
+    polarity = np.zeros(len(grey), dtype=np.int64) if sign is None else sign
+    strength = np.where(polarity[:, None] == 0, np.abs(slope), slope * polarity[:, None])
     inside = np.asarray(np.abs(places) <= half_px)
     best = np.argmax(np.where(inside, strength, -np.inf), axis=1)
     rows = np.arange(len(grey))
@@ -220,8 +220,8 @@ def find_edges(
     state[np.abs(offset) > half_px - 0.5] = State.AT_END
     state[brightest >= CLIPPED_SHARE * white] = State.CLIPPED
     # the filter sees the step of a sharp edge as this much gradient for each grey value
-    least = max(WEAK_SHARE * white, NOISES * noise) / (np.sqrt(2 * np.pi) * 1.6 * SMOOTHING_PX)
-    state[middle < least] = State.WEAK
+    weakest = max(WEAK_SHARE * white, NOISES * noise) / (np.sqrt(2 * np.pi) * 1.6 * SMOOTHING_PX)
+    state[middle < weakest] = State.WEAK
     state[outside] = State.OUTSIDE
     width = np.abs(high - low) / np.maximum(np.sqrt(2 * np.pi) * middle, 1e-12)
     return Scans(offset, state, (high - low) / white, _blur_of(width))

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2 as chi_squared
 
 from errors.measurands import Circle
 from errors.registration import Rows
 from errors.registration.posterior import posterior
 from planner.camera.camera import Camera
+from planner.exceptions import RequestError
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights
 from planner.measuring.registered import displaced
 from planner.measuring.samples import (
@@ -25,6 +29,7 @@ from planner.measuring.samples import (
     across_of,
     pixels_of,
 )
+from planner.plan_file import shown
 
 Array = NDArray[np.float64]
 
@@ -113,7 +118,7 @@ class Task:
     def spans(self) -> list[float]:
         """Angle of each edge that is round, rad; 0 of lines."""
         shapes = (edge.geometry for edge in self.edges)
-        return [one.span_rad if isinstance(one, Circle) else 0.0 for one in shapes]
+        return [shape.span_rad if isinstance(shape, Circle) else 0.0 for shape in shapes]
 
     @cached_property
     def stretch(self) -> NDArray[np.int64]:
@@ -157,11 +162,11 @@ class Task:
     def edge_means(self, residual: Array, good: NDArray[np.bool_]) -> Array:
         """Return for each sample the median of its edge's residuals, px, as far as an edge's bias explains it."""
         means = np.zeros(len(self.edges))
-        most = _MOST_BIASES * self.bias_px
-        for k, own in enumerate(self.own):
-            known = residual[own][good[own]]
-            if len(known) >= 4:
-                means[k] = min(max(float(np.median(known)), -most), most)
+        limit = _MOST_BIASES * self.bias_px
+        for k, samples in enumerate(self.own):
+            offsets = residual[samples][good[samples]]
+            if len(offsets) >= 4:
+                means[k] = min(max(float(np.median(offsets)), -limit), limit)
         return np.asarray(means[self.samples.edge])
 
 
@@ -220,16 +225,16 @@ def registration_task(
         )
     used = np.unique(chosen.edge)
     number = np.searchsorted(used, chosen.edge)
-    kept = [edges[k] for k in used]
+    used_edges = [edges[k] for k in used]
     moves = np.zeros((len(number), 3, 6))
-    firsts = np.searchsorted(number, np.arange(len(kept) + 1))
-    for edge, (first, last) in zip(kept, itertools.pairwise(firsts), strict=True):
+    firsts = np.searchsorted(number, np.arange(len(used_edges) + 1))
+    for edge, (first, last) in zip(used_edges, itertools.pairwise(firsts), strict=True):
         moves[first:last] = model.displacement(edge, chosen.points[first:last])
     samples = Samples(
         number, chosen.share, chosen.points, chosen.tangents, chosen.visible, chosen.apart
     )
-    unknowns = np.array([model.unknowns_of(edge) for edge in kept])
-    return Task(model, camera, planned, prior, samples, kept, unknowns, moves, bias_px)
+    unknowns = np.array([model.unknowns_of(edge) for edge in used_edges])
+    return Task(model, camera, planned, prior, samples, used_edges, unknowns, moves, bias_px)
 
 
 def residual_scale(residual: Array) -> float:
@@ -277,27 +282,28 @@ def solved(
     """
     design = task.design(x, across)
     now = moved(task, design, x)
-    weights = [tukey_weights(one.offset, residual_scale(one.offset[one.good])) for one in found]
+    weights = [tukey_weights(scan.offset, residual_scale(scan.offset[scan.good])) for scan in found]
     then = x
     for _ in range(2 if going_on else 3):
         rows = []
-        offsets = [one.offset - moved(task, design, then - x) for one in found]
-        counted = [one.good & (weight > 0) for one, weight in zip(found, weights, strict=True)]
-        left = [
-            rest - task.edge_means(rest, own) for rest, own in zip(offsets, counted, strict=True)
+        offsets = [scan.offset - moved(task, design, then - x) for scan in found]
+        counted = [scan.good & (weight > 0) for scan, weight in zip(found, weights, strict=True)]
+        residuals = [
+            offset - task.edge_means(offset, within)
+            for offset, within in zip(offsets, counted, strict=True)
         ]
-        noise = _noise(left, found)
+        noise = _noise(residuals, found)
         if then is not x:
-            weights = [tukey_weights(own, noise) for own in left]
+            weights = [tukey_weights(residual, noise) for residual in residuals]
         if whole and then is not x:
             weights = [
-                _of_whole_edges(task, one, weight)
-                for one, weight in zip(found, weights, strict=True)
+                _of_whole_edges(task, scan, weight)
+                for scan, weight in zip(found, weights, strict=True)
             ]
         variance = _correlated(noise)
-        for one, weight in zip(found, weights, strict=True):
-            rows += rows_of(task, design, one.offset + now, one.good * weight / variance)
-        alike = [one._replace(modes=None) for one in rows]
+        for scan, weight in zip(found, weights, strict=True):
+            rows += rows_of(task, design, scan.offset + now, scan.good * weight / variance)
+        alike = [row._replace(modes=None) for row in rows]
         then = damped(task.prior, x, alike, task.bias_px**2)
     return then, rows
 
@@ -311,18 +317,18 @@ def damped(prior: Array, x: Array, rows: list[Rows], variance: float) -> Array:
     nearer = 1 + DAMPING
     middle = x * DAMPING / nearer
     from_middle = [
-        one._replace(residual=one.residual - one.design @ middle[one.unknowns]) for one in rows
+        row._replace(residual=row.residual - row.design @ middle[row.unknowns]) for row in rows
     ]
     then = posterior(prior / nearer, from_middle, variance).mean + middle
-    told = np.zeros(len(x), dtype=np.bool_)
-    for one in rows:
-        told[one.unknowns] = True
-    return np.where(told, then, x)
+    is_told = np.zeros(len(x), dtype=np.bool_)
+    for row in rows:
+        is_told[row.unknowns] = True
+    return np.where(is_told, then, x)
 
 
 def noise_of(task: Task, found: list[Found]) -> float:
     """Return the standard deviation of found points about their edges, px."""
-    return _noise([one.offset - task.edge_means(one.offset, one.good) for one in found], found)
+    return _noise([scan.offset - task.edge_means(scan.offset, scan.good) for scan in found], found)
 
 
 def cost_of(
@@ -347,21 +353,21 @@ def cost_of(
         Variance of the biases of each edge, of all modes, px². Default: it has one, with the variance of the task.
     """
     variance = _correlated(noise)
-    most = (TUKEY * noise) ** 2 / variance
+    farthest = (TUKEY * noise) ** 2 / variance
     each = task.bias_px**2 if biases is None else biases
     total = float(x @ task.information @ x)
-    for one in found:
-        for k, own in enumerate(task.own):
-            at = own.start + np.flatnonzero(one.good[own])
+    for scan in found:
+        for k, samples in enumerate(task.own):
+            at = samples.start + np.flatnonzero(scan.good[samples])
             if len(at):
-                off = one.offset[at]
+                off = scan.offset[at]
                 at = at[np.abs(off - np.median(off)) <= TUKEY * noise]
-            lost = own.stop - own.start - len(at)
+            lost = samples.stop - samples.start - len(at)
             square = 0.0
             if len(at):
                 modes = np.ones((len(at), 1)) if biases is None else _bias_modes(task, k, at)
-                square = _square(one.offset[at], modes, variance, each)
-            total += min(square + lost * most, (own.stop - own.start) * most)
+                square = _square(scan.offset[at], modes, variance, each)
+            total += min(square + lost * farthest, (samples.stop - samples.start) * farthest)
     return total
 
 
@@ -373,7 +379,7 @@ def _square(offset: Array, modes: Array, variance: float, biases: float) -> floa
 
 
 def _noise(left: list[Array], found: list[Found]) -> float:
-    good = [own[one.good] for own, one in zip(left, found, strict=True)]
+    good = [residual[scan.good] for residual, scan in zip(left, found, strict=True)]
     return max(residual_scale(np.concatenate(good)), LEAST_NOISE_PX)
 
 
@@ -387,9 +393,9 @@ def _of_whole_edges(task: Task, one: Found, weight: Array) -> Array:
 
     What is left of such an edge is where it crosses the prediction, and it seems to lie there.
     """
-    kept = np.bincount(task.samples.edge, one.good & (weight > 0), len(task.edges))
+    fitting = np.bincount(task.samples.edge, one.good & (weight > 0), len(task.edges))
     offered = np.bincount(task.samples.edge, one.good, len(task.edges))
-    return np.asarray(weight * (kept >= LEAST_KEPT * offered)[task.samples.edge])
+    return np.asarray(weight * (fitting >= LEAST_KEPT * offered)[task.samples.edge])
 
 
 def moved(task: Task, design: Array, step: Array) -> Array:
@@ -401,13 +407,13 @@ def moved(task: Task, design: Array, step: Array) -> Array:
 def rows_of(task: Task, design: Array, residual: Array, weight: Array) -> list[Rows]:
     """Return the rows of each edge that was found."""
     rows = []
-    for k, own in enumerate(task.unknowns):
+    for k, surfaces in enumerate(task.unknowns):
         at = task.own[k].start + np.flatnonzero(weight[task.own[k]] > 0)
         if not len(at):
             continue
-        unknowns = np.concatenate([np.arange(POSE), own])
+        unknowns = np.concatenate([np.arange(POSE), surfaces])
         part = design[at]
-        if own[0] == own[3]:
+        if surfaces[0] == surfaces[3]:
             # both faces on one surface
             unknowns = unknowns[: POSE + 3]
             part = part[:, : POSE + 3]
@@ -428,3 +434,125 @@ def _bias_modes(task: Task, edge: int, chosen: NDArray[np.int64]) -> Array:
     high = share.max()
     along = (2 * share - low - high) / max(high - low, 1e-12)
     return np.stack([np.ones(len(share)), 0.5 * along], axis=1)
+
+
+# What every pose must keep to, however it is known: it is rigid, near the planned one, and one for
+# all images. Each limit is passed by 999 of 1,000 poses that are as the plan states.
+
+CREDIBLE = 0.999
+"""What is less probable than 1 minus this is not taken for chance."""
+MOST_CHI2 = 22.5
+"""Largest square of a pose's displacement in standard deviations of what is stated: 1 in 1,000 poses is beyond."""
+MOVE_SIGMAS = 10.0
+"""A camera may move between images so many standard deviations of its planned pose, where this is looked for."""
+
+_RIGID = 1e-6
+# far beyond any workspace; products of larger numbers overflow
+_MOST_MM = 1e6
+
+
+class TooFarError(NotRegisteredError):
+    """A pose is too far from where something else says it is."""
+
+
+def rigid_motion(value: ArrayLike, name: str) -> Array:
+    """Return a pose (4, 4), mm.
+
+    Parameters
+    ----------
+    value : array (4, 4)
+        The pose.
+    name : str
+        What the caller calls it.
+
+    Raises
+    ------
+    RequestError
+        If it is no rigid motion.
+    """
+    try:
+        pose = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pose = np.empty(0)
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise RequestError.of_rule(name, "must be a matrix (4, 4) of numbers", _text(value))
+    turn = pose[:3, :3]
+    # beyond this, products overflow before they can be compared
+    small = np.abs(turn).max() <= 2
+    orthonormal = small and np.abs(turn @ turn.T - np.eye(3)).max() < _RIGID
+    if not orthonormal or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
+        raise RequestError.of_rule(name, "must be a rotation and a translation", "another")
+    if np.linalg.det(turn) < 0:
+        raise RequestError.of_rule(name, "must be a rotation and a translation", "a mirrored one")
+    if np.abs(pose[:3, 3]).max() > _MOST_MM:
+        raise RequestError.of_rule(
+            name, f"must be within {_MOST_MM:g} mm", _text(pose[:3, 3].tolist())
+        )
+    return pose
+
+
+def _text(value: ArrayLike) -> str:
+    return shown(value.tolist() if isinstance(value, np.ndarray) else value)
+
+
+def distance_of(displacement: Array, covariance: Array) -> float:
+    """Return the square of a displacement (n,) in standard deviations of its covariance (n, n)."""
+    sigmas = np.sqrt(np.diag(covariance))
+    # millimetres and radians are far apart
+    units = displacement / sigmas
+    return float(units @ np.linalg.solve(covariance / np.outer(sigmas, sigmas), units))
+
+
+def displacement_between(planned: Array, pose: Array) -> Array:
+    """Return by what (6,) a pose is displaced from the planned one, mm and rad, in the camera's own frame."""
+    step = np.linalg.inv(planned) @ pose
+    return np.concatenate([step[:3, 3], Rotation.from_matrix(step[:3, :3]).as_rotvec()])
+
+
+def check_distance(chi2: float, what: str = "its pose", place: str = "the planned one") -> None:
+    """Refuse a pose that is too far from another one.
+
+    Parameters
+    ----------
+    chi2 : float
+        Square of its displacement in standard deviations, see `distance_of`.
+    what, place : str
+        What is too far, and from where.
+
+    Raises
+    ------
+    TooFarError
+        If that is beyond the limit, or no number.
+    """
+    if not chi2 <= MOST_CHI2:
+        raise TooFarError(f"{what} is {np.sqrt(chi2):.1f} standard deviations away from {place}")
+
+
+def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> None:
+    """Refuse images of one setting that are from different poses.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The images (n).
+    moves : array (6 (n - 1),)
+        Displacements of the camera in all but the first, as they were found.
+    covariance : array
+        Joint covariance of unknowns, of which these are the last ones.
+
+    Raises
+    ------
+    NotRegisteredError
+        If a displacement is beyond the limit.
+    """
+    limit = chi_squared.ppf(CREDIBLE, POSE)
+    first = len(covariance) - len(moves)
+    for k, name in enumerate(names[1:]):
+        move = slice(POSE * k, POSE * (k + 1))
+        at = slice(first + move.start, first + move.stop)
+        chi2 = distance_of(moves[move], covariance[at, at])
+        if not chi2 <= limit:
+            raise NotRegisteredError(
+                f"{names[0]} and {name} are from different poses: the camera moved by "
+                f"{np.sqrt(chi2):.1f} standard deviations between them"
+            )

@@ -15,18 +15,20 @@ from errors.registration import Posterior, Rows, undetermined
 from planner.camera.camera import Camera
 from planner.camera.imaging import tangents_of
 from planner.measuring.fit import TUKEY
-from planner.measuring.gates import MOST_CHI2, check_distance, distance_of
 from planner.measuring.images import Picture
 from planner.measuring.registered import LEAST_KNOWN, SAMPLE, Faces, Lamp, Registered, fitted
 from planner.measuring.samples import POSE, PartEdge, Samples, across_of, pixels_of
 from planner.measuring.scans import State, profiles_of
 from planner.measuring.task import (
     LEAST_NOISE_PX,
+    MOST_CHI2,
     STRETCH_RAD,
     Found,
     NotRegisteredError,
     Scan,
     Task,
+    check_distance,
+    distance_of,
     residual_scale,
 )
 
@@ -122,11 +124,11 @@ class Sampled:
         for k, side in enumerate(_SIDES):
             away = beside_px + np.where(np.sign(inward) == side, np.abs(inward), 0.0)
             seen = tangents_of(self.camera, centres + side * away[:, None] * across)
-            known = np.asarray(np.isfinite(seen).all(axis=1))
-            seen = np.where(known[:, None], seen, 0.0)
+            is_imaged = np.asarray(np.isfinite(seen).all(axis=1))
+            seen = np.where(is_imaged[:, None], seen, 0.0)
             ways = np.column_stack([seen, np.ones(len(seen))]) @ self.pose[:3, :3].T
             hit = self.scene.cast(eye, ways)
-            on_part[k] = known & np.isfinite(hit["t_hit"])
+            on_part[k] = is_imaged & np.isfinite(hit["t_hit"])
             points[k] = eye + np.where(on_part[k], hit["t_hit"], 1.0)[:, None] * ways
             normal = hit["primitive_normals"].astype(np.float64)
             normals[k] = np.where(((normal * ways).sum(axis=1) > 0)[:, None], -normal, normal)
@@ -193,9 +195,11 @@ class Shown:
         if not self.explains:
             return False
         dark = ~self.lit
-        found = self.agree[dark].mean() if dark.any() else 0.0
+        dark_found = self.agree[dark].mean() if dark.any() else 0.0
         alike = self.alike[self.agree].mean() >= SURELY_ALIKE
-        return bool(alike and self.alike[self.lit].mean() >= SURELY_SHOWN and found <= MOST_DARK)
+        return bool(
+            alike and self.alike[self.lit].mean() >= SURELY_SHOWN and dark_found <= MOST_DARK
+        )
 
     def contradicted(self, stretch: NDArray[np.int64]) -> Bools:
         """Return which samples are of stretches (m,) that were mostly found with quite another step; none without fit.
@@ -234,10 +238,10 @@ def shown(
     faces, on_part = sampled.beside(where[1], BESIDE_PX)
     grey = _grey(picture, *where, BESIDE_PX)
     finite = np.isfinite(grey)
-    known = np.asarray(on_part & finite & agree)
-    if known.sum() < LEAST_KNOWN:
+    is_known = np.asarray(on_part & finite & agree)
+    if is_known.sum() < LEAST_KNOWN:
         return None
-    lamp = fitted(faces.chosen(known), grey[known])
+    lamp = fitted(faces.chosen(is_known), grey[is_known])
     around = grey[finite & ~on_part & agree]
     lamp = replace(lamp, background=float(np.median(around)) if len(around) else 0.0)
     shaded = np.where(on_part, faces.shaded(lamp), lamp.background)
@@ -282,8 +286,8 @@ def beside_shadows(
 
 def stretches_of(edge: PartEdge, share: Array) -> NDArray[np.int64]:
     """Return the number of the stretch (m,) that samples at shares (m,) of an edge are in."""
-    one = edge.geometry
-    parts = round(one.span_rad / STRETCH_RAD) if isinstance(one, Circle) else _LINE_PARTS
+    shape = edge.geometry
+    parts = round(shape.span_rad / STRETCH_RAD) if isinstance(shape, Circle) else _LINE_PARTS
     return np.minimum((share * max(parts, 1)).astype(np.int64), max(parts, 1) - 1)
 
 
@@ -294,8 +298,8 @@ def _quite_other(off: Array, size: Array) -> Bools:
 
 def _mostly(other: Bools, found: Bools, stretch: NDArray[np.int64]) -> Bools:
     """Return which samples (m,) are of stretches in which more of what was found is another step than may be."""
-    some = np.bincount(stretch, other) > MOST_CONTRARY * np.bincount(stretch, found)
-    return np.asarray(some[stretch])
+    is_mostly = np.bincount(stretch, other) > MOST_CONTRARY * np.bincount(stretch, found)
+    return np.asarray(is_mostly[stretch])
 
 
 def _compared_near(
@@ -312,11 +316,11 @@ def _compared(shaded: Array, grey: Array, on_part: Bools) -> tuple[Array, Array]
 
     Behind a silhouette may be anything, so only the face counts.
     """
-    wanted = shaded[1] - shaded[0]
+    predicted = shaded[1] - shaded[0]
     both = on_part.all(axis=0)
     alone = np.where(on_part, np.abs(grey - shaded), 0.0).sum(axis=0)
-    off = np.where(both, np.abs(grey[1] - grey[0] - wanted), alone)
-    size = np.where(both, np.abs(wanted), np.where(on_part, shaded, 0.0).sum(axis=0))
+    off = np.where(both, np.abs(grey[1] - grey[0] - predicted), alone)
+    size = np.where(both, np.abs(predicted), np.where(on_part, shaded, 0.0).sum(axis=0))
     return off, size
 
 
@@ -390,7 +394,7 @@ class Attempt:
     @cached_property
     def agreeing(self) -> list[Bools]:
         """Which samples (m,) each image shows where the part has them, but for their edge's bias."""
-        return [self._agreeing(one) for one in self.scan.found]
+        return [self._agreeing(scan) for scan in self.scan.found]
 
     @cached_property
     def share(self) -> float:
@@ -401,15 +405,20 @@ class Attempt:
         share = float(np.any(self.agreeing, axis=0)[counted].mean())
         if share < LEAST_LIT_SHARE:
             return share
-        edges = [own & ~other for own, other in zip(self.agreeing, self.contradicted, strict=True)]
+        edges = [
+            agreeing & ~other
+            for agreeing, other in zip(self.agreeing, self.contradicted, strict=True)
+        ]
         return float(np.any(edges, axis=0)[counted].mean())
 
     @cached_property
     def light(self) -> list[Shown | None]:
         """How each image compares with the light of the lamp that fits it best."""
         return [
-            self._light(picture, one, own)
-            for picture, one, own in zip(self.pictures, self.scan.found, self.agreeing, strict=True)
+            self._light(picture, scan, agreeing)
+            for picture, scan, agreeing in zip(
+                self.pictures, self.scan.found, self.agreeing, strict=True
+            )
         ]
 
     @property
@@ -422,16 +431,17 @@ class Attempt:
         """Which samples (m,) of each image are of stretches with another step than the lamp makes."""
         nothing = np.zeros(len(self.task.stretch), dtype=np.bool_)
         return [
-            nothing if one is None else one.contradicted(self.task.stretch) for one in self.light
+            nothing if light is None else light.contradicted(self.task.stretch)
+            for light in self.light
         ]
 
     @property
     def lamps(self) -> dict[str, Lamp]:
         """The lamps of images that one fits."""
         return {
-            picture.name: one.lamp
-            for picture, one in zip(self.pictures, self.light, strict=True)
-            if one is not None and one.fits
+            picture.name: light.lamp
+            for picture, light in zip(self.pictures, self.light, strict=True)
+            if light is not None and light.fits
         }
 
     @property
@@ -455,7 +465,7 @@ class Attempt:
     @cached_property
     def _shown(self) -> Shown | None:
         """How the image in which most is found compares with the light."""
-        return self.light[int(np.argmax([int(own.sum()) for own in self.agreeing]))]
+        return self.light[int(np.argmax([int(agreeing.sum()) for agreeing in self.agreeing]))]
 
     def _light(self, picture: Picture, one: Found, agree: Bools) -> Shown | None:
         pose, _ = self.task.places(self.scan.x)
@@ -464,9 +474,9 @@ class Attempt:
         return shown(self.task, pose, picture, (edges, across), agree)
 
     def _agreeing(self, one: Found) -> Bools:
-        rest = one.offset - self.task.edge_means(one.offset, one.good)
-        scale = max(residual_scale(rest[one.good]), LEAST_NOISE_PX)
-        return np.asarray(one.good & (np.abs(rest) <= TUKEY * scale))
+        residual = one.offset - self.task.edge_means(one.offset, one.good)
+        scale = max(residual_scale(residual[one.good]), LEAST_NOISE_PX)
+        return np.asarray(one.good & (np.abs(residual) <= TUKEY * scale))
 
 
 def judged(attempt: Attempt, estimate: Posterior) -> Registered:
@@ -490,16 +500,19 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         If too little agrees, or the pose is too far from the planned one.
     """
     task = attempt.task
-    found = attempt.scan.found
+    scans = attempt.scan.found
     chi2 = attempt.chi2
     if not attempt.convincing:
         raise NotRegisteredError(
             f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them",
-            _dark_text(found),
+            _dark_text(scans),
         )
     check_distance(chi2)
     agree = np.any(attempt.agreeing, axis=0)
-    rests = [np.abs(one.offset[own]) for one, own in zip(found, attempt.agreeing, strict=True)]
+    rests = [
+        np.abs(scan.offset[agreeing])
+        for scan, agreeing in zip(scans, attempt.agreeing, strict=True)
+    ]
     shift = np.linalg.norm(attempt.scan.centres - attempt.first, axis=1)
     covariance = estimate.covariance
     pose = slice(0, POSE)
@@ -512,7 +525,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         used=int(agree.sum()),
         offered=len(agree),
         misfit_px=float(np.median(np.concatenate(rests))),
-        blur_px=float(np.median(np.concatenate([one.blur_px[one.good] for one in found]))),
+        blur_px=float(np.median(np.concatenate([scan.blur_px[scan.good] for scan in scans]))),
         chi2=chi2,
         notes=_little_known(covariance[pose, pose], task.prior[pose, pose]),
         prior=task.prior,
@@ -522,7 +535,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
 
 def _dark_text(found: list[Found]) -> str:
     """Say how much of the edges the light does not show, if that is much; empty otherwise."""
-    dark = np.all([one.state == State.WEAK for one in found], axis=0).mean()
+    dark = np.all([scan.state == State.WEAK for scan in found], axis=0).mean()
     return f"{100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""
 
 

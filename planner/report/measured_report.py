@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from errors.measurands import Decision, DecisionRule
 from planner.measuring.images import Picture
-from planner.measuring.reading import SOURCES, Reading, Result
+from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import Registered
-from planner.measuring.results import MeasurementResults
+from planner.measuring.results import MeasurementResults, Result
 from planner.measuring.scans import STATE_TEXTS, State
 from planner.report.wording import count
 from planner.request.words import tolerance_text
@@ -361,7 +361,7 @@ def measured_html(results: MeasurementResults) -> str:
     True
     """
     ordered = sorted(results, key=lambda one: _ORDER.index(one.decision))
-    heading = str(results.source.get("part") or "part")
+    heading = results.source.part or "part"
     if results.serial:
         heading += f", {results.serial}"
     page = resources.files("planner.report").joinpath("measured_report.html").read_text("utf-8")

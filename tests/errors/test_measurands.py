@@ -374,12 +374,3 @@ def test_conformity():
     assert uncertainty_ratio(0.01, (-0.05, 0.05)) == pytest.approx(0.1)
     assert acceptance_limits((-0.05, 0.05), 0.01) == pytest.approx((-0.04, 0.04))
     assert acceptance_limits((-0.05, 0.05), 0.06) is None
-
-
-def test_localisation_round_trip():
-    for one in (
-        Localisation.rounding(),
-        Localisation.gaussian(0.05, 20, floor_px=0.0),
-        Localisation.fit(0.2, 3.0, 0.01),
-    ):
-        assert Localisation.from_dict(one.to_dict()) == one

@@ -7,8 +7,9 @@ import pytest
 from dimension_examples import PITCH, F, isotropic
 
 from errors import InvalidParameterError, InvalidShapeError
-from errors.measurands import Circle, Line, Localisation, MeasurandError, MeasurandModel, geometry
+from errors.measurands import Circle, Line, Localisation, MeasurandError, MeasurandModel
 from errors.measurands.measurand import measurand
+from ground.convert import from_plain, to_plain
 
 LOW = Line((-15, -10, 0), (15, -10, 0))
 HIGH = Line((-15, 10, 0), (15, 10, 0))
@@ -111,7 +112,7 @@ def test_a_model_is_checked_once(changes, error, message):
 
 @pytest.mark.parametrize("one", [LOW, LEFT, Circle((1, 2, 3), (0, 1, 0), 5.0, (1, 0, 0), 2.0)])
 def test_lines_and_circles_come_back_from_plain_values(one):
-    again = geometry.from_dict(geometry.to_dict(one))
+    again = from_plain(type(one), to_plain(one), InvalidParameterError)
     assert type(again) is type(one)
     for name, value in vars(one).items():
         assert np.array_equal(getattr(again, name), value)
@@ -131,4 +132,4 @@ def test_lines_and_circles_come_back_from_plain_values(one):
 )
 def test_a_report_says_how_points_are_found(localisation, words):
     assert str(localisation) == words
-    assert Localisation.from_dict(localisation.to_dict()) == localisation
+    assert from_plain(Localisation, to_plain(localisation), InvalidParameterError) == localisation

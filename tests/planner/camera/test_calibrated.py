@@ -180,7 +180,7 @@ def test_pitch_of_the_undistorted_image():
 def test_dictionary_and_back():
     one = camera(BARREL)
     assert Camera.from_dict(one.to_dict()) == one
-    assert one.to_dict()["distortion"] == BARREL
+    assert tuple(one.to_dict()["distortion"]) == BARREL
     assert not {"distortion", "principal_point_px"} & set(
         Camera(8.0, (0.01, 0.01), (9, 9), 8.0, 300.0).to_dict()
     )

@@ -14,8 +14,15 @@ import pytest
 import xmlschema
 
 from errors.measurands import Decision, DecisionRule
-from planner.measuring.reading import Reading, Result
-from planner.measuring.results import CHARACTERISTICS, NAMESPACE, MeasurementResults, qif_text
+from planner.measuring.reading import Reading
+from planner.measuring.results import (
+    CHARACTERISTICS,
+    NAMESPACE,
+    MeasurementResults,
+    Result,
+    Source,
+    qif_text,
+)
 
 SCHEMA = xmlschema.XMLSchema11(Path(__file__).with_name("qif_written.xsd"))
 
@@ -37,7 +44,7 @@ def measured(rule=None, serial="N1"):
         result("lost", "radius", Decision.NOT_MEASURED, reason="only 3 % < 80 % was\x07found"),
         result("free", "angle", Decision.NO_TOLERANCE, 9.5, 0.01, tolerance=None),
     ]
-    source = {"program": "1", "part": "plate", "part_digest": "ab", "images": {"setting_01": "f0"}}
+    source = Source("1", "plate", "ab", {"setting_01": "f0"})
     return MeasurementResults(
         {one.name: one for one in every},
         {},
@@ -101,9 +108,9 @@ CASES = {
         measured(), nominal=-1e6, value=1e-9, standard_uncertainty=1e-12, tolerance=(-1e5, 1e-7)
     ),
     "names": named("a & b < c > d", "\"'", "Größe ⌀ 12 №3 漢字 😀", " two  spaces ", "a\x07\ud800"),
-    "no images": dataclasses.replace(measured(), source={}),
+    "no images": dataclasses.replace(measured(), source=Source("1", "", "ab", {})),
     "images of several lamps": dataclasses.replace(
-        measured(), source={"images": {"setting_01_1": "f0", "setting_01_2": "f1"}}
+        measured(), source=Source("1", "plate", "ab", {"setting_01_1": "f0", "setting_01_2": "f1"})
     ),
 }
 
