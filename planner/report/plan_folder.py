@@ -23,7 +23,7 @@ from planner.identity import SOURCE
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, report
 from planner.report.overview import report_date
-from planner.report.page import add_graph, add_notes, left_out_of, report_html
+from planner.report.page import make_report
 from planner.report.pose_files import POSE_FILES, write_poses
 from planner.report.wording import graph_sentence, regions_sentence
 from planner.request.reach import Seen, TargetSpace
@@ -127,7 +127,7 @@ def write_outputs(
     deadline = deadline or Deadline()
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         plan.write(staging / "plan.json")
-        page = report_html(
+        made = make_report(
             plan,
             _space(plan, regions),
             progress,
@@ -136,20 +136,20 @@ def write_outputs(
             until=deadline.time_left(PICTURES_SHARE).until,
             cell=cell,
         )
-        (staging / "report.html").write_text(page, encoding="utf-8")
+        (staging / "report.html").write_text(made.html(), encoding="utf-8")
         # lines end as the format says, on every system
         (staging / "measurements.csv").write_bytes(plan.to_csv().encode())
         written = ["plan.json", "report.html", "measurements.csv"]
         poses = [str(path.relative_to(staging)) for path in write_poses(plan, staging)]
     graph, without = _joint_graph(regions, graph_limit, _ended_at(deadline.at(), progress))
-    page = add_notes(page, without)
+    made.notes += without
     with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
         if graph is not None:
-            page = add_graph(page, plan, graph, progress, until=deadline.at())
+            made.draw_graph(graph, progress, until=deadline.at())
             write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")
-        (staging / "report.html").write_text(page, encoding="utf-8")
-    left_out = [*notes, *left_out_of(page), *without]
+        (staging / "report.html").write_text(made.html(), encoding="utf-8")
+    left_out = [*notes, *made.left_out, *without]
     return Written([folder / name for name in (*written, *poses)], left_out)
 
 
