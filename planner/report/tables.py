@@ -266,7 +266,7 @@ def arm(plan: InspectionPlan) -> Table | None:
         for number, setting in enumerate(plan.settings, start=1)
         if setting.fixturing
     ]
-    return Table(columns, rows, style="arm")
+    return Table(columns, rows, style="stack arm")
 
 
 def poses(plan: InspectionPlan) -> Table:
@@ -285,7 +285,7 @@ def poses(plan: InspectionPlan) -> Table:
             warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
             angles = turn.as_euler("xyz", degrees=True)
         rows.append([[number], *setting.position, *turn.as_quat(canonical=True), *angles])
-    return Table(columns, rows, style="poses")
+    return Table(columns, rows, style="stack poses")
 
 
 # Which constraint fixes the pose of a setting: how near each is to its limit, on one scale.

@@ -118,7 +118,7 @@ def test_the_rows_can_be_saved_from_the_page(page):
 
 
 def test_poses_for_the_robot_are_those_of_the_plan(page):
-    table = page[page.index('<table class="poses">') :]
+    table = page[page.index('<table class="stack poses">') :]
     cells = re.findall(r'<td class="n"[^>]*>([^<]*)</td>', table[: table.index("</table>")])
     values = np.array(cells, dtype=float).reshape(2, 10)
     for row, one in zip(values, box_plan().settings, strict=True):
