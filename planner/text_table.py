@@ -173,6 +173,8 @@ class Table:
         Identifier and class in a page.
     below : mapping of int to str
         In a page, what is said below a row, by its number from 0.
+    notes : sequence of str
+        In a page, what is said below the table.
     """
 
     columns: Sequence[Column]
@@ -180,6 +182,7 @@ class Table:
     name: str = ""
     style: str = ""
     below: Mapping[int, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
 
     def records(self) -> list[dict[str, Any]]:
         """Return its values by title, a mapping per row: for JSON and data frames."""
@@ -265,21 +268,21 @@ def _sizes(
 ) -> list[int] | None:
     """Return the width of each column; None if no wrapping makes them fit."""
     natural = []
-    least = []
+    narrowest = []
     for k, column in enumerate(columns):
         cells = [row[k] for row in rows]
         title = max(map(_cells, column.heading.split()), default=0)
         natural.append(max(_cells(column.heading), *map(_natural, cells)))
-        least.append(max(title, *map(_least, cells)))
+        narrowest.append(max(title, *map(_least, cells)))
     if width is None:
         return natural
-    free = width - len(_GAP) * (len(columns) - 1) - sum(least)
+    free = width - len(_GAP) * (len(columns) - 1) - sum(narrowest)
     if free < 0:
         return None
-    sizes = list(least)
+    sizes = list(narrowest)
     # what is nearest to its own width gets it first, so that as few cells as possible are wrapped
-    for k in sorted(range(len(columns)), key=lambda k: natural[k] - least[k]):
-        more = min(natural[k] - least[k], free)
+    for k in sorted(range(len(columns)), key=lambda k: natural[k] - narrowest[k]):
+        more = min(natural[k] - narrowest[k], free)
         sizes[k] += more
         free -= more
     return sizes

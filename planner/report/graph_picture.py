@@ -58,15 +58,16 @@ class GraphPicture(NamedTuple):
     ----------
     svg : Markup
         The picture; its circles are in groups with the attribute ``data-domain``.
-    note : str
-        What it shows.
+    n_drawn, n : int
+        Number of its circles, and of all domains.
     domains : dict
         What is shown of a domain that is clicked on: by number of the domain its ``text``, its ``color`` and its
         surface: coordinates ``x``, ``y``, ``z`` in mm of the corners of triangles ``i``, ``j``, ``k``.
     """
 
     svg: Markup
-    note: str
+    n_drawn: int
+    n: int
     domains: dict[str, dict[str, Any]]
 
 
@@ -124,19 +125,7 @@ def graph_picture(
         }
         for node in shown.nodes
     }
-    note = _note(len(shown.nodes), len(graph.graph))
-    return GraphPicture(_svg(graph, shown, colors), note, domains)
-
-
-def _note(drawn: int, n: int) -> str:
-    of = f"All {n} viewing domains"
-    if drawn < n:
-        of = f"{drawn} of {n} viewing domains: those with a camera, paths between them, and the largest neighbours"
-    return (
-        f"The aspect graph. {of}. A line joins neighbours. Domains that see more tend to be higher. A number names the "
-        "camera in a domain. A colour names a setting whose targets are all visible from the domain. Click on a domain "
-        "to show it in 3-D. Click again to hide it."
-    )
+    return GraphPicture(_svg(graph, shown, colors), len(shown.nodes), len(graph.graph), domains)
 
 
 def needed_entities(plan: InspectionPlan, setting: SensorSetting) -> list[str]:
@@ -181,12 +170,12 @@ def _ways(graph: nx.Graph, ends: Sequence[int]) -> list[int]:
     return list(nodes)
 
 
-def _grown(graph: nx.Graph, nodes: Sequence[int], most: int) -> list[int]:
+def _grown(graph: nx.Graph, nodes: Sequence[int], limit: int) -> list[int]:
     """Return nodes and their neighbours, the largest first, and the neighbours of these, up to a number."""
     grown = dict.fromkeys(nodes)
     waiting = [(-graph.nodes[other]["volume"], other) for node in nodes for other in graph[node]]
     heapq.heapify(waiting)
-    while waiting and len(grown) < most:
+    while waiting and len(grown) < limit:
         _, node = heapq.heappop(waiting)
         if node not in grown:
             grown[node] = None
@@ -303,11 +292,11 @@ def _svg(graph: EntityAspectGraph, shown: _Shown, colors: Sequence[str]) -> Mark
     for node in sorted(shown.nodes, key=lambda node: (-radius[node], node)):
         x, y = places[node]
         cameras = _numbers(shown.standing.get(node, []))
-        least = 5 + 2.6 * len(cameras) if cameras else 0.0
+        room = 5 + 2.6 * len(cameras) if cameras else 0.0
         listed = ", ".join(graph.graph.nodes[node][graph.regions.listed_as])
         title = f"domain {node}: {listed or 'nothing'}"
         color = _color(shown, node, colors)
-        circles.append(_Circle(node, x, y, max(radius[node], least), color, title, cameras))
+        circles.append(_Circle(node, x, y, max(radius[node], room), color, title, cameras))
     return render(
         "planner",
         "report/templates/graph.svg",

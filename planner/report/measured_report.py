@@ -461,12 +461,12 @@ def _reading(
 
 
 def _reading_words(reading: Reading, unit: str) -> str:
-    found = f"{100 * reading.found_share:.0f} % found"
+    share = f"{100 * reading.found_share:.0f} % found"
     if not reading.measured:
-        return f"{found}; {reading.reason}"
+        return f"{share}; {reading.reason}"
     u = reading.standard_uncertainty
     return (
-        f"{reading.value:.4f} {unit}, u = {u:.4f}, {found}, "
+        f"{reading.value:.4f} {unit}, u = {u:.4f}, {share}, "
         f"points {reading.rms_px:.3f} px from the fit"
     )
 

@@ -178,7 +178,9 @@ def overview(plan: InspectionPlan, solid: Solid) -> Markup | str:
         "planner",
         "report/templates/overview.html",
         views=pictures,
-        caption=_caption(plan, len(seen) < len(targets)),
+        plan=plan,
+        any_hidden=len(seen) < len(targets),
+        most_names=MOST_NAMES,
     )
 
 
@@ -214,7 +216,7 @@ def choose_views(maker: PictureMaker, samples: Mapping[str, _Array]) -> list[Ove
     distance = _DISTANCE * float(np.linalg.norm(bounds[1] - bounds[0]))
     names = list(samples)
     points = np.concatenate(list(samples.values()))
-    owner = np.repeat(np.arange(len(names)), [len(one) for one in samples.values()])
+    owner = np.repeat(np.arange(len(names)), list(map(len, samples.values())))
     total = np.bincount(owner, minlength=len(names))
     poses = []
     shows = []
@@ -225,10 +227,10 @@ def choose_views(maker: PictureMaker, samples: Mapping[str, _Array]) -> list[Ove
         n_visible = np.bincount(owner, weights=visible, minlength=len(names))
         poses.append(_upright(pose))
         shows.append(n_visible >= _VISIBLE * total)
-    first = int(np.argmax([one.sum() for one in shows]))
+    first = int(np.argmax([visible.sum() for visible in shows]))
     views = [_view(poses[first], names, shows[first])]
-    more = [one & ~shows[first] for one in shows]
-    second = int(np.argmax([one.sum() for one in more]))
+    more = [visible & ~shows[first] for visible in shows]
+    second = int(np.argmax([visible.sum() for visible in more]))
     if more[second].any():
         views.append(_view(poses[second], names, more[second]))
     return views
@@ -236,7 +238,7 @@ def choose_views(maker: PictureMaker, samples: Mapping[str, _Array]) -> list[Ove
 
 def _view(pose: _Array, names: Sequence[str], shown: NDArray[np.bool_]) -> OverviewView:
     return OverviewView(
-        pose, tuple(name for name, one in zip(names, shown.tolist(), strict=True) if one)
+        pose, tuple(name for name, is_shown in zip(names, shown.tolist(), strict=True) if is_shown)
     )
 
 
@@ -383,17 +385,6 @@ def _names(layout: LabelLayout, spots: Sequence[Spot], size_pt: float) -> _Names
     return _Names((*corner, *size), unit, layout.font_pt * unit, labels)
 
 
-def _caption(plan: InspectionPlan, any_hidden: bool) -> str:
-    sentences = ["Each target has the colour of the setting that measures it."]
-    if plan.uninspectable:
-        sentences.append("Red targets are not inspected.")
-    if any_hidden:
-        sentences.append("Dashed targets lie behind the part.")
-    if len(plan.entities) > MOST_NAMES:
-        sentences.append(f"Names are left out because there are more than {MOST_NAMES} targets.")
-    return " ".join(sentences)
-
-
 # Choosing a target in the 3-D view: what each setting measures of it, and by which witness.
 
 
@@ -479,7 +470,9 @@ def _text(plan: InspectionPlan, k: int, name: str) -> str:
         text += f" by {' and '.join(used.entities)}"
         if len(target.ways) > 1:
             text += f", one of {count(len(target.ways), 'way')}{_passed_over(setting, name)}"
-    others = [str(i + 1) for i, one in enumerate(plan.settings) if i != k and name in one.entities]
+    others = [
+        str(i + 1) for i, other in enumerate(plan.settings) if i != k and name in other.entities
+    ]
     too = f" Measured in setting {' and '.join(others)}, too." if others else ""
     return f"{text}.{too}"
 

@@ -46,8 +46,7 @@ from planner.report.wording import (
     promise_sentence,
     registration_text,
     requirement_rows,
-    shown_sentence,
-    simulation_sentence,
+    simulated_sentences,
     surfaces_sources,
     unfinished_sentence,
     window_sentence,
@@ -58,12 +57,10 @@ from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLER
 
 if TYPE_CHECKING:
     from aspectgraph import EntityAspectGraph
-    from planner.light.light_plan import LightPlan
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.request.reach import Space
     from planner.robotcell import Cell
-    from planner.verify.simulate_plan import SimulationResult
 
 
 _POSE = "camera pose"
@@ -245,11 +242,15 @@ def make_report(
         "arm": arm(plan),
         "poses": poses(plan),
         "arm_scene": arm_section(plan, space.solid, cell),
-        "meaning": _meaning(plan),
+        "promise_meaning": promise_sentence(plan),
+        "window_meaning": window_sentence(),
         "nouns": nouns,
         "summary": settings_table(plan, nouns) if plan.settings else None,
         "request": _request(plan),
-        "method": _method(plan),
+        "words_of": words_of,
+        "count": count,
+        "percent": percent,
+        "model_tolerance": MODEL_TOLERANCE,
     }
     sections = setting_sections(plan, space.solid, rows, progress, until=until)
     return Report(plan, sections, values, list(notes))
@@ -268,15 +269,6 @@ def _nouns(plan: InspectionPlan) -> tuple[str, str]:
     return words_of(plan.targets).nouns
 
 
-def _meaning(plan: InspectionPlan) -> str:
-    """Explain P and the search window."""
-    conforms = (
-        "P is not the probability that a part conforms, which also depends on how parts vary "
-        "(JCGM 106)."
-    )
-    return f"{promise_sentence(plan)} {conforms} {window_sentence()}"
-
-
 def _lead(plan: InspectionPlan) -> str:
     """Say what the plan does, what is proven, and how the simulation agrees."""
     n = len(plan.settings)
@@ -288,9 +280,7 @@ def _lead(plan: InspectionPlan) -> str:
             f"{inspected} of {n_targets} inspected: the plan has no camera poses. {features}"
         ).rstrip()
     verb = "is" if inspected == 1 else "are"
-    simulated = "Not simulated."
-    if plan.simulation is not None:
-        simulated = f"{simulation_sentence(plan.simulation)} {shown_sentence(plan.simulation.shown)}".rstrip()
+    simulated = " ".join(simulated_sentences(plan)).rstrip()
     return (
         f"{inspected} of {n_targets} {verb} measured from {count(n, _POSE)} "
         f"({_numbers(n)}). {features}{' ' if features else ''}"
@@ -387,79 +377,6 @@ def _surfaces(plan: InspectionPlan) -> str:
         return "faces are where the model has them"
     sigma = " or ".join(surfaces_sources(plan.dimensions.values()))
     return f"{sigma}, one standard deviation of a face's position along its normal"
-
-
-_RENDERED = (
-    "Rendered images, not photographs, of three test parts were measured at displaced poses. Edges that meet all "
-    "conditions on the image were accurate at least as often as stated, within three standard errors (137 "
-    "measurements, A = 0.98 and 0.99). Edges with an end without a corner were accurate in a third of the images "
-    "(A = 0.98). Edges that no lamp lights were accurate in none of 180 images of one part."
-)
-"""What edges of each class gave, as docs/showing.md has it with its source."""
-
-
-def _method(plan: InspectionPlan) -> list[str]:
-    """Return paragraphs on how the plan was found, what is proven and how it was simulated."""
-    paragraphs = [
-        f"The program computed exactly, from the part's geometry, where {words_of(plan.targets).seen} "
-        "are visible from. A genetic algorithm searched these viewing domains for camera poses that "
-        "satisfy resolution, focus, field of view, "
-        "visibility, clearance and workspace. Integer programming and exchange then chose a few of these poses, which "
-        f"together inspect every {_nouns(plan)[0]} that any of them inspects.",
-        f"Lower bound. {plan.bound_proof} {_gap(plan)}",
-    ]
-    if plan.simulation is not None and plan.settings:
-        paragraphs.append(_simulated(plan, plan.simulation))
-    if plan.light is not None:
-        paragraphs.append(_lit(plan.light))
-    if len(plan.dimensions) < len(plan.entities):
-        paragraphs.append(_RENDERED)
-    paragraphs.append(
-        "Method after C. C. Yang and F. W. Ciarallo, Optimized sensor placement for active visual inspection, Journal "
-        "of Robotic Systems 18(1), 1-15, 2001."
-    )
-    return paragraphs
-
-
-def _gap(plan: InspectionPlan) -> str:
-    """Say what the bound leaves open."""
-    n = len(plan.settings)
-    bound = plan.lower_bound
-    if not n:
-        return "Without settings there is nothing to prove."
-    if plan.minimal:
-        return f"The plan has {count(n, 'setting')} and the bound is {bound}: it is minimal for its targets."
-    return f"The plan has {count(n, 'setting')}. The smallest number for its targets is from {bound} to {n}."
-
-
-def _simulated(plan: InspectionPlan, simulation: SimulationResult) -> str:
-    words = words_of(plan.targets)
-    return (
-        f"Simulation. For each setting the program drew {count(simulation.n, 'displaced pose')}, "
-        f"{words.simulated} All intervals hold together with {percent(simulation.confidence)} confidence. A "
-        "stated probability inside its interval is confirmed. One below it is conservative: the "
-        f"{words.nouns[0]} is measured better than stated. One above it by at most "
-        f"{MODEL_TOLERANCE:g} is within the tolerance of the model, which is of second order. "
-        "One above it by more is contradicted. Every draw shifts the pixel grid "
-        "at random: a probability is the share of accurate measurements over displaced poses and over parts, whose "
-        "edges may end anywhere within a pixel."
-    )
-
-
-def _lit(light: LightPlan) -> str:
-    """Say what the choice of lamps assumes."""
-    return (
-        "Light. If both faces of an edge are visible, its contrast is that between their shades. The contrast of a "
-        f"silhouette is that with its background; the model assumes a {light.ground} ground, a matt part of one "
-        f"albedo, point lamps {_switched(light)}, and no light from face to face. Polished metal is out of scope. "
-        f"{light.bound_proof}"
-    )
-
-
-def _switched(light: LightPlan) -> str:
-    if not light.together:
-        return "of which one is on at a time"
-    return "of one strength that are all on together (checked at nine points of every edge)"
 
 
 def _list(values: Iterable[float], spec: str = ".4g") -> str:

@@ -63,9 +63,9 @@ def with_source(
     except (OSError, ValueError):
         # on another drive
         name = str(path)
-    given = {key: value for key, value in reading.items() if value is not None}
+    options = {key: value for key, value in reading.items() if value is not None}
     # names of files need not be Unicode
-    return replace(plan, request={**plan.request, SOURCE: {"file": name_text(name), **given}})
+    return replace(plan, request={**plan.request, SOURCE: {"file": name_text(name), **options}})
 
 
 # the plan first: see `staged_folder`
@@ -210,13 +210,13 @@ def _observable_shares(regions: VisibilityRegions) -> tuple[dict[str, float], in
 
 def _space(plan: InspectionPlan, regions: Space) -> Space:
     """Return where the targets of a plan are observable from, without those whose regions were late."""
-    known = set(regions.entity_names)
+    names = set(regions.entity_names)
     return TargetSpace(
         regions,
         {
             name: Seen(target.ways, plan.entities[name])
             for name, target in plan.targets.items()
-            if all(known.issuperset(way) for way in target.ways)
+            if all(names.issuperset(way) for way in target.ways)
         },
     )
 
@@ -225,7 +225,7 @@ def rescue(plan: InspectionPlan, state: Path) -> str:
     """See that a plan that cannot be written is not lost; return where it is, in one sentence."""
     if holds_plan(state):
         return f"The plan is saved in {state}. The same command with --resume writes it without planning again."
-    return _kept_elsewhere("plan", plan.write, "plan.json")
+    return _saved_elsewhere("plan", plan.write, "plan.json")
 
 
 def write_graph(graph: EntityAspectGraph, path: str, parameter: str) -> None:
@@ -239,11 +239,13 @@ def write_graph(graph: EntityAspectGraph, path: str, parameter: str) -> None:
     try:
         write_graphml(graph, path)
     except GraphOutputError as error:
-        kept = _kept_elsewhere("graph", lambda place: write_graphml(graph, place), "graph.graphml")
-        raise OutputError(f"{parameter} {error.rule}. Got {error.got}. {kept}") from None
+        rescue = _saved_elsewhere(
+            "graph", lambda place: write_graphml(graph, place), "graph.graphml"
+        )
+        raise OutputError(f"{parameter} {error.rule}. Got {error.got}. {rescue}") from None
 
 
-def _kept_elsewhere(what: str, write: Callable[[Path], object], name: str) -> str:
+def _saved_elsewhere(noun: str, write: Callable[[Path], object], name: str) -> str:
     """Write to the system's, the current or the user's folder, whichever takes it; return a sentence with the place."""
     reason = ""
     # each is tried on its own: the current folder may be deleted, and a user may have no home
@@ -262,5 +264,5 @@ def _kept_elsewhere(what: str, write: Callable[[Path], object], name: str) -> st
             with suppress(OSError):
                 folder.rmdir()
         else:
-            return f"The {what} is in {folder / name} instead."
-    return f"The {what} cannot be saved elsewhere either: {reason}"
+            return f"The {noun} is in {folder / name} instead."
+    return f"The {noun} cannot be saved elsewhere either: {reason}"

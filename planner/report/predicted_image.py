@@ -453,14 +453,14 @@ def _clip_near(segment: np.ndarray) -> np.ndarray | None:
 
 
 def _clip_rectangle(
-    pixels: np.ndarray, least: np.ndarray, most: np.ndarray
+    pixels: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[float, float] | None:
     """Return the parameter interval of a line (2, 2) inside a rectangle (Liang and Barsky 1984), or None."""
     low = 0.0
     high = 1.0
     step = pixels[1] - pixels[0]
     for i in range(2):
-        for sign, distance in ((-1.0, pixels[0, i] - least[i]), (1.0, most[i] - pixels[0, i])):
+        for sign, distance in ((-1.0, pixels[0, i] - lower[i]), (1.0, upper[i] - pixels[0, i])):
             speed = sign * step[i]
             if speed == 0:
                 if distance < 0:

@@ -20,7 +20,6 @@ from planner.report.tables import (
     COLOURS,
     Line,
     Promised,
-    SettingTable,
     Share,
     binding_sentence,
     focus_note,
@@ -61,14 +60,7 @@ _WORTH_ENLARGING = 1.25
 _UNEVEN = 2.0
 
 
-class SettingsTable(NamedTuple):
-    """The table of all settings, and what is the same for all of them."""
-
-    table: Table
-    sentence: str
-
-
-def settings_table(plan: InspectionPlan, nouns: tuple[str, str]) -> SettingsTable:
+def settings_table(plan: InspectionPlan, nouns: tuple[str, str]) -> Table:
     """Return a row per setting.
 
     Parameters
@@ -100,8 +92,13 @@ def settings_table(plan: InspectionPlan, nouns: tuple[str, str]) -> SettingsTabl
             ", ".join(map(unbroken, setting.entities)),
         ]
         rows.append(row)
-    same = f"The smallest {promised.name} of every setting is {promised.text(min(smallest))}."
-    return SettingsTable(Table(columns, rows, style="stack"), "" if differs else same)
+    note = (
+        "Distance: from the front nodal point to the targets, along the optical axis. Tilt: angle between "
+        "the optical axis and the part's z axis. µm/px: size of a pixel at that distance."
+    )
+    if not differs:
+        note += f" The smallest {promised.name} of every setting is {promised.text(min(smallest))}."
+    return Table(columns, rows, style="stack", notes=[note])
 
 
 class Shot(NamedTuple):
@@ -124,7 +121,7 @@ class SettingSection(NamedTuple):
         How its camera stands, and where.
     shots : list of Shot
         Predicted images and edge maps; empty if there was no time for them.
-    measured : SettingTable
+    measured : Table
         What it measures.
     sentences : str
         On the constraint that binds, focus, and other ways to measure.
@@ -138,7 +135,7 @@ class SettingSection(NamedTuple):
     color: str
     pose: str
     shots: list[Shot]
-    measured: SettingTable
+    measured: Table
     sentences: str
     margins: str
     lamps: list[str]
@@ -263,14 +260,7 @@ def _map_caption(plan: InspectionPlan) -> str:
 # each.
 
 
-class DimensionsTable(NamedTuple):
-    """The table of dimensions, and what its columns mean."""
-
-    table: Table
-    notes: list[str]
-
-
-def dimensions_table(plan: InspectionPlan) -> DimensionsTable | None:
+def dimensions_table(plan: InspectionPlan) -> Table | None:
     """Return a row per dimension and setting; nothing for a plan without dimensions.
 
     Parameters
@@ -301,7 +291,7 @@ def dimensions_table(plan: InspectionPlan) -> DimensionsTable | None:
     order = list(plan.entities)
     rows.sort(key=lambda row: order.index(row[0]))
     values = [row for _, row in rows]
-    return DimensionsTable(Table(columns, values, "dimensions", "stack"), _notes(plan))
+    return Table(columns, values, "dimensions", "stack", notes=_notes(plan))
 
 
 def budget_percents(budget: Mapping[str, float]) -> dict[str, float]:
@@ -388,9 +378,9 @@ def _ratio(dimension: PlannedDimension, expanded: float) -> list[Line]:
 
 def _what(dimension: PlannedDimension) -> str:
     """Return what a dimension is, and on how many of its features it is measured if not on all."""
-    what = f"{dimension.kind.replace('_', ' ')} of {', '.join(dimension.entities)}"
+    text = f"{dimension.kind.replace('_', ' ')} of {', '.join(dimension.entities)}"
     features = features_cell(dimension)
-    return f"{what}; {features}" if features else what
+    return f"{text}; {features}" if features else text
 
 
 def _permitted(dimension: PlannedDimension, measurement: Measurement) -> list[Line]:

@@ -131,15 +131,7 @@ class Promised:
         return f"{self.name} is {self._smallest} for {'each target' if n > 1 else 'the target'}."
 
 
-class Results(NamedTuple):
-    """The table of all targets: the promise that it shows, and what is the same for all."""
-
-    table: Table
-    promise: str
-    sentence: str
-
-
-def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> Results | None:
+def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> Table | None:
     """Return a row per target: its setting with the largest promise, in the order of the request."""
     best: dict[str, Row] = {}
     settings: dict[str, list[int]] = {}
@@ -170,8 +162,9 @@ def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> R
         for name in plan.entities
         if name in best
     ]
-    table = Table(columns, values, style="stack results")
-    return Results(table, promised.name, promised.sentence(len(best)))
+    note = f"Values are those of the setting with the largest {promised.name}."
+    notes = [f"{note} {promised.sentence(len(best))}"]
+    return Table(columns, values, style="stack results", notes=notes)
 
 
 def _result(
@@ -413,14 +406,7 @@ def stance(plan: InspectionPlan, setting: SensorSetting) -> Stance:
     return Stance(distance, math.degrees(math.acos(upright)), 1000 * pixel)
 
 
-class SettingTable(NamedTuple):
-    """The table of a setting, and what is said below it."""
-
-    table: Table
-    note: str
-
-
-def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> SettingTable:
+def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> Table:
     """Return the table of a setting: permitted error, budget, probability, simulation and warnings.
 
     Parameters
@@ -459,7 +445,7 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> SettingTable
     below = {k: warned(row) for k, row in enumerate(measured) if row.warnings}
     windows = ", ".join(f"{row.name} ±{row.search_window_px:.3g} px" for row in measured)
     note = f"{promised.sentence(len(measured))} Search windows: {windows}."
-    return SettingTable(Table(columns, rows, style="stack", below=below), note)
+    return Table(columns, rows, style="stack", below=below, notes=[note])
 
 
 def _by(row: Row, target: PlannedTarget) -> list[Line]:
