@@ -198,10 +198,10 @@ def report_html(
     >>> "two_pocket_block" in page
     True
     """
-    made = make_report(plan, space, progress, notes, date=date, until=until, cell=cell)
+    page = make_report(plan, space, progress, notes, date=date, until=until, cell=cell)
     if graph is not None:
-        made.draw_graph(graph, progress, until=until)
-    return made.html()
+        page.draw_graph(graph, progress, until=until)
+    return page.html()
 
 
 def make_report(

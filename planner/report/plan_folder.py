@@ -127,7 +127,7 @@ def write_outputs(
     deadline = deadline or Deadline()
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         plan.write(staging / "plan.json")
-        made = make_report(
+        page = make_report(
             plan,
             _space(plan, regions),
             progress,
@@ -136,20 +136,20 @@ def write_outputs(
             until=deadline.time_left(PICTURES_SHARE).until,
             cell=cell,
         )
-        (staging / "report.html").write_text(made.html(), encoding="utf-8")
+        (staging / "report.html").write_text(page.html(), encoding="utf-8")
         # lines end as the format says, on every system
         (staging / "measurements.csv").write_bytes(plan.to_csv().encode())
         written = ["plan.json", "report.html", "measurements.csv"]
         poses = [str(path.relative_to(staging)) for path in write_poses(plan, staging)]
     graph, without = _joint_graph(regions, graph_limit, _ended_at(deadline.at(), progress))
-    made.notes += without
+    page.notes += without
     with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
         if graph is not None:
-            made.draw_graph(graph, progress, until=deadline.at())
+            page.draw_graph(graph, progress, until=deadline.at())
             write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")
-        (staging / "report.html").write_text(made.html(), encoding="utf-8")
-    left_out = [*notes, *made.left_out, *without]
+        (staging / "report.html").write_text(page.html(), encoding="utf-8")
+    left_out = [*notes, *page.left_out, *without]
     return Written([folder / name for name in (*written, *poses)], left_out)
 
 
