@@ -511,7 +511,8 @@ def _samples(name: str, results: MeasurementResults) -> np.ndarray:
     ]
     joined = np.zeros(sum(map(len, entities)), dtype=kind)
     for field in ("u", "v", "state"):
-        joined[field] = np.concatenate([points[field] for points in entities] or [[]])
+        parts = (points[field] for points in entities)
+        joined[field] = np.concatenate([joined[field][:0], *parts])
     return joined
 
 
