@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import Decision, DecisionRule
-from ground.templates import asset, render
+from ground.templates import asset, render, render_macro
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading, Result
 from planner.measuring.registered import Registered
 from planner.measuring.results import MeasurementResults
 from planner.measuring.scans import STATE_TEXTS, State
+from planner.report.tables import Line
 from planner.report.wording import count
 from planner.request.words import tolerance_text
 from planner.text_table import Column, Table, print_table, print_text, words
@@ -338,6 +339,7 @@ def _whiskers(points: NDArray[np.void]) -> str:
     )
 
 
+_PICTURES = "report/templates/measured_pictures.svg"
 _ORDER = (
     Decision.NOT_MEASURED,
     Decision.DOES_NOT_CONFORM,
@@ -386,12 +388,14 @@ def measured_html(results: MeasurementResults) -> str:
     page = render(
         "planner",
         "report/templates/measured.html",
+        base_style=asset("planner.report", "templates/base.css"),
         style=asset("planner.report", "templates/measured.css"),
         heading=heading,
         verdict=verdict(results),
         notes=list(image_notes(results)),
         explanation=_explanation(results),
         whisker=f"{WHISKER:g}",
+        values=_values(ordered, results),
         targets=[_target(result, results) for result in ordered],
         images=[_image(name, results) for name in results.pictures],
     )
@@ -406,18 +410,38 @@ def _explanation(results: MeasurementResults) -> str:
     )
 
 
+def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
+    """Return the values, each with a picture of its tolerance or the reason why there is none."""
+    columns = (
+        Column("target", kind="link"),
+        Column("nominal", right=True),
+        Column("value", right=True),
+        Column("U (k = 2)", right=True),
+        Column("tolerance, guard bands, value ± U", kind="lines"),
+        Column("decision", kind="lines"),
+    )
+    rows = []
+    for result in ordered:
+        bar = value_bar(result, results.rule)
+        lines = [] if bar is None else [Line(render_macro("planner", _PICTURES, "value", bar))]
+        if result.reason:
+            lines.append(Line(result.reason, "note"))
+        decision = Line(result.decision.value, _CLASSES[result.decision])
+        link = (_anchor(result, results), result.name)
+        rows.append((link, _nominal_text(result), *_value_texts(result), lines, [decision]))
+    return Table(columns, rows, style="stack")
+
+
+def _anchor(result: Result, results: MeasurementResults) -> str:
+    return f"target-{list(results.results).index(result.name) + 1}"
+
+
 def _target(result: Result, results: MeasurementResults) -> dict[str, Any]:
     """Return what the page says of a target."""
-    value, uncertainty = _value_texts(result)
     readings = [_reading(result, reading, results) for reading in result.readings]
     return {
-        "anchor": f"target-{list(results.results).index(result.name) + 1}",
+        "anchor": _anchor(result, results),
         "name": result.name,
-        "nominal": _nominal_text(result),
-        "value": value,
-        "uncertainty": uncertainty,
-        "bar": value_bar(result, results.rule),
-        "reason": result.reason,
         "decision": result.decision.value,
         "style": _CLASSES[result.decision],
         "sentence": _sentence(result),

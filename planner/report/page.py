@@ -103,6 +103,7 @@ class Report:
             notes=self.notes,
             graph=self.graph,
             plotly=Markup(get_plotlyjs()),
+            base_style=asset("planner.report", "templates/base.css"),
             style=asset("planner.report", "templates/page.css"),
             script=asset("planner.report", "templates/page.js"),
             **self.values,
