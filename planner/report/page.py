@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -247,7 +247,7 @@ def make_report(
         "window_meaning": window_sentence(),
         "nouns": nouns,
         "summary": settings_table(plan, nouns) if plan.settings else None,
-        "request": _request(plan),
+        **_request(plan),
         "words_of": words_of,
         "count": count,
         "percent": percent,
@@ -334,51 +334,25 @@ def _bound_label(plan: InspectionPlan) -> str:
     return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
 
 
-def _request(plan: InspectionPlan) -> dict[str, str]:
-    """Return what was asked for, by name."""
+def _request(plan: InspectionPlan) -> dict[str, Any]:
+    """Return what the page says of the request, where it takes more than to read the plan."""
     camera = plan.camera
-    near, far = camera.depth_of_field_mm
     field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
     if not camera.is_centred:
         left, top, right, bottom = camera.field().inner
         field = np.array([right - left, bottom - top]) * camera.focus_distance_mm
-    share = percent_text(1 - plan.accuracy)
-    registration = registration_text(plan)
+    dimensions = plan.dimensions.values()
+    models = dict.fromkeys(localisation_text(dimension.localisation) for dimension in dimensions)
+    rough = any(dimension.surfaces_mm for dimension in dimensions)
+    words = words_of(plan.targets)
     return {
-        "Required accuracy": f"{plan.accuracy:g} ({words_of(plan.targets).accuracy.format(share=share)})",
-        **_localisation(plan),
-        "Required probability": f"{plan.probability:g}",
-        "Camera": f"{camera.name or 'camera'}: f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}",
-        "Sensor": f"{camera.resolution[0]} x {camera.resolution[1]} pixels of "
-        f"{1000 * camera.pixel_pitch_mm[0]:g} x {1000 * camera.pixel_pitch_mm[1]:g} um",
-        **calibration_rows(camera),
-        "Focus": f"{camera.focus_distance_mm:g} mm; sharp from {near:.1f} mm "
-        + (f"to {far:.1f} mm" if np.isfinite(far) else "on"),
-        "Field of view": f"{field[0]:.0f} x {field[1]:.0f} mm in the plane of focus",
-        "Camera pose": f"{sigma_text(plan.pose_uncertainty.sigmas)} along and about x, y, z",
-        **({"Registration": registration} if registration else {}),
-        "Workspace": f"({_list(plan.workspace[0], '.1f')}) to ({_list(plan.workspace[1], '.1f')}) mm",
-        **requirement_rows(plan),
-        "Seed": str(plan.seed),
+        "accuracy": words.accuracy.format(share=percent_text(1 - plan.accuracy)),
+        "localisation": [*models, *words.localisation],
+        "surfaces": surfaces_sources(dimensions) if rough else [],
+        "calibration": calibration_rows(camera),
+        "infinity": math.inf,
+        "field_mm": field.tolist(),
+        "sigmas": sigma_text(plan.pose_uncertainty.sigmas),
+        "registration": registration_text(plan),
+        "requirements": requirement_rows(plan),
     }
-
-
-def _localisation(plan: InspectionPlan) -> dict[str, str]:
-    """Return the row about the models of dimensions; none of a plan of edges."""
-    models = dict.fromkeys(
-        localisation_text(dimension.localisation) for dimension in plan.dimensions.values()
-    )
-    texts = [*models, *words_of(plan.targets).localisation]
-    return {"Localisation": "; ".join(texts), "Surfaces": _surfaces(plan)} if texts else {}
-
-
-def _surfaces(plan: InspectionPlan) -> str:
-    """Say how well the position of the part's faces is known."""
-    if not any(dimension.surfaces_mm for dimension in plan.dimensions.values()):
-        return "faces are where the model has them"
-    sigma = " or ".join(surfaces_sources(plan.dimensions.values()))
-    return f"{sigma}, one standard deviation of a face's position along its normal"
-
-
-def _list(values: Iterable[float], spec: str = ".4g") -> str:
-    return ", ".join(f"{value:{spec}}" for value in values)
