@@ -457,27 +457,9 @@ def _several(values: set[float]) -> str:
 
 
 def _notes(plan: InspectionPlan) -> list[str]:
-    models = list(
-        dict.fromkeys(
-            localisation_text(dimension.localisation) for dimension in plan.dimensions.values()
-        )
-    )
-    rounded = any(
-        dimension.localisation.model == "rounding" for dimension in plan.dimensions.values()
-    )
-    return [
-        f"Localisation of points in the image: {'; '.join(models)}."
-        + (
-            " The model assumes that points of one line or circle on whole pixels have independent errors."
-            if rounded
-            else ""
-        ),
-        *_images_text(plan),
-        "u is the standard uncertainty of the measured value, and U = 2u. Of an arc of less than half a circle, u and "
-        "U are half the widths of the intervals that hold 68.27 and 95.45 % of the errors. The sources of the "
-        "budget sum to u². T is the whole width of the tolerance. Accept a part if its measured value lies between "
-        "the limits: the tolerance less a guard band of U on either side (ISO 14253-1).",
-        "The permitted error in px is the one in mm at the scale of the image, at the mean depth of the targets and "
-        "square to the optical axis. Binding names what has the smallest share of its margin left: probability, focus "
-        "or field of view.",
-    ]
+    models = [dimension.localisation for dimension in plan.dimensions.values()]
+    texts = dict.fromkeys(map(localisation_text, models))
+    text = f"Localisation of points in the image: {'; '.join(texts)}."
+    if any(model.model == "rounding" for model in models):
+        text += " The model assumes that points of one line or circle on whole pixels have independent errors."
+    return [text, *_images_text(plan)]
