@@ -11,8 +11,8 @@ from .cover.set_cover import is_cover as is_cover
 from .cover.set_cover import min_cover as min_cover
 from .detectability.conditions import Detectability as Detectability
 from .detectability.conditions import Showing as Showing
-from .effort.effort import Effort as Effort
-from .effort.poses import Search as Search
+from .effort import Effort as Effort
+from .effort import Search as Search
 from .exceptions import CameraError as CameraError
 from .exceptions import CoverError as CoverError
 from .exceptions import InfeasibleError as InfeasibleError

@@ -15,7 +15,7 @@ import numpy as np
 from errors.measurands.geometry import Circle, Geometry, Line, Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import PlanFileError, PlannerError, RequestError
 from planner.light.lamps import RING, LampBox, LampDome
 from planner.light.lighting import Lighting

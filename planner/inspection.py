@@ -33,7 +33,7 @@ from planner.callbacks import Callbacks, Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import RequestError
 from planner.identity import InspectionRequest
 from planner.light.background import DEFAULT_STEP

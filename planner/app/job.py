@@ -33,7 +33,7 @@ from planner.app.parsing import in_words_of_shell, named_by, option, read_camera
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import (

@@ -29,8 +29,47 @@ from planner.bound.pose_space import Found, PoseSpace
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
 from planner.cover.few_columns import mean_dual
 from planner.cover.set_cover import maximal_columns
-from planner.effort.bound import Sweeping
-from planner.effort.effort import NORMAL, Effort
+
+# number of optimal duals of the cover. The weights are their mean, because a single one depends
+# on few entities.
+_DUALS = 16
+# largest factor of the weights in the search for duals. The smallest is 1.
+_BIAS = 1.5
+# smaller weights become 0, because they would only lengthen the search
+_LEAST_WEIGHT = 1e-3
+# safety margin below the largest permitted weight of a pose, as a share. With it, a few heavier
+# poses need no new weights.
+_SPARE = 0.01
+# upper limit of this margin, as a share of the limit's excess over 1
+_SPARE_OF_ROOM = 0.25
+# factor by which weights stay below the limit where poses exceeded it
+_LESS = 0.999
+# boxes checked in a part at first
+_FIRST_BOXES = 8000
+# factor of more boxes for an undecided part
+_MORE_BOXES = 4
+# after this multiple of the first boxes, the program prefers other weights, if there are any
+_HARD = 16
+# multiple of the boxes of an earlier proof, for other weights
+_AGAIN = 1.5
+# smallest number of sweeps of all parts that must be possible
+_LEAST_SWEEPS = 8
+# largest number of poses beyond the limit taken from one part at a time
+_MOST_FOUND = 8
+# share of the remaining boxes for a number, if smaller numbers are not yet proven
+_SHARE_AT_FIRST = 0.65
+# once a number is proven, share of all boxes after which the proof stops the next one
+_SHARE_OF_NEXT = 0.6
+# the first number needs no pose limit smaller than this. The limit is the largest permitted
+# weight of a pose. The heaviest known column weighs 1.
+_LEAST_LIMIT = 1.15
+# the proof stops later numbers when their limit is no larger than this
+_LEAST_LIMIT_OF_NEXT = 1.06
+# the proof stops the first number when its limit exceeds 1 by no more than this, and
+# `_NEAR_SETTING` holds as well
+_NEAR_ONE = 0.02
+# the limit times the next smaller number of settings exceeds that number by no more than this
+_NEAR_SETTING = 0.3
 
 # Weights of entities for the linear bound, and what no pose may weigh.
 #
@@ -43,31 +82,27 @@ from planner.effort.effort import NORMAL, Effort
 SLACK = 1e-6
 
 
-def spread_weights(columns: NDArray[np.bool_], effort: Effort = NORMAL) -> NDArray[np.float64]:
+def spread_weights(columns: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return weights (e,) of entities, the heaviest of the columns (c, e) weighing 1; small ones are made 0."""
     columns = columns[maximal_columns(columns)]
-    weighing = effort.bound.weighing
-    y = mean_dual(columns, weighing.bias, weighing.duals, effort.cover.relaxation)
-    y[y < weighing.least] = 0.0
+    y = mean_dual(columns, _BIAS, _DUALS)
+    y[y < _LEAST_WEIGHT] = 0.0
     return y / (columns @ y).max()
 
 
-def limit_for(y: NDArray[np.float64], target: int, effort: Effort = NORMAL) -> float:
+def limit_for(y: NDArray[np.float64], target: int) -> float:
     """Return what no pose may weigh for weights y (e,) to prove so many settings, with some to spare."""
-    weighing = effort.bound.weighing
     limit = float(y.sum()) / max(1, target - 1)
-    spare = min(weighing.spare * limit, weighing.spare_of_room * abs(limit - 1.0))
+    spare = min(_SPARE * limit, _SPARE_OF_ROOM * abs(limit - 1.0))
     return limit - spare - SLACK
 
 
-def relieved(
-    y: NDArray[np.float64], sets: NDArray[np.bool_], limit: float, effort: Effort = NORMAL
-) -> NDArray[np.float64]:
+def relieved(y: NDArray[np.float64], sets: NDArray[np.bool_], limit: float) -> NDArray[np.float64]:
     """Return weights (e,) nowhere larger than y, such that none of the sets (s, e) weighs more than nearly a limit.
 
     Their sum is the largest there is.
     """
-    excess = sets @ y - effort.bound.weighing.less * limit
+    excess = sets @ y - _LESS * limit
     result = linprog(
         np.ones(len(y)),
         A_ub=csr_matrix(-sets[excess > 0.0].astype(float)),
@@ -127,12 +162,11 @@ class _Parts:
     Those that had one for earlier weights are likely to have one again, so they wait until the others are done.
     """
 
-    def __init__(self, n: int, first: int, sweeping: Sweeping):
+    def __init__(self, n: int, first: int):
         self.proven, self.waits = np.zeros((2, n), dtype=bool)
         # boxes to be looked at when a part is searched next
         self.worth = np.full(n, first)
         self.first = first
-        self._sweeping = sweeping
 
     def next_ones(self, affordable: int) -> tuple[NDArray[np.int_], NDArray[np.int_]] | None:
         """Return the parts to be searched next and how many boxes of each; None if that is more than affordable."""
@@ -151,15 +185,15 @@ class _Parts:
         proven = outcomes == PROVEN
         spent = outcomes == SPENT
         self.proven[parts] = proven
-        self.worth[parts[proven]] = np.maximum(self._sweeping.again * made[proven], self.first)
-        self.worth[parts[spent]] = self._sweeping.more * made[spent]
-        hard = spent & (made >= self._sweeping.hard * self.first)
+        self.worth[parts[proven]] = np.maximum(_AGAIN * made[proven], self.first)
+        self.worth[parts[spent]] = _MORE_BOXES * made[spent]
+        hard = spent & (made >= _HARD * self.first)
         self.worth[parts[hard]] = self.first
         return hard
 
     def insist(self, parts: NDArray[np.int_], made: NDArray[np.int_]) -> None:
         """Let hard parts be searched further: so many boxes were made of each."""
-        self.worth[parts] = self._sweeping.more * made
+        self.worth[parts] = _MORE_BOXES * made
 
     def ease(self) -> None:
         """The limit is about to be raised: what is proven stays so, and the rest may take little."""
@@ -176,9 +210,9 @@ class _Parts:
         return {**arrays, "first": self.first}
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any], sweeping: Sweeping) -> _Parts:
+    def from_dict(cls, data: dict[str, Any]) -> _Parts:
         """Build from the result of `to_dict`."""
-        parts = cls(len(data["worth"]), data["first"], sweeping)
+        parts = cls(len(data["worth"]), data["first"])
         parts.proven = data["proven"]
         parts.waits = data["waits"]
         parts.worth = data["worth"]
@@ -221,9 +255,9 @@ class _Course:
         return {**self.__dict__, "y": self.y.copy(), "parts": self.parts.to_dict()}
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any], sweeping: Sweeping) -> _Course:
+    def from_dict(cls, data: dict[str, Any]) -> _Course:
         """Build from the result of `to_dict`."""
-        return cls(**{**data, "parts": _Parts.from_dict(data["parts"], sweeping)})
+        return cls(**{**data, "parts": _Parts.from_dict(data["parts"])})
 
 
 class LinearBound:
@@ -241,8 +275,6 @@ class LinearBound:
         Progress, and every number of settings that is proven, are reported to them.
     checkpoint : Checkpoint, optional
         Keeps how far this has got, at every sweep and part. If it holds an entry, this goes on from there.
-    effort : Effort
-        How much each part is searched, which number is aimed at, and how the weights are made.
 
     Attributes
     ----------
@@ -261,9 +293,7 @@ class LinearBound:
         improve: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None,
         checkpoint: Checkpoint | None = None,
         callbacks: Callbacks = NOBODY,
-        effort: Effort = NORMAL,
     ):
-        self.effort = effort
         self.space = space
         self.improve = improve
         self.checkpoint = checkpoint or Checkpoint()
@@ -282,7 +312,6 @@ class LinearBound:
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
         the way counts for the smaller ones as well, and what is proven of a part holds for larger limits.
         """
-        aiming = self.effort.bound.aiming
         kept = self.checkpoint.get("linear")
         at = self._start(bound, n_settings, max_nodes) if kept is None else self._resume(kept)
         parts = at.parts
@@ -296,7 +325,7 @@ class LinearBound:
                 at.target = at.target - 1
                 at.undecided = False
                 at.allowed = self._share(max_nodes, at.target - at.bound)
-                at.limit = max(at.limit, limit_for(at.y, at.target, self.effort))
+                at.limit = max(at.limit, limit_for(at.y, at.target))
                 continue
             outcomes, made, sets, doubts = self._sweep(at, *chosen, max_nodes)
             hard = parts.learn(chosen[0], outcomes, made)
@@ -314,9 +343,9 @@ class LinearBound:
                 self.callbacks.bound(at.bound, at.weights)
                 parts.renew()
                 at.target = min(at.bound + 1, n_settings)
-                at.allowed = aiming.share_of_next * max_nodes
-                at.limit = limit_for(at.y, at.target, self.effort)
-                at.least = aiming.least_limit_of_next
+                at.allowed = _SHARE_OF_NEXT * max_nodes
+                at.limit = limit_for(at.y, at.target)
+                at.least = _LEAST_LIMIT_OF_NEXT
             else:
                 # boxes too small to be halved: more of them would not decide
                 at.undecided = not (outcomes == SPENT).any() and not parts.waits.any()
@@ -326,16 +355,14 @@ class LinearBound:
 
     def _start(self, bound: int, n_settings: int, max_nodes: int) -> _Course:
         """Return where to begin."""
-        aiming = self.effort.bound.aiming
-        sweeping = self.effort.bound.sweeping
         n_parts = len(self.space.parts)
-        affordable = max_nodes // (sweeping.least_sweeps * n_parts) + 1
-        parts = _Parts(n_parts, min(sweeping.first, affordable), sweeping)
+        affordable = max_nodes // (_LEAST_SWEEPS * n_parts) + 1
+        parts = _Parts(n_parts, min(_FIRST_BOXES, affordable))
         y = self._weights()
-        target = min(n_settings, max(bound, int(float(y.sum()) / aiming.least_limit)) + 1)
-        least = 1.0 + min(aiming.near_one, aiming.near_setting / max(1, target - 1))
+        target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
+        least = 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
         allowed = self._share(max_nodes, target - bound)
-        limit = limit_for(y, target, self.effort)
+        limit = limit_for(y, target)
         return _Course(bound, target, y, limit, least, allowed, False, parts)
 
     def _resume(self, kept: dict[str, Any]) -> _Course:
@@ -345,19 +372,19 @@ class LinearBound:
         self._poses = [kept["poses"]] if len(kept["poses"]) else []
         self.space.regrow(kept["viewpoints"])
         self._swept = _unpacked(kept["swept"])
-        return _Course.from_dict(kept["course"], self.effort.bound.sweeping)
+        return _Course.from_dict(kept["course"])
 
     def _leaves_hope(self, at: _Course, sets: NDArray[np.bool_]) -> bool:
         """Tell whether there are weights for the number aimed at by which these sets are not too heavy either."""
-        if relieved(at.y, sets, at.limit, self.effort).sum() > at.limit * (at.target - 1) + SLACK:
+        if relieved(at.y, sets, at.limit).sum() > at.limit * (at.target - 1) + SLACK:
             return True
-        y = spread_weights(np.concatenate([self.columns, self.found, sets]), self.effort)
-        return limit_for(y, at.target, self.effort) > at.least
+        y = spread_weights(np.concatenate([self.columns, self.found, sets]))
+        return limit_for(y, at.target) > at.least
 
     def _make_room(self, at: _Course, sets: NDArray[np.bool_]) -> None:
         """Make the weights smaller where sets found exceed the limit; compute them anew if that is too much."""
         self.found = np.concatenate([self.found, sets])
-        lighter = relieved(at.y, sets, at.limit, self.effort)
+        lighter = relieved(at.y, sets, at.limit)
         if lighter.sum() > at.limit * (at.target - 1) + SLACK:
             # what is proven for larger weights is proven for these
             at.y = lighter
@@ -365,17 +392,17 @@ class LinearBound:
         self._improve()
         at.parts.renew()
         at.y = self._weights()
-        at.limit = limit_for(at.y, at.target, self.effort)
+        at.limit = limit_for(at.y, at.target)
 
     def _share(self, max_nodes: int, ahead: int) -> float:
         """Return how many boxes may have been looked at when a number of settings so far ahead is given up."""
         if ahead <= 1:
             return max_nodes
-        share = self.effort.bound.aiming.share_at_first
+        share = _SHARE_AT_FIRST
         return self.made + share * (max_nodes - self.made)
 
     def _weights(self) -> NDArray[np.float64]:
-        return spread_weights(np.concatenate([self.columns, self.found]), self.effort)
+        return spread_weights(np.concatenate([self.columns, self.found]))
 
     def _improve(self) -> None:
         """Tell of the poses found since the last time."""
@@ -400,7 +427,7 @@ class LinearBound:
         self._swept = []
         self.made += sum(part_result.made for part_result in done)
         left = slice(len(done), None)
-        most_found = self.effort.bound.sweeping.found
+        most_found = _MOST_FOUND
         search = self.space.search(
             at.y, at.limit, most[left], tick, parts=parts[left], most=most_found
         )

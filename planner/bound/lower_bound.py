@@ -43,10 +43,35 @@ from planner.bound.pose_tree import PoseTree, TargetLeaves
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
 from planner.cover.few_columns import fractional_cover
 from planner.cover.set_cover import cover_within, distinct_rows, maximal_columns
-from planner.effort.bound import DualRounds, TreeGrowth
-from planner.effort.effort import NORMAL, Effort
+from planner.effort import Effort
 from planner.executors import Shared, in_order
 from planner.request.request import Request
+
+# largest number of nodes with boxes of positions. Proofs from pairs that exclude each other need
+# few.
+_TREE_NODES = 32_000
+# the tree does not split nodes smaller than this angle, seen from the camera
+_FINEST_RAD = 2e-3
+# largest number of nodes split between two checks of whether they suffice
+_BATCH = 6000
+# largest number of sets of an integer cover. With more, it proves nothing.
+_COVER_COLUMNS = 4000
+# largest number of branch-and-bound nodes of one integer cover
+_COVER_NODES = 2000
+# for each number of settings, each of this many first rounds has an integer cover
+_COVER_ROUNDS = 20
+# after that, one round in this many has one
+_ROUNDS_PER_COVER = 10
+# largest number of linear programs. Then all weights are divided by that of the heaviest leaf.
+_DUAL_ROUNDS = 60
+# A leaf may weigh this much more than 1
+_TOLERANCE = 1e-7
+# leaves checked in a round, those that weigh most
+_VIOLATED = 2000
+# constraints added in a round
+_ADDED = 150
+# keep only constraints of leaves that weigh more than this for the next time
+_KEPT_WEIGHT = 0.5
 
 # Entities of which no two can be inspected together: a bound without any search.
 
@@ -150,7 +175,7 @@ def lower_bound(
     if first is None:
         grown = checkpoint.get(_GROWING)
         conflict = (
-            find_conflicts(single, entity_idx, witnesses.of_columns(columns), regions, effort)
+            find_conflicts(single, entity_idx, witnesses.of_columns(columns), regions)
             if grown is None
             else grown["conflict"]
         )
@@ -160,8 +185,9 @@ def lower_bound(
         callbacks.bound(min(alone, n_settings))
         growing = _Growing(checkpoint, conflict)
         leaves = TargetLeaves(tree, witnesses)
+        boxes = effort.boxes_for(columns.shape[1])
         proven, weights = _by_covers(
-            leaves, columns, (alone, n_settings), growing, effort, callbacks
+            leaves, columns, (alone, n_settings), growing, boxes, callbacks
         )
         first = {"conflict": conflict, "weights": weights, "bound": proven}
         first |= {"made": tree.made, "alone": alone}
@@ -169,8 +195,8 @@ def lower_bound(
     checkpoint.put(_GROWING, None)
     callbacks.bound(first["bound"], first["weights"])
     conflict = witnesses.one_each(first["conflict"])
-    space = PoseSpace(single, entity_idx, regions, conflict, effort, witnesses)
-    linear = LinearBound(space, columns, improve, checkpoint, callbacks, effort)
+    space = PoseSpace(single, entity_idx, regions, conflict, witnesses)
+    linear = LinearBound(space, columns, improve, checkpoint, callbacks)
     boxes = effort.boxes_for(len(request.names))
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=max(0, boxes - first["made"]))
     callbacks.report(boxes, boxes, "lower bound")
@@ -186,7 +212,6 @@ def exclusive_entities(
     entity_idx: NDArray[np.int_],
     columns: NDArray[np.bool_],
     executor: Executor | None = None,
-    effort: Effort = NORMAL,
 ) -> NDArray[np.int_]:
     """Find entities of which no two can be inspected together: a bound that takes seconds.
 
@@ -200,8 +225,6 @@ def exclusive_entities(
         Columns known to be realisable: their pairs are not asked about.
     executor : concurrent.futures.Executor, optional
         Computes the cells of entities' regions.
-    effort : Effort
-        How far pairs that exclude each other are looked for.
 
     Returns
     -------
@@ -214,7 +237,7 @@ def exclusive_entities(
     every = np.arange(len(single.names))
     regions = _regions(single, every, executor)
     known = witnesses.of_columns(columns)
-    conflict = find_conflicts(single, every, known, regions, effort)
+    conflict = find_conflicts(single, every, known, regions)
     return entity_idx[large_clique(witnesses.targets_apart(conflict))]
 
 
@@ -241,7 +264,7 @@ def _by_covers(
     columns: NDArray[np.bool_],
     between: tuple[int, int],
     growing: _Growing,
-    effort: Effort,
+    max_nodes: int,
     callbacks: Callbacks,
 ) -> tuple[int, NDArray[np.float64] | None]:
     """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it.
@@ -249,19 +272,17 @@ def _by_covers(
     ``between`` is the bound that is proven already, and the one that is aimed at in the end. Returned are also weights
     that prove it, if there are some: what a search of covers proves, weights may not.
     """
-    covering = effort.bound.covering
-    max_nodes = effort.boxes_for(columns.shape[1])
-    weights = _Weights(np.asarray(columns, dtype=bool), effort.bound.generation)
+    weights = _Weights(np.asarray(columns, dtype=bool))
     known, n_settings = between
-    guide = fractional_cover(columns, relaxation=effort.cover.relaxation)[1]
+    guide = fractional_cover(columns)[1]
     target, rounds = growing.resume(tree, weights) or (known + 1, 0)
-    while target <= n_settings and tree.made < min(covering.nodes, max_nodes):
+    while target <= n_settings and tree.made < min(_TREE_NODES, max_nodes):
         growing.tell(tree, weights, target, rounds)
         rounds += 1
-        sets_first = rounds <= covering.cover_rounds or rounds % covering.rounds_per_cover == 0
+        sets_first = rounds <= _COVER_ROUNDS or rounds % _ROUNDS_PER_COVER == 0
         y = weights.solve(tree.sets) if sets_first else guide
         find = _to_split if sets_first else _above
-        heavy = find(tree, y, target, covering)
+        heavy = find(tree, y, target)
         if heavy is None:
             weights.proving = _proving(y, target, sets_first)
             callbacks.bound(target, weights.proving)
@@ -338,12 +359,10 @@ def _proof(boxes: int, pairs: int, what: str = "edges") -> str:
     )
 
 
-def _to_split(
-    tree: TargetLeaves, y: NDArray[np.float64], target: int, covering: TreeGrowth
-) -> NDArray[np.int_] | None:
+def _to_split(tree: TargetLeaves, y: NDArray[np.float64], target: int) -> NDArray[np.int_] | None:
     """Choose the nodes to split to prove ``target``; none if nothing is left to split, None if it is proven."""
     weight = tree.sets @ y
-    splittable = tree.size > covering.finest_rad
+    splittable = tree.size > _FINEST_RAD
     # what a cover with fewer settings may waste
     spare = target - 1 - float(y.sum())
     if spare < -_SLACK:
@@ -351,23 +370,21 @@ def _to_split(
     usable = np.flatnonzero(weight >= 1.0 - spare - _SLACK)
     first, of_distinct = distinct_rows(tree.sets[usable])
     distinct = tree.sets[usable[first]]
-    heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * covering.columns]
-    kept = heaviest[maximal_columns(distinct[heaviest])][: covering.columns]
-    exhaustive = len(distinct) <= 4 * covering.columns and len(kept) < covering.columns
+    heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * _COVER_COLUMNS]
+    kept = heaviest[maximal_columns(distinct[heaviest])][:_COVER_COLUMNS]
+    exhaustive = len(distinct) <= 4 * _COVER_COLUMNS and len(kept) < _COVER_COLUMNS
     if not distinct[kept].any(axis=0).all():
-        return None if exhaustive else _heaviest(usable[splittable[usable]], weight, covering)
-    chosen, decided = cover_within(distinct[kept], target - 1, node_limit=covering.cover_nodes)
+        return None if exhaustive else _heaviest(usable[splittable[usable]], weight)
+    chosen, decided = cover_within(distinct[kept], target - 1, node_limit=_COVER_NODES)
     if exhaustive and chosen is None and decided:
         return None
     if chosen is None:
-        return _heaviest(usable[splittable[usable]], weight, covering)
+        return _heaviest(usable[splittable[usable]], weight)
     nodes = usable[np.isin(of_distinct, kept[chosen])]
-    return nodes[splittable[nodes]][: covering.batch]
+    return nodes[splittable[nodes]][:_BATCH]
 
 
-def _above(
-    tree: TargetLeaves, y: NDArray[np.float64], target: int, covering: TreeGrowth
-) -> NDArray[np.int_] | None:
+def _above(tree: TargetLeaves, y: NDArray[np.float64], target: int) -> NDArray[np.int_] | None:
     """Choose the nodes that weigh too much for the weights to prove ``target``, the heaviest first; None if none do."""
     limit = _limit(y, target)
     nodes = np.flatnonzero(tree.sets @ y > limit)
@@ -376,21 +393,18 @@ def _above(
     weight = weight[weight > limit]
     if not nodes.size:
         return None
-    fine = tree.size[nodes] > covering.finest_rad
-    return nodes[fine][np.argsort(-weight[fine], kind="stable")[: covering.batch]]
+    fine = tree.size[nodes] > _FINEST_RAD
+    return nodes[fine][np.argsort(-weight[fine], kind="stable")[:_BATCH]]
 
 
-def _heaviest(
-    nodes: NDArray[np.int_], weight: NDArray[np.float64], covering: TreeGrowth
-) -> NDArray[np.int_]:
-    return nodes[np.argsort(-weight[nodes], kind="stable")[: covering.batch]]
+def _heaviest(nodes: NDArray[np.int_], weight: NDArray[np.float64]) -> NDArray[np.int_]:
+    return nodes[np.argsort(-weight[nodes], kind="stable")[:_BATCH]]
 
 
 class _Weights:
     """The dual of the fractional cover over all leaves, by constraint generation."""
 
-    def __init__(self, columns: NDArray[np.bool_], generation: DualRounds):
-        self._generation = generation
+    def __init__(self, columns: NDArray[np.bool_]):
         self._columns = columns[distinct_rows(columns)[0]]
         self.rows = self._columns[:0]
         # those that prove the present bound, if it is weights that prove it
@@ -398,19 +412,18 @@ class _Weights:
 
     def solve(self, sets: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the weights y (e,) of largest sum such that no leaf and no known column weighs more than 1."""
-        generation = self._generation
         self._forget(sets)
-        for _ in range(generation.rounds):
+        for _ in range(_DUAL_ROUNDS):
             y = self._solve()
             weight = sets @ y
-            violated = np.flatnonzero(weight > 1.0 + generation.tolerance)
+            violated = np.flatnonzero(weight > 1.0 + _TOLERANCE)
             if not violated.size:
                 break
-            worst = violated[np.argsort(-weight[violated], kind="stable")[: generation.violated]]
+            worst = violated[np.argsort(-weight[violated], kind="stable")[:_VIOLATED]]
             new = sets[worst[distinct_rows(sets[worst])[0]]]
-            new = new[np.argsort(-(new @ y), kind="stable")[: generation.added]]
+            new = new[np.argsort(-(new @ y), kind="stable")[:_ADDED]]
             self.rows = np.concatenate([self.rows, new])
-        self.rows = self.rows[self.rows @ y > generation.kept]
+        self.rows = self.rows[self.rows @ y > _KEPT_WEIGHT]
         return y / max(1.0, float((sets @ y).max(initial=0.0)))
 
     def _solve(self) -> NDArray[np.float64]:

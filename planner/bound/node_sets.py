@@ -24,9 +24,15 @@ from planner.bound.boxes.conditions import (
 from planner.bound.boxes.view import Cells, Segments
 from planner.bound.pose_space import frustum_of, segments_of, sensor_tangents
 from planner.camera.camera import Camera
-from planner.effort.effort import NORMAL, Effort
 from planner.executors import THREADS
 from planner.request.request import Request
+
+# boxes with a smaller half size are not halved. The pair then counts as served.
+_FINEST_MM = 0.5
+# largest number of boxes for two cells. After that the pair counts as served.
+_PAIR_BOXES = 200_000
+# largest number of waiting boxes: one for each halving
+_WAITING = 256
 
 _EPS = 1e-9
 # of unit vectors' products
@@ -341,7 +347,6 @@ def find_conflicts(
     entity_idx: NDArray[np.int_],
     columns: ArrayLike,
     regions: Cells,
-    effort: Effort = NORMAL,
 ) -> NDArray[np.bool_]:
     """Find the pairs of entities that exclude each other.
 
@@ -355,8 +360,6 @@ def find_conflicts(
         Sets known to be inspected by some pose; their pairs need no test.
     regions : Cells
         The cells of each entity's region.
-    effort : Effort
-        How far space is subdivided.
 
     Returns
     -------
@@ -374,7 +377,7 @@ def find_conflicts(
     def excludes(pair: NDArray[np.int_]) -> bool:
         a, b = pair
         both = Segments(*(values[pair] for values in segments))
-        return not _share_viewpoint(a, b, cells, both, frustum, effort.bound.subdivision)
+        return not _share_viewpoint(a, b, cells, both, frustum)
 
     pairs = np.argwhere(np.triu(~conflict & ~together, k=1))
     with ThreadPoolExecutor(THREADS) as pool:
@@ -404,7 +407,7 @@ def too_far_apart(
 
 # threads run it side by side
 @entry_kernel(nogil=True)
-def _share_viewpoint(a, b, cells, pair, frustum, subdivision):
+def _share_viewpoint(a, b, cells, pair, frustum):
     """Tell whether some cell of entity a may meet some cell of entity b where the lens can take both at once.
 
     ``pair`` are the segments of the two.
@@ -412,14 +415,14 @@ def _share_viewpoint(a, b, cells, pair, frustum, subdivision):
     planes = cells.planes
     plane_start = cells.plane_start
     entity_start = cells.entity_start
-    stack = np.empty((subdivision.waiting, 2, 3))
+    stack = np.empty((_WAITING, 2, 3))
     for i in range(entity_start[a], entity_start[a + 1]):
         for j in range(entity_start[b], entity_start[b + 1]):
             if not _overlap(cells.boxes, i, j, stack[0]):
                 continue
             if _apart(i, j, cells) or _apart(j, i, cells):
                 continue
-            if _search(stack, i, j, planes, plane_start, pair, frustum, subdivision):
+            if _search(stack, i, j, planes, plane_start, pair, frustum):
                 return True
     return False
 
@@ -438,10 +441,10 @@ def _overlap(boxes, i, j, common):
 
 
 @kernel
-def _search(stack, i, j, planes, plane_start, pair, frustum, subdivision):
+def _search(stack, i, j, planes, plane_start, pair, frustum):
     """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
     size = 1
-    for _ in range(subdivision.boxes):
+    for _ in range(_PAIR_BOXES):
         if size == 0:
             return False
         size -= 1
@@ -452,7 +455,7 @@ def _search(stack, i, j, planes, plane_start, pair, frustum, subdivision):
         if not _in_view(centre, math.sqrt(np.sum(half**2)), pair, frustum):
             continue
         axis = np.argmax(half)
-        if half[axis] < subdivision.finest_mm or size + 2 > subdivision.waiting:
+        if half[axis] < _FINEST_MM or size + 2 > _WAITING:
             return True
         point = np.zeros(3)
         if _in_both(centre, point, i, j, planes, plane_start) and _in_view(

@@ -32,10 +32,18 @@ from planner.bound.boxes.view import (
 )
 from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.camera.camera import Camera
-from planner.effort.effort import NORMAL, Effort
 from planner.executors import THREADS
 from planner.request.reach import AROUND
 from planner.request.request import Request
+
+# number of parts, each searched on its own, several at a time. With enough parts, proofs of one
+# part outlast changes of the weights for others.
+_PARTS = 256
+# seconds between two checks for cancellation during a search
+_TICK_S = 0.5
+# entities of a pose found then count this share of the limit in its part, so that the next pose
+# inspects others
+_LESS = 0.999
 
 # How long the image of an item must be at least, whatever the pose and however small its
 # uncertainty.
@@ -247,8 +255,6 @@ class PoseSpace:
         The cells of each entity's region.
     conflict : array of bool (e, e)
         Pairs that exclude each other.
-    effort : Effort
-        How the space is divided, and how closely boxes are looked at.
     witnesses : WitnessSets, optional
         Of which targets the entities are; weights and results are of targets then. Default: each is one.
     """
@@ -259,10 +265,8 @@ class PoseSpace:
         entity_idx: NDArray[np.int_],
         regions: Cells,
         conflict: NDArray[np.bool_],
-        effort: Effort = NORMAL,
         witnesses: WitnessSets | None = None,
     ):
-        self.effort = effort.bound
         self.witnesses = witnesses or WitnessSets(np.arange(len(entity_idx)))
         self.view = view_of(request)
         self.conflict = np.ascontiguousarray(conflict)
@@ -277,7 +281,7 @@ class PoseSpace:
         low = points.min(axis=0) - self.view.radius
         high = points.max(axis=0) + self.view.radius
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
-        parts = _cut(root, self.effort.division.parts // 2)
+        parts = _cut(root, _PARTS // 2)
         self.parts = [(chart, part) for chart in (0, 1) for part in parts]
 
     def search(
@@ -313,7 +317,6 @@ class PoseSpace:
             What comes out of each part, in their order.
         """
         stop = np.zeros(1, dtype=bool)
-        tick_s = self.effort.division.tick_s
         y = y[self.witnesses.owner]
         tree = self._viewpoints(y, limit)
 
@@ -334,7 +337,7 @@ class PoseSpace:
                     pool.submit(look, *one) for one in itertools.islice(todo, 2 * THREADS)
                 )
                 while waiting:
-                    while tick is not None and not wait([waiting[0]], tick_s).done:
+                    while tick is not None and not wait([waiting[0]], _TICK_S).done:
                         tick()
                     yield waiting.popleft().result()
                     waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 1))
@@ -352,10 +355,7 @@ class PoseSpace:
         return self._grow(y.copy(), limit, finest)
 
     def _grow(self, y: NDArray[np.float64], limit: float, finest: float | None) -> Viewpoints:
-        growth = self.effort.boxes.growth
-        tree = viewpoints_for(
-            self.nodal_points, self.entities, self.view, y, limit, finest, growth=growth
-        )
+        tree = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
         self._grown = tree, y, limit
         return tree
 
@@ -390,7 +390,7 @@ class PoseSpace:
             pose = np.eye(4)
             inspected = np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
-            task = SearchTask(self.conflict, y, limit, max_nodes - made, stop, self.effort.boxes)
+            task = SearchTask(self.conflict, y, limit, max_nodes - made, stop)
             outcome, n = search(
                 part, chart, order, self.entities, self.view, tree, task, pose, inspected
             )
@@ -399,7 +399,7 @@ class PoseSpace:
             if outcome in (FOUND, NEARLY):
                 poses.append(pose)
                 sets.append(inspected)
-                y[inspected] *= self.effort.division.less * limit / y[inspected].sum()
+                y[inspected] *= _LESS * limit / y[inspected].sum()
             if outcome not in (FOUND, NEARLY) or len(poses) == most or made >= max_nodes:
                 break
         to_targets = self.witnesses.to_targets

@@ -21,8 +21,30 @@ from planner.cover.set_cover import (
     greedy_cover,
     min_cover,
 )
-from planner.effort.effort import NORMAL, Covering, Relaxation
 from planner.executors import THREADS
+
+# bias and number of the duals that exclude columns. Their mean is nearer to the middle of all
+# optimal duals than a single one.
+_FIXING_BIAS = 1.05
+_FIXING_DUALS = 4
+# A column stays if its reduced cost is at most this
+_CORE_SLACK = 0.1
+# of an entity in none of these columns, this many of the heaviest columns stay
+_CORE_OF_ENTITY = 5
+# columns in the first linear program, and violated columns added at a time. Few are ever needed.
+_FIRST_COLUMNS = 300
+_MORE_COLUMNS = 100
+# A smaller violation of a dual constraint is rounding
+_BROKEN = 1e-9
+# groups of duals solved in parallel. Each dual starts with the columns of the one before in its
+# group, so the result depends on this number and not on the machine.
+_SHARES = 2
+# the solver stops when better poses can gain at most this share in the cover
+_QUALITY_SLACK = 0.3
+# steps of the exchange search for a cover of one column less
+_EXCHANGES = 1000
+# sets tried before the next exchange, because each realised set changes the value of the others
+_AT_ONCE = 4
 
 # The linear relaxation of the set cover and its dual: weights of entities, no column weighing
 # more than 1.
@@ -35,7 +57,6 @@ def fractional_cover(
     membership: np.ndarray,
     bias: np.ndarray | None = None,
     guess: np.ndarray | None = None,
-    relaxation: Relaxation = NORMAL.cover.relaxation,
 ) -> tuple[float, np.ndarray]:
     """Solve the linear relaxation and its dual.
 
@@ -67,15 +88,13 @@ def fractional_cover(
     if n_entities == 0:
         return 0.0, np.zeros(0)
     bias = np.ones(n_entities) if bias is None else np.asarray(bias, dtype=float)
-    active = _first_columns(membership, relaxation, guess)
-    weights = _dual(membership, bias, active, relaxation)
+    active = _first_columns(membership, guess)
+    weights = _dual(membership, bias, active)
     weights /= max(1.0, float((membership @ weights).max()))
     return float(weights.sum()), weights
 
 
-def mean_dual(
-    membership: np.ndarray, bias: float, n: int, relaxation: Relaxation = NORMAL.cover.relaxation
-) -> np.ndarray:
+def mean_dual(membership: np.ndarray, bias: float, n: int) -> np.ndarray:
     """Return the mean (e,) of several duals of the fractional cover, no column weighing more than 1.
 
     A single one often rests on few entities, and gives nearly every column the same weight.
@@ -87,8 +106,6 @@ def mean_dual(
         Every dual maximises the weights times random factors from 1 to this; with 1, their sum.
     n : int
         Number of duals.
-    relaxation : Relaxation
-        How each is solved.
 
     Raises
     ------
@@ -102,16 +119,14 @@ def mean_dual(
     with ThreadPoolExecutor(THREADS) as pool:
         # in a fixed number of shares, so that the result does not depend on the machine
         weights = pool.map(
-            lambda k: _duals(membership, factors[k :: relaxation.shares], relaxation),
-            range(min(n, relaxation.shares)),
+            lambda k: _duals(membership, factors[k::_SHARES]),
+            range(min(n, _SHARES)),
         )
         weights = np.mean(np.concatenate(list(weights)), axis=0)
     return weights / max(1.0, float((membership @ weights).max(initial=0.0)))
 
 
-def columns_of_covers(
-    membership: np.ndarray, size: int, relaxation: Relaxation = NORMAL.cover.relaxation
-) -> np.ndarray:
+def columns_of_covers(membership: np.ndarray, size: int) -> np.ndarray:
     """Return the columns that a cover of at most so many may use (reduced-cost fixing).
 
     With weights y that give no column more than 1, a cover with a column of weight 1 - r has at least sum(y) + r.
@@ -120,8 +135,6 @@ def columns_of_covers(
     ----------
     membership : array_like of bool, shape (c, e)
     size : int
-    relaxation : Relaxation
-        By how many duals columns are left out.
 
     Returns
     -------
@@ -133,13 +146,11 @@ def columns_of_covers(
     CoverError
         If some entity is in no column.
     """
-    weights = _fixing_dual(membership, relaxation)
+    weights = _fixing_dual(membership)
     return np.flatnonzero(membership @ weights >= 1.0 - (size - float(weights.sum())) - 1e-6)
 
 
-def core_columns(
-    membership: np.ndarray, relaxation: Relaxation = NORMAL.cover.relaxation
-) -> np.ndarray:
+def core_columns(membership: np.ndarray) -> np.ndarray:
     """Return the columns worth looking at for a small cover; they contain every entity.
 
     Those of least reduced cost (the core problem of large set covers; Caprara, Fischetti & Toth 1999). Integer
@@ -148,8 +159,6 @@ def core_columns(
     Parameters
     ----------
     membership : array_like of bool, shape (c, e)
-    relaxation : Relaxation
-        How many columns are worth looking at.
 
     Returns
     -------
@@ -161,40 +170,36 @@ def core_columns(
         If some entity is in no column.
     """
     membership = check_membership(membership)
-    weight = membership @ _fixing_dual(membership, relaxation)
-    kept = weight >= 1.0 - relaxation.core_slack
+    weight = membership @ _fixing_dual(membership)
+    kept = weight >= 1.0 - _CORE_SLACK
     # of an entity in none of them, the heaviest columns there are
     for entity in np.flatnonzero(~membership[kept].any(axis=0)):
         own = np.flatnonzero(membership[:, entity])
-        kept[own[np.argsort(-weight[own], kind="stable")[: relaxation.core_of_entity]]] = True
+        kept[own[np.argsort(-weight[own], kind="stable")[:_CORE_OF_ENTITY]]] = True
     return np.flatnonzero(kept)
 
 
-def _fixing_dual(membership: np.ndarray, relaxation: Relaxation) -> np.ndarray:
+def _fixing_dual(membership: np.ndarray) -> np.ndarray:
     """Return the weights (e,) that columns are left out by."""
-    return mean_dual(membership, relaxation.fixing_bias, relaxation.fixing_duals, relaxation)
+    return mean_dual(membership, _FIXING_BIAS, _FIXING_DUALS)
 
 
-def _duals(membership: np.ndarray, factors: np.ndarray, relaxation: Relaxation) -> np.ndarray:
+def _duals(membership: np.ndarray, factors: np.ndarray) -> np.ndarray:
     """Solve the dual for each row (f, e) of factors; the columns of one are those that the next one starts with."""
-    active = _first_columns(membership, relaxation)
-    return np.array([_dual(membership, factor, active, relaxation) for factor in factors])
+    active = _first_columns(membership)
+    return np.array([_dual(membership, factor, active) for factor in factors])
 
 
-def _first_columns(
-    membership: np.ndarray, relaxation: Relaxation, guess: np.ndarray | None = None
-) -> np.ndarray:
+def _first_columns(membership: np.ndarray, guess: np.ndarray | None = None) -> np.ndarray:
     """Return which columns (c,) to start with: the heaviest by a guess or the largest, and one for every entity."""
     active = np.zeros(len(membership), dtype=bool)
     heavy = membership.sum(axis=1) if guess is None else membership @ np.asarray(guess, dtype=float)
-    active[np.argsort(-heavy, kind="stable")[: relaxation.first_columns]] = True
+    active[np.argsort(-heavy, kind="stable")[:_FIRST_COLUMNS]] = True
     active[np.argmax(membership, axis=0)] = True
     return active
 
 
-def _dual(
-    membership: np.ndarray, bias: np.ndarray, active: np.ndarray, relaxation: Relaxation
-) -> np.ndarray:
+def _dual(membership: np.ndarray, bias: np.ndarray, active: np.ndarray) -> np.ndarray:
     """Return the dual (e,); ``active`` (c,) is changed to the columns it was solved with."""
     while True:
         result = linprog(
@@ -205,10 +210,10 @@ def _dual(
         )
         weights = np.clip(result.x, 0.0, None)
         weight = membership @ weights
-        broken = np.flatnonzero((weight > 1.0 + relaxation.broken) & ~active)
+        broken = np.flatnonzero((weight > 1.0 + _BROKEN) & ~active)
         if not broken.size:
             return weights
-        active[broken[np.argsort(-weight[broken], kind="stable")[: relaxation.more_columns]]] = True
+        active[broken[np.argsort(-weight[broken], kind="stable")[:_MORE_COLUMNS]]] = True
 
 
 # Covers by exchange: a local search with weights, for pools too large for integer programming. It
@@ -331,7 +336,6 @@ def few_columns(
     nodes: int,
     rng: np.random.Generator,
     quality: np.ndarray | None = None,
-    covering: Covering = NORMAL.cover,
 ) -> np.ndarray:
     """Choose few columns that cover every entity; the work is limited by counting: the choice is repeatable.
 
@@ -343,22 +347,20 @@ def few_columns(
     rng : numpy.random.Generator
     quality : array (c,), optional
         In [0, 1]; larger is better among covers of equal size.
-    covering : Covering
-        How long few columns are looked for.
 
     Returns
     -------
     array of int
         Column indices.
     """
-    core = core_columns(membership, covering.relaxation)
-    chosen = _cover(membership, core, nodes, quality, covering)
+    core = core_columns(membership)
+    chosen = _cover(membership, core, nodes, quality)
     fewest = bound_columns(membership)
     while len(chosen) > fewest:
-        found = exchange_columns(membership, len(chosen) - 1, steps=covering.exchanges, rng=rng)
+        found = exchange_columns(membership, len(chosen) - 1, steps=_EXCHANGES, rng=rng)
         if found.missing:
             break
-        again = _cover(membership, np.union1d(core, found.chosen), nodes, quality, covering)
+        again = _cover(membership, np.union1d(core, found.chosen), nodes, quality)
         chosen = again if len(again) <= len(found.chosen) else np.sort(found.chosen)
     return chosen
 
@@ -370,7 +372,6 @@ def sets_to_realise(
     enough: int,
     nodes: int,
     rng: np.random.Generator,
-    covering: Covering = NORMAL.cover,
 ) -> list[np.ndarray]:
     """Choose sets of entities of which poses would make a cover of fewer columns than are enough, or nearly so.
 
@@ -383,8 +384,6 @@ def sets_to_realise(
     nodes : int
         Nodes of the integer programming solver's tree, at most.
     rng : numpy.random.Generator
-    covering : Covering
-        How long few columns are looked for.
 
     Returns
     -------
@@ -396,31 +395,27 @@ def sets_to_realise(
     while missing == 0:
         if enough == 1:
             return []
-        chosen, missing, wanted = exchange_columns(
-            realised, enough - 1, steps=covering.exchanges, rng=rng
-        )
+        chosen, missing, wanted = exchange_columns(realised, enough - 1, steps=_EXCHANGES, rng=rng)
         enough = enough if missing else len(chosen)
     wanted = wanted[~_contain(wanted, refuted)]
     wanted = wanted[_contained(wanted, near)]
     if len(wanted):
-        return list(wanted[np.argsort(wanted.sum(axis=1), kind="stable")[: covering.at_once]])
-    return _of_cover(realised, near, enough, nodes, covering)
+        return list(wanted[np.argsort(wanted.sum(axis=1), kind="stable")[:_AT_ONCE]])
+    return _of_cover(realised, near, enough, nodes)
 
 
-def _of_cover(
-    realised: np.ndarray, near: np.ndarray, enough: int, nodes: int, covering: Covering
-) -> list[np.ndarray]:
+def _of_cover(realised: np.ndarray, near: np.ndarray, enough: int, nodes: int) -> list[np.ndarray]:
     """Choose a cover with optimistic columns; return what these are to inspect if it is small enough."""
     both = np.concatenate([realised, near])
-    usable = columns_of_covers(both, enough - 1, covering.relaxation)
+    usable = columns_of_covers(both, enough - 1)
     if not both[usable].any(axis=0).all():
         return []
     # of small covers one with many realised columns: the fewer are left to realise, the better the chances
     core = np.union1d(
-        usable[core_columns(both[usable], covering.relaxation)],
-        core_columns(realised, covering.relaxation),
+        usable[core_columns(both[usable])],
+        core_columns(realised),
     )
-    chosen = _cover(both, core, nodes, np.arange(len(both)) < len(realised), covering)
+    chosen = _cover(both, core, nodes, np.arange(len(both)) < len(realised))
     if len(chosen) >= enough:
         return []
     left = ~both[chosen[chosen < len(realised)]].any(axis=0)
@@ -447,10 +442,10 @@ def _cover(
     core: np.ndarray,
     nodes: int,
     quality: np.ndarray | None,
-    covering: Covering,
 ) -> np.ndarray:
     """Choose few of the core columns by integer programming."""
     quality = None if quality is None else quality[core]
-    slack = covering.quality_slack
-    cover = min_cover(membership[core], quality, time_limit_s=np.inf, node_limit=nodes, slack=slack)
+    cover = min_cover(
+        membership[core], quality, time_limit_s=np.inf, node_limit=nodes, slack=_QUALITY_SLACK
+    )
     return core[list(cover.chosen)]

@@ -10,21 +10,44 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
 from planner.camera.pose import look_at
 from planner.cover.few_columns import exchange_columns, fractional_cover
-from planner.effort.effort import Pricing
 from planner.executors import Shared, in_order
 from planner.request.reach import cells_of
 from planner.search.first_poses import ViewpointSampler
 from planner.search.judge import ColumnPool, Judge, Judgement, Steady, perturbed
 
-if TYPE_CHECKING:
-    pass
+# viewing directions for each drawn viewpoint. The first looks at the entity itself.
+_AXES_PER_VIEWPOINT = 6
+# A round starts from up to one and a half times this number of poses. A quarter of the number is
+# drawn from the pool, and a quarter is the best of the pool by price. Up to half nearly inspect
+# a set that would improve the cover. Up to half are the best of the round before.
+_PARENTS = 64
+# number of perturbations of every parent
+_CHILDREN = 24
+# Poses evaluated at a time, in every process, because the last digits depend on it
+_BATCH = 768
+# rounds between two checks of the relaxation
+_ROUNDS_PER_CHECK = 10
+# the search ends after this many checks with too little gain
+_CHECKS = 5
+# least sufficient gain, as a share of the relaxation's value
+_LEAST_GAIN = 2e-3
+# steps of the exchange search for a cover that would end the search
+_LAST_EXCHANGES = 300
+# at first, this many times as many directions look at the whole part as at an entity
+_WHOLE = 16
+# the search improves a pose for an entity only if it nearly inspects it to this degree (1:
+# inspected)
+_PROMISING = 0.3
+# Price of an entity without a column. It exceeds the weight of a column, because a column of its
+# own is worth a setting.
+_UNCOVERED = 2.0
 
 
 def derive_seed(seed: int, labels: Iterable[str]) -> int:
@@ -69,7 +92,7 @@ def _witness_poses(
     viewpoints = sampler.sample(n_viewpoints, rng)
     if not len(viewpoints):
         return np.zeros((0, 4, 4))
-    viewpoints = np.repeat(viewpoints, judge.effort.pricing.axes_per_viewpoint, axis=0)
+    viewpoints = np.repeat(viewpoints, _AXES_PER_VIEWPOINT, axis=0)
     return look_at(
         viewpoints,
         _targets(judge, viewpoints, own, rng),
@@ -96,7 +119,6 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
         Those in the workspace.
     """
     rng = np.random.default_rng(derive_seed(seed, ["first"]))
-    n_whole = judge.effort.pricing.whole
     low, high = np.asarray(judge.space.solid.bounds, dtype=float)
     radius = float(np.linalg.norm(high - low)) / 2
     (nearest, farthest) = judge.camera.depth_of_field_mm
@@ -104,10 +126,10 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     # as close as all of the part is in focus, if it ever is
     whole = nearest + radius if nearest + 2 * radius <= farthest else focus
     targets = np.concatenate(
-        [judge.ends.mean(axis=1), np.repeat([(low + high) / 2], n_whole, axis=0)]
+        [judge.ends.mean(axis=1), np.repeat([(low + high) / 2], _WHOLE, axis=0)]
     )
     distances = np.repeat(
-        np.append(np.full(len(judge.ends), focus), np.full(n_whole, whole)), n_directions
+        np.append(np.full(len(judge.ends), focus), np.full(_WHOLE, whole)), n_directions
     )
     targets = np.repeat(targets, n_directions, axis=0)
     away = rng.normal(size=targets.shape)
@@ -140,7 +162,7 @@ def _targets(
     near = np.flatnonzero(np.linalg.norm(middles - middles[own], axis=1) < width)
     other = rng.choice(near, len(viewpoints))
     share = rng.uniform(0.0, 1.0, (len(viewpoints), 1))
-    share[:: judge.effort.pricing.axes_per_viewpoint] = 0.0
+    share[::_AXES_PER_VIEWPOINT] = 0.0
     return middles[own] + share * (middles[other] - middles[own])
 
 
@@ -220,9 +242,8 @@ def price_poses(
         Keeps after each round how far this has got. If it holds an entry, this goes on from there, with the pools of
         then.
     """
-    effort = shared.value.effort
     parents, coverable = warm_start or WarmStart()
-    breed = pools.realised.poses[:0] if parents is None else parents[: effort.pricing.parents]
+    breed = pools.realised.poses[:0] if parents is None else parents[:_PARENTS]
     if parents is not None:
         pools.add(parents, shared.value(parents), shared.value.steady)
     rng = np.random.default_rng(derive_seed(seed, ["pricing"]))
@@ -249,16 +270,16 @@ def price_poses(
             not missing.any() and (not covered.any() or membership.all(axis=1).any())
         ):
             break
-        if done % effort.pricing.rounds_per_check == 0 and covered.any():
-            values = [*values, fractional_cover(membership, relaxation=effort.cover.relaxation)[0]]
-            if _is_settled(effort.pricing, values, membership, rounds - done):
+        if done % _ROUNDS_PER_CHECK == 0 and covered.any():
+            values = [*values, fractional_cover(membership)[0]]
+            if _is_settled(values, membership, rounds - done):
                 break
         # the optimal prices are seldom unique: other ones every round keep the search from staring at one corner
         bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
         guess = prices[covered] if done else None
         prices = np.zeros(len(covered))
-        prices[covered] = fractional_cover(membership, bias, guess, effort.cover.relaxation)[1]
-        prices[missing] = effort.pricing.uncovered
+        prices[covered] = fractional_cover(membership, bias, guess)[1]
+        prices[missing] = _UNCOVERED
         breed = _improve(shared, pools, breed, prices, rng, executor)
         so_far = {
             "done": done + 1,
@@ -272,20 +293,20 @@ def price_poses(
     callbacks.report(rounds, rounds, "column generation")
 
 
-def _is_settled(pricing: Pricing, values: list[float], membership: np.ndarray, left: int) -> bool:
+def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
     """Tell whether more columns are not worth it: the relaxation's value no longer falls, or too slowly.
 
     Too slowly means that, with the gain of late, it would not get to the next whole number in the rounds that are left,
     and a cover of as few columns as the value allows is there already.
     """
-    if len(values) <= pricing.checks:
+    if len(values) <= _CHECKS:
         return False
-    gain = values[-1 - pricing.checks] - values[-1]
-    if gain <= pricing.least_gain * values[-1]:
+    gain = values[-1 - _CHECKS] - values[-1]
+    if gain <= _LEAST_GAIN * values[-1]:
         return True
     fewest = int(np.ceil(values[-1] - 1e-6))
-    hopeless = values[-1] - gain * left / (pricing.checks * pricing.rounds_per_check) > fewest - 1
-    return hopeless and not exchange_columns(membership, fewest, steps=pricing.exchanges).missing
+    hopeless = values[-1] - gain * left / (_CHECKS * _ROUNDS_PER_CHECK) > fewest - 1
+    return hopeless and not exchange_columns(membership, fewest, steps=_LAST_EXCHANGES).missing
 
 
 def _improve(
@@ -297,38 +318,26 @@ def _improve(
     executor: Executor | None,
 ) -> np.ndarray:
     """Breed from the most promising poses; return the next parents."""
-    pricing = shared.value.effort.pricing
     pool, near = pools
-    at_random = (
-        pool.poses[rng.integers(len(pool), size=pricing.parents // 4)] if len(pool) else pool.poses
-    )
-    worthy = pool.poses[
-        np.argsort(-(pool.membership @ prices), kind="stable")[: pricing.parents // 4]
-    ]
+    at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)] if len(pool) else pool.poses
+    worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
     # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
     rows = np.flatnonzero(near.membership @ prices > 1.0)
-    hopeful = near.poses[rows[rng.permutation(len(rows))[: pricing.parents // 2]]]
+    hopeful = near.poses[rows[rng.permutation(len(rows))[: _PARENTS // 2]]]
     parents = np.concatenate([breed, at_random, worthy, hopeful])
     children = perturbed(
-        np.repeat(parents, pricing.children, axis=0), shared.value.camera.focus_distance_mm, rng
+        np.repeat(parents, _CHILDREN, axis=0), shared.value.camera.focus_distance_mm, rng
     )
     # batches of one size, whoever judges them: the last digits must not depend on the executor
-    batches = [
-        (shared, children[i : i + pricing.batch], prices)
-        for i in range(0, len(children), pricing.batch)
-    ]
+    batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))
     pools.add(children, judged, shared.value.steady)
-    return children[_champions(pricing, judged.promise, prices, rng)]
+    return children[_champions(judged.promise, prices, rng)]
 
 
-def _champions(
-    pricing: Pricing, promise: np.ndarray, prices: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
+def _champions(promise: np.ndarray, prices: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Choose poses of much promised worth, each for another entity, so that the search stays spread over the part."""
     worth = promise @ prices
-    entities = rng.permutation(np.flatnonzero(prices > 0))[: pricing.parents // 2]
-    best = [
-        int(np.argmax(np.where(promise[:, e] > pricing.promising, worth, -1.0))) for e in entities
-    ]
+    entities = rng.permutation(np.flatnonzero(prices > 0))[: _PARENTS // 2]
+    best = [int(np.argmax(np.where(promise[:, e] > _PROMISING, worth, -1.0))) for e in entities]
     return np.unique(best)

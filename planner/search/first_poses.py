@@ -17,13 +17,26 @@ from scipy.spatial.transform import Rotation
 from ga import Chromosome
 from planner.camera.camera import Camera
 from planner.camera.pose import aim, look_at
-from planner.effort.effort import NORMAL
-from planner.effort.poses import Repair
 from planner.request.camera_limits import boxes_reach, focus_reach_mm
 from planner.request.constraints import Constraints
 
 if TYPE_CHECKING:
     from aspectgraph import CellSet
+
+# viewpoints drawn at a time
+_DRAW_BATCH = 512
+# Poses kept from one round of the repair to the next: those that violate least
+_POOL = 32
+# Poses tried near them in each round
+_CHILDREN = 256
+# size of the changes in the first and the last round, as shares of the parameters' ranges
+_FIRST_STEP = 0.2
+_LAST_STEP = 1e-3
+# number of rounds. The steps shrink by a constant factor.
+_REPAIR_ROUNDS = 24
+# the search stops after this many poses that meet all constraints, if the robot reaches none of
+# them
+_MOST_UNREACHED = 500
 
 
 # Viewpoints drawn uniformly from the covering domains, as far as the lens can focus there.
@@ -301,7 +314,6 @@ def draw_start(
     rng: np.random.Generator,
     max_draws: int = 8192,
     known: np.ndarray | None = None,
-    repairing: Repair = NORMAL.search.repair,
 ) -> Start:
     """Return up to n feasible chromosomes: known poses (m, 4, 4) first, then draws, then the repair."""
     tried = [np.empty((0, 6)) if known is None else encoding.parameters_of(known)]
@@ -310,8 +322,8 @@ def draw_start(
     drawn = 0
     hits = int(ok.sum())
     given = hits
-    while hits < n and drawn < max_draws and not _gives_up(constraints, repairing):
-        positions = sampler.sample(repairing.batch, rng)
+    while hits < n and drawn < max_draws and not _gives_up(constraints):
+        positions = sampler.sample(_DRAW_BATCH, rng)
         if not len(positions):
             break
         parameters = np.hstack([positions, encoding.draw_turns(len(positions), rng)])
@@ -320,13 +332,13 @@ def draw_start(
         hits += int(ok.sum())
         found.append(bits[ok])
         tried.append(parameters)
-        if len(positions) < repairing.batch:
+        if len(positions) < _DRAW_BATCH:
             # viewpoints are so rare that more draws would take long
             break
     nearest = np.concatenate(tried)
-    if hits < n and len(nearest) and not _gives_up(constraints, repairing):
-        nearest = _least_violating(nearest, encoding, constraints, repairing)
-        repaired, nearest = repair(n - hits, nearest, encoding, constraints, rng, repairing)
+    if hits < n and len(nearest) and not _gives_up(constraints):
+        nearest = _least_violating(nearest, encoding, constraints)
+        repaired, nearest = repair(n - hits, nearest, encoding, constraints, rng)
         found.append(repaired)
     return Start(np.concatenate(found)[:n], nearest, drawn, hits - given)
 
@@ -345,32 +357,31 @@ def repair(
     encoding: PoseEncoding,
     constraints: Constraints,
     rng: np.random.Generator,
-    repairing: Repair,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
-    pool = tried[: repairing.pool]
+    pool = tried[:_POOL]
     found = []
     missed = _violation(pool, encoding, constraints)
-    for step in np.geomspace(repairing.first_step, repairing.last_step, repairing.rounds):
-        children = neighbours(pool, repairing.children, step, encoding, rng)
+    for step in np.geomspace(_FIRST_STEP, _LAST_STEP, _REPAIR_ROUNDS):
+        children = neighbours(pool, _CHILDREN, step, encoding, rng)
         bits, ok = snap(children, encoding, constraints)
         found.append(bits[ok])
-        if sum(map(len, found)) >= n or _gives_up(constraints, repairing):
+        if sum(map(len, found)) >= n or _gives_up(constraints):
             break
         both = np.concatenate([missed, _violation(children, encoding, constraints)])
-        best = np.argsort(both, kind="stable")[: repairing.pool]
+        best = np.argsort(both, kind="stable")[:_POOL]
         pool = np.concatenate([pool, children])[best]
         missed = both[best]
     return np.concatenate(found)[:n], pool
 
 
-def _gives_up(constraints: Constraints, repairing: Repair) -> bool:
+def _gives_up(constraints: Constraints) -> bool:
     """Return whether so many poses met all else and none was reached by the robot that no more are tried.
 
     Whether a pose is reached is a yes or no, which gives the repair no slope.
     """
     arm = constraints.arm
-    return arm.n_reached == 0 and arm.n_asked >= repairing.most_unreached
+    return arm.n_reached == 0 and arm.n_asked >= _MOST_UNREACHED
 
 
 def neighbours(
@@ -384,7 +395,7 @@ def neighbours(
 
 
 def _least_violating(
-    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints, repairing: Repair
+    parameters: np.ndarray, encoding: PoseEncoding, constraints: Constraints
 ) -> np.ndarray:
     """Return those of the parameters (m, 6) whose poses violate least, sorted; at most so many as repair keeps.
 
@@ -392,11 +403,11 @@ def _least_violating(
     """
     at_least = constraints.violation(encoding.poses(parameters), images_only=True)
     best_first = np.argsort(at_least, kind="stable")
-    some = best_first[: repairing.children]
-    enough = np.sort(_violation(parameters[some], encoding, constraints))[: repairing.pool][-1]
+    some = best_first[:_CHILDREN]
+    enough = np.sort(_violation(parameters[some], encoding, constraints))[:_POOL][-1]
     hopeful = np.flatnonzero(at_least <= enough)
     violation = _violation(parameters[hopeful], encoding, constraints)
-    return parameters[hopeful[np.argsort(violation, kind="stable")[: repairing.pool]]]
+    return parameters[hopeful[np.argsort(violation, kind="stable")[:_POOL]]]
 
 
 def _violation(

@@ -29,12 +29,21 @@ from planner.request.reach import PoseRegion
 from planner.request.request import Request, witness_reasons
 from planner.request.targets import Target
 from planner.search.candidates import derive_seed, first_poses
-from planner.search.judge import ColumnPool, Judgement
+from planner.search.judge import BATCH, ColumnPool, Judgement
 from planner.search.plan_setting import setting_at, without
 from planner.search.run import SILENT_S, Run
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
 from planner.travel import order_by, pose_distances
 from planner.verify.setting_record import search_windows_px
+
+# number of viewing directions per entity, for each of the first plans
+_GLANCES = (4, 32)
+# steps of the exchange search for a cover of one column less
+_EXCHANGES = 1000
+# largest number of covers that are simulated. Each omits the edges contradicted before.
+_COVERS = 20
+# drop an edge that simulation contradicts from this many candidate poses and confirms from none
+_IN_VAIN = 4
 
 # Which other lines a detector may take for an edge: visible ones where the edge has to be looked
 # for.
@@ -316,7 +325,7 @@ class SupportedColumns:
         self._in_vain: Counter[str] = Counter()
 
     def cover(
-        self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int | None = None
+        self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int = _COVERS
     ) -> list[SensorSetting] | None:
         """Choose few columns of a pool that simulation supports, for as many entities as possible.
 
@@ -328,17 +337,15 @@ class SupportedColumns:
         beaten : (int, int)
             Entities of a plan known, and minus its settings: what is not better is not looked for further.
         covers : int
-            Covers that are simulated at most. Default: as many as the effort says.
+            Covers that are simulated at most.
 
         Returns
         -------
         list of SensorSetting or None
             None if none better was found.
         """
-        trying = run.effort.stages.trying
-        covers = trying.covers if covers is None else covers
         membership, done = self._corrected(run, pool)
-        chosen = _short_cover(membership, beaten, run.rng("incumbent"), trying.exchanges)
+        chosen = _short_cover(membership, beaten, run.rng("incumbent"), _EXCHANGES)
         for k in range(covers):
             if chosen is None:
                 return None
@@ -356,9 +363,9 @@ class SupportedColumns:
                 done[c] = True
             self._give_up(run, membership, done)
             if k + 1 < covers:
-                chosen = _short_cover(membership, beaten, run.rng("incumbent"), trying.exchanges)
+                chosen = _short_cover(membership, beaten, run.rng("incumbent"), _EXCHANGES)
             known = np.where(done[:, None], membership, False)
-            own = _short_cover(known, beaten, run.rng("incumbent"), trying.exchanges)
+            own = _short_cover(known, beaten, run.rng("incumbent"), _EXCHANGES)
             if k + 1 == covers or (
                 own is not None and chosen is not None and _as_good(membership, own, chosen)
             ):
@@ -378,8 +385,7 @@ class SupportedColumns:
 
     def _give_up(self, run: Run, membership: NDArray[np.bool_], done: NDArray[np.bool_]) -> None:
         """Clear the edges that no pose tried supports, although many promise them."""
-        in_vain = run.effort.stages.trying.in_vain
-        often = np.array([self._in_vain[name] >= in_vain for name in run.names])
+        often = np.array([self._in_vain[name] >= _IN_VAIN for name in run.names])
         membership[:, often & ~membership[done].any(axis=0)] = False
 
     def _supported(self, run: Run, pool: ColumnPool, c: int) -> NDArray[np.bool_]:
@@ -505,9 +511,7 @@ class Incumbents:
         deadline = self._callbacks.deadline
         # how long a direction takes
         each = 0.0
-        for directions in (
-            run.effort.stages.improving.directions if self._callbacks.wants_plans else ()
-        ):
+        for directions in _GLANCES if self._callbacks.wants_plans else ():
             begun = time.monotonic()
             # candidate poses make more of the time than a second glance that would take most of it
             left = deadline.seconds_left()
@@ -527,10 +531,9 @@ class Incumbents:
 
     def _judged_in_parts(self, run: Run, poses: NDArray[np.float64]) -> Judgement:
         """Judge poses as many at a time as the judge does itself, and report between."""
-        size = run.effort.nearness.batch
         parts = [run.judge(poses[:0])]
-        for first in range(0, len(poses), size):
-            parts.append(run.judge(poses[first : first + size]))
+        for first in range(0, len(poses), BATCH):
+            parts.append(run.judge(poses[first : first + BATCH]))
             self._callbacks.report(first + len(parts[-1].inspects), len(poses), "first poses")
         return Judgement.joined(parts)
 
@@ -557,7 +560,7 @@ class Incumbents:
             return True
         return self._spent_s <= max(_FREE_S, _SHARE * (time.monotonic() - self._begun))
 
-    def _offer(self, run: Run, pool: ColumnPool, covers: int | None = None) -> None:
+    def _offer(self, run: Run, pool: ColumnPool, covers: int = _COVERS) -> None:
         """See whether the columns of a pool make a better plan."""
         begun = time.monotonic()
         cover = self._columns.cover(

@@ -17,10 +17,35 @@ import numpy as np
 
 from planner.camera.pose import look_at, moved
 from planner.cover.set_cover import maximal_columns
-from planner.effort.effort import NORMAL, Effort
+from planner.effort import NORMAL, Effort
 from planner.request.reach import visible_where
 from planner.request.request import Request
 from planner.search.evolution import triangular_factor
+
+# tolerance of the field of view, as a share of the sensor's larger side
+_FIELD_TOLERANCE = 0.06
+# tolerance of the image's length, as a share of the smallest permitted length
+_LENGTH_TOLERANCE = 0.1
+# tolerance of the depth, as a share of the depth of field. That counts up to nine times its near
+# limit, because it may be infinite.
+_FOCUS_TOLERANCE = 0.1
+# tolerance of the separation, as a share of the required one
+_SEPARATION_TOLERANCE = 0.5
+# tolerance of the angle of corners, degrees
+_CORNER_TOLERANCE_DEG = 5.0
+# tolerance of the probability
+_PROBABILITY_TOLERANCE = 0.05
+# skip an entity that misses a constraint by this many tolerances. The program then does not
+# compute its visibility, which costs most.
+_HOPELESS = 6.0
+# before a column is kept, its pose is displaced this many times. A target stays in it if enough
+# of these images show it.
+_DISPLACED = 24
+# check corners first for this many entities of a pose, those of the highest price. Most of them
+# have none.
+_FIRST_CORNERS = 2
+# Poses evaluated at a time. It limits the memory.
+BATCH = 2048
 
 # Poses near given ones, far and fine changes mixed.
 
@@ -203,7 +228,6 @@ class Judge:
     def __init__(self, request: Request, effort: Effort = NORMAL):
         self.request = request
         self.effort = effort
-        self._nearness = effort.nearness
         self.space = request.space
         self.names = request.names
         self.camera = request.camera
@@ -218,11 +242,11 @@ class Judge:
         nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
-            "resolution_mm": self._nearness.length * self.constraints.min_length_mm,
-            "focus_mm": self._nearness.focus * depth,
-            "field_of_view_px": self._nearness.field * max(self.camera.resolution),
-            "separation_px": self._nearness.separation * self.requirements.showing.separation_px,
-            "corner_deg": self._nearness.corner_deg,
+            "resolution_mm": _LENGTH_TOLERANCE * self.constraints.min_length_mm,
+            "focus_mm": _FOCUS_TOLERANCE * depth,
+            "field_of_view_px": _FIELD_TOLERANCE * max(self.camera.resolution),
+            "separation_px": _SEPARATION_TOLERANCE * self.requirements.showing.separation_px,
+            "corner_deg": _CORNER_TOLERANCE_DEG,
         }
 
     def __getstate__(self) -> dict[str, Any]:
@@ -243,8 +267,7 @@ class Judge:
             inspect a worth of more than 1, the others inspect nothing.
         """
         parts = [
-            self._judge(cam2world[i : i + self._nearness.batch], prices)
-            for i in range(0, len(cam2world), self._nearness.batch)
+            self._judge(cam2world[i : i + BATCH], prices) for i in range(0, len(cam2world), BATCH)
         ]
         if not parts:
             empty = np.zeros((0, len(self.names)))
@@ -265,27 +288,26 @@ class Judge:
         membership : array of bool (n, k)
             What they inspect.
         """
-        draws = self._nearness.displaced
-        if not (draws and self.constraints.shows and membership.any()):
+        if not (self.constraints.shows and membership.any()):
             return membership
-        enough = math.floor(self.threshold * draws)
+        enough = math.floor(self.threshold * _DISPLACED)
         kept = membership.copy()
         rows = np.flatnonzero(membership.any(axis=1))
         for first in range(0, len(rows), _ROWS):
             some = rows[first : first + _ROWS]
             displaced = np.concatenate([moved(cam2world[row], self._moves, 1.0) for row in some])
-            wanted = np.repeat(membership[some][:, self.request.owner], draws, axis=0)
+            wanted = np.repeat(membership[some][:, self.request.owner], _DISPLACED, axis=0)
             shown = self.constraints.image.shown(displaced, wanted)
             if self._by_witness is not None:
                 shown = self._by_witness.any(shown)
-            often = shown.reshape(len(some), draws, -1).sum(axis=1) >= enough
+            often = shown.reshape(len(some), _DISPLACED, -1).sum(axis=1) >= enough
             kept[some] &= often | ~membership[some]
         return kept
 
     @cached_property
     def _moves(self) -> np.ndarray:
         """Displacements (d, 6) of the camera, mm and rad: the same draws for all poses, each also the other way."""
-        n = self._nearness.displaced
+        n = _DISPLACED
         normal = np.random.default_rng(n).standard_normal((-(-n // 2), 6))
         factor = triangular_factor(self.request.pose_uncertainty.covariance)
         # sums of few products, in one order on all machines
@@ -304,7 +326,7 @@ class Judge:
             probability[nearly] = self.single.objective.probability_where(cam2world, nearly)
         # required is that all holds: field and visibility keep reserves, lines nearby are left to the count
         sure = self._with_focus(cam2world, nearly, probability)
-        nearly &= sure >= self.threshold - self._nearness.probability
+        nearly &= sure >= self.threshold - _PROBABILITY_TOLERANCE
         self._mask_invisible_around(cam2world, nearly, probability)
         shown = self._detectable(cam2world, nearly, probability, worth)
         self._keep_reachable(cam2world, nearly, probability)
@@ -330,7 +352,7 @@ class Judge:
         for name in self.constraints.constraint_names:
             if name in self.constraints.shows or name in self.constraints.of_image:
                 continue
-            left = np.flatnonzero((missed < self._nearness.hopeless).any(axis=1))
+            left = np.flatnonzero((missed < _HOPELESS).any(axis=1))
             if not left.size:
                 break
             if name == "visibility":
@@ -348,7 +370,7 @@ class Judge:
 
     def _mask_invisible(self, cam2world: np.ndarray, missed: np.ndarray) -> None:
         """Ask for visibility, the costly constraint, only where the others leave hope."""
-        hopeful = missed < self._nearness.hopeless
+        hopeful = missed < _HOPELESS
         seen = visible_where(self.single.space, cam2world[:, :3, 3], self.single.names, hopeful)
         missed[hopeful & ~seen] = np.inf
 
@@ -376,7 +398,7 @@ class Judge:
         for name in self.constraints.shows if nearly.any() else ():
             image = self.constraints.image
             for some in worth.most_worthy_first(
-                nearly, self._nearness.first if name == "corner_deg" else 0
+                nearly, _FIRST_CORNERS if name == "corner_deg" else 0
             ):
                 wanted = nearly & some
                 margin = (

@@ -15,7 +15,7 @@ from planner.argument_kinds import ITEMS, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
-from planner.effort.poses import Search
+from planner.effort import Search
 from planner.exceptions import RequestError
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import (
@@ -202,7 +202,6 @@ def search_pose(
         rng,
         search.max_draws,
         known,
-        search.repair,
     )
     known = known[constraints.feasible(known)]
     if len(start.bits):
@@ -226,7 +225,6 @@ def search_pose(
         _enough(objective),
         outcome.cam2world,
         outcome.fitness,
-        search=search,
     )
     ascent.consider(known)
     if search.refines and ascent.fitness < ascent.enough:
@@ -253,13 +251,11 @@ def _starts(
 ) -> np.ndarray:
     """Return the poses (m, 4, 4) to refine from, given how the genetic algorithm ended and its first chromosomes."""
     encoding = ascent.encoding
-    poses = [
-        turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng, search.starts)
-    ]
+    poses = [turned_views(search.turned_starts, ascent.sampler, ascent.encoding, rng)]
     if result is not None:
         bits = np.vstack([result.x, result.population])
         fitness = np.append(result.fun, result.fitness)
-        best = best_apart(bits, fitness, encoding, search.refine_starts, search.starts)
+        best = best_apart(bits, fitness, encoding, search.refine_starts)
         first = encoding.decode(first)
         poses += [
             encoding.decode(best),

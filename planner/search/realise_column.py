@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.camera.pose import pose_between
-from planner.effort.poses import Centring
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
 from planner.request.request import Request
 from planner.request.targets import PoseKnowledge
-from planner.search.evolution import centred, least_share
+from planner.search.evolution import Centring, centred, least_share
 from planner.search.infeasible import missing_corners
 from planner.search.judge import Judge, perturbed
 from planner.search.plan_setting import best_setting, setting_at, without
@@ -29,7 +28,25 @@ from planner.verify.p_all import (
     poses_needed,
     successes_needed,
 )
-from planner.verify.simulate_setting import Posed, simulate_setting
+from planner.verify.simulate_setting import MODEL_TOLERANCE, Posed, simulate_setting
+
+# displaced poses simulated to check a pose
+_TRIAL_POSES = 4000
+# Poses drawn near a contradicted one
+_NEIGHBOURS = 2000
+# neighbours evaluated at a time. Often simulation confirms one of the first.
+_NEIGHBOUR_BATCH = 250
+# largest number of simulated neighbours that inspect the same entities
+_MOST_TRIALS = 100
+# the same for all settings of a plan together. They share it equally.
+ALL_TRIALS = 1000
+# displaced poses simulated if the first ones contradict a probability. The standard error of the
+# frequency is then at most 0.0025.
+_SURE_POSES = 40_000
+# displaced poses at first in which everything must hold, see `planner.verify.p_all`
+JOINT_POSES = 1000
+# the same where the first ones do not decide, and at most for what a plan states
+JOINT_SURE_POSES = 20_000
 
 # a shortfall is more than nothing
 _LEAST = 1e-9
@@ -151,8 +168,7 @@ class _Tried(NamedTuple):
 
     def supported(self, judge: Judge, seed: int) -> frozenset[str]:
         """Return the entities that simulation supports."""
-        most = judge.effort.support.too_high
-        kept = tuple(name for name, too_much in self.excess.items() if too_much <= most)
+        kept = tuple(name for name, too_much in self.excess.items() if too_much <= MODEL_TOLERANCE)
         short = self.short
         if short is None and kept:
             short = shortfalls(judge, self.pose.cam2world, kept, seed)
@@ -175,26 +191,25 @@ def best_supported(
     seed : int
         Of the poses tried and displaced.
     settings : int
-        How many settings share the trials that the effort allows a plan.
+        How many settings share the trials that a plan may make.
     """
-    support = judge.effort.support
-    rng = np.random.default_rng([seed, support.trial_poses])
+    rng = np.random.default_rng([seed, _TRIAL_POSES])
     best: _Tried | None = None
     least = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
-        options, _near(judge, options[0], rng, support.trials_of(settings))
+        options, _near(judge, options[0], rng, _trials_of(settings))
     )
     for pose in poses:
         tried = _Tried(pose, _excess(judge, pose, rng), None)
         too_much = max(tried.excess.values())
-        if too_much <= support.too_high:
-            short = _shortfalls_below(judge, pose, seed, least - support.too_high)
+        if too_much <= MODEL_TOLERANCE:
+            short = _shortfalls_below(judge, pose, seed, least - MODEL_TOLERANCE)
             tried = tried._replace(short=short)
-            too_much = max([too_much, *(support.too_high + miss for miss in short.values())])
+            too_much = max([too_much, *(MODEL_TOLERANCE + miss for miss in short.values())])
         if best is None or too_much < least:
             best = tried
             least = too_much
-        if least <= support.too_high:
+        if least <= MODEL_TOLERANCE:
             break
     assert best is not None
     kept = best.supported(judge, seed)
@@ -234,17 +249,16 @@ def without_contradicted(request: Request, settings: Sequence[Supported]) -> lis
 
 def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, float]:
     """Return the entities that simulation contradicts in a setting, and by how much they promise too much."""
-    support = judge.effort.support
-    excess = _excess(judge, setting, np.random.default_rng([seed, support.trial_poses]))
-    suspected = tuple(name for name, too_much in excess.items() if too_much > support.too_high)
+    excess = _excess(judge, setting, np.random.default_rng([seed, _TRIAL_POSES]))
+    suspected = tuple(name for name, too_much in excess.items() if too_much > MODEL_TOLERANCE)
     if not suspected:
         return {}
     posed = PosedOnly(
         setting.cam2world, suspected, {name: setting.probability[name] for name in suspected}
     )
-    rng = np.random.default_rng([seed, support.sure_poses])
-    excess = _excess(judge, posed, rng, support.sure_poses)
-    return {name: too_much for name, too_much in excess.items() if too_much > support.too_high}
+    rng = np.random.default_rng([seed, _SURE_POSES])
+    excess = _excess(judge, posed, rng, _SURE_POSES)
+    return {name: too_much for name, too_much in excess.items() if too_much > MODEL_TOLERANCE}
 
 
 def joint_counts(
@@ -260,7 +274,7 @@ def joint_counts(
     Parameters
     ----------
     judge : Judge
-        Has the request; its effort says how many poses are displaced.
+        Has the request.
     cam2world : array (4, 4)
         The pose.
     names : sequence of str
@@ -273,7 +287,7 @@ def joint_counts(
         The count ends as soon as the bound of a target cannot become this large any more, and states too much then.
     """
     checks = DisplacedChecks(judge.request.at_pose(cam2world, names), names)
-    n = poses_needed(judge.threshold, max(at_least, judge.effort.support.joint_poses))
+    n = poses_needed(judge.threshold, max(at_least, JOINT_POSES))
     return checks.count(cam2world, n, seed, successes_needed(needed, n))
 
 
@@ -295,11 +309,10 @@ def joint_bounds(
     needed : float
         As soon as one bound is surely below this, others may state too much.
     """
-    support = judge.effort.support
     bounds: dict[str, tuple[float, int]] = {}
     left = tuple(names)
-    for at_least in (support.joint_poses, support.joint_sure_poses):
-        sure = at_least == support.joint_sure_poses
+    for at_least in (JOINT_POSES, JOINT_SURE_POSES):
+        sure = at_least == JOINT_SURE_POSES
         counts = joint_counts(judge, cam2world, left, seed, at_least, needed if sure else 0.0)
         bounds.update({name: (counts.lower[name], counts.n) for name in left})
         left = tuple(
@@ -369,19 +382,23 @@ def _excess(
         judge.camera,
         judge.request.pose_uncertainty,
         accuracy=judge.accuracy,
-        n=judge.effort.support.trial_poses if n is None else n,
+        n=_TRIAL_POSES if n is None else n,
         rng=rng,
     )
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
+
+
+def _trials_of(settings: int) -> int:
+    """Return how many neighbours each of so many settings may simulate, one at least."""
+    return min(_MOST_TRIALS, max(ALL_TRIALS // max(settings, 1), 1))
 
 
 def _near(
     judge: Judge, setting: SensorSetting, rng: np.random.Generator, most: int
 ) -> Iterator[PosedOnly]:
     """Yield poses near a setting that inspect the same entities, so many at most."""
-    support = judge.effort.support
     poses = perturbed(
-        np.repeat(setting.cam2world[None], support.neighbours, axis=0),
+        np.repeat(setting.cam2world[None], _NEIGHBOURS, axis=0),
         judge.camera.focus_distance_mm,
         rng,
     )
@@ -389,8 +406,8 @@ def _near(
     tried = 0
     # worth more than 1 is only what nearly inspects all of them: no more is looked at of the others
     prices = is_wanted / (is_wanted.sum() - 0.5)
-    for first in range(0, len(poses), support.batch):
-        neighbours = poses[first : first + support.batch]
+    for first in range(0, len(poses), _NEIGHBOUR_BATCH):
+        neighbours = poses[first : first + _NEIGHBOUR_BATCH]
         judged = judge(neighbours, prices)
         for k in np.flatnonzero(judged.inspects[:, is_wanted].all(axis=1))[: most - tried]:
             tried += 1
@@ -539,7 +556,7 @@ def centre_setting(
     centring : Centring
         How long to search.
     settings : int
-        How many settings share the trials that the effort allows a plan.
+        How many settings share the trials that a plan may make.
     until : float
         When the search ends, as `time.time` counts: a setting whose turn comes later stays where it is.
 
@@ -583,7 +600,7 @@ def _off_limits(
         after = least_share(request, between)
         if before is not None and after is not None and after.share > before.share:
             yield between
-    near = centred(request, start, replace(centring, steps=centring.steps[-1:]), seed)
+    near = centred(request, start, centring._replace(steps=centring.steps[-1:]), seed)
     if (near != start).any():
         yield near
 
@@ -593,9 +610,8 @@ def with_p_all(judge: Judge, setting: SensorSetting, seed: int, poses: int) -> S
     if not setting.entities:
         return setting
     counts = joint_counts(judge, setting.cam2world, setting.entities, seed, poses)
-    sure = judge.effort.support.joint_sure_poses
-    if poses < sure and not all(keeps(judge, lower) for lower in counts.lower.values()):
-        counts = joint_counts(judge, setting.cam2world, setting.entities, seed, sure)
+    if poses < JOINT_SURE_POSES and not all(keeps(judge, lower) for lower in counts.lower.values()):
+        counts = joint_counts(judge, setting.cam2world, setting.entities, seed, JOINT_SURE_POSES)
     # no more is promised than the model says of the error alone
     stated = {name: min(counts.lower[name], setting.probability[name]) for name in counts.names}
     together = min(counts.lower_together, *stated.values())

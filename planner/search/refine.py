@@ -17,11 +17,40 @@ import numpy as np
 from scipy.optimize import minimize
 
 from planner.camera.pose import moved
-from planner.effort.effort import NORMAL
-from planner.effort.poses import Climbing, Search, Starts
 from planner.request.constraints import Constraints
 from planner.request.request import Objective
 from planner.search.first_poses import PoseEncoding, ViewpointSampler
+
+# starts differ by at least this share of the distance or of a parameter's range, or this angle
+# in rad. Nearer ones would be refined to the same optimum.
+_APART = 0.1
+# Positions drawn for each one kept, so that those kept are spread out
+_DRAWN_PER_START = 8
+# largest number of ends that are refined
+_FOLLOWED = 3
+# the refinement follows an end that reaches this share of the best merit
+_PROMISING = 0.98
+# steps from a start, and from a mirrored pose, which may be far from its optimum
+_STEPS = 8
+_STEPS_MIRRORED = 20
+# largest number of refinements of one pose, the first in its cell
+_ONWARD_ROUNDS = 5
+# A refinement that gains no more than this share is the last
+_ONWARD_GAIN = 1e-6
+# half the step of the central differences
+_DIFFERENCE = 1e-4
+# the solver stops at this change of the fitness, on the scale of a probability
+_TOLERANCE = 1e-7
+# margin kept at every inequality, because the solver accepts violations below its tolerance
+_BACK_OFF = 2e-7
+# largest move along each of the six directions. The cell of the pose nearly always ends sooner.
+_LARGEST_MOVE = 0.5
+# upper limit of every slack. A lens in focus to infinity has an infinite slack, without a
+# derivative.
+_NEVER_BROKEN = 1e3
+# number of inequalities of one kind that the solver uses, the tightest ones. Its time grows with
+# the square of their number.
+_MOST_SLACKS = 24
 
 _SMOOTH = (
     "resolution_mm",
@@ -43,10 +72,8 @@ class _Neighbourhood:
         half_spaces: np.ndarray,
         objective: Objective,
         constraints: Constraints,
-        climbing: Climbing,
     ) -> None:
-        self._climbing = climbing
-        step = climbing.step * np.eye(6)
+        step = _DIFFERENCE * np.eye(6)
         self._around = np.vstack([np.zeros(6), step, -step])
         self.start = cam2world
         self.objective = objective
@@ -82,9 +109,9 @@ class _Neighbourhood:
             self._x = x.copy()
             self._values = (
                 fitness[0],
-                (fitness[1:7] - fitness[7:]) / (2 * self._climbing.step),
+                (fitness[1:7] - fitness[7:]) / (2 * _DIFFERENCE),
                 slacks[0],
-                (slacks[1:7] - slacks[7:]).T / (2 * self._climbing.step),
+                (slacks[1:7] - slacks[7:]).T / (2 * _DIFFERENCE),
             )
         return self._values
 
@@ -100,20 +127,20 @@ class _Neighbourhood:
                 [
                     *columns,
                     inside,
-                    self._climbing.largest_move - moves,
-                    self._climbing.largest_move + moves,
+                    _LARGEST_MOVE - moves,
+                    _LARGEST_MOVE + moves,
                 ]
             )
-            - self._climbing.back_off
+            - _BACK_OFF
         )
-        return np.minimum(slacks, self._climbing.never_broken)
+        return np.minimum(slacks, _NEVER_BROKEN)
 
     def _nearest(self, name: str, slacks: np.ndarray) -> np.ndarray:
         """Return the columns of slacks (n, m) that were smallest when this was first asked."""
-        if slacks.shape[1] <= self._climbing.most_slacks:
+        if slacks.shape[1] <= _MOST_SLACKS:
             return slacks
         if name not in self._kept:
-            self._kept[name] = np.argsort(slacks[0], kind="stable")[: self._climbing.most_slacks]
+            self._kept[name] = np.argsort(slacks[0], kind="stable")[:_MOST_SLACKS]
         return slacks[:, self._kept[name]]
 
     def climb(self, max_iterations: int) -> np.ndarray:
@@ -128,7 +155,7 @@ class _Neighbourhood:
                 "jac": lambda x: self.at(x)[3],
             },
             method="SLSQP",
-            options={"maxiter": max_iterations, "ftol": self._climbing.tolerance},
+            options={"maxiter": max_iterations, "ftol": _TOLERANCE},
         )
         return result.x if np.isfinite(result.x).all() else np.zeros(6)
 
@@ -139,7 +166,6 @@ def approach(
     objective: Objective,
     constraints: Constraints,
     iterations: int,
-    climbing: Climbing = NORMAL.search.climbing,
 ) -> tuple[np.ndarray, float, int]:
     """Take a few steps from a pose, feasible or not, towards the nearest local optimum.
 
@@ -149,8 +175,6 @@ def approach(
         As `refine`.
     iterations : int
         How many steps.
-    climbing : Climbing
-        How large they are.
 
     Returns
     -------
@@ -161,7 +185,7 @@ def approach(
     nfev : int
         Poses evaluated.
     """
-    near = _Neighbourhood(cam2world, half_spaces, objective, constraints, climbing)
+    near = _Neighbourhood(cam2world, half_spaces, objective, constraints)
     near.without("clearance_mm")
     x = near.climb(iterations)
     fitness, _, slacks, _ = near.at(x)
@@ -178,7 +202,6 @@ def refine(
     objective: Objective,
     constraints: Constraints,
     max_iterations: int = 60,
-    climbing: Climbing = NORMAL.search.climbing,
 ) -> tuple[np.ndarray, float, int]:
     """Improve a pose locally.
 
@@ -192,8 +215,6 @@ def refine(
         What is maximised, and what must hold.
     max_iterations : int
         Cap on iterations.
-    climbing : Climbing
-        How the pose climbs.
 
     Returns
     -------
@@ -204,10 +225,10 @@ def refine(
     nfev : int
         Poses evaluated.
     """
-    near = _Neighbourhood(cam2world, half_spaces, objective, constraints, climbing)
+    near = _Neighbourhood(cam2world, half_spaces, objective, constraints)
     evaluated = 0
     if _clearance(constraints, cam2world) > constraints.requirements.stand_off_mm:
-        far = _Neighbourhood(cam2world, half_spaces, objective, constraints, climbing)
+        far = _Neighbourhood(cam2world, half_spaces, objective, constraints)
         far.without("clearance_mm")
         x = far.climb(max_iterations)
         if _clearance(constraints, far.poses(x[None])[0]) >= 0:
@@ -276,8 +297,6 @@ class Ascent:
         The best feasible pose so far.
     nfev : int
         Poses evaluated so far.
-    search : Search
-        Which starts are followed, and how they climb.
     """
 
     sampler: ViewpointSampler
@@ -288,7 +307,6 @@ class Ascent:
     cam2world: np.ndarray
     fitness: float
     nfev: int = 0
-    search: Search = NORMAL.search
 
     def consider(self, poses: np.ndarray) -> None:
         """Take the best of feasible poses (m, 4, 4) if it is better."""
@@ -316,31 +334,24 @@ class Ascent:
                 parameters = self.encoding.parameters_of(self.cam2world[None])
                 parameters[:, 3:5] *= signs
                 merit, pose = self._approach(
-                    self.encoding.poses(parameters)[0], _NO_WALLS, self.search.starts.steps_mirrored
+                    self.encoding.poses(parameters)[0], _NO_WALLS, _STEPS_MIRRORED
                 )
-                if merit > self.search.starts.promising * self.fitness and self._is_apart(
-                    pose, [self.cam2world]
-                ):
+                if merit > _PROMISING * self.fitness and self._is_apart(pose, [self.cam2world]):
                     self._follow(pose)
 
     def _approach(
-        self, pose: np.ndarray, walls: np.ndarray, steps: int | None = None
+        self, pose: np.ndarray, walls: np.ndarray, steps: int = _STEPS
     ) -> tuple[float, np.ndarray]:
-        if steps is None:
-            steps = self.search.starts.steps
-        pose, merit, nfev = approach(
-            pose, walls, self.objective, self.constraints, steps, self.search.climbing
-        )
+        pose, merit, nfev = approach(pose, walls, self.objective, self.constraints, steps)
         self.nfev += nfev
         return merit, pose
 
     def _promising(self, ends: list[Any]) -> list[np.ndarray]:
         """Return the best few poses of (merit, pose), nearly equally good and apart."""
-        starts = self.search.starts
         chosen: list[np.ndarray] = []
         ranked = sorted(ends, key=lambda end: -end[0])
         for merit, pose in ranked:
-            if merit < starts.promising * ranked[0][0] or len(chosen) == starts.followed:
+            if merit < _PROMISING * ranked[0][0] or len(chosen) == _FOLLOWED:
                 break
             if self._is_apart(pose, chosen):
                 chosen.append(pose)
@@ -348,20 +359,18 @@ class Ascent:
 
     def _is_apart(self, pose: np.ndarray, others: list[Any]) -> bool:
         """Whether position or direction of view, or both, differ by a tenth from those of all other poses."""
-        apart = self.search.starts.apart
-        far = apart * np.linalg.norm(pose[:3, 3] - self.constraints.sphere_centre)
+        far = _APART * np.linalg.norm(pose[:3, 3] - self.constraints.sphere_centre)
         return all(
             np.linalg.norm(pose[:3, 3] - other[:3, 3]) > far
-            or np.linalg.norm(pose[:3, 2] - other[:3, 2]) > apart
+            or np.linalg.norm(pose[:3, 2] - other[:3, 2]) > _APART
             for other in others
         )
 
     def _follow(self, pose: np.ndarray) -> None:
         """Refine a pose in its cell, and then again and again without walls while it gains."""
-        starts = self.search.starts
         fitness = -np.inf
         walls = self.sampler.cell_of(pose[:3, 3])
-        for _ in range(starts.onward_rounds):
+        for _ in range(_ONWARD_ROUNDS):
             if self.fitness >= self.enough:
                 return
             last = fitness
@@ -370,11 +379,10 @@ class Ascent:
                 _NO_WALLS if walls is None else walls,
                 self.objective,
                 self.constraints,
-                climbing=self.search.climbing,
             )
             self.nfev += nfev
             self._keep(pose, fitness)
-            if walls is None and fitness <= last * (1.0 + starts.onward_gain):
+            if walls is None and fitness <= last * (1.0 + _ONWARD_GAIN):
                 return
             walls = None
 
@@ -389,7 +397,6 @@ def best_apart(
     fitness: np.ndarray,
     encoding: PoseEncoding,
     n: int,
-    starts: Starts = NORMAL.search.starts,
 ) -> np.ndarray:
     """Return up to n chromosomes, best first, that are apart from each other.
 
@@ -402,7 +409,7 @@ def best_apart(
     chosen: list[int] = []
     for i in range(len(bits)):
         if len(chosen) < n and np.all(
-            np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > starts.apart
+            np.abs(places[chosen] - places[i]).max(axis=1, initial=0.0) > _APART
         ):
             chosen.append(i)
     return bits[chosen]
@@ -433,13 +440,12 @@ def turned_views(
     sampler: ViewpointSampler,
     encoding: PoseEncoding,
     rng: np.random.Generator,
-    starts: Starts = NORMAL.search.starts,
 ) -> np.ndarray:
     """Draw up to n poses (m, 4, 4), feasible or not, in the covering domains.
 
     Positions are far apart; pan and tilt are at most half of what they may be, roll is anything.
     """
-    positions = sampler.sample(starts.pool * n, rng)
+    positions = sampler.sample(_DRAWN_PER_START * n, rng)
     if n == 0 or not len(positions):
         return np.empty((0, 4, 4))
     positions = positions[spread(positions, n)[0]]

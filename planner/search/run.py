@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.executors import Shared, in_order
 from planner.plan import InspectionPlan
 from planner.request.request import Request

@@ -13,14 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.cover.few_columns import few_columns
-from planner.effort.poses import Centring
 from planner.executors import in_order
 from planner.plan import InspectionPlan
 from planner.progress import report
 from planner.search.candidates import derive_seed
+from planner.search.evolution import Centring
 from planner.search.incumbents import as_simulated, candidate_settings, in_order_of_arm
 from planner.search.plan_setting import setting_at, without
 from planner.search.realise_column import (
+    ALL_TRIALS,
+    JOINT_POSES,
+    JOINT_SURE_POSES,
     Supported,
     centre_setting,
     joint_bounds,
@@ -31,6 +34,14 @@ from planner.search.realise_column import (
 from planner.search.run import Run
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
 from planner.verify.p_all import MOST_REQUIRED
+
+# for what a plan states: displaced poses times targets, in all of its settings together
+_JOINT_ALL_POSES = 400_000
+# for a target that lacks the required P_all in the final settings: poses of other columns that
+# are simulated for it
+_RETRIED = 8
+# least gain in the sum of the probabilities. A smaller gain is rounding.
+_FITNESS_GAIN = 1e-6
 
 # Another try for targets that lack the required P_all in the final settings, before they are
 # given up.
@@ -54,7 +65,7 @@ class ShortTargets:
     Parameters
     ----------
     run : Run
-        Its request says what is asked, its pool has other columns, its effort says how many are tried.
+        Its request says what is asked, its pool has other columns.
     settings : sequence of SensorSetting
         The others, which have it.
     reached : dict of str to float
@@ -115,7 +126,7 @@ class ShortTargets:
         joined = setting_at(
             run.request, setting.cam2world, names, setting.message, setting.seed, setting.nfev
         )
-        poses = max(setting.p_all_poses, run.effort.support.joint_poses)
+        poses = max(setting.p_all_poses, JOINT_POSES)
         joined = with_p_all(run.judge, joined, run.seed, poses)
         # by other draws the one or the other may be short
         if all(keeps(run.judge, p) for p in joined.p_all.values()):
@@ -134,7 +145,7 @@ class ShortTargets:
         tried = np.zeros(len(run.names), dtype=int)
         proposed = []
         for c in rows.tolist():
-            wanted = columns[c] & left & (tried < run.effort.support.retried)
+            wanted = columns[c] & left & (tried < _RETRIED)
             if not wanted.any():
                 continue
             tried += wanted
@@ -212,7 +223,6 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
         run.nodes(),
         run.rng("settings"),
         pool.quality,
-        run.effort.cover,
     )
     candidates = [
         setting_at(
@@ -221,9 +231,9 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
         for c, names in ((c, run.names_of(pool.membership[c])) for c in chosen)
     ]
     settings = without_contradicted(request, _supported(run, candidates))
-    centring = run.effort.centring
+    centring = Centring.of(run.effort)
     if not moves:
-        centring = replace(centring, give_up=0.0)
+        centring = centring._replace(give_up=0.0)
 
     def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
         return centre_all(run, some, centring)
@@ -233,7 +243,7 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
 
 def _supported(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
     """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough."""
-    enough = run.effort.stages.preference.enough
+    enough = run.effort.good_enough
     good = [k for k, one in enumerate(candidates) if min(one.probability.values()) > enough]
     # what was simulated on the way is not simulated again
     for _ in run.simulate([candidates[k] for k in good]):
@@ -248,14 +258,13 @@ def _supported(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]
 
 def _searched(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
     """Search a better pose for each candidate pose, and return the better one that simulation supports."""
-    gain = run.effort.stages.preference.fitness_gain
     options = []
     outcomes = run.realise([one.entities for one in candidates])
     for candidate, outcome in zip(candidates, outcomes, strict=True):
         found = outcome.setting
         both = [candidate]
         if found is not None and _holds(run, found, candidate.entities):
-            both.insert(found.fitness < candidate.fitness - gain, found)
+            both.insert(found.fitness < candidate.fitness - _FITNESS_GAIN, found)
         options.append(both)
     return run.supported(options)
 
@@ -275,7 +284,7 @@ def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPl
     moved = centre_all(
         run,
         plan.settings,
-        run.effort.centring.shorter(),
+        Centring.of(run.effort).shorter(),
         until=run.callbacks.deadline.of_settling(),
     )
     settled = _without_short(run, moved)
@@ -349,12 +358,11 @@ def centre_all(
     list of SensorSetting
         In the same order, for the same targets.
     """
-    support = run.effort.support
-    poses = support.joint_poses
+    poses = JOINT_POSES
     early = until is not None
     if not early:
-        each = support.joint_all_poses // max(sum(len(one.entities) for one in settings), 1)
-        poses = min(support.joint_sure_poses, max(each, poses))
+        each = _JOINT_ALL_POSES // max(sum(len(one.entities) for one in settings), 1)
+        poses = min(JOINT_SURE_POSES, max(each, poses))
     tasks = [
         (
             run.shared,
@@ -363,7 +371,7 @@ def centre_all(
             poses,
             centring,
             # a pose that needs a neighbour is left as it is
-            support.all_trials if early else len(settings),
+            ALL_TRIALS if early else len(settings),
             math.inf if until is None else until,
         )
         for setting in settings

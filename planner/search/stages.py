@@ -42,6 +42,30 @@ from planner.sensor_setting import Reason, SensorSetting
 if TYPE_CHECKING:
     from planner.camera.camera import Camera
 
+# rounds of column generation between two searches
+_ROUNDS_PER_SEARCH = 5
+# share for each cover while the program tries optimistic columns. There are many, and a cover
+# that is not the best costs no more than a run of the genetic algorithm.
+_REFUTING_SHARE = 0.1
+# smallest number of rounds of column generation
+_JOINING_ROUNDS = 5
+# largest number of rounds, for few columns
+_MOST_JOINING_ROUNDS = 25
+# rounds times columns is about this, because a round over many columns takes longer
+_ROUNDS_TIMES_COLUMNS = 20_000
+# viewpoints drawn for each unlit entity, in addition to the poses of the pool
+_LIGHT_VIEWPOINTS = 60
+# Poses tried around each planned pose of the entity, which may keep the other targets of the
+# setting
+_LIGHT_AROUND = 400
+# Poses of each entity whose light is computed
+_LIGHT_TRIED = 48
+# of the poses where the entity is lit, keep this many as candidates: those that inspect most
+# entities with the highest probability
+_LIGHT_KEPT = 8
+# lamp positions tried in addition to the chosen ones, for lamps without fixed positions
+_LIGHT_PLACES = 1000
+
 
 # Columns: the pools are filled from viewpoints of every entity, then improved where the cover
 # would profit.
@@ -99,7 +123,7 @@ def _generate(run: Run, incumbents: Incumbents, rounds: int, seed: int) -> None:
     """Improve the pools, from where the state has got."""
 
     def offer(entries: dict[str, Any]) -> None:
-        if entries["pricing"]["done"] % run.effort.stages.improving.rounds == 0:
+        if entries["pricing"]["done"] % _ROUNDS_PER_SEARCH == 0:
             incumbents.offer(run)
 
     warm_start = WarmStart(coverable=~np.isin(run.names, list(run.state.uninspectable)))
@@ -171,8 +195,8 @@ def _inspected(run: Run) -> np.ndarray:
         state.inspected = run.pool.inspected
         if state.inspected.any():
             membership = run.pool.membership[:, state.inspected]
-            nodes = run.nodes(run.effort.stages.shares.refuting)
-            chosen = few_columns(membership, nodes, run.rng("known"), covering=run.effort.cover)
+            nodes = run.nodes(_REFUTING_SHARE)
+            chosen = few_columns(membership, nodes, run.rng("known"))
             state.known = len(chosen)
     return state.inspected
 
@@ -182,7 +206,7 @@ def find_incompatible(run: Run) -> None:
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
         columns = run.pool.membership[:, seen]
-        found = exclusive_entities(run.request, seen, columns, run.executor, run.effort)
+        found = exclusive_entities(run.request, seen, columns, run.executor)
         run.state.incompatible = tuple(np.array(run.names)[found].tolist())
 
 
@@ -246,13 +270,13 @@ class ProofColumns:
     def join(self, poses: np.ndarray, seed: int) -> None:
         """Add what the proof came across to these columns, and to the plan's."""
         run = self._run
-        joining = run.effort.stages.joining
-        rounds = joining.rounds_for(len(run.pool))
+        affordable = _ROUNDS_TIMES_COLUMNS // max(1, len(run.pool))
+        rounds = min(max(_JOINING_ROUNDS, affordable), _MOST_JOINING_ROUNDS)
         silent = run.callbacks.silent
         start = WarmStart(poses)
         weighing = run.state.weighing
         # what is found without some conditions seldom meets them
-        own = rounds if weighing is None else joining.rounds
+        own = rounds if weighing is None else _JOINING_ROUNDS
         price_poses(run.shared, run.pools, seed, own, run.executor, silent, start)
         if weighing is not None:
             price_poses(self.shared, weighing, seed, rounds, run.executor, silent, start)
@@ -278,18 +302,16 @@ def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) 
     left = run.effort.refutations
     enough = None
     rng = run.rng("refutation")
-    nodes = run.nodes(run.effort.stages.shares.refuting)
+    nodes = run.nodes(_REFUTING_SHARE)
     impossible = np.zeros((0, len(run.names)), dtype=bool)
     while left > 0 and inspected.any():
         realised = run.pool.membership[:, inspected]
         if enough is None:
-            enough = len(few_columns(realised, nodes, rng, covering=run.effort.cover))
+            enough = len(few_columns(realised, nodes, rng))
         if enough <= 1 or bound >= run.callbacks.deadline.wanted_bound(enough):
             return
         near = run.pools.near.membership[:, inspected]
-        sets = sets_to_realise(
-            realised, near, impossible[:, inspected], enough, nodes, rng, run.effort.cover
-        )[:left]
+        sets = sets_to_realise(realised, near, impossible[:, inspected], enough, nodes, rng)[:left]
         if not sets:
             return
         left -= len(sets)
@@ -387,7 +409,7 @@ def _places(run: Run, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.fl
         return np.empty((0, 3))
     if isinstance(given, np.ndarray):
         return given
-    return np.concatenate([plan.light.lamps, given.places(run.effort.stages.looking.places)])
+    return np.concatenate([plan.light.lamps, given.places(_LIGHT_PLACES)])
 
 
 def _shown_from_elsewhere(
@@ -409,7 +431,7 @@ def _shown_from_elsewhere(
         seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
         more = run.judge(seen_from).inspects.sum(axis=1)
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
-        kept += [seen[i] for i in order[: run.effort.stages.looking.kept]]
+        kept += [seen[i] for i in order[:_LIGHT_KEPT]]
         report(run.callbacks.progress, k + 1, len(dark), "poses in the light")
     full = [setting for setting in map(_with_all(run), kept) if setting.entities]
     lit = _shown(run, lighting, plan, full, places)
@@ -436,26 +458,25 @@ def _with_all(run: Run) -> Any:
 
 
 def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
-    """Return poses (n, 4, 4) that inspect an entity, `Looking.tried` at most: half inspect most, half are spread."""
-    looking = run.effort.stages.looking
+    """Return poses (n, 4, 4) that inspect an entity, `_LIGHT_TRIED` at most: half inspect most, half are spread."""
     column = run.names.index(name)
     seed = derive_seed(run.seed, ["light", name])
     known = run.pool.poses[run.pool.membership[:, column]]
-    drawn = entity_poses(run.judge, name, looking.viewpoints, seed)
+    drawn = entity_poses(run.judge, name, _LIGHT_VIEWPOINTS, seed)
     planned = np.array([setting.cam2world for setting in plan.settings if name in setting.entities])
-    near = np.repeat(planned, looking.around, axis=0)
+    near = np.repeat(planned, _LIGHT_AROUND, axis=0)
     near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
     poses = np.concatenate([known, drawn, near])
     inspects = run.judge(poses).inspects
     poses = poses[inspects[:, column]]
     more = inspects[inspects[:, column]].sum(axis=1)
-    if len(poses) <= looking.tried:
+    if len(poses) <= _LIGHT_TRIED:
         return poses
     # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
     spread = np.modf(np.arange(len(poses)) * _GOLDEN)[0]
-    most = np.lexsort((spread, -more))[: looking.tried // 2]
+    most = np.lexsort((spread, -more))[: _LIGHT_TRIED // 2]
     rest = np.setdiff1d(np.arange(len(poses)), most)
-    others = rest[np.linspace(0, len(rest) - 1, looking.tried - len(most)).round().astype(int)]
+    others = rest[np.linspace(0, len(rest) - 1, _LIGHT_TRIED - len(most)).round().astype(int)]
     return np.asarray(poses[np.concatenate([most, others])])
 
 
@@ -504,9 +525,7 @@ def _chosen_among(
     columns = np.array([np.isin(run.names, setting.entities) for setting in options])
     covered = columns.any(axis=0)
     quality = np.array([setting.fitness / len(setting.entities) for setting in options])
-    chosen = few_columns(
-        columns[:, covered], run.nodes(), run.rng("light"), quality, run.effort.cover
-    )
+    chosen = few_columns(columns[:, covered], run.nodes(), run.rng("light"), quality)
     return [options[c] for c in chosen]
 
 

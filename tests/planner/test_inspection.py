@@ -19,7 +19,7 @@ from planner.bound.boxes.view import Cells
 from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
 from planner.bound.node_sets import find_conflicts
 from planner.camera.pose import moved
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import plan_inspection
 from planner.request.defaults import default_workspace

@@ -52,6 +52,52 @@ from planner.bound.boxes.windows import (
     window,
 )
 
+# boxes of look points first shrink to this share of half the view's width. Larger ones cut
+# hardly any window.
+_LOOK_SHARE = 0.5
+# weight of the length of s in the choice of the coordinate, relative to the width of windows
+_LENGTH_SCORE = 0.3
+# weight of doubtful visibility in the choice of the coordinate
+_DOUBT_SCORE = 1.0
+# largest weight of one image of doubtful length, as a multiple of half the depth of field
+_MOST_SHORT = 4.0
+# boxes are not halved if all coordinates contribute less than this share of the weight
+_FINEST_SHARE = 1e-4
+# they are halved anyway if the turn, in its own coordinates, is wider than this
+_WIDE_TURN = 1e-2
+# halve the box of nodal points itself, if at most this share of them sees enough. The halving
+# then decides much.
+_MOST_SEEN = 0.3
+# the same without this condition for a box at most this many radii of visibility wide, because
+# it is near the boundary of cells
+_NEAR_SIDES = 8.0
+# but do not halve it below this share of the uncertainty from look points and turn, which must
+# follow
+_EYE_SHARE = 0.2
+# if more than this share of the nodal points sees enough, pause the check, because it would gain
+# little
+_MUCH_SEEN = 0.6
+# number of halvings of this pause
+_PAUSE = 3
+# if the depth in focus is less than this share of the view's width, windows are linear in the
+# turn. The turn then causes most of the loss.
+_THIN = 0.15
+# this many parts of a box of small turns cost as much as a box and count as one
+_PARTS_PER_BOX = 25
+# tangent of half the largest angle of a small turn. Windows that are linear in it omit its
+# square, a hundredth.
+_SMALL_TURN = 0.1
+# largest number of parts of a box to check before the box itself is halved
+_PARTS = 64
+# halve the turn if its second-order uncertainty of the nodal point exceeds this share of the
+# nodal points' box. Otherwise halve the nodal points.
+_TURN_SHARE = 0.25
+# boxes of turns, in their own coordinates, at most this wide are not halved. No camera is aimed
+# more finely.
+_LEAST_TURN = 2e-3
+# the same for boxes of nodal points, mm
+_LEAST_MM = 0.05
+
 # Poses of a box that are tried. Compiled loops.
 
 
@@ -177,10 +223,10 @@ def _in_view(ends, look, matrix, view):
 
 
 @kernel
-def is_small(stack, i, small_turns):
+def is_small(stack, i):
     """Tell whether the turns of box i are small enough for linear windows."""
     v = stack.turn[i]
-    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= small_turns.turn
+    return most_turn(v, stack.span[i], 1.0 + np.sum(v * v))[0] <= _SMALL_TURN
 
 
 @kernel
@@ -214,11 +260,11 @@ def may_see(stack, i, entities, view, task, work, rest, x, meets):
     away = (eye[0] + eye[1]) / 2 - work.nodal
     point[0], point[1], point[2] = turned_back(work.matrix, away[0], away[1], away[2])
     seat = Seat(point, slope)
-    return may_meet(sides, members, task.limit, (low, high), seat, task.effort, x, meets[:m])
+    return may_meet(sides, members, task.limit, (low, high), seat, _PARTS, x, meets[:m])
 
 
 @kernel
-def nodal_or_turn(stack, i, rest, answer, lost, small_turns):
+def nodal_or_turn(stack, i, rest, answer, lost):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that.
 
     The nodal points decide visibility and length, and tie the points looked at to the turn. What the turn makes
@@ -226,11 +272,11 @@ def nodal_or_turn(stack, i, rest, answer, lost, small_turns):
     """
     u = stack.span[i]
     half = (stack.eye[i, 1] - stack.eye[i, 0]) / 2
-    if rest > small_turns.turn_share * half.max() or (
+    if rest > _TURN_SHARE * half.max() or (
         answer == YES and lost[VIEW] > max(lost[SIGHT], lost[LENGTH])
     ):
-        return OF_TURN + np.argmax(u) if u.max() > small_turns.least_turn else -1
-    return OF_NODAL + np.argmax(half) if half.max() > small_turns.least_mm else -1
+        return OF_TURN + np.argmax(u) if u.max() > _LEAST_TURN else -1
+    return OF_NODAL + np.argmax(half) if half.max() > _LEAST_MM else -1
 
 
 # Boxes of camera poses that wait to be searched (`planner.bound.boxes.search`). Compiled loops.
@@ -476,9 +522,6 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
     limit = task.limit
     max_nodes = task.max_nodes
     stop = task.stop
-    effort = task.effort
-    halving = effort.halving
-    asking = effort.asking
     stack = planted(box, order, entities, tree.boxes[0])
     m = len(y)
     work = new_work(m)
@@ -486,7 +529,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
     x = np.zeros(6)
     meets = np.ones(m, np.bool_)
     trial = Trial(pose, inspected, np.zeros(3), look)
-    thin = view.far - view.near < asking.thin * 2.0 * view.tan_x * view.middle
+    thin = view.far - view.near < _THIN * 2.0 * view.tan_x * view.middle
     size = 1
     made = 0
     outcome = PROVEN
@@ -497,16 +540,16 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
         size = size - 1
         made = made + 1
         i = size
-        total, rest, doubt, short = _tighten(stack, i, chart, entities, view, y, work, halving)
+        total, rest, doubt, short = _tighten(stack, i, chart, entities, view, y, work)
         if total <= limit:
             continue
         total, seen = _drop_unseen(stack, i, task, tree, work, rest)
         if total <= limit:
             continue
-        small = thin and is_small(stack, i, effort.small_turns)
+        small = thin and is_small(stack, i)
         if small:
             answer, n_parts = may_see(stack, i, entities, view, task, work, rest, x, meets)
-            made += n_parts // asking.parts_per_box
+            made += n_parts // _PARTS_PER_BOX
         else:
             answer = _may_see(stack, i, task, view, work, x, meets)
         if answer == NO:
@@ -514,13 +557,13 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
         if try_pose(stack, i, chart, x, meets, entities, view, work, trial) > limit:
             return FOUND, made
         if small:
-            axis = nodal_or_turn(stack, i, rest, answer, trial.lost, effort.small_turns)
+            axis = nodal_or_turn(stack, i, rest, answer, trial.lost)
             if axis < 0:
                 _write_members(stack, i, inspected)
                 return NEARLY, made
         else:
-            _score(stack, i, work, rest, doubt, short, seen, entities.around, halving)
-            axis = _axis_to_halve(stack, i, work, total, view, halving)
+            _score(stack, i, work, rest, doubt, short, seen, entities.around)
+            axis = _axis_to_halve(stack, i, work, total, view)
         if size + 2 > LEVELS or axis < 0:
             outcome = UNRESOLVED
             continue
@@ -530,7 +573,7 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
 
 
 @kernel
-def _tighten(stack, i, chart, entities, view, y, work, halving):
+def _tighten(stack, i, chart, entities, view, y, work):
     """Drop the members that no pose of box i inspects; return the weight of the others. Fills ``work``.
 
     Also returns the remainder of the swings, the weight of which visibility is in doubt, and of which the length is, as
@@ -584,13 +627,13 @@ def _tighten(stack, i, chart, entities, view, y, work, halving):
         at = _put_member(stack, i, kept, at, e, cells, n_cells)
         work.y[kept] = y[e]
         doubt += y[e] if n_cells > 0 else 0.0
-        short[0] += y[e] * min(opened[0] / deep, halving.most_short)
-        short[1] += y[e] * min(opened[1] / deep, halving.most_short)
+        short[0] += y[e] * min(opened[0] / deep, _MOST_SHORT)
+        short[1] += y[e] * min(opened[1] / deep, _MOST_SHORT)
         total += y[e]
         kept += 1
     stack.n_members[i] = kept
     stack.start[i, kept] = at
-    doubt *= halving.doubt_score / (view.tan_x * view.middle)
+    doubt *= _DOUBT_SCORE / (view.tan_x * view.middle)
     return total, rest, doubt, short
 
 
@@ -618,9 +661,9 @@ def _drop_unseen(stack, i, task, tree, work, rest):
     live = np.zeros(tree.sets.shape[1], np.uint64)
     asked = Asked(stack.members[i, :m], work.y[:m], work.group[:m], task.limit)
     box = PosesBox(work.nodal, work.matrix, stack.half[i], work.swing, rest)
-    seen = heavy_members(tree, box, stack.eye[i], asked, live, task.effort.growth)
-    if seen > task.effort.asking.much_seen:
-        stack.pause[i] = task.effort.asking.pause
+    seen = heavy_members(tree, box, stack.eye[i], asked, live)
+    if seen > _MUCH_SEEN:
+        stack.pause[i] = _PAUSE
     return keep_members(stack, i, work, live), seen
 
 
@@ -652,26 +695,25 @@ def _may_see(stack, i, task, view, work, x, meets):
             w[k] = min(max(w[k], -work.room[k]), work.room[k])
         if weight_at(least, group, y, w, view) > limit:
             return YES
-    meeting = task.effort.meeting
-    return YES if may_exceed(least, group, y, limit, work.room, view, w, meeting) else NO
+    return YES if may_exceed(least, group, y, limit, work.room, view, w) else NO
 
 
 @kernel
-def _score(stack, i, work, rest, doubt, short, seen, around, halving):
+def _score(stack, i, work, rest, doubt, short, seen, around):
     """Add to the scores what each coordinate of box i leaves open of lengths and of visibility."""
     h = stack.half[i]
     u = stack.span[i]
     eye = stack.eye[i]
     for k in range(3):
         work.scores[OF_LOOK + k] = h[k] * (
-            halving.length_score * work.scores[OF_LOOK + k] + short[0] / max(np.sum(h), _SEARCH_EPS)
+            _LENGTH_SCORE * work.scores[OF_LOOK + k] + short[0] / max(np.sum(h), _SEARCH_EPS)
         )
         work.scores[OF_TURN + k] += short[1] * u[k] / np.sum(u)
     for axis in range(3):
         reach = h[axis] + np.abs(work.swing[:, axis]).sum() + rest
         half = (eye[1, axis] - eye[0, axis]) / 2
-        few = seen < halving.most_seen or half < halving.near_sides * around
-        if few and halving.eye_share * reach < half < 0.99 * reach:
+        few = seen < _MOST_SEEN or half < _NEAR_SIDES * around
+        if few and _EYE_SHARE * reach < half < 0.99 * reach:
             work.scores[OF_NODAL + axis] += doubt * half
             continue
         # the nodal point is known better than that
@@ -682,13 +724,13 @@ def _score(stack, i, work, rest, doubt, short, seen, around, halving):
 
 
 @kernel_without_refcounts
-def _axis_to_halve(stack, i, work, total, view, halving):
+def _axis_to_halve(stack, i, work, total, view):
     """Return along which coordinate box i is to be halved; -1 if it is too small for that."""
     axis = np.argmax(work.scores)
     widest = np.argmax(stack.half[i])
-    if stack.half[i, widest] > halving.look_share * view.tan_x * view.middle:
+    if stack.half[i, widest] > _LOOK_SHARE * view.tan_x * view.middle:
         return OF_LOOK + widest
-    if work.scores[axis] >= halving.finest * total:
+    if work.scores[axis] >= _FINEST_SHARE * total:
         return axis
     widest = np.argmax(stack.span[i])
-    return OF_TURN + widest if stack.span[i, widest] > halving.wide_turn else -1
+    return OF_TURN + widest if stack.span[i, widest] > _WIDE_TURN else -1

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.effort.bound import BoxEffort
 from planner.executors import Shared
 from planner.request.reach import cells_of
 
@@ -58,7 +57,7 @@ class SearchTask(NamedTuple):
     """What a search is for: a pose whose entities weigh more than a limit.
 
     ``conflict`` (e, e) tells which entities exclude each other anyhow, ``y`` (e,) are the weights. It looks at
-    ``max_nodes`` boxes at most, and ends when another thread sets ``stop`` (1,). ``effort`` says how closely it looks.
+    ``max_nodes`` boxes at most, and ends when another thread sets ``stop`` (1,).
     """
 
     conflict: np.ndarray
@@ -66,7 +65,6 @@ class SearchTask(NamedTuple):
     limit: float
     max_nodes: int
     stop: np.ndarray
-    effort: BoxEffort
 
 
 class Segments(NamedTuple):

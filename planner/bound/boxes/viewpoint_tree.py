@@ -15,8 +15,20 @@ import numpy as np
 from ground.decorators import entry_kernel, kernel, put, put_table
 from planner.bound.boxes.conditions import ends_out_of_focus, hidden_around, keep_cells, too_short
 from planner.bound.boxes.view import Entities, View
-from planner.effort.bound import Growth
-from planner.effort.effort import NORMAL
+
+# largest number of waiting boxes: one for each halving
+_DEPTH = 64
+# grow the tree again with boxes half as large until it has this many
+_ENOUGH_BOXES = 25_000
+# largest number of boxes. It limits the memory.
+_MOST_BOXES = 400_000
+# width of the smallest boxes at first, as a share of the whole
+_COARSE = 2.0**-4
+# smallest width of these boxes later, as a share of the whole
+_FINE = 2.0**-10
+# largest number of boxes that one query may halve. Its gain must not take longer than the
+# search.
+_HALVED = 1024
 
 # for rounding, mm
 _EPS = 1e-9
@@ -69,8 +81,6 @@ def viewpoints_for(
     y: np.ndarray,
     limit: float,
     finest: float | None = None,
-    *,
-    growth: Growth = NORMAL.bound.boxes.growth,
 ) -> Viewpoints:
     """Grow a tree in a box that is fine enough where entities of more weight than a limit may be inspected.
 
@@ -85,34 +95,32 @@ def viewpoints_for(
     limit : float
     finest : float, optional
         Width of boxes to start with that are not halved further, mm.
-    growth : Growth
-        How far it is grown.
     """
     whole = float((root[1] - root[0]).max())
-    finest = finest or growth.coarse * whole
+    finest = finest or _COARSE * whole
     while True:
-        boxes, second, sets = _grow(root, entities, view, y, limit, finest, growth)
-        if len(second) >= growth.enough or finest < growth.fine * whole:
+        boxes, second, sets = _grow(root, entities, view, y, limit, finest)
+        if len(second) >= _ENOUGH_BOXES or finest < _FINE * whole:
             return Viewpoints(boxes, second, sets, finest)
         finest /= 2
 
 
 # threads run it side by side
 @entry_kernel(nogil=True)
-def _grow(root, entities, view, y, limit, finest, growth):
+def _grow(root, entities, view, y, limit, finest):
     """Return boxes, second halves and sets of a tree."""
     m = len(entities.ends)
     n_cells = entities.entity_start[-1]
-    boxes = np.empty((growth.most, 2, 3))
-    second = np.zeros(growth.most, np.int32)
-    sets = np.zeros((growth.most, m // 64 + 1), np.uint64)
-    place = np.empty((growth.depth, 2, 3))
-    parent = np.full(growth.depth, -1)
-    count = np.zeros(growth.depth, np.int64)
-    members = np.empty((growth.depth, m), np.int64)
-    sure = np.zeros((growth.depth, m), np.bool_)
-    start = np.zeros((growth.depth, m + 1), np.int64)
-    cells = np.empty((growth.depth, n_cells), np.int32)
+    boxes = np.empty((_MOST_BOXES, 2, 3))
+    second = np.zeros(_MOST_BOXES, np.int32)
+    sets = np.zeros((_MOST_BOXES, m // 64 + 1), np.uint64)
+    place = np.empty((_DEPTH, 2, 3))
+    parent = np.full(_DEPTH, -1)
+    count = np.zeros(_DEPTH, np.int64)
+    members = np.empty((_DEPTH, m), np.int64)
+    sure = np.zeros((_DEPTH, m), np.bool_)
+    start = np.zeros((_DEPTH, m + 1), np.int64)
+    cells = np.empty((_DEPTH, n_cells), np.int32)
     put_table(place[0], root)
     count[0] = m
     put(members[0], np.arange(m))
@@ -139,8 +147,8 @@ def _grow(root, entities, view, y, limit, finest, growth):
             doubt
             and total > limit
             and width[axis] > finest
-            and size + 2 <= growth.depth
-            and made + size + 2 < growth.most
+            and size + 2 <= _DEPTH
+            and made + size + 2 < _MOST_BOXES
         ):
             n = count[i]
             at = start[i, count[i]]
@@ -192,7 +200,7 @@ def _keep(box, members, sure, start, cells, entities, view):
 
 
 @kernel
-def heavy_members(tree, box, eye, asked, live, growth):
+def heavy_members(tree, box, eye, asked, live):
     """Find from where members heavier than a limit may be inspected.
 
     Parameters
@@ -204,8 +212,6 @@ def heavy_members(tree, box, eye, asked, live, growth):
     asked : Asked
     live : array of uint64 (w,)
         Is set to the bits of the members inspected from there.
-    growth : Growth
-        How closely the tree is asked.
 
     Returns
     -------
@@ -214,12 +220,12 @@ def heavy_members(tree, box, eye, asked, live, growth):
     """
     boxes = tree.boxes
     sets = tree.sets
-    nodes = np.empty(growth.effort + growth.depth, np.int64)
+    nodes = np.empty(_HALVED + _DEPTH, np.int64)
     hull = np.empty((2, 3))
     volume = 0.0
     hull[0] = np.inf
     hull[1] = -np.inf
-    for i in range(_heavy_nodes(tree, box, eye, asked, nodes, growth)):
+    for i in range(_heavy_nodes(tree, box, eye, asked, nodes)):
         node = nodes[i]
         part = 1.0
         for word in range(len(live)):
@@ -237,7 +243,7 @@ def heavy_members(tree, box, eye, asked, live, growth):
 
 
 @kernel
-def _heavy_nodes(tree, box, eye, asked, nodes, growth):
+def _heavy_nodes(tree, box, eye, asked, nodes):
     """Write the nodes, not halved further, from where enough may be inspected in a box; return how many."""
     members, y, group, limit = asked
     # arrays by their own names, and no calls: else most of the time goes into counting references
@@ -252,7 +258,7 @@ def _heavy_nodes(tree, box, eye, asked, nodes, growth):
     after = np.zeros(m + 1)
     for a in range(m - 1, -1, -1):
         after[a] = after[a + 1] + y[a]
-    todo = np.zeros(growth.depth, np.int64)
+    todo = np.zeros(_DEPTH, np.int64)
     seen = np.zeros(m, np.int64)
     size = 1
     looked = 0
@@ -283,7 +289,7 @@ def _heavy_nodes(tree, box, eye, asked, nodes, growth):
                 total += y[a]
         if total <= limit:
             continue
-        if second[node] > 0 and looked < growth.effort:
+        if second[node] > 0 and looked < _HALVED:
             todo[size] = second[node]
             todo[size + 1] = node + 1
             size += 2

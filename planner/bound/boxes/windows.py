@@ -34,6 +34,16 @@ import numpy as np
 from ground.decorators import kernel, kernel_without_refcounts, put
 from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
 
+# largest number of waiting parts: one for each halving
+_LEVELS = 64
+# check a part again if shrinking left less than this share of a coordinate. A smaller reduction
+# is not worth it.
+_MUCH = 0.8
+# largest number of halvings of the range. Ten along each axis leave a thousandth of its width.
+_DEEPEST = 30
+# number of undecided parts of that size that the search skips before the answer is yes
+_DOUBTFUL = 8
+
 _EPS = 1e-9
 # t of a box in which |v0.d| / N may be nearly 1
 _TURN_UNBOUNDED = 1e3
@@ -294,7 +304,7 @@ class Seat(NamedTuple):
 
 
 @kernel
-def may_meet(sides, members, limit, box, seat, effort, x, meets):
+def may_meet(sides, members, limit, box, seat, parts, x, meets):
     """Tell whether members heavier than a limit may have all their sides satisfied at one point of a box.
 
     Parameters
@@ -305,8 +315,8 @@ def may_meet(sides, members, limit, box, seat, effort, x, meets):
     box : tuple
         Lowest and highest coordinates, (6,) each.
     seat : Seat
-    effort : BoxEffort
-        How many parts of the box are looked at, at most, and how.
+    parts : int
+        Largest number of parts of the box to check.
     x : array (6,)
         The heaviest point that was tried is written here.
     meets : array of bool (m,)
@@ -322,11 +332,11 @@ def may_meet(sides, members, limit, box, seat, effort, x, meets):
     group, y = members
     m = len(y)
     n_rows = len(sides.rhs)
-    low = np.empty((effort.shrinking.levels, 6))
-    high = np.empty((effort.shrinking.levels, 6))
-    live = np.empty((effort.shrinking.levels, n_rows), np.int32)
-    n_live = np.zeros(effort.shrinking.levels, np.int64)
-    alive = np.ones((effort.shrinking.levels, m), np.bool_)
+    low = np.empty((_LEVELS, 6))
+    high = np.empty((_LEVELS, 6))
+    live = np.empty((_LEVELS, n_rows), np.int32)
+    n_live = np.zeros(_LEVELS, np.int64)
+    alive = np.ones((_LEVELS, m), np.bool_)
     put(low[0], box[0])
     put(high[0], box[1])
     put(live[0], np.arange(n_rows))
@@ -348,14 +358,14 @@ def may_meet(sides, members, limit, box, seat, effort, x, meets):
         again = True
         while again:
             made += 1
-            if made > effort.small_turns.parts:
+            if made > parts:
                 return UNDECIDED, made
             n_live[i] = _keep(sides, live[i], n_live[i], alive[i], low[i], high[i], y, scores)
             rows = live[i, : n_live[i]]
             total = _weight(alive[i], group, y, first, loss) if n_live[i] >= 0 else 0.0
             if total <= limit:
                 break
-            again = _shrink(sides, rows, alive[i], loss, total - limit, low[i], high[i], effort)
+            again = _shrink(sides, rows, alive[i], loss, total - limit, low[i], high[i])
         if total <= limit:
             continue
         _try(sides, live[i, : n_live[i]], alive[i], low[i], high[i], seat, tried, there)
@@ -367,7 +377,7 @@ def may_meet(sides, members, limit, box, seat, effort, x, meets):
         if here > limit:
             return YES, made
         axis = np.argmax(scores)
-        if size + 2 > effort.shrinking.levels:
+        if size + 2 > _LEVELS:
             answer = UNDECIDED
             continue
         for field in (low, high):
@@ -434,7 +444,7 @@ def _weight(alive, group, y, first, loss):
 
 
 @kernel_without_refcounts
-def _shrink(sides, live, alive, loss, spare, low, high, effort):
+def _shrink(sides, live, alive, loss, spare, low, high):
     """Shrink a part to where the sides of needed members can be satisfied; tell whether by much.
 
     Where they cannot, it is left such that the next look at it drops the member.
@@ -459,7 +469,7 @@ def _shrink(sides, live, alive, loss, spare, low, high, effort):
                 high[j] = low[j] + room / a * (1.0 + _LINEAR_WINDOWS_EPS)
             else:
                 low[j] = high[j] + room / a * (1.0 + _LINEAR_WINDOWS_EPS)
-            much = much or high[j] - low[j] < effort.shrinking.much * wide
+            much = much or high[j] - low[j] < _MUCH * wide
     return much
 
 
@@ -730,18 +740,18 @@ def weight_at(least, group, y, w, view):
 
 
 @kernel
-def may_exceed(least, group, y, limit, room, view, w, meeting):
+def may_exceed(least, group, y, limit, room, view, w):
     """Tell whether windows (m, 6) heavier than a limit may meet in the room; if so, write where into ``w`` (3,).
 
     ``y`` (m,) descends; of each group only the first window counts. The answer no is a proof; with the answer yes they
-    meet at w, or nearly. ``meeting`` says how closely this is asked.
+    meet at w, or nearly.
     """
     m = len(y)
-    low = np.empty((meeting.deepest + 2, 3))
-    high = np.empty((meeting.deepest + 2, 3))
-    live = np.empty((meeting.deepest + 2, m), np.int16)
-    n_live = np.empty(meeting.deepest + 2, np.int64)
-    level = np.zeros(meeting.deepest + 2, np.int64)
+    low = np.empty((_DEEPEST + 2, 3))
+    high = np.empty((_DEEPEST + 2, 3))
+    live = np.empty((_DEEPEST + 2, m), np.int16)
+    n_live = np.empty(_DEEPEST + 2, np.int64)
+    level = np.zeros(_DEEPEST + 2, np.int64)
     stamp = np.zeros(m, np.int64)
     cuts = np.empty(3)
     n_live[0] = m
@@ -775,10 +785,10 @@ def may_exceed(least, group, y, limit, room, view, w, meeting):
         if cuts.max() <= 0.0 or weight_at(least, group, y, middle, view) > limit:
             put(w, middle)
             return True
-        if level[size] >= meeting.deepest:
+        if level[size] >= _DEEPEST:
             put(w, middle)
             n_doubtful += 1
-            if n_doubtful == meeting.doubtful:
+            if n_doubtful == _DOUBTFUL:
                 return True
             continue
         axis = np.argmax(cuts)

@@ -9,7 +9,7 @@ from grid_box import BoxCell, BoxCells, BoxSpace
 from planner import Camera, PoseUncertainty
 from planner.bound.lower_bound import lower_bound
 from planner.camera.pose import look_at
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.request.request import Request
 from planner.search.judge import Judge
 

@@ -13,7 +13,7 @@ from planner.bound.lower_bound import lower_bound
 from planner.bound.pose_space import PoseSpace, WitnessSets
 from planner.bound.pose_tree import PoseTree, TargetLeaves
 from planner.cover.set_cover import min_cover
-from planner.effort.effort import NORMAL, Effort
+from planner.effort import NORMAL, Effort
 from planner.request.reach import TargetSpace
 from planner.request.request import Request
 from planner.request.targets import EdgeTarget, edge_target
@@ -81,7 +81,7 @@ def test_no_pose_exceeds_what_is_proven_of_its_box(size, small):
     witnesses = WitnessSets.of(judge.request)
     n = len(judge.single.names)
     conflict = witnesses.one_each(np.zeros((n, n), bool))
-    space = PoseSpace(judge.single, np.arange(n), regions_of(judge), conflict, NORMAL, witnesses)
+    space = PoseSpace(judge.single, np.arange(n), regions_of(judge), conflict, witnesses)
     rng = np.random.default_rng(4)
     y = rng.uniform(0.2, 1.0, len(CHOICES))
     proven = tight = 0

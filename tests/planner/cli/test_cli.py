@@ -59,7 +59,7 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def quick(monkeypatch):
     """Search little where no effort is asked for."""
-    from planner.effort.effort import Effort
+    from planner.effort import Effort
 
     effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
     monkeypatch.setattr("planner.resolve_request.Effort", lambda: effort)

@@ -15,7 +15,7 @@ from planner.app.definitions import add_plan_cell
 from planner.app.parsing import option
 from planner.app.plan_commands import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner
 from planner.camera.camera import Camera
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.identity import EntityRecord, InspectionRequest, PartRecord, TargetRecord, keyword
 from planner.light.lighting import Lighting

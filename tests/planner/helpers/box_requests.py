@@ -14,7 +14,7 @@ from planner.bound.boxes.view import Cells, SearchTask
 from planner.bound.boxes.viewpoint_tree import viewpoints_for
 from planner.bound.boxes.windows import rotation
 from planner.bound.pose_space import PoseSpace
-from planner.effort.effort import NORMAL
+from planner.effort import NORMAL
 from planner.request.request import Request
 from planner.search.judge import Judge
 
@@ -41,7 +41,7 @@ def request_for(size, effort=NORMAL):
 
 def space_for(judge, regions, conflict=None):
     conflict = np.zeros((len(EDGES), len(EDGES)), dtype=bool) if conflict is None else conflict
-    return PoseSpace(judge.request, np.arange(len(EDGES)), regions, conflict, judge.effort)
+    return PoseSpace(judge.request, np.arange(len(EDGES)), regions, conflict)
 
 
 def found_in(space, part, y, limit, max_nodes=100_000):
@@ -53,7 +53,7 @@ def found_in(space, part, y, limit, max_nodes=100_000):
     if space not in TREES:
         TREES[space] = viewpoints_for(space.nodal_points, space.entities, space.view, y, limit)
     stop = np.zeros(1, dtype=bool)
-    task = SearchTask(space.conflict, y, limit, max_nodes, stop, space.effort.boxes)
+    task = SearchTask(space.conflict, y, limit, max_nodes, stop)
     return (
         *search(box, chart, order, space.entities, space.view, TREES[space], task, pose, inspected),
         pose,

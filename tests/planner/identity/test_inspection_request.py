@@ -26,7 +26,7 @@ from planner import (
     RequestError,
     SphereRegion,
 )
-from planner.effort.effort import Effort, Pricing
+from planner.effort import Effort, Search
 from planner.exceptions import PlanFileError
 from planner.identity import InspectionRequest, plain_value, restored_options, restored_request
 from planner.options import InspectionOptions
@@ -298,7 +298,7 @@ def test_a_field_of_a_part_of_the_request_that_an_earlier_program_did_not_know_h
     earlier = request_of(block).identity()
     del earlier["effort"]["cover_nodes"]
     assert request_of(block).difference(earlier) is None
-    del earlier["effort"]["bound"]
+    del earlier["effort"]["bound_targets"]
     assert request_of(block).difference(earlier) is None
     changed = request_of(block, effort=Effort(cover_nodes=7))
     assert "cover nodes was 1000 and is now 7" in changed.difference(earlier)
@@ -306,8 +306,10 @@ def test_a_field_of_a_part_of_the_request_that_an_earlier_program_did_not_know_h
 
 def test_a_number_that_steers_the_search_tells_requests_apart(block):
     first = request_of(block)
-    changed = request_of(block, effort=Effort(pricing=Pricing(parents=32)))
-    assert changed.difference(first) == ("effort changed: parents of pricing was 64 and is now 32")
+    changed = request_of(block, effort=Effort(search=Search(population=32)))
+    assert changed.difference(first) == (
+        "effort changed: population of search was 100 and is now 32"
+    )
     assert changed.fingerprint() != first.fingerprint()
 
 

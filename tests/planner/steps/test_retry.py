@@ -7,9 +7,10 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty, look_at
-from planner.effort.effort import Effort, Support
+from planner.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
+from planner.search import settle
 from planner.search.plan_setting import setting_at
 from planner.search.run import Run
 from planner.search.settle import ShortTargets, _without_short
@@ -26,10 +27,10 @@ ABOVE = look_at([[60.0, 40.0, 460.0]], [60.0, 40.0, 60.0])[0]
 BEFORE = look_at([[60.0, -390.0, 30.0]], [60.0, 0.0, 60.0])[0]
 
 
-def run_of(sigma_mm=0.05, sigma_rad=0.001, **support):
+def run_of(sigma_mm=0.05, sigma_rad=0.001):
     uncertainty = PoseUncertainty.isotropic(translation_mm=sigma_mm, rotation_rad=sigma_rad)
     request = Request(SPACE, NAMES, CAMERA, uncertainty, 0.98, 0.9)
-    return Run(request, 0, Effort(support=Support(**support)), PlanningState({}))
+    return Run(request, 0, Effort(), PlanningState({}))
 
 
 def stated(run, pose, p_all):
@@ -115,7 +116,8 @@ def test_a_search_that_finds_nothing_leaves_the_reason_as_it_is():
 @pytest.mark.parametrize(("retried", "tries"), [(1, 1), (3, 3), (8, 5)])
 def test_no_more_poses_are_simulated_than_the_effort_allows(retried, tries, monkeypatch):
     """Five columns contain the target and none is supported: each is tried once, up to the limit."""
-    run = run_of(retried=retried)
+    monkeypatch.setattr(settle, "_RETRIED", retried)
+    run = run_of()
     column = np.array([[name == BACK for name in run.names]])
     poses = [look_at([[60.0 + k, 40.0, 460.0]], [60.0, 40.0, 60.0])[0] for k in range(5)]
     run.pool.membership = np.repeat(column, 5, axis=0)

@@ -8,7 +8,7 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty, look_at
 from planner.callbacks import NOBODY
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
 from planner.search import stages as prove_bound

@@ -44,7 +44,6 @@ def coarse_tree(space, y, limit, halvings=2):
             y,
             limit,
             finest,
-            space.effort.boxes.growth,
         ),
         finest,
     )

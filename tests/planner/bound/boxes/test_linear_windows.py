@@ -33,7 +33,6 @@ from planner.bound.boxes.windows import (
     swings,
 )
 from planner.camera.pose import world_to_cam
-from planner.effort.bound import BoxEffort, SmallTurns
 
 
 def sides_of(space, chart, box):
@@ -174,9 +173,8 @@ def test_the_answer_is_that_of_linear_programs(grouped, n_problems, m):
         x = np.empty(6)
         meets = np.empty(m, dtype=bool)
         most = 50_000 if m == 6 else 400
-        effort = BoxEffort(small_turns=SmallTurns(parts=most))
         answer, made = may_meet(
-            Sides(rows, rhs, owner), Members(group, y), limit, box, seat, effort, x, meets
+            Sides(rows, rhs, owner), Members(group, y), limit, box, seat, most, x, meets
         )
         answers.append(answer)
         assert 1 <= made <= most + 1
