@@ -17,8 +17,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, PlannerError, RequestError
-from planner.light.lamps import RING, LampBox, LampDome
-from planner.light.lighting import Lighting
+from planner.light.lighting import RING, LampBox, LampDome, Lighting
 from planner.options import InspectionOptions
 from planner.plan_file import field_name, shown
 from planner.request.constraints import Requirements

@@ -49,7 +49,7 @@ from planner.options import InspectionOptions
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
 from planner.resolve_request import Promise
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 from planner.search.realise_column import joint_counts
 
 PROBABILITY = 0.9

@@ -23,8 +23,8 @@ from planner.callbacks import Deadline
 from planner.executors import Shared
 from planner.inspection import _request
 from planner.resolve_request import Promise, resolve_request
+from planner.search.columns import Judge
 from planner.search.evolution import Centring, least_share
-from planner.search.judge import Judge
 from planner.search.realise_column import centre_setting
 from planner.verify.p_all import DisplacedChecks
 

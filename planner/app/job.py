@@ -44,8 +44,7 @@ from planner.identity import (
     restored_request,
 )
 from planner.inspection import plan_by_options
-from planner.light.lamps import RING, LampBox, LampDome, check_lamps_given
-from planner.light.lighting import Lighting, check_step
+from planner.light.lighting import RING, LampBox, LampDome, Lighting, check_lamps_given, check_step
 from planner.light.plan_light import chosen_lamps
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan

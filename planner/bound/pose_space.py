@@ -1,7 +1,7 @@
 """The space of all camera poses, in boxes about the point looked at, searched part by part for poses worth too much.
 
-Boxes: `planner.bound.boxes.windows`. The search of one part: `planner.bound.boxes.search`. What it is for:
-`planner.bound.dual_bound`.
+Boxes: `planner.bound.windows`. The search of one part: `planner.bound.boxes`. What it is for:
+`planner.bound.lower_bound`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors import SegmentQuantization
-from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
-from planner.bound.boxes.view import (
+from planner.bound.boxes import FOUND, NEARLY, SPENT, Viewpoints, search, viewpoints_for
+from planner.bound.view import (
     HALF,
     LOOK,
     SPAN,
@@ -30,7 +30,6 @@ from planner.bound.boxes.view import (
     Segments,
     View,
 )
-from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.camera.camera import Camera
 from planner.executors import THREADS
 from planner.request.reach import AROUND
@@ -224,7 +223,7 @@ class Found(NamedTuple):
     Attributes
     ----------
     outcome : int
-        See `planner.bound.boxes.search.search`; FOUND if there is any pose, or any box too small to tell.
+        See `planner.bound.boxes.search`; FOUND if there is any pose, or any box too small to tell.
     made : int
         Boxes looked at.
     poses : array (f, 4, 4)

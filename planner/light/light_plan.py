@@ -17,7 +17,7 @@ from planner.request.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph.solid.ray_scene import RayScene
-    from planner.light.demands import PlanToLight
+    from planner.light.corner_light import PlanToLight
 
 
 class Exposure(NamedTuple):

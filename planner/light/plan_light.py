@@ -14,14 +14,12 @@ from scipy.sparse import csr_matrix
 
 from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions
 from planner.argument_kinds import check_kinds
-from planner.cover.set_cover import maximal_columns, min_cover
+from planner.cover import maximal_columns, min_cover
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
-from planner.light.corner_light import LampSets, fewest_together, sites_of
-from planner.light.demands import PlanToLight
-from planner.light.lamps import LampSpace
+from planner.light.corner_light import LampSets, PlanToLight, fewest_together, sites_of
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
-from planner.light.lighting import Lighting, Served, eyes_of
+from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
 from planner.progress import Progress
 
 if TYPE_CHECKING:

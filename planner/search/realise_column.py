@@ -16,10 +16,9 @@ from planner.exceptions import InfeasibleError
 from planner.executors import Shared
 from planner.request.request import Request
 from planner.request.targets import PoseKnowledge
+from planner.search.columns import Judge, perturbed
 from planner.search.evolution import Centring, centred, least_share
-from planner.search.infeasible import missing_corners
-from planner.search.judge import Judge, perturbed
-from planner.search.plan_setting import best_setting, setting_at, without
+from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
 from planner.verify.p_all import (
     MOST_REQUIRED,

@@ -13,8 +13,8 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import plan as plan_by_hand
 
 from planner import BoxRegion, Camera, MeshRegion, PoseUncertainty, SphereRegion, resume
+from planner import cover as few_columns
 from planner.bound import lower_bound, pose_space
-from planner.cover import few_columns
 from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.inspection import plan_inspection

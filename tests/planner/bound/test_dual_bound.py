@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from planner.bound.boxes.search import FOUND, PROVEN, SPENT, UNRESOLVED
-from planner.bound.dual_bound import (
+from planner.bound.boxes import FOUND, PROVEN, SPENT, UNRESOLVED
+from planner.bound.lower_bound import (
     _HARD,
     _MORE_BOXES,
     _SHARE_OF_NEXT,
@@ -19,8 +19,7 @@ from planner.bound.dual_bound import (
 )
 from planner.bound.pose_space import Found
 from planner.callbacks import Checkpoint
-from planner.cover.few_columns import fractional_cover
-from planner.cover.set_cover import min_cover
+from planner.cover import fractional_cover, min_cover
 from planner.plan_file import packed, unpacked
 
 # of 24 entities, a column for every two

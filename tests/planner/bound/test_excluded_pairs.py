@@ -8,10 +8,9 @@ import pytest
 from grid_box import BoxCell
 
 from planner import Camera
-from planner.bound.boxes.search import search
-from planner.bound.boxes.view import Cells, Frustum, Segments
-from planner.bound.boxes.viewpoint_tree import _grow
-from planner.bound.node_sets import _in_view, _share_viewpoint, too_far_apart
+from planner.bound.boxes import _grow, search
+from planner.bound.pose_tree import _in_view, _share_viewpoint, too_far_apart
+from planner.bound.view import Cells, Frustum, Segments
 from planner.camera.pose import look_at
 
 pytestmark = pytest.mark.uncompiled

@@ -21,9 +21,12 @@ from grid_box import EDGES, BoxCell, BoxSpace
 from scipy.spatial.transform import Rotation
 
 from planner.bound import pose_space
-from planner.bound.boxes.search import FOUND, PROVEN
-from planner.bound.boxes.view import Cells, entity_cells
-from planner.bound.boxes.windows import (
+from planner.bound.boxes import FOUND, PROVEN
+from planner.bound.lower_bound import LinearBound, spread_weights
+from planner.bound.pose_space import view_of
+from planner.bound.pose_tree import PoseTree
+from planner.bound.view import Cells, entity_cells
+from planner.bound.windows import (
     extent,
     farthest,
     may_exceed,
@@ -32,17 +35,14 @@ from planner.bound.boxes.windows import (
     seen_from,
     weight_at,
 )
-from planner.bound.dual_bound import LinearBound, spread_weights
-from planner.bound.pose_space import view_of
-from planner.bound.pose_tree import PoseTree
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
-from planner.cover.set_cover import min_cover
+from planner.cover import min_cover
 from planner.executors import Shared
 from planner.request.constraints import Requirements
 from planner.request.image_constraints import field_of_view_slacks, focus_slacks
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.bound.lower_bound import _FINEST_RAD, _above, _proof, _proof_of_clique, _to_split
-from planner.cover.few_columns import columns_of_covers, core_columns, fractional_cover
+from planner.cover import columns_of_covers, core_columns, fractional_cover
 
 COARSE = 1.0
 FINE = _FINEST_RAD / 2

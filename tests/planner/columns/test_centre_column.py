@@ -11,8 +11,8 @@ from planner.effort import Effort
 from planner.executors import Shared
 from planner.request.request import Request
 from planner.search import realise_column as centre_column
+from planner.search.columns import Judge
 from planner.search.evolution import Centring, least_share
-from planner.search.judge import Judge
 from planner.search.plan_setting import setting_at
 from planner.search.realise_column import centre_setting
 

@@ -7,9 +7,16 @@ from grid_box import EDGES, BoxSpace
 from planner import Camera, PoseUncertainty
 from planner.executors import Shared
 from planner.request.request import Request
-from planner.search import candidates
-from planner.search.candidates import _UNCOVERED, Pools, WarmStart, entity_poses, price_poses
-from planner.search.judge import ColumnPool, Judge
+from planner.search import columns as candidates
+from planner.search.columns import (
+    _UNCOVERED,
+    ColumnPool,
+    Judge,
+    Pools,
+    WarmStart,
+    entity_poses,
+    price_poses,
+)
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

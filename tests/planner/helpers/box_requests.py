@@ -9,14 +9,13 @@ from grid_box import EDGES, BoxSpace
 from scipy.spatial.transform import Rotation
 
 from planner import Camera, PoseUncertainty
-from planner.bound.boxes.search import search
-from planner.bound.boxes.view import Cells, SearchTask
-from planner.bound.boxes.viewpoint_tree import viewpoints_for
-from planner.bound.boxes.windows import rotation
+from planner.bound.boxes import search, viewpoints_for
 from planner.bound.pose_space import PoseSpace
+from planner.bound.view import Cells, SearchTask
+from planner.bound.windows import rotation
 from planner.effort import NORMAL
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -27,7 +26,7 @@ SIZES = [(120.0, 80.0, 60.0), (400.0, 260.0, 240.0)]
 
 
 def random_poses(judge, n, seed=0):
-    from planner.search.candidates import entity_poses
+    from planner.search.columns import entity_poses
 
     poses = np.concatenate([entity_poses(judge, name, 10, seed) for name in judge.names])
     return poses[np.random.default_rng(seed).permutation(len(poses))[:n]]

@@ -6,13 +6,7 @@ from scipy.stats import chisquare
 from planner import Camera, SphereRegion
 from planner.camera.pose import look_at
 from planner.request.constraints import Constraints, Requirements
-from planner.search.first_poses import (
-    _POOL,
-    PoseEncoding,
-    ViewpointSampler,
-    _least_violating,
-    draw_start,
-)
+from planner.search.poses import _POOL, PoseEncoding, ViewpointSampler, _least_violating, draw_start
 
 BOUNDS = np.array([[-100.0, -50.0, 200.0], [300.0, 60.0, 210.0]])
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 600.0, largest_blur_mm=0.02)

@@ -10,10 +10,10 @@ from planner import Camera, PoseUncertainty, look_at
 from planner.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
-from planner.search import settle
+from planner.search import stages as settle
+from planner.search.incumbents import Run
 from planner.search.plan_setting import setting_at
-from planner.search.run import Run
-from planner.search.settle import ShortTargets, _without_short
+from planner.search.stages import ShortTargets, _without_short
 from planner.sensor_setting import Outcome, Reason, ReasonKind
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)

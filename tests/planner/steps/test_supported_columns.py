@@ -10,8 +10,8 @@ import pytest
 from planner.callbacks import NOBODY
 from planner.effort import Effort
 from planner.search import incumbents as supported_columns
+from planner.search.columns import ColumnPool
 from planner.search.incumbents import SupportedColumns
-from planner.search.judge import ColumnPool
 
 N_ENTITIES = 7
 

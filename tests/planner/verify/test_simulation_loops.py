@@ -15,7 +15,7 @@ from planner.request.request import Request
 from planner.request.resolve import resolve_wanted
 from planner.search.realise_column import _trials_of
 from planner.verify.p_all import DisplacedChecks, lower_bound, successes_needed
-from planner.verify.point_loops import carry_back, fit_circles, image_points
+from planner.verify.simulate_setting import carry_back, fit_circles, image_points
 
 RNG = np.random.default_rng(5)
 SCALE = np.array([1200.0, 1250.0, 610.0, 505.0])

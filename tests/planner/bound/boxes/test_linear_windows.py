@@ -13,9 +13,9 @@ from grid_box import EDGES
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from planner.bound.boxes.search import PROVEN, agree, new_work, planted
-from planner.bound.boxes.view import View
-from planner.bound.boxes.windows import (
+from planner.bound.boxes import PROVEN, agree, new_work, planted
+from planner.bound.view import View
+from planner.bound.windows import (
     NO,
     UNDECIDED,
     YES,

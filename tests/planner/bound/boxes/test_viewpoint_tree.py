@@ -19,14 +19,13 @@ from box_requests import (
 )
 from grid_box import EDGES, BoxCell, BoxSpace
 
-from planner.bound.boxes.search import PROVEN
-from planner.bound.boxes.view import Cells
-from planner.bound.boxes.viewpoint_tree import Asked, PosesBox, heavy_members, viewpoints_for
-from planner.bound.boxes.windows import most_turn, rotation, swings
+from planner.bound.boxes import PROVEN, Asked, PosesBox, heavy_members, viewpoints_for
 from planner.bound.pose_space import PoseSpace
+from planner.bound.view import Cells
+from planner.bound.windows import most_turn, rotation, swings
 from planner.request.constraints import Requirements
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 
 def around(size, radius):

@@ -18,7 +18,7 @@ sensor if six forms n.(R(t)'s - w) + k are not negative: so n.w may be at most n
 ((1 + t^2) R(-t)s = (1 + t^2) s + 2 s x t + 2 t x (t x s), where n.(t x (t x s)) = (n.t)(t.s) - t^2 n.s is at most
 t^2 (|n| |s| - n.s) / 2; and t - W d / N is at most t nu). The forms depend on w in the same way for all points, so each
 entity has a *window* of w, a frustum upside down. What one pose inspects has windows that meet
-(`planner.bound.boxes.windows`). How far a point may be at most is the lens's limit or, if that is nearer, where
+(`planner.bound.windows`). How far a point may be at most is the lens's limit or, if that is nearer, where
 the image of its entity would be too short (`farthest`). Only the turn makes the windows larger than they are; how large
 the box of q is matters for visibility, for the length of images, and for the length of s. That the camera turns about
 what it looks at, and not about itself, keeps s and so the turn's effect small.
@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ground.decorators import kernel, kernel_without_refcounts, put
-from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
+from planner.bound.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
 
 # largest number of waiting parts: one for each halving
 _LEVELS = 64
@@ -266,7 +266,7 @@ def _directions(x, slack, depth, deepest, tangent):
 # Whether windows that are linear in all six coordinates of a small box of poses meet. Compiled
 # loops.
 #
-# The sides of the windows (`planner.bound.boxes.windows`) are rows . x <= rhs. The box of x
+# The sides of the windows (`planner.bound.windows`) are rows . x <= rhs. The box of x
 # is halved. Sides that no point of a part breaks are not looked at again there. Members without
 # which the weight would not exceed the limit are needed: their sides shrink the part.
 
@@ -500,7 +500,7 @@ def _try(sides, live, alive, low, high, seat, tried, there):
 # The sides of all windows of a box of small turns, linear in the point looked at and the turn.
 # Compiled loops.
 #
-# With a turn all windows move together. `planner.bound.boxes.windows` makes each of them larger
+# With a turn all windows move together. `planner.bound.windows` makes each of them larger
 # by all that the turn can do to it; here only by what is of second order. In the notation there,
 # with x = (w, d):
 #
@@ -713,7 +713,7 @@ def find_apart(work, n, u, apart):
 
 # How much the windows of a box of poses weigh where they meet. Compiled loops.
 #
-# A window (`planner.bound.boxes.windows`) is given by the least values (6,) of x - tan_x z, -x -
+# A window (`planner.bound.windows`) is given by the least values (6,) of x - tan_x z, -x -
 # tan_x z, y - tan_y z, -y
 # - tan_y z, -z and z. The room is the box |w_i| <= room_i in which they are asked to meet. It is
 # halved where a heavy
