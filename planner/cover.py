@@ -257,7 +257,7 @@ def maximal_columns(membership: np.ndarray) -> np.ndarray:
 def _not_contained(words):
     """Return which sets, given as rows of bits from large to small, are not empty and not in an earlier such one."""
     n, n_words = words.shape
-    kept = np.zeros(n, dtype=np.bool_)
+    maximal = np.zeros(n, dtype=np.bool_)
     kept_idx = np.empty(n, dtype=np.int64)
     n_kept = 0
     for i in range(n):
@@ -276,10 +276,10 @@ def _not_contained(words):
                     contained = False
                     break
         if not contained:
-            kept[i] = True
+            maximal[i] = True
             kept_idx[n_kept] = i
             n_kept += 1
-    return kept
+    return maximal
 
 
 def distinct_rows(membership: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -331,12 +331,12 @@ def _without_spare(
     membership: np.ndarray, chosen: Iterable[int], preference: np.ndarray
 ) -> np.ndarray:
     """Drop chosen columns that the others make superfluous (only a stopped solver leaves any)."""
-    kept = sorted(int(c) for c in chosen)
-    for column in sorted(kept, key=lambda c: preference[c]):
-        rest = [c for c in kept if c != column]
-        if membership[rest].any(axis=0).all():
-            kept = rest
-    return np.array(kept, dtype=int)
+    needed = sorted(int(c) for c in chosen)
+    for column in sorted(needed, key=lambda c: preference[c]):
+        others = [c for c in needed if c != column]
+        if membership[others].any(axis=0).all():
+            needed = others
+    return np.array(needed, dtype=int)
 
 
 def _bound_on_count(dual_bound: float | None, n_entities: int) -> int:
@@ -504,12 +504,12 @@ def core_columns(membership: np.ndarray) -> np.ndarray:
     """
     membership = check_membership(membership)
     weight = membership @ _fixing_dual(membership)
-    kept = weight >= 1.0 - _CORE_SLACK
+    core = weight >= 1.0 - _CORE_SLACK
     # of an entity in none of them, the heaviest columns there are
-    for entity in np.flatnonzero(~membership[kept].any(axis=0)):
-        own = np.flatnonzero(membership[:, entity])
-        kept[own[np.argsort(-weight[own], kind="stable")[:_CORE_OF_ENTITY]]] = True
-    return np.flatnonzero(kept)
+    for entity in np.flatnonzero(~membership[core].any(axis=0)):
+        holders = np.flatnonzero(membership[:, entity])
+        core[holders[np.argsort(-weight[holders], kind="stable")[:_CORE_OF_ENTITY]]] = True
+    return np.flatnonzero(core)
 
 
 def _fixing_dual(membership: np.ndarray) -> np.ndarray:
@@ -611,18 +611,18 @@ def exchange_columns(
     weights = np.ones(membership.shape[1])
     free_from = np.zeros(len(membership), dtype=int)
     best = Exchange(chosen, membership.shape[1] + 1, membership[:0])
-    wanted: list[np.ndarray] = []
+    wishes: list[np.ndarray] = []
     for step in range(steps + 1):
         count = membership[chosen].sum(axis=0)
         missing = np.flatnonzero(count == 0)
         alone = membership[chosen] & (count == 1)
         if len(missing) < best.missing:
             best = best._replace(chosen=chosen.copy(), missing=len(missing))
-            wanted = []
+            wishes = []
         if not missing.size or step == steps:
             break
         if len(missing) == best.missing:
-            wanted.append(_one_more(alone, missing))
+            wishes.append(_one_more(alone, missing))
         weights[missing] += 1.0
         comes = np.flatnonzero(membership[:, rng.choice(missing)])
         comes = _free(comes, free_from[comes], step)
@@ -631,8 +631,8 @@ def exchange_columns(
         free_from[chosen[leaves[i]]] = step + rng.integers(2, _LEFT)
         free_from[comes[k]] = step + rng.integers(1, _CAME)
         chosen[leaves[i]] = comes[k]
-    if wanted:
-        sets = np.concatenate(wanted)
+    if wishes:
+        sets = np.concatenate(wishes)
         best = best._replace(wanted=sets[np.sort(distinct_rows(sets)[0])])
     return best
 
@@ -659,9 +659,9 @@ def _least(
 ) -> tuple[int, int]:
     """Return which of the chosen columns (k, e) to exchange for which other one (c, e); equal ones at random."""
     to_cover = (alone | missing) * weights
-    left = to_cover.sum(axis=1)[:, None] - to_cover @ contains.T
-    least = np.argwhere(left <= left.min() + 0.5)
-    return tuple(least[rng.integers(len(least))])
+    uncovered = to_cover.sum(axis=1)[:, None] - to_cover @ contains.T
+    lightest = np.argwhere(uncovered <= uncovered.min() + 0.5)
+    return tuple(lightest[rng.integers(len(lightest))])
 
 
 def few_columns(
@@ -690,11 +690,11 @@ def few_columns(
     chosen = _cover(membership, core, nodes, quality)
     fewest = bound_columns(membership)
     while len(chosen) > fewest:
-        found = exchange_columns(membership, len(chosen) - 1, steps=_EXCHANGES, rng=rng)
-        if found.missing:
+        exchange = exchange_columns(membership, len(chosen) - 1, steps=_EXCHANGES, rng=rng)
+        if exchange.missing:
             break
-        again = _cover(membership, np.union1d(core, found.chosen), nodes, quality)
-        chosen = again if len(again) <= len(found.chosen) else np.sort(found.chosen)
+        again = _cover(membership, np.union1d(core, exchange.chosen), nodes, quality)
+        chosen = again if len(again) <= len(exchange.chosen) else np.sort(exchange.chosen)
     return chosen
 
 
@@ -728,12 +728,12 @@ def sets_to_realise(
     while missing == 0:
         if enough == 1:
             return []
-        chosen, missing, wanted = exchange_columns(realised, enough - 1, steps=_EXCHANGES, rng=rng)
+        chosen, missing, sets = exchange_columns(realised, enough - 1, steps=_EXCHANGES, rng=rng)
         enough = enough if missing else len(chosen)
-    wanted = wanted[~_contain(wanted, refuted)]
-    wanted = wanted[_contained(wanted, near)]
-    if len(wanted):
-        return list(wanted[np.argsort(wanted.sum(axis=1), kind="stable")[:_AT_ONCE]])
+    sets = sets[~_contain(sets, refuted)]
+    sets = sets[_contained(sets, near)]
+    if len(sets):
+        return list(sets[np.argsort(sets.sum(axis=1), kind="stable")[:_AT_ONCE]])
     return _of_cover(realised, near, enough, nodes)
 
 
@@ -751,12 +751,12 @@ def _of_cover(realised: np.ndarray, near: np.ndarray, enough: int, nodes: int) -
     chosen = _cover(both, core, nodes, np.arange(len(both)) < len(realised))
     if len(chosen) >= enough:
         return []
-    left = ~both[chosen[chosen < len(realised)]].any(axis=0)
-    wanted = []
+    uncovered = ~both[chosen[chosen < len(realised)]].any(axis=0)
+    sets = []
     for column in both[chosen[chosen >= len(realised)]]:
-        wanted.append(column & left)
-        left &= ~column
-    return [column for column in wanted if column.any()]
+        sets.append(column & uncovered)
+        uncovered &= ~column
+    return [column for column in sets if column.any()]
 
 
 def _contain(columns: np.ndarray, sets: np.ndarray) -> np.ndarray:

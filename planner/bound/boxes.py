@@ -224,7 +224,7 @@ def _keep(box, members, sure, start, cells, entities, view):
     middle = (box[0] + box[1]) / 2
     half = (box[1] - box[0]) / 2
     radius = math.sqrt(np.sum(half**2))
-    kept = 0
+    n_live = 0
     at = 0
     doubt = False
     for a in range(len(members)):
@@ -234,20 +234,20 @@ def _keep(box, members, sure, start, cells, entities, view):
             continue
         if too_short(ends, entities.lengths[e], entities.length_ratio[e], middle, radius, view):
             continue
-        own = cells[start[a] : start[a + 1]]
-        n = -1 if sure[a] else keep_cells(entities, own, middle, half, still, 0.0, box)
-        if n == 0 or (n > 0 and hidden_around(entities, own[:n], box)):
+        own_cells = cells[start[a] : start[a + 1]]
+        n = -1 if sure[a] else keep_cells(entities, own_cells, middle, half, still, 0.0, box)
+        if n == 0 or (n > 0 and hidden_around(entities, own_cells[:n], box)):
             continue
-        members[kept] = e
-        sure[kept] = n < 0
-        start[kept] = at
+        members[n_live] = e
+        sure[n_live] = n < 0
+        start[n_live] = at
         for k in range(max(n, 1)):
-            cells[at] = own[k]
+            cells[at] = own_cells[k]
             at += 1
         doubt = doubt or n > 0
-        kept += 1
-    start[kept] = at
-    return kept, doubt
+        n_live += 1
+    start[n_live] = at
+    return n_live, doubt
 
 
 @kernel
@@ -353,8 +353,8 @@ def _heavy_nodes(tree, box, eye, asked, nodes):
 @kernel
 def _extents(box):
     """Return how far along the camera's axes the nodal points of a box of poses are from the middle one; (3,)."""
-    _, matrix, h, swing, rest = box
-    across = np.full(3, rest + _EPS)
+    _, matrix, h, swing, remainder = box
+    across = np.full(3, remainder + _EPS)
     for i in range(3):
         for k in range(3):
             across[i] += h[k] * abs(matrix[k, i])
@@ -706,7 +706,7 @@ def new_work(m):
     """Return room for the work on boxes with up to m members."""
     square = np.empty((2, 3, 3))
     line = np.empty((2, 3))
-    least = np.empty((m, 6))
+    lowest = np.empty((m, 6))
     scores = np.empty(9)
     y = np.empty(m)
     group = np.empty(m, np.int64)
@@ -716,14 +716,14 @@ def new_work(m):
     apart = np.zeros((m, m), np.bool_)
     kinds = np.empty(n_rows, np.int64), np.empty((6, n_rows), np.int64)
     return BoxAtWork(
-        square[0], line[0], square[1], line[1], least, y, group, scores, *sides, *kinds, apart
+        square[0], line[0], square[1], line[1], lowest, y, group, scores, *sides, *kinds, apart
     )
 
 
 @kernel
 def keep_members(stack, i, work, live):
     """Drop the members of box i whose bit is not set; return the weight of the others."""
-    kept = 0
+    n_live = 0
     at = 0
     total = 0.0
     for a in range(stack.n_members[i]):
@@ -732,18 +732,18 @@ def keep_members(stack, i, work, live):
             continue
         first = stack.start[i, a]
         last = stack.start[i, a + 1]
-        stack.members[i, kept] = e
-        stack.sure[i, kept] = stack.sure[i, a]
-        stack.start[i, kept] = at
+        stack.members[i, n_live] = e
+        stack.sure[i, n_live] = stack.sure[i, a]
+        stack.start[i, n_live] = at
         for c in range(first, last):
             stack.cells[i, at] = stack.cells[i, c]
             at += 1
-        work.y[kept] = work.y[a]
-        put(work.least[kept], work.least[a])
+        work.y[n_live] = work.y[a]
+        put(work.least[n_live], work.least[a])
         total += work.y[a]
-        kept += 1
-    stack.n_members[i] = kept
-    stack.start[i, kept] = at
+        n_live += 1
+    stack.n_members[i] = n_live
+    stack.start[i, n_live] = at
     return total
 
 
@@ -866,15 +866,15 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
         size = size - 1
         made = made + 1
         i = size
-        total, rest, doubt, short = _tighten(stack, i, chart, entities, view, y, work)
+        total, remainder, doubt, short = _tighten(stack, i, chart, entities, view, y, work)
         if total <= limit:
             continue
-        total, seen = _drop_unseen(stack, i, task, tree, work, rest)
+        total, seen = _drop_unseen(stack, i, task, tree, work, remainder)
         if total <= limit:
             continue
         small = thin and is_small(stack, i)
         if small:
-            answer, n_parts = may_see(stack, i, entities, view, task, work, rest, x, meets)
+            answer, n_parts = may_see(stack, i, entities, view, task, work, remainder, x, meets)
             made += n_parts // _PARTS_PER_BOX
         else:
             answer = _may_see(stack, i, task, view, work, x, meets)
@@ -883,12 +883,12 @@ def search(box, chart, order, entities, view, tree, task, pose, inspected):
         if try_pose(stack, i, chart, x, meets, entities, view, work, trial) > limit:
             return FOUND, made
         if small:
-            axis = nodal_or_turn(stack, i, rest, answer, trial.lost)
+            axis = nodal_or_turn(stack, i, remainder, answer, trial.lost)
             if axis < 0:
                 _write_members(stack, i, inspected)
                 return NEARLY, made
         else:
-            _score(stack, i, work, rest, doubt, short, seen, entities.around)
+            _score(stack, i, work, remainder, doubt, short, seen, entities.around)
             axis = _axis_to_halve(stack, i, work, total, view)
         if size + 2 > LEVELS or axis < 0:
             outcome = UNRESOLVED
@@ -913,17 +913,17 @@ def _tighten(stack, i, chart, entities, view, y, work):
     n = rotation(chart, v, work.matrix)
     t, nu = most_turn(v, u, n)
     turn = Turn(v, u, n, t, nu)
-    rest = swings(work.matrix, v, u, n, t, nu, view.middle, work.swing)
+    remainder = swings(work.matrix, v, u, n, t, nu, view.middle, work.swing)
     s = np.empty((2, 3))
     far = np.empty(2)
     opened = np.empty(2)
     short = np.zeros(2)
-    if not agree(stack, i, work, rest, view.middle):
-        return 0.0, rest, 0.0, short
+    if not agree(stack, i, work, remainder, view.middle):
+        return 0.0, remainder, 0.0, short
     extent(work.matrix, h, t, work.room)
     work.scores[:] = 0.0
     deep = (view.far - view.near) / 2
-    kept = 0
+    n_live = 0
     at = 0
     total = 0.0
     doubt = 0.0
@@ -931,7 +931,7 @@ def _tighten(stack, i, chart, entities, view, y, work):
     radius = math.sqrt(np.sum((eye[1] - eye[0]) ** 2)) / 2
     for a in range(stack.n_members[i]):
         e = stack.members[i, a]
-        least = work.least[kept]
+        lowest = work.least[n_live]
         ends = entities.ends[e]
         length = entities.lengths[e]
         ratio = entities.length_ratio[e]
@@ -941,26 +941,26 @@ def _tighten(stack, i, chart, entities, view, y, work):
             continue
         seen_from(ends, q, work.matrix, s)
         farthest(s, length, ratio, t, work.room, view, far, opened)
-        window(s, far, turn, view, work.room, least, y[e], work.scores)
-        if is_empty(least, work.room, view):
+        window(s, far, turn, view, work.room, lowest, y[e], work.scores)
+        if is_empty(lowest, work.room, view):
             continue
         cells = stack.cells[i, stack.start[i, a] : stack.start[i, a + 1]]
         n_cells = -1
         if not stack.sure[i, a]:
-            n_cells = keep_cells(entities, cells, work.nodal, h, work.swing, rest, eye)
+            n_cells = keep_cells(entities, cells, work.nodal, h, work.swing, remainder, eye)
         if n_cells == 0 or (n_cells > 0 and hidden_around(entities, cells[:n_cells], eye)):
             continue
-        at = _put_member(stack, i, kept, at, e, cells, n_cells)
-        work.y[kept] = y[e]
+        at = _put_member(stack, i, n_live, at, e, cells, n_cells)
+        work.y[n_live] = y[e]
         doubt += y[e] if n_cells > 0 else 0.0
         short[0] += y[e] * min(opened[0] / deep, _MOST_SHORT)
         short[1] += y[e] * min(opened[1] / deep, _MOST_SHORT)
         total += y[e]
-        kept += 1
-    stack.n_members[i] = kept
-    stack.start[i, kept] = at
+        n_live += 1
+    stack.n_members[i] = n_live
+    stack.start[i, n_live] = at
     doubt *= _DOUBT_SCORE / (view.tan_x * view.middle)
-    return total, rest, doubt, short
+    return total, remainder, doubt, short
 
 
 @kernel
@@ -985,9 +985,9 @@ def _drop_unseen(stack, i, task, tree, work, rest):
         return work.y[:m].sum(), 1.0
     exclusive_groups(stack.members[i, :m], task.conflict, work.group)
     live = np.zeros(tree.sets.shape[1], np.uint64)
-    asked = Asked(stack.members[i, :m], work.y[:m], work.group[:m], task.limit)
+    members = Asked(stack.members[i, :m], work.y[:m], work.group[:m], task.limit)
     box = PosesBox(work.nodal, work.matrix, stack.half[i], work.swing, rest)
-    seen = heavy_members(tree, box, stack.eye[i], asked, live)
+    seen = heavy_members(tree, box, stack.eye[i], members, live)
     if seen > _MUCH_SEEN:
         stack.pause[i] = _PAUSE
     return keep_members(stack, i, work, live), seen
@@ -1010,7 +1010,7 @@ def _may_see(stack, i, task, view, work, x, meets):
     x[3:] = 0.0
     meets[:m] = True
     exclusive_groups(stack.members[i, :m], task.conflict, work.group)
-    least = work.least[:m]
+    lowest = work.least[:m]
     group = work.group[:m]
     y = work.y[:m]
     if np.isfinite(stack.met[i, 0]):
@@ -1019,9 +1019,9 @@ def _may_see(stack, i, task, view, work, x, meets):
         w[0], w[1], w[2] = turned_back(work.matrix, away[0], away[1], away[2])
         for k in range(3):
             w[k] = min(max(w[k], -work.room[k]), work.room[k])
-        if weight_at(least, group, y, w, view) > limit:
+        if weight_at(lowest, group, y, w, view) > limit:
             return YES
-    return YES if may_exceed(least, group, y, limit, work.room, view, w) else NO
+    return YES if may_exceed(lowest, group, y, limit, work.room, view, w) else NO
 
 
 @kernel

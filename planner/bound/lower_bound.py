@@ -186,9 +186,9 @@ class ProvenBound:
 
 def of_all(weights: NDArray[np.float64], of: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return weights of some of the targets as weights of all, given which (k,) they are."""
-    found = np.zeros(len(of))
-    found[of] = weights
-    return found
+    expanded = np.zeros(len(of))
+    expanded[of] = weights
+    return expanded
 
 
 class _Parts:
@@ -347,8 +347,8 @@ class LinearBound:
         Looks at ``max_nodes`` boxes of poses at most. A large number of settings is aimed at first: what is found on
         the way counts for the smaller ones as well, and what is proven of a part holds for larger limits.
         """
-        kept = self.checkpoint.get("linear")
-        at = self._start(bound, n_settings, max_nodes) if kept is None else self._resume(kept)
+        entry = self.checkpoint.get("linear")
+        at = self._start(bound, n_settings, max_nodes) if entry is None else self._resume(entry)
         parts = at.parts
         while at.bound < at.target:
             # weights prove no more than their sum, and hardly that
@@ -395,10 +395,10 @@ class LinearBound:
         parts = _Parts(n_parts, min(_FIRST_BOXES, affordable))
         y = self._weights()
         target = min(n_settings, max(bound, int(float(y.sum()) / _LEAST_LIMIT)) + 1)
-        least = 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
+        lowest_limit = 1.0 + min(_NEAR_ONE, _NEAR_SETTING / max(1, target - 1))
         allowed = self._share(max_nodes, target - bound)
         limit = limit_for(y, target)
-        return _Course(bound, target, y, limit, least, allowed, False, parts)
+        return _Course(bound, target, y, limit, lowest_limit, allowed, False, parts)
 
     def _resume(self, kept: dict[str, Any]) -> _Course:
         """Go on from what was told of a sweep; return where that is."""
@@ -461,10 +461,10 @@ class LinearBound:
         done = self._swept
         self._swept = []
         self.made += sum(part_result.made for part_result in done)
-        left = slice(len(done), None)
+        remaining = slice(len(done), None)
         most_found = _MOST_FOUND
         search = self.space.search(
-            at.y, at.limit, most[left], tick, parts=parts[left], most=most_found
+            at.y, at.limit, most[remaining], tick, parts=parts[remaining], most=most_found
         )
         with closing(search) as results:
             for part_result in results:
@@ -500,12 +500,12 @@ class LinearBound:
 def _packed(done: tuple[Found, ...]) -> dict[str, NDArray[Any]]:
     """Return what came out of parts, one at least, as a few arrays, for `_unpacked`."""
     return {
-        "outcome": np.array([found.outcome for found in done]),
-        "made": np.array([found.made for found in done]),
-        "doubt": np.array([found.doubt for found in done]),
-        "n_poses": np.array([len(found.poses) for found in done]),
-        "poses": np.concatenate([found.poses for found in done]),
-        "sets": np.concatenate([found.sets for found in done]),
+        "outcome": np.array([result.outcome for result in done]),
+        "made": np.array([result.made for result in done]),
+        "doubt": np.array([result.doubt for result in done]),
+        "n_poses": np.array([len(result.poses) for result in done]),
+        "poses": np.concatenate([result.poses for result in done]),
+        "sets": np.concatenate([result.sets for result in done]),
     }
 
 
@@ -579,15 +579,15 @@ def large_clique(conflict: NDArray[np.bool_]) -> NDArray[np.int_]:
     best = np.zeros(0, dtype=int)
     for trial in range(_ROUNDS * len(conflict)):
         clique = [trial % len(conflict)]
-        left = np.flatnonzero(conflict[trial % len(conflict)])
-        while len(left) and len(clique) + len(left) > len(best):
+        neighbours = np.flatnonzero(conflict[trial % len(conflict)])
+        while len(neighbours) and len(clique) + len(neighbours) > len(best):
             # the one that leaves most to choose from
-            leaves = conflict[np.ix_(left, left)].sum(axis=1) + _CHANCE * rng.random(len(left)) * (
-                trial >= len(conflict)
-            )
-            chosen = left[np.argmax(leaves)]
+            leaves = conflict[np.ix_(neighbours, neighbours)].sum(axis=1) + _CHANCE * rng.random(
+                len(neighbours)
+            ) * (trial >= len(conflict))
+            chosen = neighbours[np.argmax(leaves)]
             clique.append(int(chosen))
-            left = left[conflict[chosen, left]]
+            neighbours = neighbours[conflict[chosen, neighbours]]
         if len(clique) > len(best):
             best = np.sort(clique)
     return best
@@ -642,8 +642,8 @@ def lower_bound(
         Weights of the entities of which no pose inspects more than 1 together, where such weights prove it.
     """
     if n_settings <= 1:
-        one = "Fewer settings than one inspect nothing."
-        return n_settings, one if n_settings else "No entity is inspected.", None
+        proof = "Fewer settings than one inspect nothing."
+        return n_settings, proof if n_settings else "No entity is inspected.", None
     checkpoint = checkpoint or Checkpoint()
     witnesses = WitnessSets.of(request)
     single = request.single
@@ -709,13 +709,13 @@ def exclusive_entities(
     array of int (n,)
         Columns of the request, ascending. Whatever inspects all of them needs n settings; `exclusion_proof` says why.
     """
-    some = request.restricted_to([request.names[i] for i in entity_idx])
-    witnesses = WitnessSets.of(some)
-    single = some.single
+    restricted = request.restricted_to([request.names[i] for i in entity_idx])
+    witnesses = WitnessSets.of(restricted)
+    single = restricted.single
     every = np.arange(len(single.names))
     regions = _regions(single, every, executor)
-    known = witnesses.of_columns(columns)
-    conflict = find_conflicts(single, every, known, regions)
+    inspected = witnesses.of_columns(columns)
+    conflict = find_conflicts(single, every, inspected, regions)
     return entity_idx[large_clique(witnesses.targets_apart(conflict))]
 
 
@@ -751,9 +751,9 @@ def _by_covers(
     that prove it, if there are some: what a search of covers proves, weights may not.
     """
     weights = _Weights(np.asarray(columns, dtype=bool))
-    known, n_settings = between
+    proven, n_settings = between
     guide = fractional_cover(columns)[1]
-    target, rounds = growing.resume(tree, weights) or (known + 1, 0)
+    target, rounds = growing.resume(tree, weights) or (proven + 1, 0)
     while target <= n_settings and tree.made < min(_TREE_NODES, max_nodes):
         growing.tell(tree, weights, target, rounds)
         rounds += 1
@@ -802,9 +802,9 @@ class _Growing:
 
     def tell(self, tree: TargetLeaves, weights: _Weights, target: int, rounds: int) -> None:
         """Tell where a round begins."""
-        rest = {"tree": tree.to_dict(), "rows": weights.rows, "target": target, "rounds": rounds}
-        kept = {"conflict": self._conflict, "proving": weights.proving}
-        self._checkpoint.put(_GROWING, {**kept, **rest})
+        grown = {"tree": tree.to_dict(), "rows": weights.rows, "target": target, "rounds": rounds}
+        entry = {"conflict": self._conflict, "proving": weights.proving}
+        self._checkpoint.put(_GROWING, {**entry, **grown})
 
     def resume(self, tree: TargetLeaves, weights: _Weights) -> tuple[int, int] | None:
         """Return the number of settings aimed at, and the rounds done, if this was told before."""
@@ -849,16 +849,16 @@ def _to_split(tree: TargetLeaves, y: NDArray[np.float64], target: int) -> NDArra
     first, of_distinct = distinct_rows(tree.sets[usable])
     distinct = tree.sets[usable[first]]
     heaviest = np.argsort(-(distinct @ y), kind="stable")[: 4 * _COVER_COLUMNS]
-    kept = heaviest[maximal_columns(distinct[heaviest])][:_COVER_COLUMNS]
-    exhaustive = len(distinct) <= 4 * _COVER_COLUMNS and len(kept) < _COVER_COLUMNS
-    if not distinct[kept].any(axis=0).all():
+    columns = heaviest[maximal_columns(distinct[heaviest])][:_COVER_COLUMNS]
+    exhaustive = len(distinct) <= 4 * _COVER_COLUMNS and len(columns) < _COVER_COLUMNS
+    if not distinct[columns].any(axis=0).all():
         return None if exhaustive else _heaviest(usable[splittable[usable]], weight)
-    chosen, decided = cover_within(distinct[kept], target - 1, node_limit=_COVER_NODES)
+    chosen, decided = cover_within(distinct[columns], target - 1, node_limit=_COVER_NODES)
     if exhaustive and chosen is None and decided:
         return None
     if chosen is None:
         return _heaviest(usable[splittable[usable]], weight)
-    nodes = usable[np.isin(of_distinct, kept[chosen])]
+    nodes = usable[np.isin(of_distinct, columns[chosen])]
     return nodes[splittable[nodes]][:_BATCH]
 
 

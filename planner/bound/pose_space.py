@@ -328,18 +328,18 @@ class PoseSpace:
         waiting: deque[Future[Found]] = deque()
         with ThreadPoolExecutor(THREADS) as pool:
             try:
-                asked = np.arange(len(self.parts)) if parts is None else np.asarray(parts)
+                indices = np.arange(len(self.parts)) if parts is None else np.asarray(parts)
                 todo = zip(
-                    asked.tolist(), np.broadcast_to(max_nodes, len(asked)).tolist(), strict=True
+                    indices.tolist(), np.broadcast_to(max_nodes, len(indices)).tolist(), strict=True
                 )
                 waiting.extend(
-                    pool.submit(look, *one) for one in itertools.islice(todo, 2 * THREADS)
+                    pool.submit(look, *piece) for piece in itertools.islice(todo, 2 * THREADS)
                 )
                 while waiting:
                     while tick is not None and not wait([waiting[0]], _TICK_S).done:
                         tick()
                     yield waiting.popleft().result()
-                    waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 1))
+                    waiting.extend(pool.submit(look, *piece) for piece in itertools.islice(todo, 1))
             finally:
                 stop[0] = True
 
@@ -403,9 +403,9 @@ class PoseSpace:
                 break
         to_targets = self.witnesses.to_targets
         posed = np.array(poses).reshape(-1, 4, 4)
-        found = to_targets(np.array(sets, dtype=bool).reshape(-1, len(y)))
+        inspected_sets = to_targets(np.array(sets, dtype=bool).reshape(-1, len(y)))
         doubt = to_targets((inspected & (outcome == SPENT))[None])[0]
-        return Found(FOUND if poses else outcome, made, posed, found, doubt)
+        return Found(FOUND if poses else outcome, made, posed, inspected_sets, doubt)
 
 
 def _cut(root: NDArray[np.float64], n: int) -> list[NDArray[np.float64]]:

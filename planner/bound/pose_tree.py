@@ -207,15 +207,15 @@ def separate(places, pairs, first, second):
         members = np.flatnonzero(first[k])
         excludes = _exclusions(members, places, k, pairs)
         worst = 0
-        most = 0
+        largest = 0
         for e in range(len(members)):
             count = 0
             for f in range(len(members)):
                 count += excludes[e, f]
-            if count > most:
+            if count > largest:
                 worst = e
-                most = count
-        if most > 0:
+                largest = count
+        if largest > 0:
             changed[k] = True
             first[k, members[worst]] = False
             for f in range(len(members)):
@@ -376,11 +376,11 @@ def find_conflicts(
     array of bool (e, e)
         Symmetric, false on the diagonal.
     """
-    known = np.asarray(columns, dtype=bool)
+    inspected = np.asarray(columns, dtype=bool)
     segments = segments_of(request, entity_idx)
     frustum = frustum_of(request)
     cells = regions.arrays
-    together = known.T.astype(int) @ known.astype(int) > 0
+    together = inspected.T.astype(int) @ inspected.astype(int) > 0
     tangents = sensor_tangents(request.camera, request.requirements.border_px)
     conflict = too_far_apart(request.camera, segments.ends, tangents) & ~together
 
@@ -391,8 +391,8 @@ def find_conflicts(
 
     pairs = np.argwhere(np.triu(~conflict & ~together, k=1))
     with ThreadPoolExecutor(THREADS) as pool:
-        found = pairs[np.fromiter(pool.map(excludes, pairs), bool, len(pairs))]
-    conflict[found[:, 0], found[:, 1]] = conflict[found[:, 1], found[:, 0]] = True
+        excluded = pairs[np.fromiter(pool.map(excludes, pairs), bool, len(pairs))]
+    conflict[excluded[:, 0], excluded[:, 1]] = conflict[excluded[:, 1], excluded[:, 0]] = True
     return conflict
 
 
@@ -735,10 +735,10 @@ class PoseTree:
             child["roll"][rows, 0] += sign * child["roll"][rows, 1]
 
     def _drop_empty(self) -> None:
-        kept = self.sets.any(axis=1)
+        nonempty = self.sets.any(axis=1)
         for name, value in self._fields():
-            setattr(self, name, value[kept])
-        self._extents = self._extents[kept]
+            setattr(self, name, value[nonempty])
+        self._extents = self._extents[nonempty]
 
     def _evaluate(self, nodes: NDArray[np.int_]) -> None:
         """Tighten the optimistic sets of nodes."""

@@ -154,19 +154,21 @@ class Cells:
     @classmethod
     def joined(cls, parts: Iterable[Cells]) -> Cells:
         """Return the cells of several groups of entities, of one after the other."""
-        given = list(parts)
+        cell_sets = list(parts)
         whole = cls(())
         for name in ("planes", "corners", "boxes"):
             setattr(
                 whole,
                 name,
-                np.concatenate([getattr(whole, name), *(getattr(part, name) for part in given)]),
+                np.concatenate(
+                    [getattr(whole, name), *(getattr(part, name) for part in cell_sets)]
+                ),
             )
         for name in ("plane_start", "corner_start", "entity_start"):
             setattr(
                 whole,
                 name,
-                _starts(size for part in given for size in np.diff(getattr(part, name))),
+                _starts(size for part in cell_sets for size in np.diff(getattr(part, name))),
             )
         return whole
 
@@ -235,12 +237,12 @@ def ends_out_of_focus(ends, eye, view):
     """Tell whether one of two ends is too near or too far for a box (2, 3) of nodal points."""
     reach = focus_reach(view)
     for i in range(2):
-        least = 0.0
-        most = 0.0
+        nearest = 0.0
+        farthest = 0.0
         for k in range(3):
-            least += max(eye[0, k] - ends[i, k], ends[i, k] - eye[1, k], 0.0) ** 2
-            most += max(eye[1, k] - ends[i, k], ends[i, k] - eye[0, k]) ** 2
-        if least > reach * reach or most < view.near * view.near:
+            nearest += max(eye[0, k] - ends[i, k], ends[i, k] - eye[1, k], 0.0) ** 2
+            farthest += max(eye[1, k] - ends[i, k], ends[i, k] - eye[0, k]) ** 2
+        if nearest > reach * reach or farthest < view.near * view.near:
             return True
     return False
 
@@ -325,7 +327,7 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
     planes = entities.planes
     plane_start = entities.plane_start
     boxes = entities.boxes
-    kept = 0
+    n_cells = 0
     met = False
     for cell in cells:
         apart = False
@@ -369,13 +371,13 @@ def keep_cells(entities, cells, c, h, swing, rest, eye):
             holds = holds and low <= TOUCH_MM
             inside = inside and high + around <= 0.0
         if not apart:
-            cells[kept] = cell
-            kept += 1
+            cells[n_cells] = cell
+            n_cells += 1
             met = met or holds
             if inside:
                 cells[0] = cell
                 return -1
-    return kept if met else 0
+    return n_cells if met else 0
 
 
 @kernel_without_refcounts

@@ -152,15 +152,15 @@ def window(s, far, turn, view, room, least, weight, scores):
             along = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2]
             whole = size * (of_0 if i == 0 else of_1)
             across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
-            rest = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
+            remainder = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
             k_end = far[i] - view.middle if c == FAR else k
             value = -(k_end + along)
-            value -= first_0 + first_1 + first_2 + rest + _EPS
+            value -= first_0 + first_1 + first_2 + remainder + _EPS
             if value > least[c]:
                 least[c] = value
-                most_0 = first_0 + rest * u[0] / spans
-                most_1 = first_1 + rest * u[1] / spans
-                most_2 = first_2 + rest * u[2] / spans
+                most_0 = first_0 + remainder * u[0] / spans
+                most_1 = first_1 + remainder * u[1] / spans
+                most_2 = first_2 + remainder * u[2] / spans
         if least[c] > outside:
             scores[3] += weight * min(most_0 / width, _MOST_SCORE)
             scores[4] += weight * min(most_1 / width, _MOST_SCORE)
@@ -220,9 +220,9 @@ def farthest(s, length, ratio, t, room, view, far, opened):
     ``ratio`` is the least length over the image distance; where it is 0, only the lens limits the depth.
     """
     turn = min(2.0 * t, 2.0)
-    least = ratio * (1.0 - _EPS)
+    required = ratio * (1.0 - _EPS)
     opened[:] = 0.0
-    if least <= 0.0:
+    if required <= 0.0:
         far[:] = view.far
         return
     for i in range(2):
@@ -245,12 +245,12 @@ def farthest(s, length, ratio, t, room, view, far, opened):
             1.0 + max(left * left, right * right) + max(low * low, high * high)
         )
         spread = max(min(turn * whole, whole - across), 0.0)
-        far[1 - i] = min(view.far, (across + spread) / least)
+        far[1 - i] = min(view.far, (across + spread) / required)
         if far[1 - i] < view.far:
             x = e_x - 0.5 * (left + right) * e_z
             y = e_y - 0.5 * (low + high) * e_z
-            opened[0] = max(opened[0], (across - math.sqrt(x * x + y * y)) / least)
-            opened[1] = max(opened[1], spread / least)
+            opened[0] = max(opened[0], (across - math.sqrt(x * x + y * y)) / required)
+            opened[1] = max(opened[1], spread / required)
 
 
 @kernel_without_refcounts
@@ -398,7 +398,7 @@ def _keep(sides, live, n_live, alive, low, high, y, scores):
     """
     rows, rhs, owner = sides
     scores[:] = 0.0
-    kept = 0
+    n_rows = 0
     for k in range(n_live):
         r = live[k]
         e = owner[r]
@@ -415,12 +415,12 @@ def _keep(sides, live, n_live, alive, low, high, y, scores):
             alive[e] = False
             continue
         if value > -spread:
-            live[kept] = r
-            kept += 1
+            live[n_rows] = r
+            n_rows += 1
             weight = y[max(e, 0)] / spread
             for j in range(6):
                 scores[j] += weight * abs(rows[r, j]) * (high[j] - low[j])
-    return kept
+    return n_rows
 
 
 @kernel_without_refcounts
@@ -597,7 +597,7 @@ def _rest(along, whole, across, t, nu):
 def _of_view(s, far, turn, view, room, rows, rhs, side):
     """Write the sides of the view that some point of the box breaks; return how many."""
     v, u, n, t, nu = turn
-    kept = 0
+    n_rows = 0
     for c in range(6):
         n0, n1, n2, k, _, _ = form(c, view, room)
         size = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
@@ -605,26 +605,26 @@ def _of_view(s, far, turn, view, room, rows, rhs, side):
             across, d0, d1, d2 = _moved(n0, n1, n2, s[i], v, n)
             along = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2]
             whole = size * math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
-            most = abs(n0) * room[0] + abs(n1) * room[1] + abs(n2) * room[2]
-            most += abs(d0) * u[0] + abs(d1) * u[1] + abs(d2) * u[2]
+            reach = abs(n0) * room[0] + abs(n1) * room[1] + abs(n2) * room[2]
+            reach += abs(d0) * u[0] + abs(d1) * u[1] + abs(d2) * u[2]
             right = (
                 (far[i] - view.middle if c == FAR else k)
                 + along
                 + _rest(along, whole, across, t, nu)
             )
-            if most <= right:
+            if reach <= right:
                 continue
-            row = rows[kept]
+            row = rows[n_rows]
             row[0] = n0
             row[1] = n1
             row[2] = n2
             row[3] = -d0
             row[4] = -d1
             row[5] = -d2
-            rhs[kept] = right
-            side[kept] = c
-            kept += 1
-    return kept
+            rhs[n_rows] = right
+            side[n_rows] = c
+            n_rows += 1
+    return n_rows
 
 
 @kernel_without_refcounts
@@ -655,17 +655,17 @@ def _of_length(segment, eye, turn, view, matrix, rows, rhs):
         / 2
     )
     length = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-    most = math.sqrt(x0 * x0 + x1 * x1 + x2 * x2) + radius * length
+    reach = math.sqrt(x0 * x0 + x1 * x1 + x2 * x2) + radius * length
     axial = (
         abs(x0 * matrix[0, 2] + x1 * matrix[1, 2] + x2 * matrix[2, 2])
         - radius * length
-        - min(2.0 * t, 2.0) * most
+        - min(2.0 * t, 2.0) * reach
     )
     # both are wrong by less than this; where they are nearly equal, that tells in what is left of their squares
-    wide = _EPS * length + _RELATIVE * most
-    most = most + wide
+    wide = _EPS * length + _RELATIVE * reach
+    reach = reach + wide
     axial = max(axial - wide, 0.0)
-    area = math.sqrt((most - axial) * (most + axial))
+    area = math.sqrt((reach - axial) * (reach + axial))
     deep = min(view.far - view.near, length)
     both = math.sqrt(4.0 * area / ratio * (1.0 + _EPS) + deep * deep)
     if both >= 2.0 * view.far:
@@ -809,33 +809,33 @@ def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
 
     ``cuts`` (3,) becomes how many sides of windows cut the part across each axis, times its width.
     """
-    least, group, y = windows
-    kept = 0
+    lowest, group, y = windows
+    n_meeting = 0
     total = 0.0
     cuts[:] = 0.0
     for i in range(n_live):
         a = live[i]
         # the window is widest at its least z
-        z = max(least[a, FAR], low[2])
+        z = max(lowest[a, FAR], low[2])
         x = view.tan_x * z
         y_ = view.tan_y * z
         if (
-            z > min(-least[a, NEAR], high[2])
-            or max(least[a, RIGHT] + x, low[0]) > min(-least[a, LEFT] - x, high[0])
-            or max(least[a, BOTTOM] + y_, low[1]) > min(-least[a, TOP] - y_, high[1])
+            z > min(-lowest[a, NEAR], high[2])
+            or max(lowest[a, RIGHT] + x, low[0]) > min(-lowest[a, LEFT] - x, high[0])
+            or max(lowest[a, BOTTOM] + y_, low[1]) > min(-lowest[a, TOP] - y_, high[1])
         ):
             continue
-        live[kept] = a
-        kept += 1
+        live[n_meeting] = a
+        n_meeting += 1
         if stamp[group[a]] < n_seen:
             stamp[group[a]] = n_seen
             total += y[a]
         x = view.tan_x * high[2]
         y_ = view.tan_y * high[2]
-        cuts[0] += least[a, RIGHT] + x > low[0] or -least[a, LEFT] - x < high[0]
-        cuts[1] += least[a, BOTTOM] + y_ > low[1] or -least[a, TOP] - y_ < high[1]
-        cuts[2] += least[a, FAR] > low[2] or -least[a, NEAR] < high[2]
+        cuts[0] += lowest[a, RIGHT] + x > low[0] or -lowest[a, LEFT] - x < high[0]
+        cuts[1] += lowest[a, BOTTOM] + y_ > low[1] or -lowest[a, TOP] - y_ < high[1]
+        cuts[2] += lowest[a, FAR] > low[2] or -lowest[a, NEAR] < high[2]
     cuts[0] *= (high[0] - low[0]) / (view.tan_x * view.middle)
     cuts[1] *= (high[1] - low[1]) / (view.tan_y * view.middle)
     cuts[2] *= (high[2] - low[2]) / ((view.far - view.near) / 2)
-    return kept, total
+    return n_meeting, total

@@ -120,9 +120,9 @@ class Demands:
 
     def region(self, name: str, entity: Entity, silhouettes: Silhouettes) -> str:
         """Return the name of a light region, a new one if it was not asked for before."""
-        for known, other in self.entities.items():
-            if other.edge_ids == entity.edge_ids and self.silhouettes[known] == silhouettes:
-                return known
+        for key, other in self.entities.items():
+            if other.edge_ids == entity.edge_ids and self.silhouettes[key] == silhouettes:
+                return key
         label = f"{name} {len(self.entities)}"
         # an entity of its own, as a region is found by it
         self.entities[label] = replace(entity, name=label)
@@ -154,7 +154,7 @@ def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) ->
     RequestError
         If the part lacks an edge, rim or arc of the plan.
     """
-    known: dict[tuple[str, int], tuple[Entity, ...]] = {}
+    entities: dict[tuple[str, int], tuple[Entity, ...]] = {}
     radius = plan.requirements.get("visibility_radius_mm", 0.0)
     pixel = max(plan.camera.pixel_pitch_mm) / plan.camera.image_distance_mm
     demands = Demands()
@@ -163,25 +163,25 @@ def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) ->
         targets = targets_of(plan.targets, setting)
         for name in setting.entities:
             key = name, id(targets[name])
-            if key not in known:
-                known[key] = _parts(targets[name], solid, name)
-            parts = known[key]
+            if key not in entities:
+                entities[key] = _parts(targets[name], solid, name)
+            parts = entities[key]
             regions = []
             behind = []
             has_silhouette = False
             for entity in parts:
                 for seen in seen_as(solid, entity, eye, radius):
-                    own = backdrops(solid, scene, eye, entity, seen, pixel)
+                    surroundings = backdrops(solid, scene, eye, entity, seen, pixel)
                     has_silhouette |= bool(seen)
                     if (
                         seen
                         and ground == "bright"
-                        and not own
+                        and not surroundings
                         and set(seen) == set(entity.edge_ids)
                     ):
                         # all of it in front of the back light
                         continue
-                    behind += own
+                    behind += surroundings
                     regions.append(demands.region(name, entity, seen))
             demands.pairs.append(
                 Pair(k, name, tuple(dict.fromkeys(regions)), has_silhouette, tuple(behind))
@@ -348,9 +348,9 @@ class Beside:
             if rows.size and of_line.stop > of_line.start:
                 lit = self._lit(scene, lamps[rows], of_line)
                 starts = np.flatnonzero(np.diff(self.strip[of_line], prepend=-1))
-                least = np.logical_and.reduceat(lit, starts, axis=1)
-                most = np.logical_or.reduceat(lit, starts, axis=1)
-                is_clear[rows, line] = (least == most).all(axis=1)
+                every = np.logical_and.reduceat(lit, starts, axis=1)
+                any_lit = np.logical_or.reduceat(lit, starts, axis=1)
+                is_clear[rows, line] = (every == any_lit).all(axis=1)
         return is_clear
 
     def _lit(self, scene: RayScene, lamps: Array, of_line: slice) -> NDArray[np.bool_]:
@@ -496,10 +496,10 @@ def sites_of(light: LightRegions | None, pairs: Sequence[Pair]) -> Sites:
 
     def number(point: Array, normal: Array) -> int:
         site = np.concatenate([point, normal])
-        known = numbers.setdefault(site.tobytes(), len(places))
-        if known == len(places):
+        index = numbers.setdefault(site.tobytes(), len(places))
+        if index == len(places):
             places.append(site)
-        return known
+        return index
 
     for k, pair in enumerate(pairs):
         both = (
@@ -507,9 +507,9 @@ def sites_of(light: LightRegions | None, pairs: Sequence[Pair]) -> Sites:
             if light is not None
             else []
         )
-        both += [one.sides for one in pair.backdrops]
-        for one, other in both:
-            compared.append((number(*one), -1 if other is None else number(*other)))
+        both += [first.sides for first in pair.backdrops]
+        for first, other in both:
+            compared.append((number(*first), -1 if other is None else number(*other)))
             owner.append(k)
     sides = np.array(places).reshape(-1, 6)
     return Sites(
@@ -533,8 +533,8 @@ def _sides(light: LightRegions, name: str) -> Iterator[tuple[_Side, _Side | None
             if edge.id in silhouettes:
                 yield (point, solid.normals[silhouettes[edge.id]]), None
             else:
-                one, other = edge.faces
-                yield (point, solid.normals[one]), (point, solid.normals[other])
+                first, other = edge.faces
+                yield (point, solid.normals[first]), (point, solid.normals[other])
 
 
 class LampSets:
@@ -598,9 +598,9 @@ class LampSets:
         values = [_compared(low, high, sites.compared) for low, high in self._sums(sets)]
         (falling, _), (even, steps) = values
         same = falling * even > 0
-        least = np.where(same, np.minimum(np.abs(falling), np.abs(even)), 0.0)
+        weaker = np.where(same, np.minimum(np.abs(falling), np.abs(even)), 0.0)
         owners, starts = np.unique(sites.pair, return_index=True)
-        contrast[:, owners] = np.minimum.reduceat(least, starts, axis=1)
+        contrast[:, owners] = np.minimum.reduceat(weaker, starts, axis=1)
         step[:, owners] = np.minimum.reduceat(steps / sets.shape[1], starts, axis=1)
         return contrast, step
 
@@ -625,10 +625,10 @@ def _compared(low: Array, high: Array, compared: NDArray[np.int_]) -> tuple[Arra
 
     (a - b) / (a + b) rises with a and falls with b.
     """
-    one, other = compared.T
+    first, other = compared.T
     dark = other < 0
-    a = low[:, one]
-    a_most = high[:, one]
+    a = low[:, first]
+    a_most = high[:, first]
     b = np.where(dark, 0.0, low[:, other])
     b_most = np.where(dark, 0.0, high[:, other])
     brighter = a > b_most
@@ -677,7 +677,7 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
     """
     n_pairs = sets.n_pairs
     best = Fewest((), np.zeros(n_pairs), 0)
-    most = 0
+    most_shown = 0
     listed = 0
     wide: list[tuple[int, ...]] = [()]
     for size in range(1, sets.n + 1):
@@ -686,7 +686,12 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
             listed = size
         else:
             larger = sorted(
-                {tuple(sorted((*some, k))) for some in wide for k in range(sets.n) if k not in some}
+                {
+                    tuple(sorted((*members, k)))
+                    for members in wide
+                    for k in range(sets.n)
+                    if k not in members
+                }
             )
             tried = np.array(list(islice(larger, _MOST_SETS)))
         contrast, step = sets.shown(tried)
@@ -695,12 +700,12 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
         margin = np.where(shows, step, 1.0).min(axis=1, initial=1.0)
         order = np.lexsort((-margin, -n_shown))
         top = int(order[0])
-        if n_shown[top] > most:
-            most = int(n_shown[top])
+        if n_shown[top] > most_shown:
+            most_shown = int(n_shown[top])
             best = Fewest(
                 tuple(map(int, tried[top])), np.where(shows[top], contrast[top], 0.0), listed
             )
-        if most == n_pairs:
+        if most_shown == n_pairs:
             break
         wide = [tuple(map(int, tried[i])) for i in order[: max(1, _MOST_SETS // (10 * sets.n))]]
     return Fewest(best.chosen, best.contrast, listed)
@@ -821,14 +826,14 @@ def corners_of(
     required = plan.requirements
     camera = plan.camera
     separation = required.get("separation_px", 0.0)
-    least = required.get("min_corner_deg", 0.0)
+    required_deg = required.get("min_corner_deg", 0.0)
     poses = np.array(
         [np.asarray(setting.cam2world) for setting in plan.settings], np.float64
     ).reshape(-1, 4, 4)
     pixel = max(camera.pixel_pitch_mm) / camera.image_distance_mm
     edges = _seen_edges(solid, poses, names, edge_ids, separation > 0)
     beside_edges = beside_lines(scene, edges, separation, pixel)
-    numbers = np.flatnonzero([bool(ids) and least > 0 for ids in edge_ids])
+    numbers = np.flatnonzero([bool(ids) and required_deg > 0 for ids in edge_ids])
     ends = np.array(
         [plan.targets[names[k][1]].points for k in numbers.tolist()], np.float64
     ).reshape(-1, 2, 3)
@@ -837,7 +842,7 @@ def corners_of(
         [edge_ids[k] for k in numbers.tolist()],
         ends,
         camera,
-        Detectability(separation, 0.0, least),
+        Detectability(separation, 0.0, required_deg),
     )
     pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(
         -1, 2

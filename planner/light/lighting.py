@@ -503,11 +503,11 @@ class Served:
                     regions[name] = self._region(name, places)
                 contrast[:, k] = np.minimum(contrast[:, k], regions[name][0])
                 step[:, k] = np.minimum(step[:, k], regions[name][1])
-            some = np.flatnonzero(contrast[:, k])
+            lit = np.flatnonzero(contrast[:, k])
             if pair.backdrops:
-                behind = backdrop_contrasts(self.scene, pair.backdrops, places[some])
-                contrast[some, k] = np.minimum(contrast[some, k], behind[0])
-                step[some, k] = np.minimum(step[some, k], behind[1])
+                behind = backdrop_contrasts(self.scene, pair.backdrops, places[lit])
+                contrast[lit, k] = np.minimum(contrast[lit, k], behind[0])
+                step[lit, k] = np.minimum(step[lit, k], behind[1])
         shown = (contrast >= self.least) & (step >= self.least_step)
         rows = np.flatnonzero(shown.any(axis=1))
         if self.corners is not None and rows.size:
@@ -520,9 +520,9 @@ class Served:
         assert self.light is not None
         low, high = self.light.workspace
         inside = ((places >= low) & (places <= high)).all(axis=1)
-        found = np.zeros(len(places))
-        found[inside] = np.abs(self.light.contrasts(places[inside], [name])[:, 0])
-        return found, self.steps(name, places)
+        served = np.zeros(len(places))
+        served[inside] = np.abs(self.light.contrasts(places[inside], [name])[:, 0])
+        return served, self.steps(name, places)
 
     def needs_corners(self, pair: int) -> bool:
         """Tell whether another line must show at the ends of a pair."""
@@ -535,10 +535,10 @@ class Served:
 
     def corners_under(self, places: Array, sets: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Return which pairs (n, pairs) meet what `Corners` asks for, under sets (n, size) of lamps."""
-        wanted = np.ones((len(sets), len(self.pairs)), dtype=bool)
+        every = np.ones((len(sets), len(self.pairs)), dtype=bool)
         if self.corners is None:
-            return wanted
-        return self.corners.shown(self.scene, places, sets, (self.least, self.least_step), wanted)
+            return every
+        return self.corners.shown(self.scene, places, sets, (self.least, self.least_step), every)
 
     def steps(self, name: str, places: Array) -> Array:
         """Return the step (n,) of a region's entity, without shadows."""
@@ -563,9 +563,9 @@ class Served:
             for i in np.argsort(-cells.volumes, kind="stable")
             if not space.misses(cells[int(i)])
         ]
-        found = [space.places_in(cells[i]) for i in near[:_MOST_CELLS]]
-        if found:
-            self.add(np.concatenate(found))
+        places = [space.places_in(cells[i]) for i in near[:_MOST_CELLS]]
+        if places:
+            self.add(np.concatenate(places))
         return not near
 
 
@@ -677,9 +677,9 @@ class RingSpace:
         RingSpace
             For the same camera.
         """
-        found = RingSpace(self.light.subset(names), self.camera, self.step)
-        found._rays = self._rays
-        return found
+        ring = RingSpace(self.light.subset(names), self.camera, self.step)
+        ring._rays = self._rays
+        return ring
 
     def observable(self, points: Array, names: Sequence[str] | None = None) -> NDArray[np.bool_]:
         """Whether entities are lit and visible from viewpoints.
@@ -698,12 +698,12 @@ class RingSpace:
         """
         names = self.entity_names if names is None else names
         eyes = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        found = np.array(self.light.observable(eyes, names))
+        visible = np.array(self.light.observable(eyes, names))
         for k, name in enumerate(names):
             for edge_id in self.entities[name].edge_ids:
-                rows = np.flatnonzero(found[:, k])
-                found[rows, k] = self._shows(self.solid.edges[edge_id], eyes[rows])
-        return found
+                rows = np.flatnonzero(visible[:, k])
+                visible[rows, k] = self._shows(self.solid.edges[edge_id], eyes[rows])
+        return visible
 
     def _shows(self, edge: Edge, eyes: Array) -> NDArray[np.bool_]:
         """Return from which places (n,) an edge has the step, and contrast with what is behind it."""
@@ -743,12 +743,12 @@ class RingSpace:
         part = np.isfinite(hit["t_hit"])
         near = np.linalg.norm(sight, axis=2)
         length = np.linalg.norm(rays, axis=2)
-        one = np.maximum(-np.einsum("nsi,ni->ns", sight, seen), 0.0) / near
+        first = np.maximum(-np.einsum("nsi,ni->ns", sight, seen), 0.0) / near
         other = np.abs(np.einsum("nsi,nsi->ns", rays, hit["primitive_normals"])) / length
         far = np.where(part, hit["t_hit"], 1.0) * length
         # the lamp is where the camera is, so that nothing that is seen is in shadow
-        differs = (sure_contrast((one, near), (other, far)) >= self.contrast) & (
-            np.abs(one - other) >= self.step
+        differs = (sure_contrast((first, near), (other, far)) >= self.contrast) & (
+            np.abs(first - other) >= self.step
         )
         return np.asarray((differs | ~part).all(axis=1))
 
@@ -878,18 +878,18 @@ class Lighting:
             If a fixed lamp is inside the part.
         """
         self.check_part(solid)
-        given = self.given
+        places = self.given
         scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
         demands = demands_of(plan, solid, scene, self.ground)
-        if given is None:
+        if places is None:
             room = eyes_of(plan)
         else:
-            room = given if isinstance(given, np.ndarray) else given.bounds
+            room = places if isinstance(places, np.ndarray) else places.bounds
         # a displaced camera takes its ring along
-        moved = plan.requirements.get("visibility_radius_mm", 0.0) if given is None else 0.0
+        moved = plan.requirements.get("visibility_radius_mm", 0.0) if places is None else 0.0
         off = max(self.tolerance_mm, moved)
         light = _regions(solid, demands, self.contrast, _workspace(solid, room, off), progress)
-        clearance = 0.0 if given is None or isinstance(given, np.ndarray) else given.clearance_mm
+        clearance = 0.0 if places is None or isinstance(places, np.ndarray) else places.clearance_mm
         names = [(pair.setting, pair.name) for pair in demands.pairs]
         corners = corners_of(plan, solid, scene, names, demands.edge_ids)
         return Served(
@@ -899,7 +899,9 @@ class Lighting:
 
 def eyes_of(plan: PlanToLight) -> NDArray[np.float64]:
     """Return where the cameras of a plan are (n, 3), mm."""
-    return np.array([np.asarray(one.cam2world)[:3, 3] for one in plan.settings]).reshape(-1, 3)
+    return np.array([np.asarray(setting.cam2world)[:3, 3] for setting in plan.settings]).reshape(
+        -1, 3
+    )
 
 
 def check_step(step: float) -> float:

@@ -135,18 +135,18 @@ class ColumnPool:
         """
         if steady is not None:
             membership = self._steady(membership, poses, probability, steady)
-        some = membership.any(axis=1)
-        membership = membership[some]
-        poses = poses[some]
-        probability = probability[some]
+        inspecting = membership.any(axis=1)
+        membership = membership[inspecting]
+        poses = poses[inspecting]
+        probability = probability[inspecting]
         quality = _mean_probability(membership, probability)
-        kept = self._maximal(membership, quality)
+        maximal = self._maximal(membership, quality)
         membership = np.concatenate([self.membership, membership])
         poses = np.concatenate([self.poses, poses])
         quality = np.concatenate([self.quality, quality])
-        self.membership = membership[kept]
-        self.poses = poses[kept]
-        self.quality = quality[kept]
+        self.membership = membership[maximal]
+        self.poses = poses[maximal]
+        self.quality = quality[maximal]
 
     def _maximal(self, membership: np.ndarray, quality: np.ndarray) -> np.ndarray:
         """Return the indices of the columns that stay, of those that are here and then of new ones."""
@@ -162,17 +162,17 @@ class ColumnPool:
         A column that becomes smaller may no longer contain others, so these are asked for next.
         """
         membership = membership.copy()
-        left = np.asarray(membership.any(axis=1))
+        nonempty = np.asarray(membership.any(axis=1))
         while True:
             stays = np.zeros(len(membership), dtype=bool)
-            kept = self._maximal(membership, _mean_probability(membership, probability))
-            stays[kept[kept >= len(self)] - len(self)] = True
-            asked = np.flatnonzero(stays & left)
-            if not asked.size:
-                membership[left] = False
+            maximal = self._maximal(membership, _mean_probability(membership, probability))
+            stays[maximal[maximal >= len(self)] - len(self)] = True
+            unsteady = np.flatnonzero(stays & nonempty)
+            if not unsteady.size:
+                membership[nonempty] = False
                 return membership
-            membership[asked] = steady(poses[asked], membership[asked])
-            left[asked] = False
+            membership[unsteady] = steady(poses[unsteady], membership[unsteady])
+            nonempty[unsteady] = False
 
     def best_containing(self, column: np.ndarray) -> int | None:
         """Return the index of the best pose whose set contains a column (k,), or None."""
@@ -299,18 +299,18 @@ class Judge:
         if not (self.constraints.shows and membership.any()):
             return membership
         enough = math.floor(self.threshold * _DISPLACED)
-        kept = membership.copy()
+        columns = membership.copy()
         rows = np.flatnonzero(membership.any(axis=1))
         for first in range(0, len(rows), _ROWS):
-            some = rows[first : first + _ROWS]
-            displaced = np.concatenate([moved(cam2world[row], self._moves, 1.0) for row in some])
-            wanted = np.repeat(membership[some][:, self.request.owner], _DISPLACED, axis=0)
-            shown = self.constraints.image.shown(displaced, wanted)
+            batch = rows[first : first + _ROWS]
+            displaced = np.concatenate([moved(cam2world[row], self._moves, 1.0) for row in batch])
+            promised = np.repeat(membership[batch][:, self.request.owner], _DISPLACED, axis=0)
+            shown = self.constraints.image.shown(displaced, promised)
             if self._by_witness is not None:
                 shown = self._by_witness.any(shown)
-            often = shown.reshape(len(some), _DISPLACED, -1).sum(axis=1) >= enough
-            kept[some] &= often | ~membership[some]
-        return kept
+            often = shown.reshape(len(batch), _DISPLACED, -1).sum(axis=1) >= enough
+            columns[batch] &= often | ~membership[batch]
+        return columns
 
     @cached_property
     def _moves(self) -> np.ndarray:
@@ -360,14 +360,14 @@ class Judge:
         for name in self.constraints.constraint_names:
             if name in self.constraints.shows or name in self.constraints.of_image:
                 continue
-            left = np.flatnonzero((missed < _HOPELESS).any(axis=1))
-            if not left.size:
+            hopeful_poses = np.flatnonzero((missed < _HOPELESS).any(axis=1))
+            if not hopeful_poses.size:
                 break
             if name == "visibility":
                 self._mask_invisible(cam2world, missed)
                 continue
-            margin = self.constraints.margins(cam2world[left], [name])[name]
-            missed[left] = np.maximum(missed[left], self._short(name, margin))
+            margin = self.constraints.margins(cam2world[hopeful_poses], [name])[name]
+            missed[hopeful_poses] = np.maximum(missed[hopeful_poses], self._short(name, margin))
         return missed
 
     def _short(self, name: str, margin: np.ndarray) -> np.ndarray:
@@ -405,17 +405,17 @@ class Judge:
         shown = np.ones_like(nearly)
         for name in self.constraints.shows if nearly.any() else ():
             image = self.constraints.image
-            for some in worth.most_worthy_first(
+            for turn in worth.most_worthy_first(
                 nearly, _FIRST_CORNERS if name == "corner_deg" else 0
             ):
-                wanted = nearly & some
+                candidates = nearly & turn
                 margin = (
-                    image.corners(cam2world, wanted)
+                    image.corners(cam2world, candidates)
                     if name == "corner_deg"
-                    else image.separations(cam2world, wanted, 0.0)
+                    else image.separations(cam2world, candidates, 0.0)
                 )
                 shown &= margin >= 0.0
-                hopeless = wanted & (margin < -self._tolerance[name])
+                hopeless = candidates & (margin < -self._tolerance[name])
                 nearly[hopeless] = False
                 probability[hopeless] = 0.0
         return shown
@@ -429,9 +429,9 @@ class Judge:
         if cell is None or not rows.size:
             return
         constraints = self.constraints
-        wanted = nearly[rows]
-        seen = cell.inspectable(cam2world[rows], constraints.segments, constraints.owner, wanted)
-        probability[rows] = np.where(wanted & ~seen, 0.0, probability[rows])
+        promised = nearly[rows]
+        seen = cell.inspectable(cam2world[rows], constraints.segments, constraints.owner, promised)
+        probability[rows] = np.where(promised & ~seen, 0.0, probability[rows])
         nearly[rows] = seen
 
 
@@ -479,9 +479,9 @@ class _Worth:
         by_worth = np.argsort(-prices, kind="stable")
         first = np.zeros_like(nearly)
         first[:, by_worth] = nearly[:, by_worth] & (np.cumsum(nearly[:, by_worth], axis=1) <= n)
-        for some in (first, ~first) if n else (~first,):
+        for mask in (first, ~first) if n else (~first,):
             self.drop_worthless(nearly)
-            yield some
+            yield mask
 
     def drop_worthless(self, nearly: np.ndarray) -> None:
         """Clear the rows of what poses nearly inspect (n, w) that are worth no more than 1."""
@@ -554,7 +554,7 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
     witnesses = np.flatnonzero(judge.request.owner == judge.names.index(name)).tolist()
     # as many viewpoints altogether, whichever witness they look at
     each = -(-n_viewpoints // len(witnesses))
-    poses = [_witness_poses(judge, own, each, rng) for own in witnesses]
+    poses = [_witness_poses(judge, witness, each, rng) for witness in witnesses]
     return np.concatenate(poses)
 
 
@@ -728,11 +728,11 @@ def price_poses(
     first = 0
     prices = np.zeros(len(covered))
     checkpoint = checkpoint or Checkpoint()
-    if (kept := checkpoint.get("pricing")) is not None:
+    if (entry := checkpoint.get("pricing")) is not None:
         first, breed, values, prices, covered = (
-            kept[k] for k in ("done", "breed", "values", "prices", "covered")
+            entry[k] for k in ("done", "breed", "values", "prices", "covered")
         )
-        rng.bit_generator.state = kept["rng"]
+        rng.bit_generator.state = entry["rng"]
     for done in range(first, rounds):
         if coverable is not None and (now := pools.realised.inspected).sum() > covered.sum():
             # a cover of more is another one: its relaxation is not compared with those before

@@ -94,9 +94,9 @@ class EvolutionStrategy:
         moves = (points[order] - self._mean) / self._step
         move = np.zeros_like(self._mean)
         spread = np.zeros_like(self._cov)
-        for weight, one in zip(self._weights.tolist(), moves, strict=True):
-            move = move + weight * one
-            spread = spread + weight * (one[:, None] * one)
+        for weight, chosen_move in zip(self._weights.tolist(), moves, strict=True):
+            move = move + weight * chosen_move
+            spread = spread + weight * (chosen_move[:, None] * chosen_move)
         self._mean = self._mean + self._step * move
         c_sigma = self._c_sigma
         along = math.sqrt(c_sigma * (2 - c_sigma) * self._mu)
@@ -122,10 +122,10 @@ def triangular_factor(covariance: Array) -> Array:
     n = len(covariance)
     factor = np.zeros((n, n))
     for j in range(n):
-        left = float(covariance[j, j])
+        remainder = float(covariance[j, j])
         for k in range(j):
-            left -= float(factor[j, k]) ** 2
-        factor[j, j] = math.sqrt(max(left, 0.0))
+            remainder -= float(factor[j, k]) ** 2
+        factor[j, j] = math.sqrt(max(remainder, 0.0))
         for i in range(j + 1, n if factor[j, j] > 0.0 else 0):
             value = float(covariance[i, j])
             for k in range(j):
@@ -144,13 +144,13 @@ def _times(rows: Array, root: Array) -> Array:
 
 def _solved(root: Array, vector: Array) -> Array:
     """Return the vector (d,) that a lower triangular factor maps to a given one; 0 where it has no spread."""
-    found = np.zeros_like(vector)
+    solution = np.zeros_like(vector)
     for i in range(len(vector)):
         value = float(vector[i])
         for k in range(i):
-            value -= float(root[i, k] * found[k])
-        found[i] = value / root[i, i] if root[i, i] > 0.0 else 0.0
-    return found
+            value -= float(root[i, k] * solution[k])
+        solution[i] = value / root[i, i] if root[i, i] > 0.0 else 0.0
+    return solution
 
 
 def _length(vector: Array) -> float:
@@ -372,20 +372,20 @@ class _MarginStep:
     def value(self, moves: Array) -> Array:
         """Return the soft minimum of the shares of moves (n, 6), less what the outline costs; else -1 or less."""
         poses = self.poses(moves)
-        values, found = self._shares(poses)
-        feasible = np.flatnonzero(np.isfinite(found).all(axis=1) & (found >= 0.0).all(axis=1))
+        values, room = self._shares(poses)
+        feasible = np.flatnonzero(np.isfinite(room).all(axis=1) & (room >= 0.0).all(axis=1))
         if feasible.size:
-            soft = [_soft_minimum(row, _SOFTNESS) for row in found[feasible].tolist()]
+            soft = [_soft_minimum(row, _SOFTNESS) for row in room[feasible].tolist()]
             values[feasible] = np.array(soft) - _OUTLINE * self._cut_off(poses[feasible])
         return values
 
     def least_share(self, pose: Array) -> LeastShare | None:
         """Return the condition of a pose (1, 4, 4) that leaves the least of its room; None if it breaks one."""
-        _, found = self._shares(pose)
-        if not (np.isfinite(found).all() and (found >= 0.0).all()):
+        _, room = self._shares(pose)
+        if not (np.isfinite(room).all() and (room >= 0.0).all()):
             return None
-        k = int(np.argmin(found[0]))
-        return LeastShare(self._names[k], float(found[0, k]))
+        k = int(np.argmin(room[0]))
+        return LeastShare(self._names[k], float(room[0, k]))
 
     def _shares(self, poses: Array) -> tuple[Array, Array]:
         """Return how badly poses fail (n,), and their shares (n, s); nan where an earlier condition failed.
@@ -404,29 +404,31 @@ class _MarginStep:
             missed = np.maximum(-margin.min(axis=1), 0.0)
             broken += np.minimum(missed / constraints.scale(name), FULL)
         values = -2.0 - broken
-        found = np.full((len(poses), len(self._names)), np.nan)
-        left = np.flatnonzero(broken == 0.0)
-        if left.size:
-            seen = constraints.margins(poses[left], ["visibility"])["visibility"].min(axis=1) > 0.0
-            values[left] = -1.5
-            left = left[seen]
-        if left.size:
-            sure = self._sure(poses[left])
+        result = np.full((len(poses), len(self._names)), np.nan)
+        feasible = np.flatnonzero(broken == 0.0)
+        if feasible.size:
+            seen = (
+                constraints.margins(poses[feasible], ["visibility"])["visibility"].min(axis=1) > 0.0
+            )
+            values[feasible] = -1.5
+            feasible = feasible[seen]
+        if feasible.size:
+            sure = self._sure(poses[feasible])
             lacking = np.maximum(self._floor - sure, 0.0).max(axis=1)
             enough = lacking == 0.0
-            values[left] = -1.0 - lacking / 4.0
-            left = left[enough]
+            values[feasible] = -1.0 - lacking / 4.0
+            feasible = feasible[enough]
             probable = probability_share(sure[enough].min(axis=1), self._request.probability)
-        if not left.size:
-            return values, found
-        last = constraints.margins(poses[left], constraints.shows)
-        own = {name: margin[left] for name, margin in margins.items()}
-        room = {**shares(own, self._rooms), "probability": probable[:, None]}
+        if not feasible.size:
+            return values, result
+        last = constraints.margins(poses[feasible], constraints.shows)
+        remaining = {name: margin[feasible] for name, margin in margins.items()}
+        room = {**shares(remaining, self._rooms), "probability": probable[:, None]}
         room.update(shares(last, self._rooms))
         for column, name in enumerate(self._names):
-            found[left, column] = room[name].min(axis=1)
-        values[left] = -1.0
-        return values, found
+            result[feasible, column] = room[name].min(axis=1)
+        values[feasible] = -1.0
+        return values, result
 
     def _sure(self, poses: Array) -> Array:
         """Return P (n, k) times the probability of being in focus."""
@@ -465,9 +467,9 @@ class _MarginStep:
 
 def _soft_minimum(shares_left: list[float], tau: float) -> float:
     """Return -τ log Σ exp(-share / τ), with the same last digits on every machine."""
-    least = min(shares_left)
-    return least - tau * math.log(
-        math.fsum(math.exp(-(share - least) / tau) for share in shares_left)
+    lowest = min(shares_left)
+    return lowest - tau * math.log(
+        math.fsum(math.exp(-(share - lowest) / tau) for share in shares_left)
     )
 
 

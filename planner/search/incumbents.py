@@ -123,7 +123,7 @@ class PlanState:
 
     def pack(self) -> dict[str, Any]:
         """Return the fields as values that `planner.plan_file.packed` takes; arrays are not copied."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         return {
             **values,
             "pools": self.pools.to_dict(),
@@ -136,7 +136,7 @@ class PlanState:
     @classmethod
     def unpack(cls, data: Mapping[str, Any]) -> PlanState:
         """Build from the result of `pack`, as it is or as it comes back from a file."""
-        values = {one.name: data[one.name] for one in fields(cls)}
+        values = {entry.name: data[entry.name] for entry in fields(cls)}
         plan = data["plan"]
         weighing = data["weighing"]
         return cls(
@@ -253,8 +253,8 @@ class Run:
         results = in_order(
             self.executor, simulate_promises, [tasks[k] for k in new], self.callbacks.deadline.check
         )
-        for k, found in zip(new, results, strict=True):
-            self.promises.take(settings[k], found)
+        for k, excess in zip(new, results, strict=True):
+            self.promises.take(settings[k], excess)
             yield settings[k]
 
     def accept(self, outcome: Outcome) -> tuple[str, ...]:
@@ -287,17 +287,17 @@ class Run:
     def supported(self, options: Sequence[Sequence[SensorSetting]]) -> list[Supported]:
         """Return for each of some settings the best of its options that simulation supports; see `best_supported`."""
         tasks = [
-            (self.shared, some, derive_seed(self.seed, some[0].entities), len(options))
-            for some in options
+            (self.shared, choices, derive_seed(self.seed, choices[0].entities), len(options))
+            for choices in options
         ]
-        found = []
+        confirmed = []
         begun = time.monotonic()
-        for one in in_order(self.executor, supported_pose, tasks, self.callbacks.check):
-            found.append(one)
+        for result in in_order(self.executor, supported_pose, tasks, self.callbacks.check):
+            confirmed.append(result)
             # what is soon done needs no line
             if time.monotonic() - begun > SILENT_S:
-                self.callbacks.report(len(found), len(tasks), "checked poses")
-        return found
+                self.callbacks.report(len(confirmed), len(tasks), "checked poses")
+        return confirmed
 
     def _start(self, names: Sequence[str]) -> np.ndarray | None:
         """Return the candidate pose (1, 4, 4) that inspects, or nearly inspects, a set of entities."""
@@ -339,15 +339,15 @@ def with_lines_in_windows(plan: InspectionPlan, request: Request) -> InspectionP
         return plan
     windows = [search_windows_px(plan, setting) for setting in plan.settings]
     # all are looked for as far as the widest window
-    widest = max(max(one.values()) for one in windows)
+    widest = max(max(widths.values()) for widths in windows)
     settings = []
     for setting, window in zip(plan.settings, windows, strict=True):
         # of witnesses, each setting has its own
-        own = request.at_pose(setting.cam2world, setting.entities)
-        check = own.constraints.image_check(replace(showing, separation_px=widest))
-        wanted = np.ones((1, len(own.names)), bool)
-        apart = check.separations(setting.cam2world[None], wanted, 0.0)[0] + widest
-        near = dict(zip(own.names, apart.tolist(), strict=True))
+        request_here = request.at_pose(setting.cam2world, setting.entities)
+        check = request_here.constraints.image_check(replace(showing, separation_px=widest))
+        every = np.ones((1, len(request_here.names)), bool)
+        apart = check.separations(setting.cam2world[None], every, 0.0)[0] + widest
+        near = dict(zip(request_here.names, apart.tolist(), strict=True))
         lines = {name: near[name] for name in setting.entities if near[name] < window[name]}
         settings.append(replace(setting, lines_in_window_px=lines))
     return replace(plan, settings=tuple(settings))
@@ -379,9 +379,9 @@ def in_order_of_arm(
     assert cell is not None
     placed = [
         cell.placed(
-            one.cam2world, request.at_pose(one.cam2world, one.entities).constraints.segments
+            item.cam2world, request.at_pose(item.cam2world, item.entities).constraints.segments
         )
-        for one in settings
+        for item in settings
     ]
     chosen = fewest_fixturings([set(ways) for ways in placed], list(cell.to_dict()["fixturings"]))
     result: list[SensorSetting] = []
@@ -389,11 +389,11 @@ def in_order_of_arm(
         group = [
             _standing(setting, name, ways[name])
             for setting, ways in zip(settings, placed, strict=True)
-            if next((one for one in chosen if one in ways), "") == name
+            if next((item for item in chosen if item in ways), "") == name
         ]
         result += _ordered(cell, group, name, unfinished)
     # what a cell forbids after all is told by the plan's reachability
-    result += [one for one, ways in zip(settings, placed, strict=True) if not ways]
+    result += [item for item, ways in zip(settings, placed, strict=True) if not ways]
     return result
 
 
@@ -402,17 +402,17 @@ def fewest_fixturings(ways: Sequence[set[str]], every: Sequence[str]) -> tuple[s
 
     Beyond a dozen names, they are chosen greedily.
     """
-    left = [names for names in ways if names]
+    unserved = [names for names in ways if names]
     if len(every) <= _MOST_TRIED:
         for count in range(len(every) + 1):
             for chosen in combinations(every, count):
-                if all(names.intersection(chosen) for names in left):
+                if all(names.intersection(chosen) for names in unserved):
                     return chosen
     picked: list[str] = []
-    while left:
-        best = max(every, key=lambda name: sum(name in names for names in left))
+    while unserved:
+        best = max(every, key=lambda name: sum(name in names for names in unserved))
         picked.append(best)
-        left = [names for names in left if best not in names]
+        unserved = [names for names in unserved if best not in names]
     return tuple(picked)
 
 
@@ -437,7 +437,7 @@ def _ordered(
     """Return the settings of one fixturing in the order that takes the least time."""
     if not group:
         return ()
-    seconds = cell.travel_seconds(np.array([one.axes for one in group]), fixturing)
+    seconds = cell.travel_seconds(np.array([setting.axes for setting in group]), fixturing)
     order = order_by(seconds, starts=1) if unfinished else order_by(seconds)
     return [group[i] for i in order]
 
@@ -482,7 +482,7 @@ def assembled(
     if not unfinished:
         settings = [with_passed_over(request, setting) for setting in settings]
     cell = request.requirements.cell
-    found = InspectionPlan(
+    plan = InspectionPlan(
         settings=tuple(_in_order(request, settings, unfinished)),
         lower_bound=bound,
         bound_proof=proof,
@@ -501,22 +501,22 @@ def assembled(
         unfinished=unfinished,
         cell={} if cell is None else cell.to_dict(),
     )
-    return with_lines_in_windows(found, request)
+    return with_lines_in_windows(plan, request)
 
 
 def with_passed_over(request: Request, setting: SensorSetting) -> SensorSetting:
     """Return a setting that says why it uses none of the other witnesses of its targets."""
     if not setting.witness:
         return setting
-    some = request.restricted_to(list(setting.witness))
-    why = witness_reasons(some.witnesses, setting.cam2world)
+    measured = request.restricted_to(list(setting.witness))
+    why = witness_reasons(measured.witnesses, setting.cam2world)
     over = {
         target.name: {
             ", ".join(witness.entities): reason
             for k, (witness, reason) in enumerate(zip(target.witnesses, reasons, strict=True))
             if k != setting.witness[target.name]
         }
-        for target, reasons in zip(some.targets, why, strict=True)
+        for target, reasons in zip(measured.targets, why, strict=True)
     }
     return replace(setting, passed_over=over)
 
@@ -636,12 +636,12 @@ class SupportedColumns:
             self._give_up(run, membership, done)
             if k + 1 < covers:
                 chosen = _short_cover(membership, beaten, run.rng("incumbent"), _EXCHANGES)
-            known = np.where(done[:, None], membership, False)
-            own = _short_cover(known, beaten, run.rng("incumbent"), _EXCHANGES)
+            confirmed = np.where(done[:, None], membership, False)
+            shorter = _short_cover(confirmed, beaten, run.rng("incumbent"), _EXCHANGES)
             if k + 1 == covers or (
-                own is not None and chosen is not None and _as_good(membership, own, chosen)
+                shorter is not None and chosen is not None and _as_good(membership, shorter, chosen)
             ):
-                chosen = own
+                chosen = shorter
         return None if chosen is None else self._as_settings(run, pool, chosen)
 
     def _corrected(self, run: Run, pool: ColumnPool) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -679,10 +679,10 @@ class SupportedColumns:
 
 def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> list[SensorSetting]:
     """Return the poses of columns as settings."""
-    wanted = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
+    columns_of = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
     return [
         setting_at(run.request, pose, names, "candidate pose", seed=derive_seed(run.seed, names))
-        for pose, names in wanted
+        for pose, names in columns_of
     ]
 
 
@@ -691,8 +691,8 @@ def as_simulated(run: Run, settings: Iterable[SensorSetting]) -> list[SensorSett
     supported = []
     for setting in settings:
         wrong = run.promises.contradicted_in(setting)
-        kept = without(run.request, setting, list(wrong)) if wrong else setting
-        supported.append(run.promises.with_bounds(kept))
+        reduced = without(run.request, setting, list(wrong)) if wrong else setting
+        supported.append(run.promises.with_bounds(reduced))
     return [setting for setting in supported if setting.entities]
 
 
@@ -714,21 +714,21 @@ def _short_cover(
     """
     covered = membership.any(axis=0)
     membership = membership[:, covered]
-    known = beaten[0]
+    n_beaten = beaten[0]
     fewer_than = -beaten[1]
-    if not covered.any() or covered.sum() < known:
+    if not covered.any() or covered.sum() < n_beaten:
         return None
     chosen: NDArray[np.int_] | None = None
-    if covered.sum() > known:
+    if covered.sum() > n_beaten:
         chosen = np.array(greedy_cover(membership))
         fewer_than = len(chosen)
     fewest = bound_columns(membership)
     while fewer_than > fewest:
-        found = exchange_columns(membership, fewer_than - 1, steps=steps, rng=rng)
-        if found.missing:
+        exchange = exchange_columns(membership, fewer_than - 1, steps=steps, rng=rng)
+        if exchange.missing:
             break
-        chosen = found.chosen
-        fewer_than = len(found.chosen)
+        chosen = exchange.chosen
+        fewer_than = len(exchange.chosen)
     return None if chosen is None else np.sort(chosen)
 
 
@@ -786,10 +786,10 @@ class Incumbents:
         for directions in _GLANCES if self._callbacks.wants_plans else ():
             begun = time.monotonic()
             # candidate poses make more of the time than a second glance that would take most of it
-            left = deadline.seconds_left()
-            if left is None and self.best is not None:
+            remaining_s = deadline.seconds_left()
+            if remaining_s is None and self.best is not None:
                 break
-            if left is not None and each * directions > max(LEAST_SEARCH_S, left / 2):
+            if remaining_s is not None and each * directions > max(LEAST_SEARCH_S, remaining_s / 2):
                 break
             pool = ColumnPool(len(run.names))
             poses = first_poses(run.judge, directions, run.seed)
@@ -850,9 +850,9 @@ class Incumbents:
         self._callbacks.bound(proven.n, proven.weights)
         self._proofs[proven.proof] = proven
         if self.best is not None:
-            known, proof = self.proven(run, self.best.settings)
-            if known > self.best.lower_bound:
-                self.publish(replace(self.best, lower_bound=known, bound_proof=proof))
+            n_needed, proof = self.proven(run, self.best.settings)
+            if n_needed > self.best.lower_bound:
+                self.publish(replace(self.best, lower_bound=n_needed, bound_proof=proof))
 
     def on_incompatible(self, run: Run) -> None:
         """Take in the bound of entities that exclude each other, if some are known."""

@@ -160,22 +160,22 @@ def check_extent(constraints: Constraints) -> None:
 
 def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
     """Return the edges that run on smoothly in an arc although corners are asked for, and what to say of each."""
-    found = {}
+    errors = {}
     for k, name in enumerate(constraints.names if "corner_deg" in constraints.shows else ()):
         end = constraints.image.without_corner(k)
         if end is not None:
             place = ", ".join(f"{x:.6g}" for x in end)
-            least = constraints.requirements.showing.min_corner_deg
-            found[name] = InfeasibleError(
+            required_deg = constraints.requirements.showing.min_corner_deg
+            errors[name] = InfeasibleError(
                 f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge ends in a tangent "
                 "arc, so its length is undefined. Distances and angles are not affected. To measure its "
-                f"length, require no corner (0 instead of {least:g} degrees).",
+                f"length, require no corner (0 instead of {required_deg:g} degrees).",
                 constraint="corner_deg",
                 entity=name,
-                margin=-least,
+                margin=-required_deg,
                 proven=True,
             )
-    return found
+    return errors
 
 
 def explain_positions(
@@ -276,9 +276,9 @@ def _nearest_misses(margins: dict[str, np.ndarray], constraints: Constraints) ->
         f"{name} by {_quantity(name, -worst[name][0])}{_for(worst[name][1])}" for _, name in missed
     ]
     name = missed[0][1] if missed else ""
-    what = f": the nearest pose misses {', '.join(parts)}" if parts else ""
+    text = f": the nearest pose misses {', '.join(parts)}" if parts else ""
     return InfeasibleError(
-        f"no tried pose meets all constraints for {', '.join(constraints.names)}{what}.",
+        f"no tried pose meets all constraints for {', '.join(constraints.names)}{text}.",
         constraint=name,
         entity=worst[name][1] if name else "",
         margin=worst[name][0] if name else float("nan"),
@@ -328,14 +328,14 @@ def setting_at(
         With the probabilities and margins of these entities; whether they suffice is not asked.
     """
     pose = np.asarray(cam2world)[None]
-    own = request.at_pose(pose[0], names)
+    request_here = request.at_pose(pose[0], names)
     # what a request without a choice has made already
-    modelled = own if request.has_choice else request
+    modelled = request_here if request.has_choice else request
     idx = [modelled.names.index(name) for name in names]
-    wanted = np.isin(np.arange(len(modelled.names)), idx)[None]
-    probability = modelled.objective.probability_where(pose, wanted)
+    mask = np.isin(np.arange(len(modelled.names)), idx)[None]
+    probability = modelled.objective.probability_where(pose, mask)
     by_idx = dict(zip(sorted(idx), probability.tolist(), strict=True))
-    margins = own.constraints.margins(pose)
+    margins = request_here.constraints.margins(pose)
     return SensorSetting(
         cam2world=cam2world,
         entities=tuple(names),
@@ -346,8 +346,8 @@ def setting_at(
         generations=0,
         message=message,
         seed=seed,
-        witness={name: own.chosen[name] for name in names if name in own.chosen},
-        registered=own.known_at(pose[0], names),
+        witness={name: request_here.chosen[name] for name in names if name in request_here.chosen},
+        registered=request_here.known_at(pose[0], names),
     )
 
 
@@ -368,14 +368,14 @@ def without(request: Request, setting: SensorSetting, names: Sequence[str]) -> S
     SensorSetting
         The same pose; its margins are those of what is left.
     """
-    kept = tuple(name for name in setting.entities if name not in names)
-    if not kept:
+    entities = tuple(name for name in setting.entities if name not in names)
+    if not entities:
         return replace(setting, entities=(), probability={}, p_all={}, registered=None)
     fewer = setting_at(
-        request, setting.cam2world, kept, setting.message, seed=setting.seed, nfev=setting.nfev
+        request, setting.cam2world, entities, setting.message, seed=setting.seed, nfev=setting.nfev
     )
-    stated = {name: setting.probability[name] for name in kept}
-    counted = {name: setting.p_all[name] for name in kept if name in setting.p_all}
+    stated = {name: setting.probability[name] for name in entities}
+    counted = {name: setting.p_all[name] for name in entities if name in setting.p_all}
     return replace(
         fewer,
         generations=setting.generations,

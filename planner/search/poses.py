@@ -137,15 +137,15 @@ class ViewpointSampler:
 
     def sample(self, n: int, rng: np.random.Generator, max_proposals: int = 500_000) -> np.ndarray:
         """Draw up to n viewpoints (m, 3); fewer (perhaps none) if so many proposals do not yield more."""
-        found = []
+        positions = []
         total = 0
         proposed = 0
         while not self.empty and total < n and proposed < max_proposals:
             batch = self._propose(_BATCH, rng)
             proposed += _BATCH
-            found.append(batch)
+            positions.append(batch)
             total += len(batch)
-        return np.concatenate(found)[:n] if found else np.empty((0, 3))
+        return np.concatenate(positions)[:n] if positions else np.empty((0, 3))
 
     def _propose(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Propose n viewpoints and return those in cells and shell."""
@@ -184,8 +184,8 @@ class ViewpointSampler:
         if not hasattr(self, "_padded"):
             planes = [np.asarray(self._parts[i].half_spaces, dtype=float) for i in self._kept]
             self._padded = np.tile([0.0, 0.0, 0.0, -1.0], (len(planes), max(map(len, planes)), 1))
-            for row, own in zip(self._padded, planes, strict=True):
-                row[: len(own)] = own
+            for row, half_spaces in zip(self._padded, planes, strict=True):
+                row[: len(half_spaces)] = half_spaces
         return self._padded
 
     def cell_of(self, position: np.ndarray) -> np.ndarray | None:
@@ -323,10 +323,10 @@ def draw_start(
     """Return up to n feasible chromosomes: known poses (m, 4, 4) first, then draws, then the repair."""
     tried = [np.empty((0, 6)) if known is None else encoding.parameters_of(known)]
     bits, ok = snap(tried[0], encoding, constraints)
-    found = [bits[ok]]
+    encoded = [bits[ok]]
     drawn = 0
     hits = int(ok.sum())
-    given = hits
+    n_known = hits
     while hits < n and drawn < max_draws and not _gives_up(constraints):
         positions = sampler.sample(_DRAW_BATCH, rng)
         if not len(positions):
@@ -335,7 +335,7 @@ def draw_start(
         bits, ok = snap(parameters, encoding, constraints)
         drawn += len(bits)
         hits += int(ok.sum())
-        found.append(bits[ok])
+        encoded.append(bits[ok])
         tried.append(parameters)
         if len(positions) < _DRAW_BATCH:
             # viewpoints are so rare that more draws would take long
@@ -344,8 +344,8 @@ def draw_start(
     if hits < n and len(nearest) and not _gives_up(constraints):
         nearest = _least_violating(nearest, encoding, constraints)
         repaired, nearest = repair(n - hits, nearest, encoding, constraints, rng)
-        found.append(repaired)
-    return Start(np.concatenate(found)[:n], nearest, drawn, hits - given)
+        encoded.append(repaired)
+    return Start(np.concatenate(encoded)[:n], nearest, drawn, hits - n_known)
 
 
 def snap(
@@ -365,19 +365,19 @@ def repair(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the least violating parameters towards feasibility; return up to n feasible bits, and the last pool."""
     pool = tried[:_POOL]
-    found = []
+    repaired = []
     missed = _violation(pool, encoding, constraints)
     for step in np.geomspace(_FIRST_STEP, _LAST_STEP, _REPAIR_ROUNDS):
         children = neighbours(pool, _CHILDREN, step, encoding, rng)
         bits, ok = snap(children, encoding, constraints)
-        found.append(bits[ok])
-        if sum(map(len, found)) >= n or _gives_up(constraints):
+        repaired.append(bits[ok])
+        if sum(map(len, repaired)) >= n or _gives_up(constraints):
             break
         both = np.concatenate([missed, _violation(children, encoding, constraints)])
         best = np.argsort(both, kind="stable")[:_POOL]
         pool = np.concatenate([pool, children])[best]
         missed = both[best]
-    return np.concatenate(found)[:n], pool
+    return np.concatenate(repaired)[:n], pool
 
 
 def _gives_up(constraints: Constraints) -> bool:
@@ -408,8 +408,8 @@ def _least_violating(
     """
     at_least = constraints.violation(encoding.poses(parameters), images_only=True)
     best_first = np.argsort(at_least, kind="stable")
-    some = best_first[:_CHILDREN]
-    enough = np.sort(_violation(parameters[some], encoding, constraints))[:_POOL][-1]
+    first = best_first[:_CHILDREN]
+    enough = np.sort(_violation(parameters[first], encoding, constraints))[:_POOL][-1]
     hopeful = np.flatnonzero(at_least <= enough)
     violation = _violation(parameters[hopeful], encoding, constraints)
     return parameters[hopeful[np.argsort(violation, kind="stable")[:_POOL]]]
@@ -739,9 +739,9 @@ class Ascent:
 
     def mirror(self) -> None:
         """Try the best pose with the view turned to the other side, as long as that gains."""
-        found = -np.inf
-        while found < self.fitness < self.enough:
-            found = self.fitness
+        before = -np.inf
+        while before < self.fitness < self.enough:
+            before = self.fitness
             for signs in _MIRRORINGS:
                 parameters = self.encoding.parameters_of(self.cam2world[None])
                 parameters[:, 3:5] *= signs
@@ -831,7 +831,7 @@ def best_around(poses: np.ndarray, fitness: np.ndarray, n: int) -> np.ndarray:
     """Return up to n of the poses (m, 4, 4): the best of each group around positions as far apart as can be."""
     centres, group = spread(poses[:, :3, 3], n, int(fitness.argmax()))
     members = [np.flatnonzero(group == g) for g in range(len(centres))]
-    return poses[[own[fitness[own].argmax()] for own in members]]
+    return poses[[group_members[fitness[group_members].argmax()] for group_members in members]]
 
 
 def spread(positions: np.ndarray, n: int, first: int = 0) -> tuple[list[int], np.ndarray]:

@@ -167,11 +167,13 @@ class _Tried(NamedTuple):
 
     def supported(self, judge: Judge, seed: int) -> frozenset[str]:
         """Return the entities that simulation supports."""
-        kept = tuple(name for name, too_much in self.excess.items() if too_much <= MODEL_TOLERANCE)
+        entities = tuple(
+            name for name, too_much in self.excess.items() if too_much <= MODEL_TOLERANCE
+        )
         short = self.short
-        if short is None and kept:
-            short = shortfalls(judge, self.pose.cam2world, kept, seed)
-        return frozenset(kept) - frozenset(short or ())
+        if short is None and entities:
+            short = shortfalls(judge, self.pose.cam2world, entities, seed)
+        return frozenset(entities) - frozenset(short or ())
 
 
 def best_supported(
@@ -194,7 +196,7 @@ def best_supported(
     """
     rng = np.random.default_rng([seed, _TRIAL_POSES])
     best: _Tried | None = None
-    least = np.inf
+    lowest = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
         options, _near(judge, options[0], rng, _trials_of(settings))
     )
@@ -202,23 +204,25 @@ def best_supported(
         tried = _Tried(pose, _excess(judge, pose, rng), None)
         too_much = max(tried.excess.values())
         if too_much <= MODEL_TOLERANCE:
-            short = _shortfalls_below(judge, pose, seed, least - MODEL_TOLERANCE)
+            short = _shortfalls_below(judge, pose, seed, lowest - MODEL_TOLERANCE)
             tried = tried._replace(short=short)
             too_much = max([too_much, *(MODEL_TOLERANCE + miss for miss in short.values())])
-        if best is None or too_much < least:
+        if best is None or too_much < lowest:
             best = tried
-            least = too_much
-        if least <= MODEL_TOLERANCE:
+            lowest = too_much
+        if lowest <= MODEL_TOLERANCE:
             break
     assert best is not None
-    kept = best.supported(judge, seed)
+    supported = best.supported(judge, seed)
     if isinstance(best.pose, SensorSetting):
-        return Supported(best.pose, kept)
+        return Supported(best.pose, supported)
     message = "pose near the best, supported by simulation"
-    found = best.pose
+    pose_found = best.pose
     return Supported(
-        setting_at(judge.request, found.cam2world, found.entities, message, seed=options[0].seed),
-        kept,
+        setting_at(
+            judge.request, pose_found.cam2world, pose_found.entities, message, seed=options[0].seed
+        ),
+        supported,
     )
 
 
@@ -309,18 +313,18 @@ def joint_bounds(
         As soon as one bound is surely below this, others may state too much.
     """
     bounds: dict[str, tuple[float, int]] = {}
-    left = tuple(names)
+    undecided = tuple(names)
     for at_least in (JOINT_POSES, JOINT_SURE_POSES):
         sure = at_least == JOINT_SURE_POSES
-        counts = joint_counts(judge, cam2world, left, seed, at_least, needed if sure else 0.0)
-        bounds.update({name: (counts.lower[name], counts.n) for name in left})
-        left = tuple(
+        counts = joint_counts(judge, cam2world, undecided, seed, at_least, needed if sure else 0.0)
+        bounds.update({name: (counts.lower[name], counts.n) for name in undecided})
+        undecided = tuple(
             name
             for name, hits in zip(counts.names, counts.successes, strict=True)
             if hits >= judge.threshold * counts.n and not keeps(judge, counts.lower[name])
         )
-        decided = [lower for name, (lower, _) in bounds.items() if name not in left]
-        if not left or min(decided, default=1.0) < needed:
+        decided = [lower for name, (lower, _) in bounds.items() if name not in undecided]
+        if not undecided or min(decided, default=1.0) < needed:
             break
     return bounds
 
@@ -374,9 +378,9 @@ def _excess(
 ) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
     names = tuple(setting.entities)
-    known = judge.request.known_at(setting.cam2world, names)
+    registered = judge.request.known_at(setting.cam2world, names)
     rates = simulate_setting(
-        PosedOnly(setting.cam2world, names, dict(setting.probability), known),
+        PosedOnly(setting.cam2world, names, dict(setting.probability), registered),
         judge.request.at_pose(setting.cam2world, setting.entities).measured,
         judge.camera,
         judge.request.pose_uncertainty,
@@ -454,14 +458,17 @@ def simulate_promises(
     """
     judge: Judge = shared.value
     # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
-    own = [name for name in stated if not judge.request.find_target(name).in_image]
+    composed = [name for name in stated if not judge.request.find_target(name).in_image]
     excess = dict.fromkeys(stated, 0.0)
-    for names in (tuple(name for name in stated if name not in own), *((name,) for name in own)):
+    for names in (
+        tuple(name for name in stated if name not in composed),
+        *((name,) for name in composed),
+    ):
         if names:
-            some = PosedOnly(cam2world, names, {name: stated[name] for name in names})
-            excess.update(promised_too_much(judge, some, seed))
-    kept = tuple(name for name in stated if excess[name] <= 0.0)
-    bounds = joint_bounds(judge, cam2world, kept, seed) if kept else {}
+            posed = PosedOnly(cam2world, names, {name: stated[name] for name in names})
+            excess.update(promised_too_much(judge, posed, seed))
+    upheld = tuple(name for name in stated if excess[name] <= 0.0)
+    bounds = joint_bounds(judge, cam2world, upheld, seed) if upheld else {}
     return Found({**excess, **missing(judge, bounds)}, bounds)
 
 
@@ -502,19 +509,21 @@ class Promises:
         if task[2]:
             self.take(setting, simulate_promises(*task))
         pose = setting.cam2world.tobytes()
-        found = {n: self._excess[pose, n, setting.probability[n]] for n in setting.entities}
-        return {name: too_much for name, too_much in found.items() if too_much > 0.0}
+        excess = {n: self._excess[pose, n, setting.probability[n]] for n in setting.entities}
+        return {name: too_much for name, too_much in excess.items() if too_much > 0.0}
 
     def with_bounds(self, setting: SensorSetting) -> SensorSetting:
         """Return a setting that states the P_all that was counted for its entities."""
         pose = setting.cam2world.tobytes()
         if not all((pose, name) in self._bounds for name in setting.entities):
             return setting
-        found = {name: self._bounds[pose, name] for name in setting.entities}
-        stated = {name: min(lower, setting.probability[name]) for name, (lower, _) in found.items()}
+        bounds = {name: self._bounds[pose, name] for name in setting.entities}
+        stated = {
+            name: min(lower, setting.probability[name]) for name, (lower, _) in bounds.items()
+        }
         # what is missed by one at least is missed by no more than all of them miss
         together = max(1.0 - sum(1.0 - p for p in stated.values()), 0.0)
-        poses = min((n for _, n in found.values()), default=0)
+        poses = min((n for _, n in bounds.values()), default=0)
         return replace(setting, p_all=stated, p_all_together=together, p_all_poses=poses)
 
 
@@ -572,9 +581,9 @@ def centre_setting(
             break
         if not _inspects(judge, pose, setting.entities):
             continue
-        own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
-        if not loses(own):
-            setting = best_supported(judge, [own, setting], seed, settings).setting
+        moved = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
+        if not loses(moved):
+            setting = best_supported(judge, [moved, setting], seed, settings).setting
             break
     return with_p_all(judge, setting, seed, poses)
 
@@ -657,8 +666,8 @@ class _Losses:
 
     def _times_measured(self, setting: SensorSetting, sigmas: float, poses: int) -> np.ndarray:
         """Return in how many poses, displaced so many times as far, each target of a setting is measured (k,)."""
-        asked = self._judge.request
-        wide = type(asked.pose_uncertainty)(sigmas**2 * asked.pose_uncertainty.covariance)
-        own = asked.at_pose(setting.cam2world, setting.entities)
-        checks = DisplacedChecks(replace(own, pose_uncertainty=wide), setting.entities)
+        request = self._judge.request
+        wide = type(request.pose_uncertainty)(sigmas**2 * request.pose_uncertainty.covariance)
+        request_here = request.at_pose(setting.cam2world, setting.entities)
+        checks = DisplacedChecks(replace(request_here, pose_uncertainty=wide), setting.entities)
         return np.array(checks.count(setting.cam2world, poses, self._seed).successes)

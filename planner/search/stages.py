@@ -147,12 +147,12 @@ class ShortTargets:
         judge = self._run.judge
         for name in list(self.reached):
             self._run.callbacks.deadline.check()
-            own = judge.names.index(name)
+            column = judge.names.index(name)
             bounds = {}
             for k, setting in enumerate(self.settings):
-                if judge(setting.cam2world[None]).inspects[0, own]:
-                    found = joint_bounds(judge, setting.cam2world, (name,), self._run.seed)
-                    bounds[k] = found[name][0]
+                if judge(setting.cam2world[None]).inspects[0, column]:
+                    bounds_here = joint_bounds(judge, setting.cam2world, (name,), self._run.seed)
+                    bounds[k] = bounds_here[name][0]
             if not bounds:
                 continue
             best = max(bounds, key=lambda k: bounds[k])
@@ -182,44 +182,44 @@ class ShortTargets:
         rows = np.flatnonzero(columns.any(axis=1))
         worth = columns[rows].sum(axis=1) + run.pool.quality[rows] / 2.0
         rows = rows[np.argsort(-worth, kind="stable")]
-        left = short.copy()
+        unserved = short.copy()
         tried = np.zeros(len(run.names), dtype=int)
         proposed = []
         for c in rows.tolist():
-            wanted = columns[c] & left & (tried < _RETRIED)
-            if not wanted.any():
+            served = columns[c] & unserved & (tried < _RETRIED)
+            if not served.any():
                 continue
-            tried += wanted
+            tried += served
             run.callbacks.deadline.check()
             (candidate,) = candidate_settings(run, run.pool, [c])
-            others = [n for n in candidate.entities if n not in run.names_of(wanted)]
-            for one in as_simulated(run, [without(run.request, candidate, others)]):
-                left &= ~np.isin(run.names, one.entities)
-                proposed.append(one)
+            others = [n for n in candidate.entities if n not in run.names_of(served)]
+            for setting in as_simulated(run, [without(run.request, candidate, others)]):
+                unserved &= ~np.isin(run.names, setting.entities)
+                proposed.append(setting)
         return proposed
 
     def _own_settings(self) -> list[SensorSetting]:
         """Return the best poses that a search for each of the targets alone finds."""
         run = self._run
         sets = [(name,) for name in self.reached]
-        found = [one.setting for one in run.realise(sets)]
-        supported = run.supported([[one] for one in found if one is not None])
-        return [one.setting for one in supported]
+        realised = [outcome.setting for outcome in run.realise(sets)]
+        supported = run.supported([[outcome] for outcome in realised if outcome is not None])
+        return [outcome.setting for outcome in supported]
 
     def _add(self, settings: Sequence[SensorSetting]) -> None:
         """Take the settings in, for the targets that have the required P_all there and were short."""
-        for one in settings:
-            for name, p in one.p_all.items():
+        for setting in settings:
+            for name, p in setting.p_all.items():
                 self._reach(name, p)
             useless = [
                 name
-                for name in one.entities
-                if name not in self.reached or not keeps(self._run.judge, one.p_all[name])
+                for name in setting.entities
+                if name not in self.reached or not keeps(self._run.judge, setting.p_all[name])
             ]
-            kept = without(self._run.request, one, useless) if useless else one
-            if kept.entities:
-                self.settings.append(kept)
-            for name in kept.entities:
+            added = without(self._run.request, setting, useless) if useless else setting
+            if added.entities:
+                self.settings.append(added)
+            for name in added.entities:
                 del self.reached[name]
 
     def _reach(self, name: str, p_all: float) -> None:
@@ -285,27 +285,29 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
 def _supported(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
     """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough."""
     enough = run.effort.good_enough
-    good = [k for k, one in enumerate(candidates) if min(one.probability.values()) > enough]
+    good = [
+        k for k, candidate in enumerate(candidates) if min(candidate.probability.values()) > enough
+    ]
     # what was simulated on the way is not simulated again
     for _ in run.simulate([candidates[k] for k in good]):
         pass
     plain = [k for k in good if not run.promises.contradicted_in(candidates[k])]
-    kept = {k: Supported(candidates[k], frozenset(candidates[k].entities)) for k in plain}
-    rest = [k for k in range(len(candidates)) if k not in kept]
-    searched = _searched(run, [candidates[k] for k in rest])
-    kept.update(zip(rest, searched, strict=True))
-    return [kept[k] for k in range(len(candidates))]
+    supported = {k: Supported(candidates[k], frozenset(candidates[k].entities)) for k in plain}
+    others = [k for k in range(len(candidates)) if k not in supported]
+    searched = _searched(run, [candidates[k] for k in others])
+    supported.update(zip(others, searched, strict=True))
+    return [supported[k] for k in range(len(candidates))]
 
 
 def _searched(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
     """Search a better pose for each candidate pose, and return the better one that simulation supports."""
     options = []
-    outcomes = run.realise([one.entities for one in candidates])
+    outcomes = run.realise([column.entities for column in candidates])
     for candidate, outcome in zip(candidates, outcomes, strict=True):
-        found = outcome.setting
+        setting = outcome.setting
         both = [candidate]
-        if found is not None and _holds(run, found, candidate.entities):
-            both.insert(found.fitness < candidate.fitness - _FITNESS_GAIN, found)
+        if setting is not None and _holds(run, setting, candidate.entities):
+            both.insert(setting.fitness < candidate.fitness - _FITNESS_GAIN, setting)
         options.append(both)
     return run.supported(options)
 
@@ -350,17 +352,17 @@ def _without_short(
     Where it is said how settings are moved off their limits, these are tried again before they are given up.
     """
     threshold = min(run.request.probability, MOST_REQUIRED)
-    short = [{n for n, p in one.p_all.items() if p < threshold} for one in settings]
+    short = [{n for n, p in setting.p_all.items() if p < threshold} for setting in settings]
     fewer = [
-        without(run.request, one, sorted(missing)) if missing else one
-        for one, missing in zip(settings, short, strict=True)
+        without(run.request, setting, sorted(missing)) if missing else setting
+        for setting, missing in zip(settings, short, strict=True)
     ]
-    kept = {name for one in fewer for name in one.entities}
+    entities = {name for setting in fewer for name in setting.entities}
     reached: dict[str, float] = {}
-    for one, missing in zip(settings, short, strict=True):
-        for name in missing - kept:
-            reached[name] = max(one.p_all[name], reached.get(name, 0.0))
-    fewer = [one for one in fewer if one.entities]
+    for setting, missing in zip(settings, short, strict=True):
+        for name in missing - entities:
+            reached[name] = max(setting.p_all[name], reached.get(name, 0.0))
+    fewer = [setting for setting in fewer if setting.entities]
     if reached and centre is not None:
         tried = ShortTargets(run, fewer, reached, centre)
         tried.retry()
@@ -402,7 +404,7 @@ def centre_all(
     poses = JOINT_POSES
     early = until is not None
     if not early:
-        each = _JOINT_ALL_POSES // max(sum(len(one.entities) for one in settings), 1)
+        each = _JOINT_ALL_POSES // max(sum(len(setting_of.entities) for setting_of in settings), 1)
         poses = min(JOINT_SURE_POSES, max(each, poses))
     tasks = [
         (
@@ -472,8 +474,8 @@ def sample_poses(run: Run, incumbents: Incumbents) -> None:
     names = [name for name in run.names if name not in run.state.uninspectable]
     arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in names[done:]]
     check = run.callbacks.check
-    found = in_order(run.executor, judged_poses, arguments, check)
-    for k, (poses, judged) in enumerate(found, done + 1):
+    results = in_order(run.executor, judged_poses, arguments, check)
+    for k, (poses, judged) in enumerate(results, done + 1):
         run.pools.add(poses, judged, run.judge.steady)
         run.save({"sampled": k})
         incumbents.offer_on_the_way(run)
@@ -488,11 +490,11 @@ def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]
     missing = [name for i, name in enumerate(run.names) if not run.pool.membership[:, i].any()]
     reasons: dict[str, Reason] = {}
     for first in range(0, len(missing), _AT_A_TIME):
-        some = missing[first : first + _AT_A_TIME]
-        for name, outcome in zip(some, run.realise([(name,) for name in some]), strict=True):
+        batch = missing[first : first + _AT_A_TIME]
+        for name, outcome in zip(batch, run.realise([(name,) for name in batch]), strict=True):
             if name not in run.accept(outcome):
                 reasons[name] = outcome.reason_at(run.request.probability)
-        if len(reasons) < first + len(some):
+        if len(reasons) < first + len(batch):
             incumbents.offer(run)
     return reasons
 
@@ -572,9 +574,9 @@ def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
     if proven[0] < alone:
         proven = alone, exclusion_proof(run.request, alone), None
     bound, proof, weights = proven
-    found = ProvenBound(bound, proof, inspected, _of_all(weights))
-    incumbents.on_bound(run, found)
-    return found
+    proven_bound = ProvenBound(bound, proof, inspected, _of_all(weights))
+    incumbents.on_bound(run, proven_bound)
+    return proven_bound
 
 
 def _inspected(run: Run) -> np.ndarray:
@@ -595,8 +597,8 @@ def find_incompatible(run: Run) -> None:
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
         columns = run.pool.membership[:, seen]
-        found = exclusive_entities(run.request, seen, columns, run.executor)
-        run.state.incompatible = tuple(np.array(run.names)[found].tolist())
+        exclusive = exclusive_entities(run.request, seen, columns, run.executor)
+        run.state.incompatible = tuple(np.array(run.names)[exclusive].tolist())
 
 
 def weigh_columns(run: Run) -> None:
@@ -665,8 +667,8 @@ class ProofColumns:
         start = WarmStart(poses)
         weighing = run.state.weighing
         # what is found without some conditions seldom meets them
-        own = rounds if weighing is None else _JOINING_ROUNDS
-        price_poses(run.shared, run.pools, seed, own, run.executor, silent, start)
+        plan_rounds = rounds if weighing is None else _JOINING_ROUNDS
+        price_poses(run.shared, run.pools, seed, plan_rounds, run.executor, silent, start)
         if weighing is not None:
             price_poses(self.shared, weighing, seed, rounds, run.executor, silent, start)
 
@@ -688,24 +690,26 @@ def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) 
     incumbents : Incumbents
         Columns that make a better plan are offered.
     """
-    left = run.effort.refutations
+    tries = run.effort.refutations
     enough = None
     rng = run.rng("refutation")
     nodes = run.nodes(_REFUTING_SHARE)
     impossible = np.zeros((0, len(run.names)), dtype=bool)
-    while left > 0 and inspected.any():
+    while tries > 0 and inspected.any():
         realised = run.pool.membership[:, inspected]
         if enough is None:
             enough = len(few_columns(realised, nodes, rng))
         if enough <= 1 or bound >= run.callbacks.deadline.wanted_bound(enough):
             return
         near = run.pools.near.membership[:, inspected]
-        sets = sets_to_realise(realised, near, impossible[:, inspected], enough, nodes, rng)[:left]
+        sets = sets_to_realise(realised, near, impossible[:, inspected], enough, nodes, rng)[:tries]
         if not sets:
             return
-        left -= len(sets)
-        wanted = [tuple(np.array(run.names)[inspected][one].tolist()) for one in sets]
-        for names, outcome in zip(wanted, run.realise(wanted), strict=True):
+        tries -= len(sets)
+        sets_of_names = [
+            tuple(np.array(run.names)[inspected][members].tolist()) for members in sets
+        ]
+        for names, outcome in zip(sets_of_names, run.realise(sets_of_names), strict=True):
             reached = run.accept(outcome)
             enough = None if reached else enough
             if set(names) - set(reached):
@@ -793,12 +797,12 @@ def unlit(plan: InspectionPlan) -> list[str]:
 def _places(run: Run, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
     """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
     assert plan.light is not None
-    given = lighting.given
-    if given is None:
+    places = lighting.given
+    if places is None:
         return np.empty((0, 3))
-    if isinstance(given, np.ndarray):
-        return given
-    return np.concatenate([plan.light.lamps, given.places(_LIGHT_PLACES)])
+    if isinstance(places, np.ndarray):
+        return places
+    return np.concatenate([plan.light.lamps, places.places(_LIGHT_PLACES)])
 
 
 def _shown_from_elsewhere(
@@ -809,7 +813,7 @@ def _shown_from_elsewhere(
     places: NDArray[np.float64],
 ) -> list[SensorSetting]:
     """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
-    kept: list[SensorSetting] = []
+    elsewhere: list[SensorSetting] = []
     for k, name in enumerate(dark):
         poses = _poses_that_inspect(run, plan, name)
         settings = [
@@ -820,9 +824,9 @@ def _shown_from_elsewhere(
         seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
         more = run.judge(seen_from).inspects.sum(axis=1)
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
-        kept += [seen[i] for i in order[:_LIGHT_KEPT]]
+        elsewhere += [seen[i] for i in order[:_LIGHT_KEPT]]
         report(run.callbacks.progress, k + 1, len(dark), "poses in the light")
-    full = [setting for setting in map(_with_all(run), kept) if setting.entities]
+    full = [setting for setting in map(_with_all(run), elsewhere) if setting.entities]
     lit = _shown(run, lighting, plan, full, places)
     cut = [
         without(run.request, setting, [name for name in setting.entities if name not in names])
@@ -850,12 +854,12 @@ def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np
     """Return poses (n, 4, 4) that inspect an entity, `_LIGHT_TRIED` at most: half inspect most, half are spread."""
     column = run.names.index(name)
     seed = derive_seed(run.seed, ["light", name])
-    known = run.pool.poses[run.pool.membership[:, column]]
+    pooled = run.pool.poses[run.pool.membership[:, column]]
     drawn = entity_poses(run.judge, name, _LIGHT_VIEWPOINTS, seed)
     planned = np.array([setting.cam2world for setting in plan.settings if name in setting.entities])
     near = np.repeat(planned, _LIGHT_AROUND, axis=0)
     near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
-    poses = np.concatenate([known, drawn, near])
+    poses = np.concatenate([pooled, drawn, near])
     inspects = run.judge(poses).inspects
     poses = poses[inspects[:, column]]
     more = inspects[inspects[:, column]].sum(axis=1)
@@ -863,10 +867,12 @@ def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np
         return poses
     # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
     spread = np.modf(np.arange(len(poses)) * _GOLDEN)[0]
-    most = np.lexsort((spread, -more))[: _LIGHT_TRIED // 2]
-    rest = np.setdiff1d(np.arange(len(poses)), most)
-    others = rest[np.linspace(0, len(rest) - 1, _LIGHT_TRIED - len(most)).round().astype(int)]
-    return np.asarray(poses[np.concatenate([most, others])])
+    richest = np.lexsort((spread, -more))[: _LIGHT_TRIED // 2]
+    remaining = np.setdiff1d(np.arange(len(poses)), richest)
+    others = remaining[
+        np.linspace(0, len(remaining) - 1, _LIGHT_TRIED - len(richest)).round().astype(int)
+    ]
+    return np.asarray(poses[np.concatenate([richest, others])])
 
 
 def _shown(
@@ -998,10 +1004,12 @@ def _settle(state: PlanState, tools: Tools) -> None:
     assert state.inspected is not None
     settled = settle(tools.run, state.inspected)
     state.uninspectable.update(settled.lost)
-    kept = np.isin(tools.run.names, [n for one in settled.settings for n in one.entities])
+    settled_targets = np.isin(
+        tools.run.names, [n for setting in settled.settings for n in setting.entities]
+    )
     assert state.bound_of is not None
     proven = ProvenBound(state.bound, state.proof, state.bound_of, state.bound_weights)
-    state.bound = proven.for_some(kept)
+    state.bound = proven.for_some(settled_targets)
     state.plan = assembled(tools.run, settled.settings, state.bound, state.proof)
 
 

@@ -207,12 +207,12 @@ def _gauss_newton(points: Any, radius: float, found: Any, step: Any) -> None:
 @kernel_without_refcounts(error_model="numpy")
 def _solve(normal: Any, right: Any, solved: Any) -> None:
     """Solve three equations whose matrix is symmetric and positive: (xx, xy, x1, yy, y1, 11)."""
-    xx, xy, x1, yy, y1, one = normal
+    xx, xy, x1, yy, y1, n_points = normal
     low = xy / xx
     lower = x1 / xx
     middle = yy - low * xy
     last = (y1 - low * x1) / middle
-    corner = one - lower * x1 - last * (y1 - low * x1)
+    corner = n_points - lower * x1 - last * (y1 - low * x1)
     second = right[1] - low * right[0]
     third = right[2] - lower * right[0] - last * second
     solved[2] = third / corner
@@ -266,22 +266,24 @@ def measured_errors(
     outside = np.zeros(len(poses), dtype=bool)
     fits = []
     real = _before_real_faces(dimension, poses, rng)
-    for one, frame, seen_from in zip(dimension.geometry, value.frames, real, strict=True):
-        points = _points(one, dimension, planned, camera)
+    for geometry, frame, seen_from in zip(dimension.geometry, value.frames, real, strict=True):
+        points = _points(geometry, dimension, planned, camera)
         pixels = _pixels(points, seen_from, camera)
         outside |= ~_on_sensor(pixels, camera)
-        found = _localised(pixels, dimension.localisation, value.in_image, rng)
+        errors = _localised(pixels, dimension.localisation, value.in_image, rng)
         if dimension.localisation.common_px > 0:
-            ahead = _pixels(points + _forward(one, points), seen_from, camera) - pixels
-            found = found + _common(ahead, dimension.localisation, value.in_image, rng)
+            ahead = _pixels(points + _forward(geometry, points), seen_from, camera) - pixels
+            errors = errors + _common(ahead, dimension.localisation, value.in_image, rng)
         if value.in_image:
             pitch = np.array(camera.pixel_pitch_mm)
             nominal = undistorted_px(camera, _pixels(points, planned[None], camera)[0])
             return value.image_value(
-                undistorted_px(camera, found) * pitch, nominal * pitch
+                undistorted_px(camera, errors) * pitch, nominal * pitch
             ), outside
-        flat = _carried_back(found, planned, camera, np.array([frame.origin, frame.x, frame.y]))
-        fits.append(_circles(flat, one.radius_mm) if isinstance(one, Circle) else _lines(flat))
+        flat = _carried_back(errors, planned, camera, np.array([frame.origin, frame.x, frame.y]))
+        fits.append(
+            _circles(flat, geometry.radius_mm) if isinstance(geometry, Circle) else _lines(flat)
+        )
     return value.value(fits), outside
 
 
@@ -345,15 +347,17 @@ def _points(
     """Return the points (m, 3) that are looked for on an entity."""
     if dimension.measurand.in_image:
         return np.array([one.p, one.q])  # type: ignore[union-attr]
-    how = dimension.localisation
-    if how.model != "fit":
-        return sample_points(one, how.points)
+    localisation = dimension.localisation
+    if localisation.model != "fit":
+        return sample_points(one, localisation.points)
     outline = _pixels(sample_points(one, 200), planned[None], camera)[0]
     # of what is outside the field of a lens with distortion there is no image
     along = float(np.nansum(np.linalg.norm(np.diff(outline, axis=0), axis=1)))
-    independent = max(3, round(along / how.correlation_px))
-    if how.floor_px > 0:
-        independent = min(independent, max(3, round((how.sigma_px / how.floor_px) ** 2)))
+    independent = max(3, round(along / localisation.correlation_px))
+    if localisation.floor_px > 0:
+        independent = min(
+            independent, max(3, round((localisation.sigma_px / localisation.floor_px) ** 2))
+        )
     return sample_points(one, independent)
 
 
@@ -363,14 +367,14 @@ def _pixels(
     """Return images (n, m, 2) in px of points (m, 3) from poses (n, 4, 4); nan behind the camera."""
     if camera.distortion is None:
         # copies, so that the loops are compiled for one kind of arrays
-        found = np.empty((len(poses), len(points), 2))
+        pixels = np.empty((len(poses), len(points), 2))
         image_points(
             np.array(points, np.float64, order="C"),
             np.array(poses, np.float64, order="C"),
             _scale(camera),
-            found,
+            pixels,
         )
-        return found
+        return pixels
     local = world_to_cam(points, poses)
     depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
     return image_of(camera, local / depth)
@@ -411,9 +415,9 @@ def _carried_back(
 ) -> NDArray[np.float64]:
     """Return coordinates (n, m, 2) in a plane (3, 3: origin, x, y) where rays from the planned pose meet it."""
     ideal = np.ascontiguousarray(undistorted_px(camera, pixels), np.float64)
-    found = np.empty(ideal.shape)
-    carry_back(ideal, np.array(planned, np.float64, order="C"), _scale(camera), frame, found)
-    return found
+    carried = np.empty(ideal.shape)
+    carry_back(ideal, np.array(planned, np.float64, order="C"), _scale(camera), frame, carried)
+    return carried
 
 
 def _lines(flat: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -429,9 +433,9 @@ def _lines(flat: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _circles(flat: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
     """Fit circles to points (n, m, 2) by squares of distances; return centre and radius (n, 3)."""
-    found = np.empty((len(flat), 3))
-    fit_circles(np.ascontiguousarray(flat), float(radius), found)
-    return found
+    circles = np.empty((len(flat), 3))
+    fit_circles(np.ascontiguousarray(flat), float(radius), circles)
+    return circles
 
 
 # What a simulation needs to know of a plan, and of a setting: rooms above this one have both.
@@ -693,7 +697,7 @@ def _edge_successes(
     """The same for lengths of edges, all from the same poses."""
     if not entities:
         return {}
-    ends = np.array([_ends_of(one) for one in entities.values()], dtype=float)
+    ends = np.array([_ends_of(entity) for entity in entities.values()], dtype=float)
     planned = np.asarray(setting.cam2world, dtype=float)
     successes = np.zeros(len(ends), dtype=int)
     outside = np.zeros(len(ends), dtype=int)
@@ -821,10 +825,10 @@ class ValuePoses:
 
 
 def _values_of(setting: Posed, rng: np.random.Generator) -> ValuePoses:
-    known = getattr(setting, "registered", None)
+    registered = getattr(setting, "registered", None)
     # without registration nothing more is drawn
-    seed = [] if known is None else rng.integers(2**31, size=2).tolist()
-    return ValuePoses(np.asarray(setting.cam2world, dtype=float), known, seed)
+    seed = [] if registered is None else rng.integers(2**31, size=2).tolist()
+    return ValuePoses(np.asarray(setting.cam2world, dtype=float), registered, seed)
 
 
 def _ends_of(item: Any) -> Any:
