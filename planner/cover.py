@@ -360,14 +360,14 @@ def _bound_on_count(dual_bound: float | None, n_entities: int) -> int:
 # optimal duals than a single one.
 _FIXING_BIAS = 1.05
 _FIXING_DUALS = 4
-# A column stays if its reduced cost is at most this
+# a column stays if its reduced cost is at most this
 _CORE_SLACK = 0.1
 # of an entity in none of these columns, this many of the heaviest columns stay
 _CORE_OF_ENTITY = 5
 # columns in the first linear program, and violated columns added at a time. Few are ever needed.
 _FIRST_COLUMNS = 300
 _MORE_COLUMNS = 100
-# A smaller violation of a dual constraint is rounding
+# a smaller violation of a dual constraint is rounding
 _BROKEN = 1e-9
 # groups of duals solved in parallel. Each dual starts with the columns of the one before in its
 # group, so the result depends on this number and not on the machine.

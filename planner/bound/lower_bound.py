@@ -542,7 +542,7 @@ _COVER_ROUNDS = 20
 _ROUNDS_PER_COVER = 10
 # largest number of linear programs. Then all weights are divided by that of the heaviest leaf.
 _DUAL_ROUNDS = 60
-# A leaf may weigh this much more than 1
+# a leaf may weigh this much more than 1
 _TOLERANCE = 1e-7
 # leaves checked in a round, those that weigh most
 _VIOLATED = 2000
@@ -664,9 +664,7 @@ def lower_bound(
         growing = _Growing(checkpoint, conflict)
         leaves = TargetLeaves(tree, witnesses)
         boxes = effort.boxes_for(columns.shape[1])
-        proven, weights = _by_covers(
-            leaves, columns, (alone, n_settings), growing, boxes, callbacks
-        )
+        proven, weights = _by_covers(leaves, columns, alone, n_settings, growing, boxes, callbacks)
         first = {"conflict": conflict, "weights": weights, "bound": proven}
         first |= {"made": tree.made, "alone": alone}
     checkpoint.put("covers", first)
@@ -740,18 +738,18 @@ def _items(request: Request) -> str:
 def _by_covers(
     tree: TargetLeaves,
     columns: NDArray[np.bool_],
-    between: tuple[int, int],
+    proven: int,
+    n_settings: int,
     growing: _Growing,
     max_nodes: int,
     callbacks: Callbacks,
 ) -> tuple[int, NDArray[np.float64] | None]:
     """Return how many settings covers by leaves' sets prove; the tree is grown as far as they need it.
 
-    ``between`` is the bound that is proven already, and the one that is aimed at in the end. Returned are also weights
+    ``proven`` is the bound so far, ``n_settings`` the one that is aimed at in the end. Returned are also weights
     that prove it, if there are some: what a search of covers proves, weights may not.
     """
     weights = _Weights(np.asarray(columns, dtype=bool))
-    proven, n_settings = between
     guide = fractional_cover(columns)[1]
     target, rounds = growing.resume(tree, weights) or (proven + 1, 0)
     while target <= n_settings and tree.made < min(_TREE_NODES, max_nodes):

@@ -8,11 +8,11 @@ of each line with the shadows that rays find, and takes no part in proofs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, islice
 from math import comb
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from aspectgraph.entities.entity import Entity, resolve_entities
 from aspectgraph.solid.rims import Arc, Rim
 from errors.measurands import Circle
-from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.corners import FITTED_PX
 from planner.detectability.image_check import ImageCheck
@@ -36,6 +35,7 @@ from planner.light.background import (
     shadowed_each,
 )
 from planner.request.planned import targets_of
+from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -50,38 +50,6 @@ if TYPE_CHECKING:
 Silhouettes = dict[int, int]
 # a circle of a plan is that of a rim if they differ by less than this share of the part's size
 _SAME = 1e-6
-
-
-class ViewToLight(Protocol):
-    """A pose and what is measured from it, such as a `SensorSetting`."""
-
-    @property
-    def cam2world(self) -> NDArray[np.float64]:
-        """The pose, (4, 4)."""
-
-    @property
-    def entities(self) -> Sequence[str]:
-        """Names of what is measured."""
-
-
-class PlanToLight(Protocol):
-    """Settings and what they measure, such as an `InspectionPlan`."""
-
-    @property
-    def settings(self) -> Sequence[ViewToLight]:
-        """The settings, in order."""
-
-    @property
-    def targets(self) -> Mapping[str, PlannedTarget]:
-        """What is measured, by name."""
-
-    @property
-    def camera(self) -> Camera:
-        """The camera."""
-
-    @property
-    def requirements(self) -> Mapping[str, float]:
-        """Limits of the plan by name."""
 
 
 @dataclass(frozen=True)
@@ -130,12 +98,12 @@ class Demands:
         return label
 
 
-def demands_of(plan: PlanToLight, solid: Solid, scene: RayScene, ground: str) -> Demands:
+def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Demands:
     """Return what a plan asks of its lamps.
 
     Parameters
     ----------
-    plan : PlanToLight
+    plan : Planned
         The plan.
     solid : Solid
         Its part.
@@ -797,7 +765,7 @@ def _clear(
 
 
 def corners_of(
-    plan: PlanToLight,
+    plan: Planned,
     solid: Solid,
     scene: RayScene,
     names: Sequence[tuple[int, str]],
@@ -807,7 +775,7 @@ def corners_of(
 
     Parameters
     ----------
-    plan : PlanToLight
+    plan : Planned
         The plan; if it asks for neither corners nor separation, there is nothing.
     solid : Solid
         Its part.

@@ -17,7 +17,7 @@ from planner.request.planned import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph.solid.ray_scene import RayScene
-    from planner.light.corner_light import PlanToLight
+    from planner.verify.simulate_setting import Planned
 
 
 class Exposure(NamedTuple):
@@ -315,14 +315,14 @@ def beside(camera: Camera, cam2world: Array, points: Array) -> Array:
     return image_of(camera, local / local[:, 2:])[:, None] + _RING
 
 
-def with_exposures(light: LightPlan, plan: PlanToLight, scene: RayScene) -> LightPlan:
+def with_exposures(light: LightPlan, plan: Planned, scene: RayScene) -> LightPlan:
     """Return lamps whose images say what to expose them for.
 
     Parameters
     ----------
     light : LightPlan
         The lamps.
-    plan : PlanToLight
+    plan : Planned
         The settings that they are for.
     scene : RayScene
         Of the part.
@@ -338,7 +338,7 @@ def with_exposures(light: LightPlan, plan: PlanToLight, scene: RayScene) -> Ligh
 
 
 def exposure_of(
-    image: LitImage, light: LightPlan, plan: PlanToLight, k: int, scene: RayScene
+    image: LitImage, light: LightPlan, plan: Planned, k: int, scene: RayScene
 ) -> Exposure | None:
     """Return what an image of the k-th setting is exposed for, None if no lamp lights any of it.
 
@@ -348,7 +348,7 @@ def exposure_of(
         The image.
     light : LightPlan
         Its lamps.
-    plan : PlanToLight
+    plan : Planned
         Its plan.
     k : int
         Number of its setting, from 0.

@@ -33,9 +33,10 @@ from planner.light.background import (
     rays_beside,
     sure_contrast,
 )
-from planner.light.corner_light import Corners, Demands, Pair, PlanToLight, corners_of, demands_of
+from planner.light.corner_light import Corners, Demands, Pair, corners_of, demands_of
 from planner.progress import Progress, labelled
 from planner.request.reach import Reach, check_reach, reach_margin
+from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
     from aspectgraph import CellSet, Edge, Solid
@@ -853,12 +854,12 @@ class Lighting:
         if isinstance(self.given, np.ndarray):
             check_lamps(solid, self.given)
 
-    def served(self, plan: PlanToLight, solid: Solid, progress: Progress | None = None) -> Served:
+    def served(self, plan: Planned, solid: Solid, progress: Progress | None = None) -> Served:
         """Return a record of lamp positions that light the targets; it is empty at first.
 
         Parameters
         ----------
-        plan : PlanToLight
+        plan : Planned
             Settings and their targets.
         solid : Solid
             The part.
@@ -897,7 +898,7 @@ class Lighting:
         )
 
 
-def eyes_of(plan: PlanToLight) -> NDArray[np.float64]:
+def eyes_of(plan: Planned) -> NDArray[np.float64]:
     """Return where the cameras of a plan are (n, 3), mm."""
     return np.array([np.asarray(setting.cam2world)[:3, 3] for setting in plan.settings]).reshape(
         -1, 3

@@ -17,10 +17,11 @@ from planner.argument_kinds import check_kinds
 from planner.cover import maximal_columns, min_cover
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
-from planner.light.corner_light import LampSets, PlanToLight, fewest_together, sites_of
+from planner.light.corner_light import LampSets, fewest_together, sites_of
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
 from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
 from planner.progress import Progress
+from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -162,7 +163,7 @@ _SHADOW = ", or a shadow next to it"
 
 
 def plan_light(
-    plan: PlanToLight,
+    plan: Planned,
     solid: Solid,
     lamps: Any,
     *,
@@ -251,7 +252,7 @@ def plan_light(
 
 def chosen_lamps(
     lighting: Lighting,
-    plan: PlanToLight,
+    plan: Planned,
     solid: Solid,
     progress: Progress | None = None,
     also: ArrayLike = (),
@@ -262,9 +263,7 @@ def chosen_lamps(
     return with_exposures(light, plan, served.scene)
 
 
-def _chosen(
-    lighting: Lighting, served: Served, plan: PlanToLight, also: ArrayLike = ()
-) -> LightPlan:
+def _chosen(lighting: Lighting, served: Served, plan: Planned, also: ArrayLike = ()) -> LightPlan:
     places = lighting.given
     work = _Work(served, len(plan.settings), lighting.ground)
     if places is None:
@@ -316,14 +315,15 @@ class _Work:
         shots: list[list[LitImage]] = [[] for _ in range(self.n_settings)]
         for setting, place, pairs in images:
             shots[setting].append(self.image((number[place],), pairs, served.contrast[place]))
-        return self.plan(kind, served.places[list(chosen)], shots, (bound, proof), reasons)
+        return self.plan(kind, served.places[list(chosen)], shots, bound, proof, reasons)
 
     def plan(
         self,
         kind: str,
         places: NDArray[np.float64],
         shots: Sequence[Sequence[LitImage]],
-        proven: tuple[int, str],
+        bound: int,
+        proof: str,
         reasons: Mapping[int, str],
     ) -> LightPlan:
         """Return the plan of lamps at places, ``shots`` by setting, ``reasons`` by pair."""
@@ -339,7 +339,8 @@ class _Work:
             places,
             tuple(map(tuple, shots)),
             tuple(unlit),
-            *proven,
+            bound,
+            proof,
         )
 
 
@@ -474,7 +475,7 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
             shots[k].append(work.image(range(n), pairs, fewest.contrast))
     kind = "fixed" if fixed else "placed"
     return replace(
-        work.plan(kind, places[list(fewest.chosen)], shots, (bound, proof), dark), together=True
+        work.plan(kind, places[list(fewest.chosen)], shots, bound, proof, dark), together=True
     )
 
 

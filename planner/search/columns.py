@@ -52,7 +52,7 @@ _DISPLACED = 24
 # check corners first for this many entities of a pose, those of the highest price. Most of them
 # have none.
 _FIRST_CORNERS = 2
-# Poses evaluated at a time. It limits the memory.
+# poses evaluated at a time. It limits the memory.
 BATCH = 2048
 
 # Poses near given ones, far and fine changes mixed.
@@ -500,13 +500,13 @@ class _Worth:
 
 # viewing directions for each drawn viewpoint. The first looks at the entity itself.
 _AXES_PER_VIEWPOINT = 6
-# A round starts from up to one and a half times this number of poses. A quarter of the number is
+# a round starts from up to one and a half times this number of poses. A quarter of the number is
 # drawn from the pool, and a quarter is the best of the pool by price. Up to half nearly inspect
 # a set that would improve the cover. Up to half are the best of the round before.
 _PARENTS = 64
 # number of perturbations of every parent
 _CHILDREN = 24
-# Poses evaluated at a time, in every process, because the last digits depend on it
+# poses evaluated at a time, in every process, because the last digits depend on it
 _BATCH = 768
 # rounds between two checks of the relaxation
 _ROUNDS_PER_CHECK = 10
@@ -521,7 +521,7 @@ _WHOLE = 16
 # the search improves a pose for an entity only if it nearly inspects it to this degree (1:
 # inspected)
 _PROMISING = 0.3
-# Price of an entity without a column. It exceeds the weight of a column, because a column of its
+# price of an entity without a column. It exceeds the weight of a column, because a column of its
 # own is worth a setting.
 _UNCOVERED = 2.0
 

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 # viewpoints drawn at a time
 _DRAW_BATCH = 512
-# Poses kept from one round of the repair to the next: those that violate least
+# poses kept from one round of the repair to the next: those that violate least
 _POOL = 32
-# Poses tried near them in each round
+# poses tried near them in each round
 _CHILDREN = 256
 # size of the changes in the first and the last round, as shares of the parameters' ranges
 _FIRST_STEP = 0.2
@@ -436,7 +436,7 @@ def _violation(
 # starts differ by at least this share of the distance or of a parameter's range, or this angle
 # in rad. Nearer ones would be refined to the same optimum.
 _APART = 0.1
-# Positions drawn for each one kept, so that those kept are spread out
+# positions drawn for each one kept, so that those kept are spread out
 _DRAWN_PER_START = 8
 # largest number of ends that are refined
 _FOLLOWED = 3
@@ -447,7 +447,7 @@ _STEPS = 8
 _STEPS_MIRRORED = 20
 # largest number of refinements of one pose, the first in its cell
 _ONWARD_ROUNDS = 5
-# A refinement that gains no more than this share is the last
+# a refinement that gains no more than this share is the last
 _ONWARD_GAIN = 1e-6
 # half the step of the central differences
 _DIFFERENCE = 1e-4

@@ -31,7 +31,7 @@ from planner.verify.simulate_setting import MODEL_TOLERANCE, Posed, simulate_set
 
 # displaced poses simulated to check a pose
 _TRIAL_POSES = 4000
-# Poses drawn near a contradicted one
+# poses drawn near a contradicted one
 _NEIGHBOURS = 2000
 # neighbours evaluated at a time. Often simulation confirms one of the first.
 _NEIGHBOUR_BATCH = 250

@@ -438,18 +438,18 @@ _ROUNDS_PER_SEARCH = 5
 # share for each cover while the program tries optimistic columns. There are many, and a cover
 # that is not the best costs no more than a run of the genetic algorithm.
 _REFUTING_SHARE = 0.1
-# smallest number of rounds of column generation
+# smallest number of rounds of column generation from poses that the proof found
 _JOINING_ROUNDS = 5
-# largest number of rounds, for few columns
+# largest number of these rounds, for few columns
 _MOST_JOINING_ROUNDS = 25
-# rounds times columns is about this, because a round over many columns takes longer
+# these rounds times columns is about this, because a round over many columns takes longer
 _ROUNDS_TIMES_COLUMNS = 20_000
 # viewpoints drawn for each unlit entity, in addition to the poses of the pool
 _LIGHT_VIEWPOINTS = 60
-# Poses tried around each planned pose of the entity, which may keep the other targets of the
+# poses tried around each planned pose of the entity, which may keep the other targets of the
 # setting
 _LIGHT_AROUND = 400
-# Poses of each entity whose light is computed
+# poses of each entity whose light is computed
 _LIGHT_TRIED = 48
 # of the poses where the entity is lit, keep this many as candidates: those that inspect most
 # entities with the highest probability

@@ -642,7 +642,7 @@ def simulate_setting(
     )
     for name, dimension in dimensions.items():
         counts[name] = _dimension_successes(
-            setting, (name, dimension), camera, pose_uncertainty, n, rng, sensor_limits
+            setting, name, dimension, camera, pose_uncertainty, n, rng, sensor_limits
         )
     return {
         name: SuccessRate(
@@ -659,7 +659,8 @@ def simulate_setting(
 
 def _dimension_successes(
     setting: Posed,
-    named: tuple[str, Any],
+    name: str,
+    dimension: Any,
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     n: int,
@@ -667,7 +668,6 @@ def _dimension_successes(
     sensor_limits: bool,
 ) -> tuple[int, int]:
     """Measure a dimension from n displaced poses; return how often that is accurate, and how often not all in view."""
-    name, dimension = named
     hits = lost = 0
     planned = np.asarray(setting.cam2world, dtype=float)
     values = _values_of(setting, rng)
