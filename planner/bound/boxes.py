@@ -546,7 +546,7 @@ def _in_view(ends, look, matrix, view):
 # halved. Compiled loops.
 #
 # The windows are linear in the point looked at and the turn together
-# (`planner.bound.windows`, `planner.bound.windows`).
+# (`planner.bound.windows`).
 
 
 @kernel
