@@ -401,8 +401,6 @@ def fractional_cover(
         value.
     guess : array_like, shape (e,), optional
         Weights of a similar problem; they make it quicker.
-    relaxation : Relaxation
-        How it is solved.
 
     Returns
     -------

@@ -585,7 +585,7 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     ----------
     judge : Judge
     n_directions : int
-        Poses for every entity; as many times as many as `Pricing.whole` says for the part.
+        Poses for every entity; the part gets more, see `_WHOLE`.
     seed : int
         The plan's seed.
 
