@@ -230,7 +230,7 @@ class Judge:
     request : Request
         What is asked; its entities (k) are the columns of every result.
     effort : Effort
-        How closely poses are judged; what works with a judge takes its own numbers from it, too.
+        How long to search; what works with a judge takes its numbers from it.
     """
 
     def __init__(self, request: Request, effort: Effort = NORMAL):
