@@ -149,7 +149,7 @@ class Callbacks:
         ``on_best(plan)`` gets the best `InspectionPlan` so far whenever it, or its bound, is better.
     on_bound : callable, optional
         ``on_bound(bound, weights)`` gets every number of settings that is proven to be needed, and the weights of
-        targets that prove it, or None; see `planner.bound.dual_bound.ProvenBound`.
+        targets that prove it, or None; see `planner.bound.lower_bound.ProvenBound`.
     progress : callable, optional
         ``progress(done, total, label)``.
     deadline : Deadline

@@ -18,10 +18,9 @@ from errors.measurands.measurand import measurand
 from ground.convert import from_plain, to_plain
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import PlanFileError, PlannerError, RequestError
-from planner.light.lamps import LampBox, LampDome
-from planner.light.lighting import Lighting
+from planner.light.lighting import LampBox, LampDome, Lighting
 from planner.plan_file import field_name, shown
 from planner.request.constraints import Requirements
 from planner.request.dimension import checked_tolerance, plain_tolerance

@@ -2,12 +2,12 @@
 
 The way
 -------
-1. Candidate poses are drawn from the domains and improved (`planner.search.candidates`). Each gives a column: what it
+1. Candidate poses are drawn from the domains and improved (`planner.search.columns`). Each gives a column: what it
    inspects; and an optimistic one: what it nearly inspects.
 2. A lower bound is proven (`planner.bound.lower_bound`). On the way it meets poses that inspect more than the
    candidates do; they join them.
 3. Sets of entities that would save a setting, and that some pose nearly inspects, are chosen
-   (`planner.cover.few_columns`). The genetic algorithm tries to realise them; one that misses is refuted, with
+   (`planner.cover`). The genetic algorithm tries to realise them; one that misses is refuted, with
    everything that contains it, and replaced by the largest part it reached. Choose again, until none is left or enough
    were tried.
 4. Every chosen column gets its own run of the genetic algorithm, for the best probabilities.
@@ -39,10 +39,8 @@ from planner.request.reach import Space
 from planner.request.request import Request
 from planner.resolve_request import ResolvedRequest, request_on, resolve_request
 from planner.resume import PlanningState
-from planner.search.incumbents import Incumbents, needed
-from planner.search.run import Run
-from planner.search.settle import settle_early
-from planner.search.stages import run_stages
+from planner.search.incumbents import Incumbents, Run, needed
+from planner.search.stages import run_stages, settle_early
 
 if TYPE_CHECKING:
     from aspectgraph import Solid, VisibilityRegions

@@ -15,7 +15,7 @@ from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_parts, check_bodies
 from planner.camera.pose import PoseUncertainty, look_at, world_to_cam
-from planner.effort.effort import NORMAL
+from planner.effort import NORMAL
 from planner.exceptions import RequestError
 from planner.options import InspectionOptions
 from planner.request.constraints import Constraints, Requirements

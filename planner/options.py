@@ -15,7 +15,7 @@ from errors.measurands.geometry import Localisation as Localisation
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.identity import InspectionRequest
 from planner.plan import InspectionPlan

@@ -12,7 +12,7 @@ from errors.measurands.geometry import Localisation
 from planner.argument_kinds import check_fraction, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import RequestError
 from planner.identity import InspectionRequest, PartRecord, RingRecord
 from planner.options import InspectionOptions

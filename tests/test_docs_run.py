@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from planner import read_plan
+from planner import effort, read_plan
 from planner.app.main import main
 from planner.app.parsing import parse
-from planner.effort import effort
 
 ROOT = Path(__file__).parents[1]
 NAMED = ("tutorial", "dimensions", "cameras", "light", "showing")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import inspect
 import re
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -173,23 +172,11 @@ def test_clauses_are_sentences(path):
 
 HEADING = re.compile(r"^[A-Z][\w ]+\n-{3,}$", flags=re.MULTILINE)
 EXAMPLE = re.compile(r"^Examples\n-{3,}\n.*?(?=^[A-Z][\w ]+\n-{3,}$|\Z)", re.MULTILINE | re.DOTALL)
-EFFORTS = ("bound", "effort", "poses")
 # a change of the text would compile the loops of its module anew
 LONG_SENTENCES = {"errors.referee.montecarlo.simulate_success"}
 
 
-def effort_records():
-    """Name and class of every record that `Effort` holds."""
-    for name in EFFORTS:
-        module = import_module(f"planner.effort.{name}")
-        for attribute, value in vars(module).items():
-            if inspect.isclass(value) and value.__module__ == module.__name__:
-                yield f"{module.__name__}.{attribute}", value
-
-
-DOCSTRINGS = {
-    name: inspect.getdoc(thing) or "" for name, thing in [*THINGS.items(), *effort_records()]
-}
+DOCSTRINGS = {name: inspect.getdoc(thing) or "" for name, thing in THINGS.items()}
 
 
 def docstring_prose(docstring):

@@ -48,7 +48,7 @@ from planner.inspection import plan_inspection
 from planner.options import InspectionOptions
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 from planner.search.realise_column import joint_counts
 
 PROBABILITY = 0.9

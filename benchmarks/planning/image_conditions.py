@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from planner.detectability.conditions import NOT_ASKED, USUAL, Detectability
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 # standard deviations of the poses drawn, mm and rad
 SHIFT_MM = 1.0

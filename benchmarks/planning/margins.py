@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,8 +23,8 @@ from planner.callbacks import Deadline
 from planner.executors import Shared
 from planner.inspection import _request
 from planner.resolve_request import ResolvedRequest
-from planner.search.evolution import least_share
-from planner.search.judge import Judge
+from planner.search.columns import Judge
+from planner.search.evolution import Centring, least_share
 from planner.search.realise_column import centre_setting
 from planner.verify.p_all import DisplacedChecks
 
@@ -53,7 +52,7 @@ def main(argv=None):
     for path in args.plans:
         plan = read_plan(path)
         request, effort = request_of(path)
-        centring = replace(effort.centring, give_up=args.give_up)
+        centring = Centring.of(effort.giving_up(args.give_up))
         shared = Shared(Judge(request, effort))
         for k, setting in enumerate(plan.settings):
             own = request.at_pose(setting.cam2world, setting.entities)

@@ -22,8 +22,8 @@ from cases import CASES, FEW, case_name
 from rivals import OURS, RIVALS, Problem, run, samples
 
 from planner import InfeasibleError, Search
-from planner.search.first_poses import WorkspaceSampler
 from planner.search.plan_setting import search_pose
+from planner.search.poses import WorkspaceSampler
 
 _PLAN = "plan_setting"
 _DRAWS = 8192

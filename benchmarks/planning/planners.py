@@ -32,15 +32,14 @@ from cases import SETUPS, regions
 from scipy.optimize import minimize
 
 from planner.camera.pose import look_at
-from planner.cover.set_cover import greedy_cover, min_cover
+from planner.cover import greedy_cover, min_cover
 from planner.detectability.conditions import NOT_ASKED
 from planner.inspection import plan_inspection
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import position_margin_mm
 from planner.request.request import Request
-from planner.search.candidates import entity_poses
-from planner.search.first_poses import PoseEncoding, ViewpointSampler
-from planner.search.judge import Judge
+from planner.search.columns import Judge, entity_poses
+from planner.search.poses import PoseEncoding, ViewpointSampler
 
 THRESHOLD = 0.9
 _ROLLS = 4

@@ -30,8 +30,8 @@ from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import position_margin_mm
 from planner.request.models import Means
 from planner.request.request import Objective
-from planner.search.first_poses import PoseEncoding, ViewpointSampler, draw_start
 from planner.search.plan_setting import search_pose
+from planner.search.poses import PoseEncoding, ViewpointSampler, draw_start
 
 _TRIES_PER_EVALUATION = 20
 _STEP = 1e-4

@@ -11,7 +11,7 @@ import time
 from cases import SETUPS, TABLE_IV, regions
 
 from planner import plan_setting
-from planner.effort.poses import Search
+from planner.effort import Search
 
 _SEEDS = 5
 

@@ -43,7 +43,7 @@ from planner.argument_kinds import (
 from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError, PlannerError, RequestError
 from planner.executors import leave_signals_to_the_parent
 from planner.files import absolute, check_set_place, name_text, output_folder, read_json, write_text

@@ -33,13 +33,12 @@ from planner.app.options import Batch, Entities, Light, Optics, Plan, Reading, W
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import InspectionRequest
 from planner.inspection import plan_request
-from planner.light.lamps import RING, LampBox, LampDome, check_lamps_given
-from planner.light.lighting import Lighting, check_step
+from planner.light.lighting import RING, LampBox, LampDome, Lighting, check_lamps_given, check_step
 from planner.light.plan_light import chosen_lamps
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan

@@ -64,7 +64,7 @@ from planner.app.options import Batch, Dimensions, Graph, Info, Optics, Plan, Si
 from planner.app.process import DONE, INCOMPLETE
 from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.camera.pose import PoseUncertainty
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
 from planner.executors import usable_cores
 from planner.files import absolute, check_set_place, output_folder, path_text, print_json

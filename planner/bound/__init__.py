@@ -4,9 +4,3 @@ No plan for the same request can have fewer. The proof rests on conditions that 
 allows for rounding and for how finely a robot can aim are constants beside the loops. Searching longer may raise the
 bound, stopping early only leaves it lower.
 """
-
-from planner.bound.lower_bound import lower_bound
-
-__all__ = [
-    "lower_bound",
-]

@@ -1,7 +1,7 @@
 """The space of all camera poses, in boxes about the point looked at, searched part by part for poses worth too much.
 
-Boxes: `planner.bound.boxes.windows`. The search of one part: `planner.bound.boxes.search`. What it is for:
-`planner.bound.dual_bound`.
+Boxes: `planner.bound.windows`. The search of one part: `planner.bound.boxes`. What it is for:
+`planner.bound.lower_bound`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors import SegmentQuantization
-from planner.bound.boxes.search import FOUND, NEARLY, SPENT, search
-from planner.bound.boxes.view import (
+from planner.bound.boxes import FOUND, NEARLY, SPENT, Viewpoints, search, viewpoints_for
+from planner.bound.view import (
     HALF,
     LOOK,
     SPAN,
@@ -30,12 +30,19 @@ from planner.bound.boxes.view import (
     Segments,
     View,
 )
-from planner.bound.boxes.viewpoint_tree import Viewpoints, viewpoints_for
 from planner.camera.camera import Camera
-from planner.effort.effort import NORMAL, Effort
 from planner.executors import THREADS
 from planner.request.reach import AROUND
 from planner.request.request import Request
+
+# number of parts, each searched on its own, several at a time. With enough parts, proofs of one
+# part outlast changes of the weights for others.
+_PARTS = 256
+# seconds between two checks for cancellation during a search
+_TICK_S = 0.5
+# entities of a pose found then count this share of the limit in its part, so that the next pose
+# inspects others
+_LESS = 0.999
 
 # How long the image of an item must be at least, whatever the pose and however small its
 # uncertainty.
@@ -216,7 +223,7 @@ class Found(NamedTuple):
     Attributes
     ----------
     outcome : int
-        See `planner.bound.boxes.search.search`; FOUND if there is any pose, or any box too small to tell.
+        See `planner.bound.boxes.search`; FOUND if there is any pose, or any box too small to tell.
     made : int
         Boxes looked at.
     poses : array (f, 4, 4)
@@ -247,8 +254,6 @@ class PoseSpace:
         The cells of each entity's region.
     conflict : array of bool (e, e)
         Pairs that exclude each other.
-    effort : Effort
-        How the space is divided, and how closely boxes are looked at.
     witnesses : WitnessSets, optional
         Of which targets the entities are; weights and results are of targets then. Default: each is one.
     """
@@ -259,10 +264,8 @@ class PoseSpace:
         entity_idx: NDArray[np.int_],
         regions: Cells,
         conflict: NDArray[np.bool_],
-        effort: Effort = NORMAL,
         witnesses: WitnessSets | None = None,
     ):
-        self.effort = effort.bound
         self.witnesses = witnesses or WitnessSets(np.arange(len(entity_idx)))
         self.view = view_of(request)
         self.conflict = np.ascontiguousarray(conflict)
@@ -277,7 +280,7 @@ class PoseSpace:
         low = points.min(axis=0) - self.view.radius
         high = points.max(axis=0) + self.view.radius
         root = np.array([(low + high) / 2, (high - low) / 2, np.zeros(3), np.ones(3)])
-        parts = _cut(root, self.effort.division.parts // 2)
+        parts = _cut(root, _PARTS // 2)
         self.parts = [(chart, part) for chart in (0, 1) for part in parts]
 
     def search(
@@ -313,7 +316,6 @@ class PoseSpace:
             What comes out of each part, in their order.
         """
         stop = np.zeros(1, dtype=bool)
-        tick_s = self.effort.division.tick_s
         y = y[self.witnesses.owner]
         tree = self._viewpoints(y, limit)
 
@@ -326,18 +328,18 @@ class PoseSpace:
         waiting: deque[Future[Found]] = deque()
         with ThreadPoolExecutor(THREADS) as pool:
             try:
-                asked = np.arange(len(self.parts)) if parts is None else np.asarray(parts)
+                indices = np.arange(len(self.parts)) if parts is None else np.asarray(parts)
                 todo = zip(
-                    asked.tolist(), np.broadcast_to(max_nodes, len(asked)).tolist(), strict=True
+                    indices.tolist(), np.broadcast_to(max_nodes, len(indices)).tolist(), strict=True
                 )
                 waiting.extend(
-                    pool.submit(look, *one) for one in itertools.islice(todo, 2 * THREADS)
+                    pool.submit(look, *piece) for piece in itertools.islice(todo, 2 * THREADS)
                 )
                 while waiting:
-                    while tick is not None and not wait([waiting[0]], tick_s).done:
+                    while tick is not None and not wait([waiting[0]], _TICK_S).done:
                         tick()
                     yield waiting.popleft().result()
-                    waiting.extend(pool.submit(look, *one) for one in itertools.islice(todo, 1))
+                    waiting.extend(pool.submit(look, *piece) for piece in itertools.islice(todo, 1))
             finally:
                 stop[0] = True
 
@@ -352,10 +354,7 @@ class PoseSpace:
         return self._grow(y.copy(), limit, finest)
 
     def _grow(self, y: NDArray[np.float64], limit: float, finest: float | None) -> Viewpoints:
-        growth = self.effort.boxes.growth
-        tree = viewpoints_for(
-            self.nodal_points, self.entities, self.view, y, limit, finest, growth=growth
-        )
+        tree = viewpoints_for(self.nodal_points, self.entities, self.view, y, limit, finest)
         self._grown = tree, y, limit
         return tree
 
@@ -390,7 +389,7 @@ class PoseSpace:
             pose = np.eye(4)
             inspected = np.zeros(len(y), dtype=bool)
             order = np.argsort(-y, kind="stable")[: int((y > 0).sum())]
-            task = SearchTask(self.conflict, y, limit, max_nodes - made, stop, self.effort.boxes)
+            task = SearchTask(self.conflict, y, limit, max_nodes - made, stop)
             outcome, n = search(
                 part, chart, order, self.entities, self.view, tree, task, pose, inspected
             )
@@ -399,14 +398,14 @@ class PoseSpace:
             if outcome in (FOUND, NEARLY):
                 poses.append(pose)
                 sets.append(inspected)
-                y[inspected] *= self.effort.division.less * limit / y[inspected].sum()
+                y[inspected] *= _LESS * limit / y[inspected].sum()
             if outcome not in (FOUND, NEARLY) or len(poses) == most or made >= max_nodes:
                 break
         to_targets = self.witnesses.to_targets
         posed = np.array(poses).reshape(-1, 4, 4)
-        found = to_targets(np.array(sets, dtype=bool).reshape(-1, len(y)))
+        inspected_sets = to_targets(np.array(sets, dtype=bool).reshape(-1, len(y)))
         doubt = to_targets((inspected & (outcome == SPENT))[None])[0]
-        return Found(FOUND if poses else outcome, made, posed, found, doubt)
+        return Found(FOUND if poses else outcome, made, posed, inspected_sets, doubt)
 
 
 def _cut(root: NDArray[np.float64], n: int) -> list[NDArray[np.float64]]:

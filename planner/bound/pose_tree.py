@@ -7,24 +7,584 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.bound.boxes.conditions import focus_reach
-from planner.bound.boxes.view import Cells
-from planner.bound.node_sets import (
-    Nodes,
-    Pairs,
-    Places,
-    clear_unmet,
-    clear_unsatisfied,
-    consistent_weights,
-    separate,
+from ground.decorators import entry_kernel, kernel, kernel_without_refcounts, put
+from planner.bound.pose_space import WitnessSets, frustum_of, segments_of, sensor_tangents
+from planner.bound.view import (
+    TOUCH_MM,
+    Cells,
+    Segments,
+    exclusive_groups,
+    focus_reach,
+    out_of_focus,
+    outside,
+    too_short,
+    too_short_at,
 )
-from planner.bound.pose_space import WitnessSets, frustum_of, segments_of
+from planner.camera.camera import Camera
+from planner.executors import THREADS
 from planner.request.request import Request
+
+# What may be inspected from nodes of the tree of poses (`planner.bound.pose_tree`). Compiled
+# loops.
+#
+# A node's set loses what no pose of the node inspects; and some entities exclude each other
+# there.
+
+
+# boxes with a smaller half size are not halved. The pair then counts as served.
+_FINEST_MM = 0.5
+# largest number of boxes for two cells. After that the pair counts as served.
+_PAIR_BOXES = 200_000
+# largest number of waiting boxes: one for each halving
+_WAITING = 256
+
+_EPS = 1e-9
+# of unit vectors' products
+_EPS_COSINE = 1e-12
+# of an end in a node: half the sensor's angle and what the box's size adds, with its cosine and sine
+_ANGLE, _COSINE, _SINE = range(3)
+
+
+class Nodes(NamedTuple):
+    """Nodes (n): balls of positions and cones of directions around what is in the middle.
+
+    Attributes
+    ----------
+    centre, radius : array (n, 3), (n,)
+        Of the ball, mm.
+    axis, spread : array (n, 3), (n,)
+        Of the cone, rad.
+    frame : array (n, 3, 3)
+        Camera to part, with the middle roll.
+    turned : array (n,)
+        How far the rolls may turn a point at the sensor's corner, rad.
+    """
+
+    centre: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    turned: NDArray[np.float64]
+
+
+class Places(NamedTuple):
+    """What the tests for pairs of entities need to know of nodes (n).
+
+    Attributes
+    ----------
+    centre, radius : array (n, 3), (n,)
+        Of the ball of positions, mm.
+    axes : array (n, 3, 3)
+        The camera's axes, one in each row, in the middle of the node.
+    turns : array (n, 3)
+        How far each of them may turn within the node, rad.
+    """
+
+    centre: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    turns: NDArray[np.float64]
+
+
+class Pairs(NamedTuple):
+    """What the tests for pairs of entities need to know of the request.
+
+    Attributes
+    ----------
+    ends : array (e, 2, 3)
+        Of the entities' segments, mm.
+    angle : float
+        Between opposite corners of the sensor, rad.
+    room : array (3,)
+        How far apart two points in view can be along the camera's axes, mm.
+    conflict : array of bool (e, e)
+        Pairs that exclude each other anyhow.
+    """
+
+    ends: NDArray[np.float64]
+    angle: float
+    room: NDArray[np.float64]
+    conflict: NDArray[np.bool_]
+
+
+@entry_kernel
+def clear_unsatisfied(nodes, segments, frustum, possible):
+    """Clear ``possible[n, e]`` where no pose of node n has entity e in focus, on the sensor, and long enough there."""
+    ends, lengths, length_ratio = segments
+    for n in range(len(nodes.centre)):
+        for e in range(possible.shape[1]):
+            if not possible[n, e]:
+                continue
+            depths = 1.0
+            for i in range(2):
+                nearest = _nearest_depth(ends[e, i] - nodes.centre[n], nodes, n, frustum)
+                if nearest < 0.0:
+                    possible[n, e] = False
+                    break
+                depths *= nearest
+            if possible[n, e]:
+                centre = nodes.centre[n]
+                radius = nodes.radius[n]
+                possible[n, e] = not too_short_at(
+                    ends[e], lengths[e], length_ratio[e], centre, radius, depths
+                )
+
+
+@kernel_without_refcounts
+def _nearest_depth(ray, nodes, n, frustum):
+    """Return the least depth at which node n may have a point in focus and on the sensor; -1 if it cannot.
+
+    ``ray`` leads from the middle of its positions to the point.
+    """
+    radius = nodes.radius[n]
+    axis = nodes.axis[n]
+    spread = nodes.spread[n]
+    frame = nodes.frame[n]
+    turned = nodes.turned[n]
+    near, far, tan_x, tan_y, cone = frustum
+    distance = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
+    if out_of_focus(distance, radius, frustum):
+        return -1.0
+    swing = math.asin(radius / distance) if distance > radius else math.pi
+    length = max(distance, _EPS)
+    # not the arc cosine, which near 0 is wrong by 1e-8
+    x = ray[1] * axis[2] - ray[2] * axis[1]
+    y = ray[2] * axis[0] - ray[0] * axis[2]
+    z = ray[0] * axis[1] - ray[1] * axis[0]
+    along = ray[0] * axis[0] + ray[1] * axis[1] + ray[2] * axis[2]
+    angle = math.atan2(math.sqrt(x * x + y * y + z * z), along)
+    if angle > cone + swing + spread + _EPS:
+        return -1.0
+    nearest = distance * math.cos(min(angle + spread, math.pi)) - radius
+    farthest = distance * math.cos(max(angle - spread, 0.0)) + radius
+    if farthest < near - _EPS or nearest > far + _EPS:
+        return -1.0
+    slack = swing + math.sqrt(2.0) * spread + turned
+    if slack < math.pi / 2:
+        lowest = -math.sin(slack + _EPS) - _EPS
+        ahead = (ray[0] * frame[0, 2] + ray[1] * frame[1, 2] + ray[2] * frame[2, 2]) / length
+        for i in range(2):
+            across = (
+                abs(ray[0] * frame[0, i] + ray[1] * frame[1, i] + ray[2] * frame[2, i]) / length
+            )
+            tangent = tan_x if i == 0 else tan_y
+            if (tangent * ahead - across) / math.sqrt(1.0 + tangent**2) < lowest:
+                return -1.0
+    return max(nearest - _EPS, near)
+
+
+@entry_kernel
+def clear_unmet(centre, half, planes, cell_start, entity_start, possible):
+    """Clear ``possible[n, e]`` where box n lies wholly outside some half-space of every cell of entity e."""
+    for n in range(centre.shape[0]):
+        for e in range(possible.shape[1]):
+            if not possible[n, e]:
+                continue
+            met = False
+            for cell in range(entity_start[e], entity_start[e + 1]):
+                if not outside(planes, cell_start[cell], cell_start[cell + 1], centre[n], half[n]):
+                    met = True
+                    break
+            possible[n, e] = met
+
+
+@entry_kernel
+def separate(places, pairs, first, second):
+    """Split sets instead of poses: a pose inspects the most contested entity of a set, or none that it excludes.
+
+    Changes the sets of both halves; returns where it did.
+    """
+    n = len(first)
+    changed = np.zeros(n, dtype=np.bool_)
+    for k in range(n):
+        members = np.flatnonzero(first[k])
+        excludes = _exclusions(members, places, k, pairs)
+        worst = 0
+        largest = 0
+        for e in range(len(members)):
+            count = 0
+            for f in range(len(members)):
+                count += excludes[e, f]
+            if count > largest:
+                worst = e
+                largest = count
+        if largest > 0:
+            changed[k] = True
+            first[k, members[worst]] = False
+            for f in range(len(members)):
+                if excludes[worst, f]:
+                    second[k, members[f]] = False
+    return changed
+
+
+@entry_kernel
+def consistent_weights(places, pairs, sets, y, order):
+    """Return for each node a bound on the weight of what one pose of it inspects, with weights y.
+
+    Of entities that all exclude each other, a pose inspects one at most: the heaviest of each such group counts.
+    ``order``: the entities with weights above 0, the heaviest first.
+    """
+    result = np.zeros(len(sets))
+    for k in range(len(sets)):
+        members = order[sets[k][order]]
+        excludes = _exclusions(members, places, k, pairs)
+        group = np.empty(len(members), np.int64)
+        exclusive_groups(np.arange(len(members)), excludes, group)
+        n_groups = 0
+        for e in range(len(members)):
+            if group[e] == n_groups:
+                n_groups += 1
+                result[k] += y[members[e]]
+    return result
+
+
+@kernel
+def _exclusions(members, places, k, pairs):
+    """Return which of the entities exclude each other in node k, (m, m) bool.
+
+    For good; or from this box of positions: two of their ends are farther apart in angle than the corners of the
+    sensor; or for these directions: farther apart along an axis of the camera, which its position does not change, than
+    the frustum between the nearest and the farthest sharp plane is wide or deep.
+    """
+    ends, angle, room, conflict = pairs
+    centre = places.centre[k]
+    radius = places.radius[k]
+    axes = places.axes[k]
+    turns = places.turns[k]
+    m = len(members)
+    rays = np.empty((m, 2, 3))
+    wide = np.empty((m, 2, 3))
+    for e in range(m):
+        for i in range(2):
+            ray = ends[members[e], i] - centre
+            length = math.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
+            put(rays[e, i], ray / max(length, _EPS))
+            swing = math.asin(radius / length) if length > radius else math.pi
+            half = angle / 2 + swing + _EPS
+            wide[e, i, _ANGLE] = half
+            wide[e, i, _COSINE] = math.cos(half)
+            wide[e, i, _SINE] = math.sin(half)
+    excludes = np.zeros((m, m), dtype=np.bool_)
+    for e in range(m):
+        for f in range(e + 1, m):
+            if (
+                conflict[members[e], members[f]]
+                or _too_wide(rays[e], rays[f], wide[e], wide[f])
+                or _too_far(ends[members[e]], ends[members[f]], axes, turns, room)
+            ):
+                excludes[e, f] = excludes[f, e] = True
+    return excludes
+
+
+@kernel_without_refcounts
+def _too_far(first, second, axes, turns, room):
+    """Tell whether an end of one entity is always farther than there is room, along some axis, from one of the other.
+
+    The component of w along an axis that turns by up to t is at least |w| cos(angle + t), the angle being at most pi/2.
+    """
+    for i in range(2):
+        for j in range(2):
+            x = first[i, 0] - second[j, 0]
+            y = first[i, 1] - second[j, 1]
+            z = first[i, 2] - second[j, 2]
+            squared = x * x + y * y + z * z
+            for axis in range(3):
+                if squared <= room[axis] ** 2:
+                    continue
+                along = abs(x * axes[axis, 0] + y * axes[axis, 1] + z * axes[axis, 2])
+                if along <= room[axis]:
+                    continue
+                across = math.sqrt(max(squared - along * along, 0.0))
+                if (
+                    along * math.cos(turns[axis]) - across * math.sin(turns[axis])
+                    > room[axis] + _EPS
+                ):
+                    return True
+    return False
+
+
+@kernel_without_refcounts
+def _too_wide(first, second, first_wide, second_wide):
+    """Tell whether an end of one entity is always farther than an angle from an end of the other."""
+    for i in range(2):
+        for j in range(2):
+            if first_wide[i, _ANGLE] + second_wide[j, _ANGLE] >= math.pi:
+                continue
+            limit = (
+                first_wide[i, _COSINE] * second_wide[j, _COSINE]
+                - first_wide[i, _SINE] * second_wide[j, _SINE]
+            )
+            cosine = (
+                first[i, 0] * second[j, 0] + first[i, 1] * second[j, 1] + first[i, 2] * second[j, 2]
+            )
+            if cosine < limit - _EPS_COSINE:
+                return True
+    return False
+
+
+# Pairs of entities that no setting can inspect together, each for a reason that is a proof.
+#
+# * They do not fit: two of their ends are farther apart than any two points of the frustum
+#   between the nearest and the
+#   farthest sharp plane.
+# * No viewpoint serves both. Space is subdivided into boxes; a box is discarded when it is
+#   outside the one's or the
+#   other's region, when an end in it cannot be at a distance the lens can focus on, when two ends
+#   are farther apart in
+#   angle than the corners of the sensor, or when an image is too short
+#   (`planner.bound.pose_space`). The pair excludes
+#   each other if no box is left.
+#
+# The second test stops at boxes of half a millimetre, so it may miss a conflict, but it never
+# invents one.
+
+
+# of angles, rad
+_EPS_RAD = 1e-7
+# places of a box in the stack
+_MIDDLE, _HALF = range(2)
+
+
+def find_conflicts(
+    request: Request,
+    entity_idx: NDArray[np.int_],
+    columns: ArrayLike,
+    regions: Cells,
+) -> NDArray[np.bool_]:
+    """Find the pairs of entities that exclude each other.
+
+    Parameters
+    ----------
+    request : Request
+        The request.
+    entity_idx : array of int (e,)
+        Entities, as columns of the request.
+    columns : array of bool (c, e)
+        Sets known to be inspected by some pose; their pairs need no test.
+    regions : Cells
+        The cells of each entity's region.
+
+    Returns
+    -------
+    array of bool (e, e)
+        Symmetric, false on the diagonal.
+    """
+    inspected = np.asarray(columns, dtype=bool)
+    segments = segments_of(request, entity_idx)
+    frustum = frustum_of(request)
+    cells = regions.arrays
+    together = inspected.T.astype(int) @ inspected.astype(int) > 0
+    tangents = sensor_tangents(request.camera, request.requirements.border_px)
+    conflict = too_far_apart(request.camera, segments.ends, tangents) & ~together
+
+    def excludes(pair: NDArray[np.int_]) -> bool:
+        a, b = pair
+        both = Segments(*(values[pair] for values in segments))
+        return not _share_viewpoint(a, b, cells, both, frustum)
+
+    pairs = np.argwhere(np.triu(~conflict & ~together, k=1))
+    with ThreadPoolExecutor(THREADS) as pool:
+        excluded = pairs[np.fromiter(pool.map(excludes, pairs), bool, len(pairs))]
+    conflict[excluded[:, 0], excluded[:, 1]] = conflict[excluded[:, 1], excluded[:, 0]] = True
+    return conflict
+
+
+def too_far_apart(
+    camera: Camera, ends: NDArray[np.float64], tangents: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return which pairs of entities (ends: (e, 2, 3), mm) do not fit into the frustum together; (e, e) bool."""
+    near, far = camera.depth_of_field_mm
+    if not np.isfinite(far):
+        return np.zeros((len(ends), len(ends)), dtype=bool)
+    corners = np.array([[x, y, 1.0] for x in (-1, 1) for y in (-1, 1)]) * [*tangents, 1.0]
+    corners = np.concatenate([near * corners, far * corners])
+    # the two farthest points of a convex polytope are two of its corners
+    diameter = np.linalg.norm(corners[:, None] - corners, axis=-1).max()
+    distance = np.linalg.norm(ends[:, None, :, None] - ends[None, :, None], axis=-1).max(
+        axis=(2, 3)
+    )
+    result = distance > diameter
+    np.fill_diagonal(result, False)
+    return result
+
+
+# threads run it side by side
+@entry_kernel(nogil=True)
+def _share_viewpoint(a, b, cells, pair, frustum):
+    """Tell whether some cell of entity a may meet some cell of entity b where the lens can take both at once.
+
+    ``pair`` are the segments of the two.
+    """
+    planes = cells.planes
+    plane_start = cells.plane_start
+    entity_start = cells.entity_start
+    stack = np.empty((_WAITING, 2, 3))
+    for i in range(entity_start[a], entity_start[a + 1]):
+        for j in range(entity_start[b], entity_start[b + 1]):
+            if not _overlap(cells.boxes, i, j, stack[0]):
+                continue
+            if _apart(i, j, cells) or _apart(j, i, cells):
+                continue
+            if _search(stack, i, j, planes, plane_start, pair, frustum):
+                return True
+    return False
+
+
+@kernel_without_refcounts
+def _overlap(boxes, i, j, common):
+    """Tell whether boxes i and j meet; write the centre and half size of what they share."""
+    for k in range(3):
+        low = max(boxes[i, 0, k], boxes[j, 0, k])
+        high = min(boxes[i, 1, k], boxes[j, 1, k])
+        if high - low < -TOUCH_MM:
+            return False
+        common[_MIDDLE, k] = (low + high) / 2
+        common[_HALF, k] = (high - low) / 2
+    return True
+
+
+@kernel
+def _search(stack, i, j, planes, plane_start, pair, frustum):
+    """Subdivide the box on the stack; true when a viewpoint is found or the effort is spent."""
+    size = 1
+    for _ in range(_PAIR_BOXES):
+        if size == 0:
+            return False
+        size -= 1
+        centre = stack[size, _MIDDLE].copy()
+        half = stack[size, _HALF].copy()
+        if not _in_both(centre, half, i, j, planes, plane_start):
+            continue
+        if not _in_view(centre, math.sqrt(np.sum(half**2)), pair, frustum):
+            continue
+        axis = np.argmax(half)
+        if half[axis] < _FINEST_MM or size + 2 > _WAITING:
+            return True
+        point = np.zeros(3)
+        if _in_both(centre, point, i, j, planes, plane_start) and _in_view(
+            centre, 0.0, pair, frustum
+        ):
+            return True
+        half[axis] /= 2
+        for sign in (-1.0, 1.0):
+            put(stack[size, _MIDDLE], centre)
+            put(stack[size, _HALF], half)
+            stack[size, _MIDDLE, axis] += sign * half[axis]
+            size += 1
+    return True
+
+
+@kernel_without_refcounts
+def _in_both(centre, half, i, j, planes, plane_start):
+    """Tell whether a box may meet both cells."""
+    return not (
+        outside(planes, plane_start[i], plane_start[i + 1], centre, half)
+        or outside(planes, plane_start[j], plane_start[j + 1], centre, half)
+    )
+
+
+@kernel
+def _in_view(centre, radius, pair, frustum):
+    """Tell whether some viewpoint of a ball may have all ends in focus, within the sensor, and long enough images."""
+    points = pair.ends.reshape(-1, 3)
+    n = len(points)
+    for k in range(n):
+        if out_of_focus(_distance(points[k], centre), radius, frustum):
+            return False
+    away = np.empty(n)
+    deep = frustum.far - frustum.near + TOUCH_MM
+    for k in range(n):
+        away[k] = _from_axis(_distance(points[k], centre), radius, frustum)
+    for k in range(n):
+        for m in range(k + 1, n):
+            if _apart_in_view(points[k], points[m], centre, away[k] + away[m]):
+                return False
+            if _one_behind_the_other(points[k], points[m], centre, deep, away[k]):
+                return False
+            if _one_behind_the_other(points[m], points[k], centre, deep, away[m]):
+                return False
+    for e in range(2):
+        if too_short(pair.ends[e], pair.lengths[e], pair.length_ratio[e], centre, radius, frustum):
+            return False
+    return True
+
+
+@kernel_without_refcounts
+def _from_axis(distance, radius, frustum):
+    """Return how far off the axis, rad, a point may be seen, given its distance from the middle of a ball of eyes.
+
+    The angle is that at the middle. A point is no farther off than a corner of the sensor, and than where its depth,
+    which is its distance times the cosine, falls below the nearest sharp one.
+    """
+    if radius >= distance:
+        return math.pi
+    off = math.acos(min(1.0, (frustum.near - TOUCH_MM) / (distance + radius)))
+    return min(frustum.cone, off) + math.asin(radius / distance)
+
+
+@kernel_without_refcounts
+def _apart_in_view(point, other, centre, most):
+    """Tell whether two points are seen farther apart than an angle, rad."""
+    cosine = 0.0
+    for c in range(3):
+        cosine += (point[c] - centre[c]) * (other[c] - centre[c])
+    cosine /= max(_distance(point, centre) * _distance(other, centre), TOUCH_MM)
+    return math.acos(min(1.0, max(-1.0, cosine))) > most + _EPS_RAD
+
+
+@kernel_without_refcounts
+def _one_behind_the_other(point, other, centre, deep, off):
+    """Tell whether no axis that is at most ``off`` the first point, rad, has both within a depth of ``deep``, mm.
+
+    Such an axis is nearly square to the line through both.
+    """
+    between = _distance(point, other)
+    if between <= deep:
+        return False
+    square = 0.0
+    for c in range(3):
+        square += (point[c] - centre[c]) * (other[c] - point[c])
+    first = _distance(point, centre)
+    if first <= TOUCH_MM:
+        return False
+    slant = math.asin(deep / between)
+    turned = math.asin(min(1.0, abs(square) / (first * between)))
+    return turned > slant + off + _EPS_RAD
+
+
+@kernel_without_refcounts
+def _distance(point, other):
+    x = point[0] - other[0]
+    y = point[1] - other[1]
+    z = point[2] - other[2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@kernel_without_refcounts
+def _apart(i, j, cells):
+    """Tell whether a plane of cell i has all corners of cell j outside."""
+    planes = cells.planes
+    corners = cells.corners
+    for p in range(cells.plane_start[i], cells.plane_start[i + 1]):
+        separates = True
+        for v in range(cells.corner_start[j], cells.corner_start[j + 1]):
+            height = planes[p, 3]
+            for k in range(3):
+                height += planes[p, k] * corners[v, k]
+            if height < TOUCH_MM:
+                separates = False
+                break
+        if separates:
+            return True
+    return False
+
 
 # nodes evaluated at a time; bounds the memory
 _BATCH = 6000
@@ -175,10 +735,10 @@ class PoseTree:
             child["roll"][rows, 0] += sign * child["roll"][rows, 1]
 
     def _drop_empty(self) -> None:
-        kept = self.sets.any(axis=1)
+        nonempty = self.sets.any(axis=1)
         for name, value in self._fields():
-            setattr(self, name, value[kept])
-        self._extents = self._extents[kept]
+            setattr(self, name, value[nonempty])
+        self._extents = self._extents[nonempty]
 
     def _evaluate(self, nodes: NDArray[np.int_]) -> None:
         """Tighten the optimistic sets of nodes."""

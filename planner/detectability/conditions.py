@@ -59,8 +59,8 @@ class Detectability:
     min_corner_deg: float = 25.0
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            check_number(one.name, getattr(self, one.name), NOT_NEGATIVE)
+        for field in fields(self):
+            check_number(field.name, getattr(self, field.name), NOT_NEGATIVE)
         if self.min_corner_deg >= 90:
             raise RequestError.of_rule(
                 "min_corner_deg", "must be below 90", repr(self.min_corner_deg)
@@ -90,4 +90,4 @@ def asks_of_images(requirements: Mapping[str, float]) -> bool:
     requirements : mapping of str to float
         As `InspectionPlan.requirements`.
     """
-    return any(requirements.get(one.name, 0.0) > 0 for one in fields(Detectability))
+    return any(requirements.get(field.name, 0.0) > 0 for field in fields(Detectability))

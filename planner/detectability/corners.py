@@ -130,8 +130,8 @@ def relation_to(
         How far from the vertex chords still count as connected.
     """
     relation = np.full(len(contours.ids), OTHER, np.uint8)
-    own = np.isin(contours.ids, list(edge_ids))
-    for vertex in np.unique(contours.ends[own]).tolist():
+    same_edge = np.isin(contours.ids, list(edge_ids))
+    for vertex in np.unique(contours.ends[same_edge]).tolist():
         distance = np.linalg.norm(contours.vertices - contours.vertices[vertex], axis=1)
         reached = {vertex}
         waiting = [vertex]
@@ -145,7 +145,7 @@ def relation_to(
                     if other not in reached and distance[other] <= radius_mm:
                         reached.add(other)
                         waiting.append(other)
-    relation[own] = OWN
+    relation[same_edge] = OWN
     return relation
 
 
@@ -367,15 +367,15 @@ class SeenArms(NamedTuple):
 
         Arms have to be in the order of their ends.
         """
-        least = self.bend
+        smallest = self.bend
         for apart in range(1, int(np.bincount(self.of).max(initial=0))):
             near = np.flatnonzero(self.of[apart:] == self.of[:-apart])
             between = np.abs(
                 (self.direction[near + apart] - self.direction[near] + 180.0) % 360.0 - 180.0
             )
-            np.minimum.at(least, near, between)
-            np.minimum.at(least, near + apart, between)
-        return least
+            np.minimum.at(smallest, near, between)
+            np.minimum.at(smallest, near + apart, between)
+        return smallest
 
     def long_enough(self, fork_deg: Array, separation_px: float) -> NDArray[np.bool_]:
         """Return which arms (q,) leave enough of themselves for a line fit.
@@ -392,8 +392,8 @@ class SeenArms(NamedTuple):
             s.
         """
         mixed = mixed_px(fork_deg, separation_px)
-        left = self.length_px - mixed - mixed_px(self.tip_deg, separation_px)
-        return np.asarray(left >= np.maximum(2.0 * separation_px, mixed))
+        clear_px = self.length_px - mixed - mixed_px(self.tip_deg, separation_px)
+        return np.asarray(clear_px >= np.maximum(2.0 * separation_px, mixed))
 
 
 def mixed_px(fork_deg: Array, separation_px: float) -> Array:
@@ -425,9 +425,9 @@ def corner_arms(
     """
     poses = np.array(cam2world, np.float64, order="C")
     pairs = np.ascontiguousarray(pairs)
-    most = int((arms.first[pairs[:, 1] + 1] - arms.first[pairs[:, 1]]).sum())
-    numbers = np.empty((most, 2), np.int64)
-    points_found = np.empty((3, most, 3))
+    n_longest = int((arms.first[pairs[:, 1] + 1] - arms.first[pairs[:, 1]]).sum())
+    numbers = np.empty((n_longest, 2), np.int64)
+    points_found = np.empty((3, n_longest, 3))
     points = np.stack([arms.corner, arms.tip, arms.inward])
     n = arm_images(
         poses, pairs, scale, lines, (arms.first, arms.contour, points), (numbers, points_found)

@@ -74,11 +74,13 @@ class PartLines:
         self.contours = contours_of(solid)
         self.at = meeting(self.contours)
         self.scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
-        one = self.contours
-        vertices, planes = (np.array(rows.T, order="C") for rows in (one.vertices, one.planes))
-        ends, faces = (rows.astype(np.uint32) for rows in (one.ends, one.faces))
-        self.compiled: Any = (vertices, ends, planes, faces, one.kinds)
-        self.bulges = _bulges(solid, one)
+        contours = self.contours
+        vertices, planes = (
+            np.array(rows.T, order="C") for rows in (contours.vertices, contours.planes)
+        )
+        ends, faces = (rows.astype(np.uint32) for rows in (contours.ends, contours.faces))
+        self.compiled: Any = (vertices, ends, planes, faces, contours.kinds)
+        self.bulges = _bulges(solid, contours)
         self._relations: dict[tuple[tuple[int, ...], float], NDArray[np.uint8]] = {}
 
     @classmethod
@@ -196,9 +198,9 @@ class Pieces(NamedTuple):
         line: list[int] = []
         first = [0]
         lines: dict[tuple[int, ...], int] = {}
-        for ids, own, parts in zip(edge_ids, ends, scanned, strict=True):
+        for ids, edge_ends, parts in zip(edge_ids, ends, scanned, strict=True):
             if ids is not None:
-                places.append(own[None])
+                places.append(edge_ends[None])
                 line.append(lines.setdefault(tuple(ids), len(lines)))
             for part in parts if ids is None else ():
                 places.append(np.repeat(part.points[:, None], 2, axis=1))
@@ -221,7 +223,7 @@ class Pieces(NamedTuple):
         """Yield pairs, so many that they have about so many pieces."""
         number = np.cumsum(np.diff(self.first)[pairs[:, 1]]) // most
         cuts = np.flatnonzero(np.diff(number)) + 1
-        return (some for some in np.split(pairs, cuts) if len(some))
+        return (batch for batch in np.split(pairs, cuts) if len(batch))
 
 
 class PiecesOfPairs(NamedTuple):
@@ -250,16 +252,16 @@ class PiecesOfPairs(NamedTuple):
         To a whole edge that is the least distance. Of an entity that is scanned, it is the largest distance that
         enough points keep, and one in each twelfth.
         """
-        found = np.full(self.n, np.inf)
+        distances = np.full(self.n, np.inf)
         edges = ~self.scanned
-        found[self.pair[edges]] = near[edges]
+        distances[self.pair[edges]] = near[edges]
         if self.scanned.any():
             points = near[self.scanned].reshape(-1, _POINTS)
             enough = np.sort(points, axis=1)[:, _LOST]
             in_each = points.reshape(len(points), SECTORS, -1).max(axis=2).min(axis=1)
             whose = self.pair[self.scanned][::_POINTS]
-            np.minimum.at(found, whose, np.minimum(enough, in_each))
-        return found
+            np.minimum.at(distances, whose, np.minimum(enough, in_each))
+        return distances
 
 
 # a ray that ends this share before a point has been stopped by something else
@@ -384,23 +386,23 @@ class ImageCheck:
         wanted : array of bool (n, k)
             For which entities; the others get 90 less what is asked for.
         """
-        least = self.showing.min_corner_deg
-        margin = np.full(wanted.shape, 90.0 - least)
-        if least > 0:
+        required_deg = self.showing.min_corner_deg
+        margin = np.full(wanted.shape, 90.0 - required_deg)
+        if required_deg > 0:
             for pairs in self._with_corners(wanted):
-                margin[tuple(pairs.T)] = self._corners(cam2world, pairs) - least
+                margin[tuple(pairs.T)] = self._corners(cam2world, pairs) - required_deg
         return margin
 
     def shown(self, cam2world: Array, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which of the wanted entities (n, k) meet both conditions in the images of poses (n, 4, 4)."""
         meets = wanted & (self.corners(cam2world, wanted) >= 0)
         if self.showing.separation_px > 0:
-            least = self.showing.separation_px
+            required_px = self.showing.separation_px
             for pairs in self._with_pieces(meets):
                 pieces = self._pieces.of_pairs(pairs)
-                near = self._has_near(cam2world, pieces.rows, self._all_pieces, least)
-                apart = pieces.least_distance(np.where(near, 0.0, least))
-                meets[tuple(pairs.T)] = apart >= least
+                near = self._has_near(cam2world, pieces.rows, self._all_pieces, required_px)
+                apart = pieces.least_distance(np.where(near, 0.0, required_px))
+                meets[tuple(pairs.T)] = apart >= required_px
         return meets
 
     def show_all(self, cam2world: Array) -> NDArray[np.bool_]:
@@ -408,14 +410,14 @@ class ImageCheck:
 
         Where there are many poses, the first entities are asked first: most poses fail for one of them.
         """
-        left = np.arange(len(cam2world))
+        rows = np.arange(len(cam2world))
         entities = np.arange(len(self._ends))
         first = entities < _FIRST if len(cam2world) >= _MANY else np.zeros(len(entities), bool)
         for part in (first, ~first):
-            if left.size and part.any():
-                mask = np.repeat(part[None], left.size, axis=0)
-                left = left[(self.shown(cam2world[left], mask) | ~mask).all(axis=1)]
-        return np.isin(np.arange(len(cam2world)), left)
+            if rows.size and part.any():
+                mask = np.repeat(part[None], rows.size, axis=0)
+                rows = rows[(self.shown(cam2world[rows], mask) | ~mask).all(axis=1)]
+        return np.isin(np.arange(len(cam2world)), rows)
 
     def without_corner(self, k: int) -> Array | None:
         """Return an end (3,) of an entity where no edge of the part makes a corner with it, mm; None without one."""
@@ -563,8 +565,8 @@ class ImageCheck:
 
     def _hopeful(self, seen: SeenArms, sharpest: Array) -> NDArray[np.int64]:
         """Return the arms that may make a corner, of edges that may have one at both ends."""
-        least = self.showing.min_corner_deg
-        may = (seen.bend >= least) & (sharpest[seen.of] >= least)
+        required_deg = self.showing.min_corner_deg
+        may = (seen.bend >= required_deg) & (sharpest[seen.of] >= required_deg)
         both = np.asarray(
             np.isin(np.arange(len(sharpest)), seen.of[may]).reshape(-1, 2).all(axis=1)
         )
@@ -616,9 +618,9 @@ class _ImageLines(NamedTuple):
 
     @classmethod
     def of(cls, contours: Contours, relations: Sequence[NDArray[np.uint8]]) -> _ImageLines:
-        own = [np.unique(contours.ends[one == OWN]) for one in relations]
-        vertices = np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
-        first = np.cumsum([0, *map(len, own)]).astype(np.int64)
+        own_ends = [np.unique(contours.ends[relation == OWN]) for relation in relations]
+        vertices = np.concatenate([np.zeros(0, np.int64), *own_ends]).astype(np.int64)
+        first = np.cumsum([0, *map(len, own_ends)]).astype(np.int64)
         return cls(np.array(relations, np.uint8).reshape(-1, len(contours.ids)), vertices, first)
 
 

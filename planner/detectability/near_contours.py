@@ -79,7 +79,7 @@ def near_contours(
     vertices = contours[0]
     edge_ends = contours[1]
     ends, belongs, relations, own_vertices, first = entities
-    reach, near_own, widen, most = limits
+    reach, near_own, widen, n_samples = limits
     wide = reach * widen
     active = np.empty(len(edge_ends), np.int64)
     image = np.empty(vertices.shape)
@@ -113,15 +113,15 @@ def near_contours(
         n_within = _overlap(boxes, _around(a, b, wide), (of_bins, in_bins, scale), within)
         for i in within[:n_within]:
             e = active[i]
-            one = edge_ends[e, 0]
+            first_end = edge_ends[e, 0]
             other = edge_ends[e, 1]
             relation = relations[r, e]
             if relation == OWN:
                 continue
-            line = (image[0, one], image[1, one], image[0, other], image[1, other])
+            line = (image[0, first_end], image[1, first_end], image[0, other], image[1, other])
             curve = (pose, (scale, lens), bulges[e])
-            place = (vertices, one, other, image[2, one], image[2, other], 0.0, 1.0)
-            contour = (line, (a, b), relation, extra[i], reach, most)
+            place = (vertices, first_end, other, image[2, first_end], image[2, other], 0.0, 1.0)
+            contour = (line, (a, b), relation, extra[i], reach, n_samples)
             count = _write_contour(p, contour, near, curve, place, found, count)
     return count
 
@@ -131,13 +131,13 @@ def _write_contour(
     p: int, contour: Any, near: Any, curve: Any, place: Any, found: Any, count: int
 ) -> int:
     """Write points of a contour that comes near to an edge or point; return how many there are in all."""
-    line, (a, b), relation, extra, reach, most = contour
+    line, (a, b), relation, extra, reach, n_samples = contour
     ends = (place[0], place[1], place[2])
     scanned = a[0] == b[0] and a[1] == b[1]
     if extra > 0.0 and scanned and relation != CONNECTED:
         return int(_write_curve(p, a, reach, curve, ends, found, count))
     if extra > 0.0:
-        arc = (line, (a, b), relation, extra, most)
+        arc = (line, (a, b), relation, extra, n_samples)
         return int(_write_arc(p, arc, near, curve, ends, found, count))
     samples = _MORE if relation == CONNECTED else _SAMPLES
     piece = (line, (a, b), relation, samples, 0.0)
@@ -150,16 +150,16 @@ def _corner_images(
 ) -> int:
     """Write the images of an entity's own vertices and how distortion stretches there; return how many there are."""
     for w in range(end - begin):
-        own = own_vertices[begin + w]
-        corners[w, 0] = image[0, own]
-        corners[w, 1] = image[1, own]
+        vertex = own_vertices[begin + w]
+        corners[w, 0] = image[0, vertex]
+        corners[w, 1] = image[1, vertex]
         # without distortion, nothing stretches
         corners[w, 2] = 1.0
         corners[w, 3] = 0.0
         corners[w, 4] = 0.0
         corners[w, 5] = 1.0
         if len(view[1]) > 0:
-            stretch = _stretch(image[0, own], image[1, own], view)
+            stretch = _stretch(image[0, vertex], image[1, vertex], view)
             for c in range(4):
                 corners[w, 2 + c] = stretch[c]
     return end - begin
@@ -173,22 +173,22 @@ def _write_arc(
 
     A piece leaves the curve by its share of the bulge at most, squared. Distances are less by that.
     """
-    line, (a, b), relation, extra, most = piece
+    line, (a, b), relation, extra, n_samples = piece
     corners, near_own, reach = near
     pose, view, bulge = curve
-    vertices, one, other = place
+    vertices, first_end, other = place
     best = _nearest(line, 0.0, 1.0, a, b)
     if _apart(line, best, a, b) >= reach + extra:
         return count
     n = int(min(math.ceil(math.sqrt(extra / _SAG_PX)), _MOST_PIECES))
-    loss = extra * (1.0 / (n * n) + _UNTRUE) * most
+    loss = extra * (1.0 / (n * n) + _UNTRUE) * n_samples
     samples = max(2, (_MORE if relation == CONNECTED else _SAMPLES) // n)
     wider = (corners, near_own, reach + loss)
-    before = _on_curve(pose, view[0], bulge, vertices, one, other, 0.0)
+    before = _on_curve(pose, view[0], bulge, vertices, first_end, other, 0.0)
     for s in range(n):
-        after = _on_curve(pose, view[0], bulge, vertices, one, other, (s + 1) / n)
+        after = _on_curve(pose, view[0], bulge, vertices, first_end, other, (s + 1) / n)
         part = ((before[0], before[1], after[0], after[1]), (a, b), relation, samples, loss)
-        on_chord = (vertices, one, other, before[2], after[2], s / n, 1.0 / n)
+        on_chord = (vertices, first_end, other, before[2], after[2], s / n, 1.0 / n)
         count = _write_line(p, part, wider, view, on_chord, found, count)
         before = after
     return count
@@ -225,7 +225,7 @@ def _write_samples(
     """Write points of a piece of a contour that comes near to an edge; return how many there are in all."""
     line, (best, low, high), (a, b), relation, samples, loss = piece
     corners, near_own, reach = near
-    vertices, one, other, start_depth, end_depth, begin, width = place
+    vertices, first_end, other, start_depth, end_depth, begin, width = place
     if a[0] == b[0] and a[1] == b[1]:
         samples = max(_FEW, int(reach))
     for s in range(samples + 1):
@@ -237,7 +237,7 @@ def _write_samples(
             found[0][count] = p
             found[1][count] = max(0.0, _apart_in_view(line, t, a, b, view) - loss)
             for c in range(3):
-                u = vertices[c, one]
+                u = vertices[c, first_end]
                 v = vertices[c, other]
                 found[2][count, c] = u + share * (v - u)
         count += 1
@@ -253,13 +253,13 @@ def _write_curve(
     What is written is on the chord, since the part consists of chords where rays look for what hides it.
     """
     pose, view, bulge = curve
-    vertices, one, other = place
+    vertices, first_end, other = place
     x, y = _in_view(a[0], a[1], view)
-    start = _on_curve(pose, view[0], bulge, vertices, one, other, 0.0)
+    start = _on_curve(pose, view[0], bulge, vertices, first_end, other, 0.0)
     before = _in_view(start[0], start[1], view)
     for s in range(1, _PIECES + 1):
         share = s / _PIECES
-        end = _on_curve(pose, view[0], bulge, vertices, one, other, share)
+        end = _on_curve(pose, view[0], bulge, vertices, first_end, other, share)
         after = _in_view(end[0], end[1], view)
         dx = after[0] - before[0]
         dy = after[1] - before[1]
@@ -273,7 +273,7 @@ def _write_curve(
                 found[0][count] = p
                 found[1][count] = distance
                 for c in range(3):
-                    u = vertices[c, one]
+                    u = vertices[c, first_end]
                     found[2][count, c] = u + share * (vertices[c, other] - u)
             count += 1
         before = after
@@ -330,20 +330,20 @@ def _project(pose: Any, scale: Any, contours: Any, bulges: Any, found: Any) -> i
         active[m] = e
         m += SHOWS[kinds[e], front[faces[e, 0]] + front[faces[e, 1]]]
     for i in range(m):
-        one = edge_ends[active[i], 0]
+        first_end = edge_ends[active[i], 0]
         other = edge_ends[active[i], 1]
         # nothing of a part so far beyond the stand-off is partly behind the camera and near to an edge in focus
-        if image[2, one] <= _NEAREST_MM or image[2, other] <= _NEAREST_MM:
+        if image[2, first_end] <= _NEAREST_MM or image[2, other] <= _NEAREST_MM:
             continue
         active[n] = active[i]
         bulge = bulges[active[n]]
         size = math.sqrt(bulge[0] * bulge[0] + bulge[1] * bulge[1] + bulge[2] * bulge[2])
-        px = max(abs(scale[0]), abs(scale[1])) / min(image[2, one], image[2, other])
+        px = max(abs(scale[0]), abs(scale[1])) / min(image[2, first_end], image[2, other])
         # oblique images of a bulge are a little longer off the axis
         extra[n] = _LONGER * size * px
         for c in range(2):
-            boxes[c, n] = min(image[c, one], image[c, other]) - extra[n]
-            boxes[2 + c, n] = max(image[c, one], image[c, other]) + extra[n]
+            boxes[c, n] = min(image[c, first_end], image[c, other]) - extra[n]
+            boxes[2 + c, n] = max(image[c, first_end], image[c, other]) + extra[n]
         n += 1
     return n
 
@@ -546,7 +546,7 @@ def _apart_in_view(line: Any, t: float, a: Any, b: Any, view: Any) -> float:
         share = min(1.0, max(0.0, ((px - a[0]) * dx + (py - a[1]) * dy) / square))
     x, y = _in_view(px, py, view)
     u, v = _in_view(a[0] + share * dx, a[1] + share * dy, view)
-    least = math.hypot(x - u, y - v)
+    nearest = math.hypot(x - u, y - v)
     for _ in range(_NEWTON_STEPS):
         s = _stretch(a[0] + share * dx, a[1] + share * dy, view)
         along = s[0] * dx + s[1] * dy
@@ -556,8 +556,8 @@ def _apart_in_view(line: Any, t: float, a: Any, b: Any, view: Any) -> float:
             break
         share = min(1.0, max(0.0, share + ((x - u) * along + (y - v) * down) / square))
         u, v = _in_view(a[0] + share * dx, a[1] + share * dy, view)
-        least = min(least, math.hypot(x - u, y - v))
-    return least
+        nearest = min(nearest, math.hypot(x - u, y - v))
+    return nearest
 
 
 @kernel_without_refcounts(error_model="numpy")
@@ -612,7 +612,7 @@ def _nearest(line: Any, start: float, stop: float, a: Any, b: Any) -> float:
     square = ux * ux + uy * uy
     cross = ux * vy - uy * vx
     best = start
-    least = _apart(line, start, a, b)
+    nearest = _apart(line, start, a, b)
     for k in range(4):
         if k == 0:
             t = stop
@@ -624,9 +624,9 @@ def _nearest(line: Any, start: float, stop: float, a: Any, b: Any) -> float:
             t = (ax * vy - ay * vx) / cross if cross != 0.0 else 0.0
         t = min(stop, max(start, t))
         apart = _apart(line, t, a, b)
-        if apart < least:
+        if apart < nearest:
             best = t
-            least = apart
+            nearest = apart
     return best
 
 

@@ -185,17 +185,17 @@ def edge_steps(solid: Solid, entity: Entity, lamps: Array, silhouettes: Mapping[
 
     That of a silhouette is against a dark ground.
     """
-    least = np.ones(len(lamps))
+    smallest = np.ones(len(lamps))
     for edge in (solid.edges[i] for i in entity.edge_ids):
         start, end = solid.vertices[list(edge.vertices)]
         for point in (start, (start + end) / 2, end):
-            one, other = (incidence(point, solid.normals[face], lamps)[0] for face in edge.faces)
+            first, other = (incidence(point, solid.normals[face], lamps)[0] for face in edge.faces)
             if edge.id in silhouettes:
-                step = one if edge.faces[0] == silhouettes[edge.id] else other
+                step = first if edge.faces[0] == silhouettes[edge.id] else other
             else:
-                step = np.abs(one - other)
-            least = np.minimum(least, step)
-    return least
+                step = np.abs(first - other)
+            smallest = np.minimum(smallest, step)
+    return smallest
 
 
 def incidence(point: Array, normal: Array, lamps: Array) -> tuple[Array, Array]:

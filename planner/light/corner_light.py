@@ -9,24 +9,239 @@ of each line with the shadows that rays find, and takes no part in proofs.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import combinations, islice
 from math import comb
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aspectgraph.entities.entity import Entity, resolve_entities
+from aspectgraph.solid.rims import Arc, Rim
+from errors.measurands import Circle
 from planner.detectability.conditions import Detectability
 from planner.detectability.corners import FITTED_PX
 from planner.detectability.image_check import ImageCheck
-from planner.light.background import SHARES, across, incidence, seen_beside, shadowed, shadowed_each
+from planner.exceptions import RequestError
+from planner.light.background import (
+    SHARES,
+    Backdrop,
+    across,
+    backdrops,
+    incidence,
+    seen_beside,
+    shadowed,
+    shadowed_each,
+)
+from planner.request.targets import targets_of
+from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.light import LightRegions
     from aspectgraph.solid.ray_scene import RayScene
-    from planner.light.demands import Pair, PlanToLight
+    from planner.request.targets import Target
+
+# What each setting of a plan asks of its lamp: which edges must show there, and whether as
+# creases or silhouettes.
+
+
+Silhouettes = dict[int, int]
+# a circle of a plan is that of a rim if they differ by less than this share of the part's size
+_SAME = 1e-6
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What one setting measures: the light regions that must hold its lamp, and what is behind its silhouettes.
+
+    Attributes
+    ----------
+    setting : int
+        Number of the setting.
+    name : str
+        What it measures.
+    regions : tuple of str
+        Names of light regions.
+    silhouette : bool
+        Whether an edge of it is a silhouette.
+    backdrops : tuple of Backdrop
+        Behind them, where that is a face of the part.
+    """
+
+    setting: int
+    name: str
+    regions: tuple[str, ...]
+    silhouette: bool = False
+    backdrops: tuple[Backdrop, ...] = ()
+
+
+@dataclass
+class Demands:
+    """All pairs of settings and what they measure, the regions they name, and the edges of those that are lengths."""
+
+    pairs: list[Pair] = field(default_factory=list)
+    entities: dict[str, Entity] = field(default_factory=dict)
+    silhouettes: dict[str, Silhouettes] = field(default_factory=dict)
+    edge_ids: list[tuple[int, ...]] = field(default_factory=list)
+
+    def region(self, name: str, entity: Entity, silhouettes: Silhouettes) -> str:
+        """Return the name of a light region, a new one if it was not asked for before."""
+        for key, other in self.entities.items():
+            if other.edge_ids == entity.edge_ids and self.silhouettes[key] == silhouettes:
+                return key
+        label = f"{name} {len(self.entities)}"
+        # an entity of its own, as a region is found by it
+        self.entities[label] = replace(entity, name=label)
+        self.silhouettes[label] = silhouettes
+        return label
+
+
+def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Demands:
+    """Return what a plan asks of its lamps.
+
+    Parameters
+    ----------
+    plan : Planned
+        The plan.
+    solid : Solid
+        Its part.
+    scene : RayScene
+        Of the part.
+    ground : str
+        "dark" or "bright".
+
+    Returns
+    -------
+    Demands
+        Pairs in the order of the settings.
+
+    Raises
+    ------
+    RequestError
+        If the part lacks an edge, rim or arc of the plan.
+    """
+    entities: dict[tuple[str, int], tuple[Entity, ...]] = {}
+    radius = plan.requirements.get("visibility_radius_mm", 0.0)
+    pixel = max(plan.camera.pixel_pitch_mm) / plan.camera.image_distance_mm
+    demands = Demands()
+    for k, setting in enumerate(plan.settings):
+        eye = np.asarray(setting.cam2world, dtype=np.float64)[:3, 3]
+        targets = targets_of(plan.targets, setting)
+        for name in setting.entities:
+            key = name, id(targets[name])
+            if key not in entities:
+                entities[key] = _parts(targets[name], solid, name)
+            parts = entities[key]
+            regions = []
+            behind = []
+            has_silhouette = False
+            for entity in parts:
+                for seen in seen_as(solid, entity, eye, radius):
+                    surroundings = backdrops(solid, scene, eye, entity, seen, pixel)
+                    has_silhouette |= bool(seen)
+                    if (
+                        seen
+                        and ground == "bright"
+                        and not surroundings
+                        and set(seen) == set(entity.edge_ids)
+                    ):
+                        # all of it in front of the back light
+                        continue
+                    behind += surroundings
+                    regions.append(demands.region(name, entity, seen))
+            demands.pairs.append(
+                Pair(k, name, tuple(dict.fromkeys(regions)), has_silhouette, tuple(behind))
+            )
+            demands.edge_ids.append(parts[0].edge_ids if targets[name].in_image else ())
+    return demands
+
+
+def seen_as(
+    solid: Solid, entity: Entity, eye: NDArray[np.float64], radius_mm: float
+) -> Iterator[Silhouettes]:
+    """Yield the silhouettes of an entity, once or twice: edge to the face that is seen, from around a camera's place.
+
+    Where the plane of a face passes by the camera within the radius, an edge is taken as a crease and as a silhouette.
+    """
+    sure: Silhouettes = {}
+    open_ones: Silhouettes = {}
+    for edge in (solid.edges[i] for i in entity.edge_ids):
+        heights = solid.normals[list(edge.faces)] @ (eye - solid.vertices[edge.vertices[0]])
+        front = edge.faces[int(heights.argmax())]
+        if heights.min() <= -radius_mm:
+            sure[edge.id] = front
+        elif heights.min() <= radius_mm:
+            open_ones[edge.id] = front
+    yield sure
+    if open_ones:
+        yield sure | open_ones
+
+
+def _parts(target: Target, solid: Solid, name: str) -> tuple[Entity, ...]:
+    """Return the edges, rims and arcs that something measured consists of."""
+    return tuple(
+        _curve(solid, name, item)
+        if isinstance(item, Circle)
+        else _line(solid, name, (item.p, item.q))
+        for item in target.geometry
+    )
+
+
+def _line(solid: Solid, name: str, ends: Any) -> Entity:
+    from aspectgraph.exceptions import EntityError
+
+    points = np.asarray(ends, dtype=np.float64)
+    try:
+        return resolve_entities(solid, {name: points})[name]
+    except EntityError as error:
+        # a stretch is lit where the whole edge is
+        edge = _edge_through(solid, points)
+        if edge is not None:
+            return resolve_entities(solid, {name: edge})[name]
+        raise RequestError(f"solid must be the plan's part. {error}") from error
+
+
+def _edge_through(solid: Solid, points: NDArray[np.float64]) -> int | None:
+    """Return the id of an edge that both points (2, 3) lie on; None if there is none."""
+    size = _SAME * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
+    for edge in solid.edges:
+        start, end = solid.edge_points(edge.id)
+        along = end - start
+        shares = np.clip((points - start) @ along / (along @ along), 0.0, 1.0)
+        if np.linalg.norm(start + shares[:, None] * along - points, axis=1).max() <= size:
+            return edge.id
+    return None
+
+
+def _curve(solid: Solid, name: str, circle: Circle) -> Entity:
+    """Return the rim or arc with a circle."""
+    size = _SAME * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
+    around = [arc for arc in (*solid.arcs(), *solid.rims()) if _is_on(arc, circle, size)]
+    for arc in around:
+        if (circle.start is None) != isinstance(arc, Rim):
+            continue
+        entity = resolve_entities(solid, {name: arc.id})[name]
+        if (
+            circle.start is None
+            or np.linalg.norm(entity.points[0] - circle.points(np.zeros(1))[0]) < 1e3 * size
+        ):
+            return entity
+    if around and circle.start is not None:
+        # a run is lit where the whole rim or arc is
+        return resolve_entities(solid, {name: around[-1].id})[name]
+    raise RequestError(
+        f"solid must be the plan's part. Got no rim or arc of {name!r} in {solid.name!r}."
+    )
+
+
+def _is_on(arc: Arc, circle: Circle, size: float) -> bool:
+    """Tell whether an arc or rim lies on a circle, to within a size, mm."""
+    off = max(
+        float(np.linalg.norm(arc.centre - circle.centre)), abs(arc.radius_mm - circle.radius_mm)
+    )
+    return bool(off <= size and abs(abs(arc.axis @ circle.axis) - 1) <= _SAME)
 
 
 # Under which lamps a border of a shadow runs beside a line in the image, where a detector may
@@ -101,9 +316,9 @@ class Beside:
             if rows.size and of_line.stop > of_line.start:
                 lit = self._lit(scene, lamps[rows], of_line)
                 starts = np.flatnonzero(np.diff(self.strip[of_line], prepend=-1))
-                least = np.logical_and.reduceat(lit, starts, axis=1)
-                most = np.logical_or.reduceat(lit, starts, axis=1)
-                is_clear[rows, line] = (least == most).all(axis=1)
+                every = np.logical_and.reduceat(lit, starts, axis=1)
+                any_lit = np.logical_or.reduceat(lit, starts, axis=1)
+                is_clear[rows, line] = (every == any_lit).all(axis=1)
         return is_clear
 
     def _lit(self, scene: RayScene, lamps: Array, of_line: slice) -> NDArray[np.bool_]:
@@ -249,10 +464,10 @@ def sites_of(light: LightRegions | None, pairs: Sequence[Pair]) -> Sites:
 
     def number(point: Array, normal: Array) -> int:
         site = np.concatenate([point, normal])
-        known = numbers.setdefault(site.tobytes(), len(places))
-        if known == len(places):
+        index = numbers.setdefault(site.tobytes(), len(places))
+        if index == len(places):
             places.append(site)
-        return known
+        return index
 
     for k, pair in enumerate(pairs):
         both = (
@@ -260,9 +475,9 @@ def sites_of(light: LightRegions | None, pairs: Sequence[Pair]) -> Sites:
             if light is not None
             else []
         )
-        both += [one.sides for one in pair.backdrops]
-        for one, other in both:
-            compared.append((number(*one), -1 if other is None else number(*other)))
+        both += [first.sides for first in pair.backdrops]
+        for first, other in both:
+            compared.append((number(*first), -1 if other is None else number(*other)))
             owner.append(k)
     sides = np.array(places).reshape(-1, 6)
     return Sites(
@@ -286,8 +501,8 @@ def _sides(light: LightRegions, name: str) -> Iterator[tuple[_Side, _Side | None
             if edge.id in silhouettes:
                 yield (point, solid.normals[silhouettes[edge.id]]), None
             else:
-                one, other = edge.faces
-                yield (point, solid.normals[one]), (point, solid.normals[other])
+                first, other = edge.faces
+                yield (point, solid.normals[first]), (point, solid.normals[other])
 
 
 class LampSets:
@@ -351,9 +566,9 @@ class LampSets:
         values = [_compared(low, high, sites.compared) for low, high in self._sums(sets)]
         (falling, _), (even, steps) = values
         same = falling * even > 0
-        least = np.where(same, np.minimum(np.abs(falling), np.abs(even)), 0.0)
+        weaker = np.where(same, np.minimum(np.abs(falling), np.abs(even)), 0.0)
         owners, starts = np.unique(sites.pair, return_index=True)
-        contrast[:, owners] = np.minimum.reduceat(least, starts, axis=1)
+        contrast[:, owners] = np.minimum.reduceat(weaker, starts, axis=1)
         step[:, owners] = np.minimum.reduceat(steps / sets.shape[1], starts, axis=1)
         return contrast, step
 
@@ -378,10 +593,10 @@ def _compared(low: Array, high: Array, compared: NDArray[np.int_]) -> tuple[Arra
 
     (a - b) / (a + b) rises with a and falls with b.
     """
-    one, other = compared.T
+    first, other = compared.T
     dark = other < 0
-    a = low[:, one]
-    a_most = high[:, one]
+    a = low[:, first]
+    a_most = high[:, first]
     b = np.where(dark, 0.0, low[:, other])
     b_most = np.where(dark, 0.0, high[:, other])
     brighter = a > b_most
@@ -430,7 +645,7 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
     """
     n_pairs = sets.n_pairs
     best = Fewest((), np.zeros(n_pairs), 0)
-    most = 0
+    most_shown = 0
     listed = 0
     wide: list[tuple[int, ...]] = [()]
     for size in range(1, sets.n + 1):
@@ -439,7 +654,12 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
             listed = size
         else:
             larger = sorted(
-                {tuple(sorted((*some, k))) for some in wide for k in range(sets.n) if k not in some}
+                {
+                    tuple(sorted((*members, k)))
+                    for members in wide
+                    for k in range(sets.n)
+                    if k not in members
+                }
             )
             tried = np.array(list(islice(larger, _MOST_SETS)))
         contrast, step = sets.shown(tried)
@@ -448,12 +668,12 @@ def fewest_together(sets: LampSets, least: float, least_step: float) -> Fewest:
         margin = np.where(shows, step, 1.0).min(axis=1, initial=1.0)
         order = np.lexsort((-margin, -n_shown))
         top = int(order[0])
-        if n_shown[top] > most:
-            most = int(n_shown[top])
+        if n_shown[top] > most_shown:
+            most_shown = int(n_shown[top])
             best = Fewest(
                 tuple(map(int, tried[top])), np.where(shows[top], contrast[top], 0.0), listed
             )
-        if most == n_pairs:
+        if most_shown == n_pairs:
             break
         wide = [tuple(map(int, tried[i])) for i in order[: max(1, _MOST_SETS // (10 * sets.n))]]
     return Fewest(best.chosen, best.contrast, listed)
@@ -545,7 +765,7 @@ def _clear(
 
 
 def corners_of(
-    plan: PlanToLight,
+    plan: Planned,
     solid: Solid,
     scene: RayScene,
     names: Sequence[tuple[int, str]],
@@ -555,7 +775,7 @@ def corners_of(
 
     Parameters
     ----------
-    plan : PlanToLight
+    plan : Planned
         The plan; if it asks for neither corners nor separation, there is nothing.
     solid : Solid
         Its part.
@@ -574,14 +794,14 @@ def corners_of(
     required = plan.requirements
     camera = plan.camera
     separation = required.get("separation_px", 0.0)
-    least = required.get("min_corner_deg", 0.0)
+    required_deg = required.get("min_corner_deg", 0.0)
     poses = np.array(
         [np.asarray(setting.cam2world) for setting in plan.settings], np.float64
     ).reshape(-1, 4, 4)
     pixel = max(camera.pixel_pitch_mm) / camera.image_distance_mm
     edges = _seen_edges(solid, poses, names, edge_ids, separation > 0)
     beside_edges = beside_lines(scene, edges, separation, pixel)
-    numbers = np.flatnonzero([bool(ids) and least > 0 for ids in edge_ids])
+    numbers = np.flatnonzero([bool(ids) and required_deg > 0 for ids in edge_ids])
     ends = np.array(
         [plan.targets[names[k][1]].points for k in numbers.tolist()], np.float64
     ).reshape(-1, 2, 3)
@@ -590,7 +810,7 @@ def corners_of(
         [edge_ids[k] for k in numbers.tolist()],
         ends,
         camera,
-        Detectability(separation, 0.0, least),
+        Detectability(separation, 0.0, required_deg),
     )
     pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(
         -1, 2

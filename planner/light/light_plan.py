@@ -17,7 +17,7 @@ from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph.solid.ray_scene import RayScene
-    from planner.light.demands import PlanToLight
+    from planner.verify.simulate_setting import Planned
 
 
 class Exposure(NamedTuple):
@@ -80,12 +80,12 @@ class LitImage:
 
 
 def _image_dict(image: LitImage) -> dict[str, Any]:
-    found = image.exposure_dict()
+    exposure_dict = image.exposure_dict()
     return {
         "lamps": list(image.lamps),
         "contrast": dict(image.contrast),
         "silhouettes": list(image.silhouettes),
-        **({} if found is None else {"expose_for": found}),
+        **({} if exposure_dict is None else {"expose_for": exposure_dict}),
     }
 
 
@@ -272,24 +272,26 @@ def exposure(
     """
     brightest: dict[str, tuple[float, Array]] = {}
     dimmest: dict[str, float] = {}
-    for name, own in points.items():
-        pixels = beside(camera, cam2world, own)
+    for name, of_entity in points.items():
+        pixels = beside(camera, cam2world, of_entity)
         light = irradiance(scene, cam2world, camera, pixels.reshape(-1, 2), lamps)
-        most = light.max(initial=0.0)
-        if not most > 0:
+        brightest_light = light.max(initial=0.0)
+        if not brightest_light > 0:
             continue
-        at = int(np.argmax(light >= (1 - _SAME) * most))
-        brightest[name] = (float(most), pixels.reshape(-1, 2)[at])
+        at = int(np.argmax(light >= (1 - _SAME) * brightest_light))
+        brightest[name] = (float(brightest_light), pixels.reshape(-1, 2)[at])
         # what hides an edge is not lit like it: half of its points are sure
         dimmest[name] = float(np.median(light.reshape(pixels.shape[:2]).max(axis=1)))
     if not brightest:
         return None
-    most = max(value for value, _ in brightest.values())
-    target = next(name for name, (value, _) in brightest.items() if value >= (1 - _SAME) * most)
-    least = min(dimmest.values())
-    weakest = next(name for name, value in dimmest.items() if value <= (1 + _SAME) * least)
+    brightest_light = max(value for value, _ in brightest.values())
+    target = next(
+        name for name, (value, _) in brightest.items() if value >= (1 - _SAME) * brightest_light
+    )
+    darkest = min(dimmest.values())
+    weakest = next(name for name, value in dimmest.items() if value <= (1 + _SAME) * darkest)
     u, v = np.rint(brightest[target][1]).astype(int).tolist()
-    times = most / least if least > 0 else np.inf
+    times = brightest_light / darkest if darkest > 0 else np.inf
     return Exposure(target, (u, v), weakest, float(f"{times:.{_DIGITS}g}"))
 
 
@@ -313,27 +315,30 @@ def beside(camera: Camera, cam2world: Array, points: Array) -> Array:
     return image_of(camera, local / local[:, 2:])[:, None] + _RING
 
 
-def with_exposures(light: LightPlan, plan: PlanToLight, scene: RayScene) -> LightPlan:
+def with_exposures(light: LightPlan, plan: Planned, scene: RayScene) -> LightPlan:
     """Return lamps whose images say what to expose them for.
 
     Parameters
     ----------
     light : LightPlan
         The lamps.
-    plan : PlanToLight
+    plan : Planned
         The settings that they are for.
     scene : RayScene
         Of the part.
     """
     images = tuple(
-        tuple(replace(image, expose_for=exposure_of(image, light, plan, k, scene)) for image in own)
-        for k, own in enumerate(light.images)
+        tuple(
+            replace(image, expose_for=exposure_of(image, light, plan, k, scene))
+            for image in lit_images
+        )
+        for k, lit_images in enumerate(light.images)
     )
     return replace(light, images=images)
 
 
 def exposure_of(
-    image: LitImage, light: LightPlan, plan: PlanToLight, k: int, scene: RayScene
+    image: LitImage, light: LightPlan, plan: Planned, k: int, scene: RayScene
 ) -> Exposure | None:
     """Return what an image of the k-th setting is exposed for, None if no lamp lights any of it.
 
@@ -343,7 +348,7 @@ def exposure_of(
         The image.
     light : LightPlan
         Its lamps.
-    plan : PlanToLight
+    plan : Planned
         Its plan.
     k : int
         Number of its setting, from 0.

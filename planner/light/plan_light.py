@@ -14,15 +14,14 @@ from scipy.sparse import csr_matrix
 
 from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions
 from planner.argument_kinds import check_kinds
-from planner.cover.set_cover import maximal_columns, min_cover
+from planner.cover import maximal_columns, min_cover
 from planner.exceptions import RequestError
 from planner.light.background import DEFAULT_STEP
 from planner.light.corner_light import LampSets, fewest_together, sites_of
-from planner.light.demands import PlanToLight
-from planner.light.lamps import LampSpace
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
-from planner.light.lighting import Lighting, Served, eyes_of
+from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
 from planner.progress import Progress
+from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -98,13 +97,13 @@ class LampSearch:
         n = self.n * n_lamps
         place = np.arange(n).reshape(self.n, n_lamps)
         rows = []
-        most = []
+        upper = []
         for jobs in sorted(self.refuted, key=sorted):
             for lamp in range(n_lamps):
                 row = np.zeros(n)
                 row[place[sorted(jobs), lamp]] = 1
                 rows.append(row)
-                most.append(len(jobs) - 1)
+                upper.append(len(jobs) - 1)
         each = np.zeros((self.n, n))
         for job in range(self.n):
             each[job, place[job]] = 1
@@ -112,17 +111,17 @@ class LampSearch:
         free[np.arange(n_lamps) > np.arange(self.n)[:, None]] = 0
         limits = [LinearConstraint(csr_matrix(each), 1, 1)]
         if rows:
-            limits.append(LinearConstraint(csr_matrix(np.array(rows)), -np.inf, most))
-        found = milp(
+            limits.append(LinearConstraint(csr_matrix(np.array(rows)), -np.inf, upper))
+        solution = milp(
             np.zeros(n),
             integrality=np.ones(n),
             bounds=Bounds(0, free.ravel()),
             constraints=limits,
             options={"node_limit": _NODES},
         )
-        if found.x is None:
-            return None if found.status == 2 else []
-        lamps = found.x.reshape(self.n, n_lamps) > 0.5
+        if solution.x is None:
+            return None if solution.status == 2 else []
+        lamps = solution.x.reshape(self.n, n_lamps) > 0.5
         return [frozenset(np.flatnonzero(column).tolist()) for column in lamps.T if column.any()]
 
     def _realised(self, jobs: Jobs) -> bool:
@@ -164,7 +163,7 @@ _SHADOW = ", or a shadow next to it"
 
 
 def plan_light(
-    plan: PlanToLight,
+    plan: Planned,
     solid: Solid,
     lamps: Any,
     *,
@@ -253,7 +252,7 @@ def plan_light(
 
 def chosen_lamps(
     lighting: Lighting,
-    plan: PlanToLight,
+    plan: Planned,
     solid: Solid,
     progress: Progress | None = None,
     also: ArrayLike = (),
@@ -264,20 +263,18 @@ def chosen_lamps(
     return with_exposures(light, plan, served.scene)
 
 
-def _chosen(
-    lighting: Lighting, served: Served, plan: PlanToLight, also: ArrayLike = ()
-) -> LightPlan:
-    given = lighting.given
+def _chosen(lighting: Lighting, served: Served, plan: Planned, also: ArrayLike = ()) -> LightPlan:
+    places = lighting.given
     work = _Work(served, len(plan.settings), lighting.ground)
-    if given is None:
+    if places is None:
         return _ring(work, eyes_of(plan))
     if lighting.together:
-        return _all_on(work, given)
-    if isinstance(given, np.ndarray):
-        served.keep(given)
+        return _all_on(work, places)
+    if isinstance(places, np.ndarray):
+        served.keep(places)
         return _fixed(work)
     served.add(np.reshape(np.asarray(also, dtype=np.float64), (-1, 3)))
-    return _placed(work, given)
+    return _placed(work, places)
 
 
 @dataclass
@@ -318,14 +315,15 @@ class _Work:
         shots: list[list[LitImage]] = [[] for _ in range(self.n_settings)]
         for setting, place, pairs in images:
             shots[setting].append(self.image((number[place],), pairs, served.contrast[place]))
-        return self.plan(kind, served.places[list(chosen)], shots, (bound, proof), reasons)
+        return self.plan(kind, served.places[list(chosen)], shots, bound, proof, reasons)
 
     def plan(
         self,
         kind: str,
         places: NDArray[np.float64],
         shots: Sequence[Sequence[LitImage]],
-        proven: tuple[int, str],
+        bound: int,
+        proof: str,
         reasons: Mapping[int, str],
     ) -> LightPlan:
         """Return the plan of lamps at places, ``shots`` by setting, ``reasons`` by pair."""
@@ -341,7 +339,8 @@ class _Work:
             places,
             tuple(map(tuple, shots)),
             tuple(unlit),
-            *proven,
+            bound,
+            proof,
         )
 
 
@@ -409,9 +408,9 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
                 beside += ", and no shadow next to it" if served.clear_beside(i) else ""
                 dark[i] = f"{proven} {space} {lights} with enough contrast and step{beside}."
     for k in {served.pairs[i].setting for i in dark}:
-        rest = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
-        if rest and not (served.contrast[:, rest] > 0).all(axis=1).any():
-            served.search(space, rest)
+        others = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
+        if others and not (served.contrast[:, others] > 0).all(axis=1).any():
+            served.search(space, others)
     jobs = work.jobs(served.contrast > 0)
 
     def decide(numbers: Jobs) -> bool:
@@ -476,7 +475,7 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
             shots[k].append(work.image(range(n), pairs, fewest.contrast))
     kind = "fixed" if fixed else "placed"
     return replace(
-        work.plan(kind, places[list(fewest.chosen)], shots, (bound, proof), dark), together=True
+        work.plan(kind, places[list(fewest.chosen)], shots, bound, proof, dark), together=True
     )
 
 
@@ -499,9 +498,9 @@ def _covered(served: Served, jobs: Sequence[tuple[int, ...]]) -> tuple[list[int]
     worst = np.where(served.contrast > 0, served.step, 1.0).min(axis=1)
     order = np.argsort(-worst, kind="stable")
     _, first = np.unique(columns[order], axis=0, return_index=True)
-    kept = np.sort(order[first])
-    cover = min_cover(columns[kept], worst[kept])
-    chosen = [int(kept[c]) for c in cover.chosen]
+    distinct = np.sort(order[first])
+    cover = min_cover(columns[distinct], worst[distinct])
+    chosen = [int(distinct[c]) for c in cover.chosen]
     images: dict[tuple[int, int], list[int]] = {}
     for pairs in jobs:
         values = served.contrast[np.ix_(chosen, list(pairs))].min(axis=1)

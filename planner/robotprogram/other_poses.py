@@ -26,7 +26,7 @@ from planner.robotprogram.program import (
     Stop,
     plan_digest,
 )
-from planner.search.judge import Judge, perturbed
+from planner.search.columns import Judge, perturbed
 from planner.search.plan_setting import setting_at
 from planner.search.realise_column import joint_bounds, missing, promised_too_much
 from planner.verify.setting_record import search_windows_px

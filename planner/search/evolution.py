@@ -12,17 +12,32 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.camera.pose import moved, world_to_cam
+from planner.effort import Effort
 from planner.request.camera_limits import FULL, probability_share, rooms, shares
 from planner.request.request import Request
 
-if TYPE_CHECKING:
-    from planner.effort.poses import Centring
+# poses of a generation
+_POPULATION = 24
+# a search ends after this many generations without a gain
+_PATIENCE = 15
+# τ of the soft minimum of the shares
+_SOFTNESS = 0.04
+# number of the best poses of a generation whose lines must show from displaced poses, too
+_STEADY_TRIED = 3
+# how far these are displaced, in standard deviations
+_SIGMAS = 3.0
+# weight of the share of the part's outline that is outside the picture
+_OUTLINE = 0.3
+# first standard deviations of the moves, of one search after the other: turns in rad, shifts as
+# shares of the distance. A search of few generations leaves out the finest.
+_STEPS = (0.02, 0.005, 0.001)
+_FEW_GENERATIONS = 15
 
 
 Array = NDArray[np.float64]
@@ -79,9 +94,9 @@ class EvolutionStrategy:
         moves = (points[order] - self._mean) / self._step
         move = np.zeros_like(self._mean)
         spread = np.zeros_like(self._cov)
-        for weight, one in zip(self._weights.tolist(), moves, strict=True):
-            move = move + weight * one
-            spread = spread + weight * (one[:, None] * one)
+        for weight, chosen_move in zip(self._weights.tolist(), moves, strict=True):
+            move = move + weight * chosen_move
+            spread = spread + weight * (chosen_move[:, None] * chosen_move)
         self._mean = self._mean + self._step * move
         c_sigma = self._c_sigma
         along = math.sqrt(c_sigma * (2 - c_sigma) * self._mu)
@@ -107,10 +122,10 @@ def triangular_factor(covariance: Array) -> Array:
     n = len(covariance)
     factor = np.zeros((n, n))
     for j in range(n):
-        left = float(covariance[j, j])
+        remainder = float(covariance[j, j])
         for k in range(j):
-            left -= float(factor[j, k]) ** 2
-        factor[j, j] = math.sqrt(max(left, 0.0))
+            remainder -= float(factor[j, k]) ** 2
+        factor[j, j] = math.sqrt(max(remainder, 0.0))
         for i in range(j + 1, n if factor[j, j] > 0.0 else 0):
             value = float(covariance[i, j])
             for k in range(j):
@@ -129,13 +144,13 @@ def _times(rows: Array, root: Array) -> Array:
 
 def _solved(root: Array, vector: Array) -> Array:
     """Return the vector (d,) that a lower triangular factor maps to a given one; 0 where it has no spread."""
-    found = np.zeros_like(vector)
+    solution = np.zeros_like(vector)
     for i in range(len(vector)):
         value = float(vector[i])
         for k in range(i):
-            value -= float(root[i, k] * found[k])
-        found[i] = value / root[i, i] if root[i, i] > 0.0 else 0.0
-    return found
+            value -= float(root[i, k] * solution[k])
+        solution[i] = value / root[i, i] if root[i, i] > 0.0 else 0.0
+    return solution
 
 
 def _length(vector: Array) -> float:
@@ -227,7 +242,7 @@ def evolve(
 # The margin step: a pose that inspects the same targets and stands as far from every limit as it
 # can.
 #
-# A search ends where the probability is highest, often on a limit, and a limit may be missed when
+# a search ends where the probability is highest, often on a limit, and a limit may be missed when
 # the camera is a little elsewhere. So the planned pose moves to where the least *share* of room
 # is largest (`planner.request.camera_limits`), as long as no probability falls by more than is given up.
 # The least share has kinks; its soft minimum
@@ -254,7 +269,36 @@ class LeastShare:
     share: float
 
 
-def centred(request: Request, cam2world: Array, effort: Centring, seed: int) -> Array:
+class Centring(NamedTuple):
+    """How long the margin step searches, and what it may give up.
+
+    Attributes
+    ----------
+    give_up : float
+        No probability falls by more than this. At 0 there is no margin step.
+    generations : int
+        Generations of a search at most.
+    steps : tuple of float
+        First standard deviation of the moves, of one search after the other: turns in rad, shifts
+        as shares of the distance.
+    """
+
+    give_up: float
+    generations: int
+    steps: tuple[float, ...]
+
+    @classmethod
+    def of(cls, effort: Effort) -> Centring:
+        """Return the margin step of a request."""
+        few = effort.margin_generations <= _FEW_GENERATIONS
+        return cls(effort.give_up, effort.margin_generations, _STEPS[:2] if few else _STEPS)
+
+    def shorter(self) -> Centring:
+        """Return what is done where a time limit has ended the search: about a fifth of it."""
+        return Centring(self.give_up, max(1, self.generations // 4), self.steps[:2])
+
+
+def centred(request: Request, cam2world: Array, centring: Centring, seed: int) -> Array:
     """Move a pose away from its limits.
 
     Parameters
@@ -263,7 +307,7 @@ def centred(request: Request, cam2world: Array, effort: Centring, seed: int) -> 
         What is asked of the targets that the pose inspects, and of no others.
     cam2world : array (4, 4)
         The planned pose.
-    effort : Centring
+    centring : Centring
         How long to search, and what may be given up. No probability falls below the required one.
     seed : int
         Seed of the search: the same arguments give the same pose.
@@ -273,15 +317,15 @@ def centred(request: Request, cam2world: Array, effort: Centring, seed: int) -> 
     array (4, 4)
         The pose; the planned one if none with a larger least share was found.
     """
-    step = _MarginStep(request, np.array(cam2world, dtype=np.float64), effort)
+    step = _MarginStep(request, np.array(cam2world, dtype=np.float64), centring.give_up)
     before = step.least_share(step.start[None])
-    if before is None or effort.give_up <= 0.0:
+    if before is None or centring.give_up <= 0.0:
         return step.start
     move = np.zeros(6)
-    rng = np.random.default_rng([seed, effort.generations])
+    rng = np.random.default_rng([seed, centring.generations])
     # in a corner of several limits only short moves are feasible
-    schedule = Schedule(effort.population, effort.generations, effort.patience, tried=effort.tried)
-    for size in effort.steps:
+    schedule = Schedule(_POPULATION, centring.generations, _PATIENCE, tried=_STEADY_TRIED)
+    for size in centring.steps:
         move, _ = evolve(
             step.value, move, size, rng, schedule, lambda moves: step.is_steady(step.poses(moves))
         )
@@ -295,20 +339,17 @@ def centred(request: Request, cam2world: Array, effort: Centring, seed: int) -> 
 
 def least_share(request: Request, cam2world: Array) -> LeastShare | None:
     """Return the condition of a pose (4, 4) that leaves least; None if it breaks one."""
-    from planner.effort.poses import Centring
-
     pose = np.array(cam2world, dtype=np.float64)
-    return _MarginStep(request, pose, Centring(give_up=1.0)).least_share(pose[None])
+    return _MarginStep(request, pose, 1.0).least_share(pose[None])
 
 
 class _MarginStep:
     """The shares of poses around a planned one."""
 
-    def __init__(self, request: Request, start: Array, effort: Centring) -> None:
+    def __init__(self, request: Request, start: Array, give_up: float) -> None:
         self.start = start
         self._request = request
         self._constraints = request.constraints
-        self._effort = effort
         need = request.requirements
         self._rooms = rooms(
             request.camera, request.space.workspace, need.to_dict(), need.focus_reserve.on_axis_mm
@@ -320,7 +361,7 @@ class _MarginStep:
             for name in constraints.constraint_names
             if name not in constraints.shows and name != "visibility"
         ]
-        self._floor = np.maximum(request.probability, self._sure(start[None])[0] - effort.give_up)
+        self._floor = np.maximum(request.probability, self._sure(start[None])[0] - give_up)
         self._outline = _hull_points(request)
         self._around = self._displaced()
 
@@ -331,22 +372,20 @@ class _MarginStep:
     def value(self, moves: Array) -> Array:
         """Return the soft minimum of the shares of moves (n, 6), less what the outline costs; else -1 or less."""
         poses = self.poses(moves)
-        values, found = self._shares(poses)
-        feasible = np.flatnonzero(np.isfinite(found).all(axis=1) & (found >= 0.0).all(axis=1))
+        values, room = self._shares(poses)
+        feasible = np.flatnonzero(np.isfinite(room).all(axis=1) & (room >= 0.0).all(axis=1))
         if feasible.size:
-            soft = [_soft_minimum(row, self._effort.softness) for row in found[feasible].tolist()]
-            values[feasible] = np.array(soft) - self._effort.outline * self._cut_off(
-                poses[feasible]
-            )
+            soft = [_soft_minimum(row, _SOFTNESS) for row in room[feasible].tolist()]
+            values[feasible] = np.array(soft) - _OUTLINE * self._cut_off(poses[feasible])
         return values
 
     def least_share(self, pose: Array) -> LeastShare | None:
         """Return the condition of a pose (1, 4, 4) that leaves the least of its room; None if it breaks one."""
-        _, found = self._shares(pose)
-        if not (np.isfinite(found).all() and (found >= 0.0).all()):
+        _, room = self._shares(pose)
+        if not (np.isfinite(room).all() and (room >= 0.0).all()):
             return None
-        k = int(np.argmin(found[0]))
-        return LeastShare(self._names[k], float(found[0, k]))
+        k = int(np.argmin(room[0]))
+        return LeastShare(self._names[k], float(room[0, k]))
 
     def _shares(self, poses: Array) -> tuple[Array, Array]:
         """Return how badly poses fail (n,), and their shares (n, s); nan where an earlier condition failed.
@@ -365,29 +404,31 @@ class _MarginStep:
             missed = np.maximum(-margin.min(axis=1), 0.0)
             broken += np.minimum(missed / constraints.scale(name), FULL)
         values = -2.0 - broken
-        found = np.full((len(poses), len(self._names)), np.nan)
-        left = np.flatnonzero(broken == 0.0)
-        if left.size:
-            seen = constraints.margins(poses[left], ["visibility"])["visibility"].min(axis=1) > 0.0
-            values[left] = -1.5
-            left = left[seen]
-        if left.size:
-            sure = self._sure(poses[left])
+        result = np.full((len(poses), len(self._names)), np.nan)
+        feasible = np.flatnonzero(broken == 0.0)
+        if feasible.size:
+            seen = (
+                constraints.margins(poses[feasible], ["visibility"])["visibility"].min(axis=1) > 0.0
+            )
+            values[feasible] = -1.5
+            feasible = feasible[seen]
+        if feasible.size:
+            sure = self._sure(poses[feasible])
             lacking = np.maximum(self._floor - sure, 0.0).max(axis=1)
             enough = lacking == 0.0
-            values[left] = -1.0 - lacking / 4.0
-            left = left[enough]
+            values[feasible] = -1.0 - lacking / 4.0
+            feasible = feasible[enough]
             probable = probability_share(sure[enough].min(axis=1), self._request.probability)
-        if not left.size:
-            return values, found
-        last = constraints.margins(poses[left], constraints.shows)
-        own = {name: margin[left] for name, margin in margins.items()}
-        room = {**shares(own, self._rooms), "probability": probable[:, None]}
+        if not feasible.size:
+            return values, result
+        last = constraints.margins(poses[feasible], constraints.shows)
+        remaining = {name: margin[feasible] for name, margin in margins.items()}
+        room = {**shares(remaining, self._rooms), "probability": probable[:, None]}
         room.update(shares(last, self._rooms))
         for column, name in enumerate(self._names):
-            found[left, column] = room[name].min(axis=1)
-        values[left] = -1.0
-        return values, found
+            result[feasible, column] = room[name].min(axis=1)
+        values[feasible] = -1.0
+        return values, result
 
     def _sure(self, poses: Array) -> Array:
         """Return P (n, k) times the probability of being in focus."""
@@ -408,7 +449,7 @@ class _MarginStep:
     def _displaced(self) -> Array:
         """Return displacements (12, 4, 4) of three standard deviations: along the columns of a root, both ways."""
         factor = triangular_factor(self._request.pose_uncertainty.covariance)
-        moves = np.ascontiguousarray(self._effort.sigmas * factor.T)
+        moves = np.ascontiguousarray(_SIGMAS * factor.T)
         return moved(np.eye(4), np.concatenate([moves, -moves]), 1.0)
 
     def _cut_off(self, poses: Array) -> Array:
@@ -426,9 +467,9 @@ class _MarginStep:
 
 def _soft_minimum(shares_left: list[float], tau: float) -> float:
     """Return -τ log Σ exp(-share / τ), with the same last digits on every machine."""
-    least = min(shares_left)
-    return least - tau * math.log(
-        math.fsum(math.exp(-(share - least) / tau) for share in shares_left)
+    lowest = min(shares_left)
+    return lowest - tau * math.log(
+        math.fsum(math.exp(-(share - lowest) / tau) for share in shares_left)
     )
 
 

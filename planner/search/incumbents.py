@@ -9,30 +9,309 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, fields, replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.bound.dual_bound import ProvenBound
-from planner.bound.lower_bound import exclusion_proof
-from planner.callbacks import LEAST_SEARCH_S, Callbacks
-from planner.cover.few_columns import exchange_columns
-from planner.cover.set_cover import bound_columns, greedy_cover
+from planner.bound.lower_bound import ProvenBound, exclusion_proof
+from planner.callbacks import LEAST_SEARCH_S, NOBODY, Callbacks, Checkpoint
+from planner.cover import bound_columns, exchange_columns, greedy_cover
+from planner.executors import Shared, in_order
+from planner.identity import InspectionRequest
 from planner.plan import InspectionPlan
 from planner.request.reach import PoseRegion
 from planner.request.request import Request, witness_reasons
 from planner.request.targets import Target
-from planner.search.candidates import derive_seed, first_poses
-from planner.search.judge import ColumnPool, Judgement
+from planner.resume import PlanningState
+from planner.search.columns import (
+    BATCH,
+    ColumnPool,
+    Judge,
+    Judgement,
+    Pools,
+    derive_seed,
+    first_poses,
+)
 from planner.search.plan_setting import setting_at, without
-from planner.search.run import SILENT_S, Run
-from planner.sensor_setting import Reason, ReasonKind, SensorSetting
+from planner.search.realise_column import (
+    Promises,
+    Supported,
+    realise,
+    simulate_promises,
+    supported_pose,
+)
+from planner.sensor_setting import (
+    Outcome,
+    Reason,
+    ReasonKind,
+    SensorSetting,
+    kinds_record,
+    reasons_from,
+)
 from planner.travel import order_by, pose_distances
 from planner.verify.setting_record import search_windows_px
+
+# One planning run: the request, the pools of columns, and what every step needs of them.
+
+
+# How far a planning has got: all that its stages hand on, in one value that packs itself for the
+# state file.
+
+
+@dataclass
+class PlanState:
+    """What the stages of a plan hand on.
+
+    Attributes
+    ----------
+    pools : Pools
+        Columns found so far.
+    stage : str
+        Name of the stage that is to be done, or is being done.
+    entries : dict of str to value
+        How far this stage has got; empty at its beginning. See `planner.callbacks.Checkpoint`.
+    uninspectable : dict of str to Reason
+        Targets that no pose inspects, and why.
+    incompatible : tuple of str
+        Targets of which no setting inspects two, as known so far.
+    weighing : Pools or None
+        Columns that the weights of the proof come from, if they are not those of the plan.
+    inspected : array of bool (k,) or None
+        Targets that some column inspects: the bound and the settings are for these.
+    known : int
+        Settings of a cover that is known when the proof begins.
+    joined : int
+        How many times poses have joined the pools that the proof came across.
+    bound : int
+        Settings that are needed at least.
+    proof : str
+        What the bound rests on.
+    bound_of : array of bool (k,) or None
+        Targets that it was proven for.
+    bound_weights : array (k,) or None
+        Their weights, where such prove it; see `planner.bound.lower_bound.ProvenBound`.
+    plan : InspectionPlan or None
+        The plan, without lamps at first.
+    """
+
+    pools: Pools
+    stage: str = ""
+    entries: dict[str, Any] = field(default_factory=dict)
+    uninspectable: dict[str, Reason] = field(default_factory=dict)
+    incompatible: tuple[str, ...] = ()
+    weighing: Pools | None = None
+    inspected: NDArray[np.bool_] | None = None
+    known: int = 0
+    joined: int = 0
+    bound: int = 0
+    proof: str = ""
+    bound_of: NDArray[np.bool_] | None = None
+    bound_weights: NDArray[np.float64] | None = None
+    plan: InspectionPlan | None = None
+
+    @classmethod
+    def empty(cls, n_targets: int) -> PlanState:
+        """Return the state in which nothing is known of k targets."""
+        return cls(empty_pools(n_targets))
+
+    def pack(self) -> dict[str, Any]:
+        """Return the fields as values that `planner.plan_file.packed` takes; arrays are not copied."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {
+            **values,
+            "pools": self.pools.to_dict(),
+            "weighing": None if self.weighing is None else self.weighing.to_dict(),
+            "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
+            "uninspectable_kinds": kinds_record(self.uninspectable),
+            "plan": None if self.plan is None else self.plan.to_dict(),
+        }
+
+    @classmethod
+    def unpack(cls, data: Mapping[str, Any]) -> PlanState:
+        """Build from the result of `pack`, as it is or as it comes back from a file."""
+        values = {entry.name: data[entry.name] for entry in fields(cls)}
+        plan = data["plan"]
+        weighing = data["weighing"]
+        return cls(
+            **{
+                **values,
+                "pools": Pools.from_dict(data["pools"]),
+                "weighing": None if weighing is None else Pools.from_dict(weighing),
+                "uninspectable": reasons_from(data["uninspectable"], data["uninspectable_kinds"]),
+                "incompatible": tuple(data["incompatible"]),
+                "plan": None if plan is None else InspectionPlan.from_dict(plan),
+            }
+        )
+
+
+def empty_pools(n_targets: int) -> Pools:
+    """Return pools for k targets without columns."""
+    return Pools(*(ColumnPool(n_targets) for _ in Pools._fields))
+
+
+# seconds after which the checking of poses is shown
+SILENT_S = 1.0
+
+
+class Run:
+    """One planning run: the pools of columns that the steps fill.
+
+    Parameters
+    ----------
+    request : Request
+        What is asked, with where its targets are observable.
+    asked : InspectionRequest
+        What the plan states as asked; it holds seed and effort.
+    memo : PlanningState
+        Outcomes and checkpoints.
+    executor : concurrent.futures.Executor, optional
+        Runs the per-entity and per-column work.
+    callbacks : Callbacks
+        What is called while it goes on, and when it ends.
+
+    Attributes
+    ----------
+    state : PlanState
+        How far it has got; that of the memo, if there is one.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        asked: InspectionRequest,
+        memo: PlanningState,
+        *,
+        executor: Executor | None = None,
+        callbacks: Callbacks = NOBODY,
+    ):
+        self.request = request
+        self.asked = asked
+        self.seed = asked.seed
+        self.effort = asked.effort
+        self.judge = Judge(request, asked.effort)
+        self.names = request.names
+        self.shared = Shared(self.judge)
+        self.promises = Promises(self.shared, asked.seed)
+        self.memo = memo
+        self.executor = executor
+        self.callbacks = callbacks
+        last = memo.last()
+        self.state = PlanState.empty(len(self.names)) if last is None else PlanState.unpack(last)
+        self._begun = 0
+
+    @property
+    def pools(self) -> Pools:
+        """Columns found so far."""
+        return self.state.pools
+
+    @property
+    def pool(self) -> ColumnPool:
+        """Columns that poses inspect."""
+        return self.state.pools.realised
+
+    def save(self, entries: dict[str, Any]) -> None:
+        """Keep the state, with how far its stage has got."""
+        self.state.entries = entries
+        self.memo.keep(self.state.pack())
+
+    def checkpoint(self, then: Callable[[dict[str, Any]], object] | None = None) -> Checkpoint:
+        """Return where work of this stage goes on and is kept; ``then(entries)`` is called after each change."""
+
+        def keep(entries: dict[str, Any]) -> None:
+            self.save(entries)
+            if then is not None:
+                then(entries)
+
+        return Checkpoint(self.state.entries, keep)
+
+    def nodes(self, share: float = 1.0) -> int:
+        """Return the nodes that a cover may take: a share of what the effort allows."""
+        return int(share * self.effort.cover_nodes)
+
+    def rng(self, purpose: str) -> np.random.Generator:
+        """Return the source of chance for a purpose, whatever was drawn before."""
+        return np.random.default_rng(derive_seed(self.seed, [purpose]))
+
+    def names_of(self, column: np.ndarray) -> tuple[str, ...]:
+        """Return the names of the entities in a column (k,) of bool."""
+        return tuple(np.array(self.names)[column].tolist())
+
+    def simulate(self, settings: Sequence[SensorSetting]) -> Iterator[SensorSetting]:
+        """Simulate what settings state and was not simulated before, several at a time; yield each when it is done."""
+        # what two settings state of one pose is simulated twice, and is the same
+        tasks = [self.promises.task(setting) for setting in settings]
+        new = [k for k, task in enumerate(tasks) if task[2]]
+        results = in_order(
+            self.executor, simulate_promises, [tasks[k] for k in new], self.callbacks.deadline.check
+        )
+        for k, excess in zip(new, results, strict=True):
+            self.promises.take(settings[k], excess)
+            yield settings[k]
+
+    def accept(self, outcome: Outcome) -> tuple[str, ...]:
+        """Add what a run of the genetic algorithm achieved to the pool; return the entities it inspects."""
+        if outcome.setting is None:
+            return ()
+        pose = outcome.setting.cam2world[None]
+        judged = self.judge(pose)
+        self.pool.add(judged.inspects, pose, judged.probability)
+        return self.names_of(judged.inspects[0])
+
+    def realise(self, sets: Sequence[tuple[str, ...]]) -> list[Outcome]:
+        """Run the genetic algorithm for sets of entities not tried before; return all outcomes in order."""
+        todo = [names for names in dict.fromkeys(sets) if self.memo.get(names) is None]
+        done = self._begun
+        self._begun = self._begun + len(todo)
+        arguments = [
+            (self.shared, names, derive_seed(self.seed, names), self._start(names))
+            for names in todo
+        ]
+        for names, outcome in zip(
+            todo, in_order(self.executor, realise, arguments, self.callbacks.check), strict=True
+        ):
+            self.memo.put(names, outcome)
+            done += 1
+            self.callbacks.report(done, self._begun, "genetic algorithm")
+        outcomes = (self.memo.get(names) for names in sets)
+        return [outcome for outcome in outcomes if outcome is not None]
+
+    def supported(self, options: Sequence[Sequence[SensorSetting]]) -> list[Supported]:
+        """Return for each of some settings the best of its options that simulation supports; see `best_supported`."""
+        tasks = [
+            (self.shared, choices, derive_seed(self.seed, choices[0].entities), len(options))
+            for choices in options
+        ]
+        confirmed = []
+        begun = time.monotonic()
+        for result in in_order(self.executor, supported_pose, tasks, self.callbacks.check):
+            confirmed.append(result)
+            # what is soon done needs no line
+            if time.monotonic() - begun > SILENT_S:
+                self.callbacks.report(len(confirmed), len(tasks), "checked poses")
+        return confirmed
+
+    def _start(self, names: Sequence[str]) -> np.ndarray | None:
+        """Return the candidate pose (1, 4, 4) that inspects, or nearly inspects, a set of entities."""
+        for pool in self.pools:
+            best = pool.best_containing(np.isin(self.names, names))
+            if best is not None:
+                return pool.poses[best : best + 1]
+        return None
+
+
+# number of viewing directions per entity, for each of the first plans
+_GLANCES = (4, 32)
+# steps of the exchange search for a cover of one column less
+_EXCHANGES = 1000
+# largest number of covers that are simulated. Each omits the edges contradicted before.
+_COVERS = 20
+# drop an edge that simulation contradicts from this many candidate poses and confirms from none
+_IN_VAIN = 4
 
 # Which other lines a detector may take for an edge: visible ones where the edge has to be looked
 # for.
@@ -56,15 +335,15 @@ def with_lines_in_windows(plan: InspectionPlan, request: Request) -> InspectionP
         return plan
     windows = [search_windows_px(plan, setting) for setting in plan.settings]
     # all are looked for as far as the widest window
-    widest = max(max(one.values()) for one in windows)
+    widest = max(max(widths.values()) for widths in windows)
     settings = []
     for setting, window in zip(plan.settings, windows, strict=True):
         # of witnesses, each setting has its own
-        own = request.at_pose(setting.cam2world, setting.entities)
-        check = own.constraints.image_check(replace(showing, separation_px=widest))
-        wanted = np.ones((1, len(own.names)), bool)
-        apart = check.separations(setting.cam2world[None], wanted, 0.0)[0] + widest
-        near = dict(zip(own.names, apart.tolist(), strict=True))
+        request_here = request.at_pose(setting.cam2world, setting.entities)
+        check = request_here.constraints.image_check(replace(showing, separation_px=widest))
+        every = np.ones((1, len(request_here.names)), bool)
+        apart = check.separations(setting.cam2world[None], every, 0.0)[0] + widest
+        near = dict(zip(request_here.names, apart.tolist(), strict=True))
         lines = {name: near[name] for name in setting.entities if near[name] < window[name]}
         settings.append(replace(setting, lines_in_window_px=lines))
     return replace(plan, settings=tuple(settings))
@@ -96,9 +375,9 @@ def in_order_of_arm(
     assert cell is not None
     placed = [
         cell.placed(
-            one.cam2world, request.at_pose(one.cam2world, one.entities).constraints.segments
+            item.cam2world, request.at_pose(item.cam2world, item.entities).constraints.segments
         )
-        for one in settings
+        for item in settings
     ]
     chosen = fewest_fixturings([set(ways) for ways in placed], list(cell.to_dict()["fixturings"]))
     result: list[SensorSetting] = []
@@ -106,11 +385,11 @@ def in_order_of_arm(
         group = [
             _standing(setting, name, ways[name])
             for setting, ways in zip(settings, placed, strict=True)
-            if next((one for one in chosen if one in ways), "") == name
+            if next((item for item in chosen if item in ways), "") == name
         ]
         result += _ordered(cell, group, name, unfinished)
     # what a cell forbids after all is told by the plan's reachability
-    result += [one for one, ways in zip(settings, placed, strict=True) if not ways]
+    result += [item for item, ways in zip(settings, placed, strict=True) if not ways]
     return result
 
 
@@ -119,17 +398,17 @@ def fewest_fixturings(ways: Sequence[set[str]], every: Sequence[str]) -> tuple[s
 
     Beyond a dozen names, they are chosen greedily.
     """
-    left = [names for names in ways if names]
+    unserved = [names for names in ways if names]
     if len(every) <= _MOST_TRIED:
         for count in range(len(every) + 1):
             for chosen in combinations(every, count):
-                if all(names.intersection(chosen) for names in left):
+                if all(names.intersection(chosen) for names in unserved):
                     return chosen
     picked: list[str] = []
-    while left:
-        best = max(every, key=lambda name: sum(name in names for names in left))
+    while unserved:
+        best = max(every, key=lambda name: sum(name in names for names in unserved))
         picked.append(best)
-        left = [names for names in left if best not in names]
+        unserved = [names for names in unserved if best not in names]
     return tuple(picked)
 
 
@@ -154,7 +433,7 @@ def _ordered(
     """Return the settings of one fixturing in the order that takes the least time."""
     if not group:
         return ()
-    seconds = cell.travel_seconds(np.array([one.axes for one in group]), fixturing)
+    seconds = cell.travel_seconds(np.array([setting.axes for setting in group]), fixturing)
     order = order_by(seconds, kicks=0) if unfinished else order_by(seconds)
     return [group[i] for i in order]
 
@@ -216,15 +495,15 @@ def with_passed_over(request: Request, setting: SensorSetting) -> SensorSetting:
     """Return a setting that says why it uses none of the other witnesses of its targets."""
     if not setting.witness:
         return setting
-    some = request.restricted_to(list(setting.witness))
-    why = witness_reasons(some.witnesses, setting.cam2world)
+    measured = request.restricted_to(list(setting.witness))
+    why = witness_reasons(measured.witnesses, setting.cam2world)
     over = {
         target.name: {
             ", ".join(witness.entities): reason
             for k, (witness, reason) in enumerate(zip(target.witnesses, reasons, strict=True))
             if k != setting.witness[target.name]
         }
-        for target, reasons in zip(some.targets, why, strict=True)
+        for target, reasons in zip(measured.targets, why, strict=True)
     }
     return replace(setting, passed_over=over)
 
@@ -278,7 +557,7 @@ class SupportedColumns:
         self._in_vain: Counter[str] = Counter()
 
     def cover(
-        self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int | None = None
+        self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int = _COVERS
     ) -> list[SensorSetting] | None:
         """Choose few columns of a pool that simulation supports, for as many entities as possible.
 
@@ -290,17 +569,15 @@ class SupportedColumns:
         beaten : (int, int)
             Entities of a plan known, and minus its settings: what is not better is not looked for further.
         covers : int
-            Covers that are simulated at most. Default: as many as the effort says.
+            Covers that are simulated at most.
 
         Returns
         -------
         list of SensorSetting or None
             None if none better was found.
         """
-        trying = run.effort.stages.trying
-        covers = trying.covers if covers is None else covers
         membership, done = self._corrected(run, pool)
-        chosen = _short_cover(membership, beaten, run.rng("incumbent"), trying.exchanges)
+        chosen = _short_cover(membership, beaten, run.rng("incumbent"), _EXCHANGES)
         for k in range(covers):
             if chosen is None:
                 return None
@@ -318,13 +595,13 @@ class SupportedColumns:
                 done[c] = True
             self._give_up(run, membership, done)
             if k + 1 < covers:
-                chosen = _short_cover(membership, beaten, run.rng("incumbent"), trying.exchanges)
-            known = np.where(done[:, None], membership, False)
-            own = _short_cover(known, beaten, run.rng("incumbent"), trying.exchanges)
+                chosen = _short_cover(membership, beaten, run.rng("incumbent"), _EXCHANGES)
+            confirmed = np.where(done[:, None], membership, False)
+            shorter = _short_cover(confirmed, beaten, run.rng("incumbent"), _EXCHANGES)
             if k + 1 == covers or (
-                own is not None and chosen is not None and _as_good(membership, own, chosen)
+                shorter is not None and chosen is not None and _as_good(membership, shorter, chosen)
             ):
-                chosen = own
+                chosen = shorter
         return None if chosen is None else self._as_settings(run, pool, chosen)
 
     def _corrected(self, run: Run, pool: ColumnPool) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -340,8 +617,7 @@ class SupportedColumns:
 
     def _give_up(self, run: Run, membership: NDArray[np.bool_], done: NDArray[np.bool_]) -> None:
         """Clear the edges that no pose tried supports, although many promise them."""
-        in_vain = run.effort.stages.trying.in_vain
-        often = np.array([self._in_vain[name] >= in_vain for name in run.names])
+        often = np.array([self._in_vain[name] >= _IN_VAIN for name in run.names])
         membership[:, often & ~membership[done].any(axis=0)] = False
 
     def _supported(self, run: Run, pool: ColumnPool, c: int) -> NDArray[np.bool_]:
@@ -363,10 +639,10 @@ class SupportedColumns:
 
 def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> list[SensorSetting]:
     """Return the poses of columns as settings."""
-    wanted = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
+    columns_of = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
     return [
         setting_at(run.request, pose, names, "candidate pose", seed=derive_seed(run.seed, names))
-        for pose, names in wanted
+        for pose, names in columns_of
     ]
 
 
@@ -375,8 +651,8 @@ def as_simulated(run: Run, settings: Iterable[SensorSetting]) -> list[SensorSett
     supported = []
     for setting in settings:
         wrong = run.promises.contradicted_in(setting)
-        kept = without(run.request, setting, list(wrong)) if wrong else setting
-        supported.append(run.promises.with_bounds(kept))
+        reduced = without(run.request, setting, list(wrong)) if wrong else setting
+        supported.append(run.promises.with_bounds(reduced))
     return [setting for setting in supported if setting.entities]
 
 
@@ -398,21 +674,21 @@ def _short_cover(
     """
     covered = membership.any(axis=0)
     membership = membership[:, covered]
-    known = beaten[0]
+    n_beaten = beaten[0]
     fewer_than = -beaten[1]
-    if not covered.any() or covered.sum() < known:
+    if not covered.any() or covered.sum() < n_beaten:
         return None
     chosen: NDArray[np.int_] | None = None
-    if covered.sum() > known:
+    if covered.sum() > n_beaten:
         chosen = np.array(greedy_cover(membership))
         fewer_than = len(chosen)
     fewest = bound_columns(membership)
     while fewer_than > fewest:
-        found = exchange_columns(membership, fewer_than - 1, steps=steps, rng=rng)
-        if found.missing:
+        exchange = exchange_columns(membership, fewer_than - 1, steps=steps, rng=rng)
+        if exchange.missing:
             break
-        chosen = found.chosen
-        fewer_than = len(found.chosen)
+        chosen = exchange.chosen
+        fewer_than = len(exchange.chosen)
     return None if chosen is None else np.sort(chosen)
 
 
@@ -467,15 +743,13 @@ class Incumbents:
         deadline = self._callbacks.deadline
         # how long a direction takes
         each = 0.0
-        for directions in (
-            run.effort.stages.improving.directions if self._callbacks.wants_plans else ()
-        ):
+        for directions in _GLANCES if self._callbacks.wants_plans else ():
             begun = time.monotonic()
             # candidate poses make more of the time than a second glance that would take most of it
-            left = deadline.seconds_left()
-            if left is None and self.best is not None:
+            remaining_s = deadline.seconds_left()
+            if remaining_s is None and self.best is not None:
                 break
-            if left is not None and each * directions > max(LEAST_SEARCH_S, left / 2):
+            if remaining_s is not None and each * directions > max(LEAST_SEARCH_S, remaining_s / 2):
                 break
             pool = ColumnPool(len(run.names))
             poses = first_poses(run.judge, directions, run.seed)
@@ -489,10 +763,9 @@ class Incumbents:
 
     def _judged_in_parts(self, run: Run, poses: NDArray[np.float64]) -> Judgement:
         """Judge poses as many at a time as the judge does itself, and report between."""
-        size = run.effort.nearness.batch
         parts = [run.judge(poses[:0])]
-        for first in range(0, len(poses), size):
-            parts.append(run.judge(poses[first : first + size]))
+        for first in range(0, len(poses), BATCH):
+            parts.append(run.judge(poses[first : first + BATCH]))
             self._callbacks.report(first + len(parts[-1].inspects), len(poses), "first poses")
         return Judgement.joined(parts)
 
@@ -519,7 +792,7 @@ class Incumbents:
             return True
         return self._spent_s <= max(_FREE_S, _SHARE * (time.monotonic() - self._begun))
 
-    def _offer(self, run: Run, pool: ColumnPool, covers: int | None = None) -> None:
+    def _offer(self, run: Run, pool: ColumnPool, covers: int = _COVERS) -> None:
         """See whether the columns of a pool make a better plan."""
         begun = time.monotonic()
         cover = self._columns.cover(
@@ -537,9 +810,9 @@ class Incumbents:
         self._callbacks.bound(proven.n, proven.weights)
         self._proofs[proven.proof] = proven
         if self.best is not None:
-            known, proof = self.proven(run, self.best.settings)
-            if known > self.best.lower_bound:
-                self.publish(replace(self.best, lower_bound=known, bound_proof=proof))
+            n_needed, proof = self.proven(run, self.best.settings)
+            if n_needed > self.best.lower_bound:
+                self.publish(replace(self.best, lower_bound=n_needed, bound_proof=proof))
 
     def on_incompatible(self, run: Run) -> None:
         """Take in the bound of entities that exclude each other, if some are known."""

@@ -12,15 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.camera.pose import pose_between
-from planner.effort.poses import Centring
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
 from planner.request.registration import PoseKnowledge
 from planner.request.request import Request
-from planner.search.evolution import centred, least_share
-from planner.search.infeasible import missing_corners
-from planner.search.judge import Judge, perturbed
-from planner.search.plan_setting import best_setting, setting_at, without
+from planner.search.columns import Judge, perturbed
+from planner.search.evolution import Centring, centred, least_share
+from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
 from planner.verify.p_all import (
     MOST_REQUIRED,
@@ -29,7 +27,25 @@ from planner.verify.p_all import (
     poses_needed,
     successes_needed,
 )
-from planner.verify.simulate_setting import Posed, simulate_setting
+from planner.verify.simulate_setting import MODEL_TOLERANCE, Posed, simulate_setting
+
+# displaced poses simulated to check a pose
+_TRIAL_POSES = 4000
+# poses drawn near a contradicted one
+_NEIGHBOURS = 2000
+# neighbours evaluated at a time. Often simulation confirms one of the first.
+_NEIGHBOUR_BATCH = 250
+# largest number of simulated neighbours that inspect the same entities
+_MOST_TRIALS = 100
+# the same for all settings of a plan together. They share it equally.
+ALL_TRIALS = 1000
+# displaced poses simulated if the first ones contradict a probability. The standard error of the
+# frequency is then at most 0.0025.
+_SURE_POSES = 40_000
+# displaced poses at first in which everything must hold, see `planner.verify.p_all`
+JOINT_POSES = 1000
+# the same where the first ones do not decide, and at most for what a plan states
+JOINT_SURE_POSES = 20_000
 
 # a shortfall is more than nothing
 _LEAST = 1e-9
@@ -151,12 +167,13 @@ class _Tried(NamedTuple):
 
     def supported(self, judge: Judge, seed: int) -> frozenset[str]:
         """Return the entities that simulation supports."""
-        most = judge.effort.support.too_high
-        kept = tuple(name for name, too_much in self.excess.items() if too_much <= most)
+        entities = tuple(
+            name for name, too_much in self.excess.items() if too_much <= MODEL_TOLERANCE
+        )
         short = self.short
-        if short is None and kept:
-            short = shortfalls(judge, self.pose.cam2world, kept, seed)
-        return frozenset(kept) - frozenset(short or ())
+        if short is None and entities:
+            short = shortfalls(judge, self.pose.cam2world, entities, seed)
+        return frozenset(entities) - frozenset(short or ())
 
 
 def best_supported(
@@ -175,36 +192,37 @@ def best_supported(
     seed : int
         Of the poses tried and displaced.
     settings : int
-        How many settings share the trials that the effort allows a plan.
+        How many settings share the trials that a plan may make.
     """
-    support = judge.effort.support
-    rng = np.random.default_rng([seed, support.trial_poses])
+    rng = np.random.default_rng([seed, _TRIAL_POSES])
     best: _Tried | None = None
-    least = np.inf
+    lowest = np.inf
     poses: Iterable[SensorSetting | PosedOnly] = itertools.chain(
-        options, _near(judge, options[0], rng, support.trials_of(settings))
+        options, _near(judge, options[0], rng, _trials_of(settings))
     )
     for pose in poses:
         tried = _Tried(pose, _excess(judge, pose, rng), None)
         too_much = max(tried.excess.values())
-        if too_much <= support.too_high:
-            short = _shortfalls_below(judge, pose, seed, least - support.too_high)
+        if too_much <= MODEL_TOLERANCE:
+            short = _shortfalls_below(judge, pose, seed, lowest - MODEL_TOLERANCE)
             tried = tried._replace(short=short)
-            too_much = max([too_much, *(support.too_high + miss for miss in short.values())])
-        if best is None or too_much < least:
+            too_much = max([too_much, *(MODEL_TOLERANCE + miss for miss in short.values())])
+        if best is None or too_much < lowest:
             best = tried
-            least = too_much
-        if least <= support.too_high:
+            lowest = too_much
+        if lowest <= MODEL_TOLERANCE:
             break
     assert best is not None
-    kept = best.supported(judge, seed)
+    supported = best.supported(judge, seed)
     if isinstance(best.pose, SensorSetting):
-        return Supported(best.pose, kept)
+        return Supported(best.pose, supported)
     message = "pose near the best, supported by simulation"
-    found = best.pose
+    pose_found = best.pose
     return Supported(
-        setting_at(judge.request, found.cam2world, found.entities, message, seed=options[0].seed),
-        kept,
+        setting_at(
+            judge.request, pose_found.cam2world, pose_found.entities, message, seed=options[0].seed
+        ),
+        supported,
     )
 
 
@@ -234,17 +252,16 @@ def without_contradicted(request: Request, settings: Sequence[Supported]) -> lis
 
 def promised_too_much(judge: Judge, setting: Posed, seed: int) -> dict[str, float]:
     """Return the entities that simulation contradicts in a setting, and by how much they promise too much."""
-    support = judge.effort.support
-    excess = _excess(judge, setting, np.random.default_rng([seed, support.trial_poses]))
-    suspected = tuple(name for name, too_much in excess.items() if too_much > support.too_high)
+    excess = _excess(judge, setting, np.random.default_rng([seed, _TRIAL_POSES]))
+    suspected = tuple(name for name, too_much in excess.items() if too_much > MODEL_TOLERANCE)
     if not suspected:
         return {}
     posed = PosedOnly(
         setting.cam2world, suspected, {name: setting.probability[name] for name in suspected}
     )
-    rng = np.random.default_rng([seed, support.sure_poses])
-    excess = _excess(judge, posed, rng, support.sure_poses)
-    return {name: too_much for name, too_much in excess.items() if too_much > support.too_high}
+    rng = np.random.default_rng([seed, _SURE_POSES])
+    excess = _excess(judge, posed, rng, _SURE_POSES)
+    return {name: too_much for name, too_much in excess.items() if too_much > MODEL_TOLERANCE}
 
 
 def joint_counts(
@@ -260,7 +277,7 @@ def joint_counts(
     Parameters
     ----------
     judge : Judge
-        Has the request; its effort says how many poses are displaced.
+        Has the request.
     cam2world : array (4, 4)
         The pose.
     names : sequence of str
@@ -273,7 +290,7 @@ def joint_counts(
         The count ends as soon as the bound of a target cannot become this large any more, and states too much then.
     """
     checks = DisplacedChecks(judge.request.at_pose(cam2world, names), names)
-    n = poses_needed(judge.threshold, max(at_least, judge.effort.support.joint_poses))
+    n = poses_needed(judge.threshold, max(at_least, JOINT_POSES))
     return checks.count(cam2world, n, seed, successes_needed(needed, n))
 
 
@@ -295,20 +312,19 @@ def joint_bounds(
     needed : float
         As soon as one bound is surely below this, others may state too much.
     """
-    support = judge.effort.support
     bounds: dict[str, tuple[float, int]] = {}
-    left = tuple(names)
-    for at_least in (support.joint_poses, support.joint_sure_poses):
-        sure = at_least == support.joint_sure_poses
-        counts = joint_counts(judge, cam2world, left, seed, at_least, needed if sure else 0.0)
-        bounds.update({name: (counts.lower[name], counts.n) for name in left})
-        left = tuple(
+    undecided = tuple(names)
+    for at_least in (JOINT_POSES, JOINT_SURE_POSES):
+        sure = at_least == JOINT_SURE_POSES
+        counts = joint_counts(judge, cam2world, undecided, seed, at_least, needed if sure else 0.0)
+        bounds.update({name: (counts.lower[name], counts.n) for name in undecided})
+        undecided = tuple(
             name
             for name, hits in zip(counts.names, counts.successes, strict=True)
             if hits >= judge.threshold * counts.n and not keeps(judge, counts.lower[name])
         )
-        decided = [lower for name, (lower, _) in bounds.items() if name not in left]
-        if not left or min(decided, default=1.0) < needed:
+        decided = [lower for name, (lower, _) in bounds.items() if name not in undecided]
+        if not undecided or min(decided, default=1.0) < needed:
             break
     return bounds
 
@@ -362,26 +378,30 @@ def _excess(
 ) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
     names = tuple(setting.entities)
-    known = judge.request.known_at(setting.cam2world, names)
+    registered = judge.request.known_at(setting.cam2world, names)
     rates = simulate_setting(
-        PosedOnly(setting.cam2world, names, dict(setting.probability), known),
+        PosedOnly(setting.cam2world, names, dict(setting.probability), registered),
         judge.request.at_pose(setting.cam2world, setting.entities).measured,
         judge.camera,
         judge.request.pose_uncertainty,
         accuracy=judge.accuracy,
-        n=judge.effort.support.trial_poses if n is None else n,
+        n=_TRIAL_POSES if n is None else n,
         rng=rng,
     )
     return {name: rate.predicted - rate.frequency for name, rate in rates.items()}
+
+
+def _trials_of(settings: int) -> int:
+    """Return how many neighbours each of so many settings may simulate, one at least."""
+    return min(_MOST_TRIALS, max(ALL_TRIALS // max(settings, 1), 1))
 
 
 def _near(
     judge: Judge, setting: SensorSetting, rng: np.random.Generator, most: int
 ) -> Iterator[PosedOnly]:
     """Yield poses near a setting that inspect the same entities, so many at most."""
-    support = judge.effort.support
     poses = perturbed(
-        np.repeat(setting.cam2world[None], support.neighbours, axis=0),
+        np.repeat(setting.cam2world[None], _NEIGHBOURS, axis=0),
         judge.camera.focus_distance_mm,
         rng,
     )
@@ -389,8 +409,8 @@ def _near(
     tried = 0
     # worth more than 1 is only what nearly inspects all of them: no more is looked at of the others
     prices = is_wanted / (is_wanted.sum() - 0.5)
-    for first in range(0, len(poses), support.batch):
-        neighbours = poses[first : first + support.batch]
+    for first in range(0, len(poses), _NEIGHBOUR_BATCH):
+        neighbours = poses[first : first + _NEIGHBOUR_BATCH]
         judged = judge(neighbours, prices)
         for k in np.flatnonzero(judged.inspects[:, is_wanted].all(axis=1))[: most - tried]:
             tried += 1
@@ -438,14 +458,17 @@ def simulate_promises(
     """
     judge: Judge = shared.value
     # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
-    own = [name for name in stated if not judge.request.find_target(name).in_image]
+    composed = [name for name in stated if not judge.request.find_target(name).in_image]
     excess = dict.fromkeys(stated, 0.0)
-    for names in (tuple(name for name in stated if name not in own), *((name,) for name in own)):
+    for names in (
+        tuple(name for name in stated if name not in composed),
+        *((name,) for name in composed),
+    ):
         if names:
-            some = PosedOnly(cam2world, names, {name: stated[name] for name in names})
-            excess.update(promised_too_much(judge, some, seed))
-    kept = tuple(name for name in stated if excess[name] <= 0.0)
-    bounds = joint_bounds(judge, cam2world, kept, seed) if kept else {}
+            posed = PosedOnly(cam2world, names, {name: stated[name] for name in names})
+            excess.update(promised_too_much(judge, posed, seed))
+    upheld = tuple(name for name in stated if excess[name] <= 0.0)
+    bounds = joint_bounds(judge, cam2world, upheld, seed) if upheld else {}
     return Found({**excess, **missing(judge, bounds)}, bounds)
 
 
@@ -486,19 +509,21 @@ class Promises:
         if task[2]:
             self.take(setting, simulate_promises(*task))
         pose = setting.cam2world.tobytes()
-        found = {n: self._excess[pose, n, setting.probability[n]] for n in setting.entities}
-        return {name: too_much for name, too_much in found.items() if too_much > 0.0}
+        excess = {n: self._excess[pose, n, setting.probability[n]] for n in setting.entities}
+        return {name: too_much for name, too_much in excess.items() if too_much > 0.0}
 
     def with_bounds(self, setting: SensorSetting) -> SensorSetting:
         """Return a setting that states the P_all that was counted for its entities."""
         pose = setting.cam2world.tobytes()
         if not all((pose, name) in self._bounds for name in setting.entities):
             return setting
-        found = {name: self._bounds[pose, name] for name in setting.entities}
-        stated = {name: min(lower, setting.probability[name]) for name, (lower, _) in found.items()}
+        bounds = {name: self._bounds[pose, name] for name in setting.entities}
+        stated = {
+            name: min(lower, setting.probability[name]) for name, (lower, _) in bounds.items()
+        }
         # what is missed by one at least is missed by no more than all of them miss
         together = max(1.0 - sum(1.0 - p for p in stated.values()), 0.0)
-        poses = min((n for _, n in found.values()), default=0)
+        poses = min((n for _, n in bounds.values()), default=0)
         return replace(setting, p_all=stated, p_all_together=together, p_all_poses=poses)
 
 
@@ -539,7 +564,7 @@ def centre_setting(
     centring : Centring
         How long to search.
     settings : int
-        How many settings share the trials that the effort allows a plan.
+        How many settings share the trials that a plan may make.
     until : float
         When the search ends, as `time.time` counts: a setting whose turn comes later stays where it is.
 
@@ -556,9 +581,9 @@ def centre_setting(
             break
         if not _inspects(judge, pose, setting.entities):
             continue
-        own = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
-        if not loses(own):
-            setting = best_supported(judge, [own, setting], seed, settings).setting
+        moved = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
+        if not loses(moved):
+            setting = best_supported(judge, [moved, setting], seed, settings).setting
             break
     return with_p_all(judge, setting, seed, poses)
 
@@ -583,7 +608,7 @@ def _off_limits(
         after = least_share(request, between)
         if before is not None and after is not None and after.share > before.share:
             yield between
-    near = centred(request, start, replace(centring, steps=centring.steps[-1:]), seed)
+    near = centred(request, start, centring._replace(steps=centring.steps[-1:]), seed)
     if (near != start).any():
         yield near
 
@@ -593,9 +618,8 @@ def with_p_all(judge: Judge, setting: SensorSetting, seed: int, poses: int) -> S
     if not setting.entities:
         return setting
     counts = joint_counts(judge, setting.cam2world, setting.entities, seed, poses)
-    sure = judge.effort.support.joint_sure_poses
-    if poses < sure and not all(keeps(judge, lower) for lower in counts.lower.values()):
-        counts = joint_counts(judge, setting.cam2world, setting.entities, seed, sure)
+    if poses < JOINT_SURE_POSES and not all(keeps(judge, lower) for lower in counts.lower.values()):
+        counts = joint_counts(judge, setting.cam2world, setting.entities, seed, JOINT_SURE_POSES)
     # no more is promised than the model says of the error alone
     stated = {name: min(counts.lower[name], setting.probability[name]) for name in counts.names}
     together = min(counts.lower_together, *stated.values())
@@ -642,8 +666,8 @@ class _Losses:
 
     def _times_measured(self, setting: SensorSetting, sigmas: float, poses: int) -> np.ndarray:
         """Return in how many poses, displaced so many times as far, each target of a setting is measured (k,)."""
-        asked = self._judge.request
-        wide = type(asked.pose_uncertainty)(sigmas**2 * asked.pose_uncertainty.covariance)
-        own = asked.at_pose(setting.cam2world, setting.entities)
-        checks = DisplacedChecks(replace(own, pose_uncertainty=wide), setting.entities)
+        request = self._judge.request
+        wide = type(request.pose_uncertainty)(sigmas**2 * request.pose_uncertainty.covariance)
+        request_here = request.at_pose(setting.cam2world, setting.entities)
+        checks = DisplacedChecks(replace(request_here, pose_uncertainty=wide), setting.entities)
         return np.array(checks.count(setting.cam2world, poses, self._seed).successes)

@@ -6,6 +6,7 @@ and within the long ones. A planning that is resumed goes on with the stage that
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,33 +15,448 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.bound.dual_bound import ProvenBound, of_all
-from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
-from planner.cover.few_columns import few_columns, sets_to_realise
+from planner.bound.lower_bound import (
+    ProvenBound,
+    exclusion_proof,
+    exclusive_entities,
+    lower_bound,
+    of_all,
+)
+from planner.cover import few_columns, sets_to_realise
 from planner.executors import Shared, in_order
 from planner.light.lighting import Lighting, eyes_of
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import report
 from planner.request.request import Request
-from planner.search.candidates import (
+from planner.search.columns import (
+    Judge,
     Pools,
     WarmStart,
     derive_seed,
     entity_poses,
     judged_poses,
+    perturbed,
     price_poses,
 )
-from planner.search.incumbents import SO_FAR, Incumbents, assembled
-from planner.search.judge import Judge, perturbed
+from planner.search.evolution import Centring
+from planner.search.incumbents import (
+    SO_FAR,
+    Incumbents,
+    PlanState,
+    Run,
+    as_simulated,
+    assembled,
+    candidate_settings,
+    empty_pools,
+    in_order_of_arm,
+)
 from planner.search.plan_setting import setting_at, without
-from planner.search.realise_column import without_corners
-from planner.search.run import PlanState, Run, empty_pools
-from planner.search.settle import settle
-from planner.sensor_setting import Reason, SensorSetting
+from planner.search.realise_column import (
+    ALL_TRIALS,
+    JOINT_POSES,
+    JOINT_SURE_POSES,
+    Supported,
+    centre_setting,
+    joint_bounds,
+    keeps,
+    with_p_all,
+    without_contradicted,
+    without_corners,
+)
+from planner.sensor_setting import Reason, ReasonKind, SensorSetting
+from planner.verify.p_all import MOST_REQUIRED
 
 if TYPE_CHECKING:
     from planner.camera.camera import Camera
+    from planner.camera.pose import PoseUncertainty
+
+# Last step: the final cover is chosen, and every setting in it gets the best pose that simulation
+# supports.
+#
+# That pose is moved off its limits, and what it promises is counted.
+
+
+# for what a plan states: displaced poses times targets, in all of its settings together
+_JOINT_ALL_POSES = 400_000
+# for a target that lacks the required P_all in the final settings: poses of other columns that
+# are simulated for it
+_RETRIED = 8
+# least gain in the sum of the probabilities. A smaller gain is rounding.
+_FITNESS_GAIN = 1e-6
+
+# Another try for targets that lack the required P_all in the final settings, before they are
+# given up.
+#
+# In this order, and only as long as some are left:
+#
+# 1. The poses of the other settings: one of them may measure the target as well. 2. The poses of
+# other columns that contain it, as simulation supports them. 3. A setting of its own, searched
+# for it alone.
+#
+# Poses that were added are moved off their limits like all others. What is still short then is
+# lost; the largest P_all that was found on the way is what its reason states.
+
+
+Centre = Callable[[list[SensorSetting]], list[SensorSetting]]
+
+
+class ShortTargets:
+    """Targets that lack the required P_all, and where they may have it.
+
+    Parameters
+    ----------
+    run : Run
+        Its request says what is asked, its pool has other columns.
+    settings : sequence of SensorSetting
+        The others, which have it.
+    reached : dict of str to float
+        The largest P_all found of each target that lacks it.
+    centre : callable
+        Moves settings off their limits, and counts their P_all.
+
+    Attributes
+    ----------
+    settings : list of SensorSetting
+        Those given, and the ones that were added.
+    reached : dict of str to float
+        The largest P_all found of each target that still lacks it.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        settings: Sequence[SensorSetting],
+        reached: dict[str, float],
+        centre: Centre,
+    ):
+        self._run = run
+        self._centre = centre
+        self.settings = list(settings)
+        self.reached = dict(reached)
+
+    def retry(self) -> None:
+        """Try all that there is, until no target is left."""
+        self.join_settings()
+        for propose in (self._other_columns, self._own_settings):
+            proposed = propose() if self.reached else []
+            if proposed:
+                self._add(self._centre(proposed))
+
+    def join_settings(self) -> None:
+        """Let settings that are there measure the targets, where they can."""
+        judge = self._run.judge
+        for name in list(self.reached):
+            self._run.callbacks.deadline.check()
+            column = judge.names.index(name)
+            bounds = {}
+            for k, setting in enumerate(self.settings):
+                if judge(setting.cam2world[None]).inspects[0, column]:
+                    bounds_here = joint_bounds(judge, setting.cam2world, (name,), self._run.seed)
+                    bounds[k] = bounds_here[name][0]
+            if not bounds:
+                continue
+            best = max(bounds, key=lambda k: bounds[k])
+            self._reach(name, bounds[best])
+            if keeps(judge, bounds[best]):
+                self._join(best, name)
+
+    def _join(self, k: int, name: str) -> None:
+        run = self._run
+        setting = self.settings[k]
+        names = (*setting.entities, name)
+        joined = setting_at(
+            run.request, setting.cam2world, names, setting.message, setting.seed, setting.nfev
+        )
+        poses = max(setting.p_all_poses, JOINT_POSES)
+        joined = with_p_all(run.judge, joined, run.seed, poses)
+        # by other draws the one or the other may be short
+        if all(keeps(run.judge, p) for p in joined.p_all.values()):
+            self.settings[k] = joined
+            del self.reached[name]
+
+    def _other_columns(self) -> list[SensorSetting]:
+        """Return poses of other columns that simulation supports for some of the targets."""
+        run = self._run
+        short = np.isin(run.names, list(self.reached))
+        columns = run.pool.membership & short
+        rows = np.flatnonzero(columns.any(axis=1))
+        worth = columns[rows].sum(axis=1) + run.pool.quality[rows] / 2.0
+        rows = rows[np.argsort(-worth, kind="stable")]
+        unserved = short.copy()
+        tried = np.zeros(len(run.names), dtype=int)
+        proposed = []
+        for c in rows.tolist():
+            served = columns[c] & unserved & (tried < _RETRIED)
+            if not served.any():
+                continue
+            tried += served
+            run.callbacks.deadline.check()
+            (candidate,) = candidate_settings(run, run.pool, [c])
+            others = [n for n in candidate.entities if n not in run.names_of(served)]
+            for setting in as_simulated(run, [without(run.request, candidate, others)]):
+                unserved &= ~np.isin(run.names, setting.entities)
+                proposed.append(setting)
+        return proposed
+
+    def _own_settings(self) -> list[SensorSetting]:
+        """Return the best poses that a search for each of the targets alone finds."""
+        run = self._run
+        sets = [(name,) for name in self.reached]
+        realised = [outcome.setting for outcome in run.realise(sets)]
+        supported = run.supported([[outcome] for outcome in realised if outcome is not None])
+        return [outcome.setting for outcome in supported]
+
+    def _add(self, settings: Sequence[SensorSetting]) -> None:
+        """Take the settings in, for the targets that have the required P_all there and were short."""
+        for setting in settings:
+            for name, p in setting.p_all.items():
+                self._reach(name, p)
+            useless = [
+                name
+                for name in setting.entities
+                if name not in self.reached or not keeps(self._run.judge, setting.p_all[name])
+            ]
+            added = without(self._run.request, setting, useless) if useless else setting
+            if added.entities:
+                self.settings.append(added)
+            for name in added.entities:
+                del self.reached[name]
+
+    def _reach(self, name: str, p_all: float) -> None:
+        if name in self.reached:
+            self.reached[name] = max(self.reached[name], p_all)
+
+
+Proven = Callable[[Run, Sequence[SensorSetting]], tuple[int, str]]
+
+
+class Settled(NamedTuple):
+    """The settings of the final cover.
+
+    Attributes
+    ----------
+    settings : list of SensorSetting
+        With what they promise.
+    lost : dict of str to Reason
+        Targets of the cover that have the required P_all in none of them.
+    """
+
+    settings: list[SensorSetting]
+    lost: dict[str, Reason]
+
+
+def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
+    """Choose the final cover and give every column in it the best pose that simulation supports.
+
+    Parameters
+    ----------
+    run : Run
+        Its pools hold the columns.
+    inspected : array of bool (k,)
+        Entities that are to be covered.
+    moves : bool
+        Whether the poses are moved off their limits.
+    """
+    pool = run.pool
+    request = run.request
+    chosen = few_columns(
+        pool.membership[:, inspected],
+        run.nodes(),
+        run.rng("settings"),
+        pool.quality,
+    )
+    candidates = [
+        setting_at(
+            request, pool.poses[c], names, "candidate pose", seed=derive_seed(run.seed, names)
+        )
+        for c, names in ((c, run.names_of(pool.membership[c])) for c in chosen)
+    ]
+    settings = without_contradicted(request, _supported(run, candidates))
+    centring = Centring.of(run.effort)
+    if not moves:
+        centring = centring._replace(give_up=0.0)
+
+    def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
+        return centre_all(run, some, centring)
+
+    return _without_short(run, centre(settings), centre)
+
+
+def _supported(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
+    """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough."""
+    enough = run.effort.good_enough
+    good = [
+        k for k, candidate in enumerate(candidates) if min(candidate.probability.values()) > enough
+    ]
+    # what was simulated on the way is not simulated again
+    for _ in run.simulate([candidates[k] for k in good]):
+        pass
+    plain = [k for k in good if not run.promises.contradicted_in(candidates[k])]
+    supported = {k: Supported(candidates[k], frozenset(candidates[k].entities)) for k in plain}
+    others = [k for k in range(len(candidates)) if k not in supported]
+    searched = _searched(run, [candidates[k] for k in others])
+    supported.update(zip(others, searched, strict=True))
+    return [supported[k] for k in range(len(candidates))]
+
+
+def _searched(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
+    """Search a better pose for each candidate pose, and return the better one that simulation supports."""
+    options = []
+    outcomes = run.realise([column.entities for column in candidates])
+    for candidate, outcome in zip(candidates, outcomes, strict=True):
+        setting = outcome.setting
+        both = [candidate]
+        if setting is not None and _holds(run, setting, candidate.entities):
+            both.insert(setting.fitness < candidate.fitness - _FITNESS_GAIN, setting)
+        options.append(both)
+    return run.supported(options)
+
+
+def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPlan:
+    """Return a plan that a time limit ended with its settings moved off their limits, and what they promise.
+
+    Parameters
+    ----------
+    run : Run
+        Its request says what is asked.
+    plan : InspectionPlan
+        The best plan so far.
+    proven : callable
+        ``proven(run, settings)`` returns the bound for what settings inspect, and what it rests on.
+    """
+    moved = centre_all(
+        run,
+        plan.settings,
+        Centring.of(run.effort).shorter(),
+        until=run.callbacks.deadline.of_settling(),
+    )
+    settled = _without_short(run, moved)
+    settings = settled.settings
+    if run.request.requirements.cell is not None:
+        settings = in_order_of_arm(run.request, settings, unfinished=True)
+    bound, proof = proven(run, settings)
+    return replace(
+        plan,
+        settings=tuple(settings),
+        lower_bound=bound,
+        bound_proof=proof,
+        uninspectable={**plan.uninspectable, **settled.lost},
+    )
+
+
+def _without_short(
+    run: Run, settings: Sequence[SensorSetting], centre: Centre | None = None
+) -> Settled:
+    """Take from settings the targets that lack the required P_all there; return why some are in none any more.
+
+    Where it is said how settings are moved off their limits, these are tried again before they are given up.
+    """
+    threshold = min(run.request.probability, MOST_REQUIRED)
+    short = [{n for n, p in setting.p_all.items() if p < threshold} for setting in settings]
+    fewer = [
+        without(run.request, setting, sorted(missing)) if missing else setting
+        for setting, missing in zip(settings, short, strict=True)
+    ]
+    entities = {name for setting in fewer for name in setting.entities}
+    reached: dict[str, float] = {}
+    for setting, missing in zip(settings, short, strict=True):
+        for name in missing - entities:
+            reached[name] = max(setting.p_all[name], reached.get(name, 0.0))
+    fewer = [setting for setting in fewer if setting.entities]
+    if reached and centre is not None:
+        tried = ShortTargets(run, fewer, reached, centre)
+        tried.retry()
+        fewer = tried.settings
+        reached = tried.reached
+    lost = {
+        name: Reason.of(
+            ReasonKind.PROBABILITY_TOO_LOW,
+            f"the best pose found reaches P_all = {best:.4f}, below the required "
+            f"{run.request.probability:g}.",
+        )
+        for name, best in reached.items()
+    }
+    return Settled(fewer, lost)
+
+
+def centre_all(
+    run: Run, settings: Sequence[SensorSetting], centring: Centring, *, until: float | None = None
+) -> list[SensorSetting]:
+    """Move settings off their limits, and count what they promise.
+
+    Parameters
+    ----------
+    run : Run
+        Its request says what is asked.
+    settings : sequence of SensorSetting
+        Settings that simulation supports.
+    centring : Centring
+        How long to search.
+    until : float, optional
+        The time limit has passed, which is not asked again. Fewer poses are displaced, and from this time on, as
+        `time.time` counts, poses are not moved.
+
+    Returns
+    -------
+    list of SensorSetting
+        In the same order, for the same targets.
+    """
+    poses = JOINT_POSES
+    early = until is not None
+    if not early:
+        each = _JOINT_ALL_POSES // max(sum(len(setting_of.entities) for setting_of in settings), 1)
+        poses = min(JOINT_SURE_POSES, max(each, poses))
+    tasks = [
+        (
+            run.shared,
+            setting,
+            derive_seed(run.seed, setting.entities),
+            poses,
+            centring,
+            # a pose that needs a neighbour is left as it is
+            ALL_TRIALS if early else len(settings),
+            math.inf if until is None else until,
+        )
+        for setting in settings
+    ]
+    check = (lambda: None) if early else run.callbacks.check
+    moved = []
+    for setting in in_order(run.executor, centre_setting, tasks, check):
+        moved.append(setting)
+        # where the time is up already, it is not asked again
+        report(run.callbacks.progress, len(moved), len(settings), "margins")
+    return moved
+
+
+def _holds(run: Run, setting: SensorSetting, names: tuple[str, ...]) -> bool:
+    """Judge a setting anew: whether it inspects all these entities."""
+    return bool(run.judge(setting.cam2world[None]).inspects[0, np.isin(run.names, names)].all())
+
+
+# rounds of column generation between two searches
+_ROUNDS_PER_SEARCH = 5
+# share for each cover while the program tries optimistic columns. There are many, and a cover
+# that is not the best costs no more than a run of the genetic algorithm.
+_REFUTING_SHARE = 0.1
+# smallest number of rounds of column generation from poses that the proof found
+_JOINING_ROUNDS = 5
+# largest number of these rounds, for few columns
+_MOST_JOINING_ROUNDS = 25
+# these rounds times columns is about this, because a round over many columns takes longer
+_ROUNDS_TIMES_COLUMNS = 20_000
+# viewpoints drawn for each unlit entity, in addition to the poses of the pool
+_LIGHT_VIEWPOINTS = 60
+# poses tried around each planned pose of the entity, which may keep the other targets of the
+# setting
+_LIGHT_AROUND = 400
+# poses of each entity whose light is computed
+_LIGHT_TRIED = 48
+# of the poses where the entity is lit, keep this many as candidates: those that inspect most
+# entities with the highest probability
+_LIGHT_KEPT = 8
+# lamp positions tried in addition to the chosen ones, for lamps without fixed positions
+_LIGHT_PLACES = 1000
 
 
 # Columns: the pools are filled from viewpoints of every entity, then improved where the cover
@@ -59,8 +475,8 @@ def sample_poses(run: Run, incumbents: Incumbents) -> None:
     names = [name for name in run.names if name not in run.state.uninspectable]
     arguments = [(run.shared, name, run.effort.viewpoints, run.seed) for name in names[done:]]
     check = run.callbacks.check
-    found = in_order(run.executor, judged_poses, arguments, check)
-    for k, (poses, judged) in enumerate(found, done + 1):
+    results = in_order(run.executor, judged_poses, arguments, check)
+    for k, (poses, judged) in enumerate(results, done + 1):
         run.pools.add(poses, judged, run.judge.steady)
         run.save({"sampled": k})
         incumbents.offer_on_the_way(run)
@@ -75,11 +491,11 @@ def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]
     missing = [name for i, name in enumerate(run.names) if not run.pool.membership[:, i].any()]
     reasons: dict[str, Reason] = {}
     for first in range(0, len(missing), _AT_A_TIME):
-        some = missing[first : first + _AT_A_TIME]
-        for name, outcome in zip(some, run.realise([(name,) for name in some]), strict=True):
+        batch = missing[first : first + _AT_A_TIME]
+        for name, outcome in zip(batch, run.realise([(name,) for name in batch]), strict=True):
             if name not in run.accept(outcome):
                 reasons[name] = outcome.reason_at(run.request.probability)
-        if len(reasons) < first + len(some):
+        if len(reasons) < first + len(batch):
             incumbents.offer(run)
     return reasons
 
@@ -99,7 +515,7 @@ def _generate(run: Run, incumbents: Incumbents, rounds: int, seed: int) -> None:
     """Improve the pools, from where the state has got."""
 
     def offer(entries: dict[str, Any]) -> None:
-        if entries["pricing"]["done"] % run.effort.stages.improving.rounds == 0:
+        if entries["pricing"]["done"] % _ROUNDS_PER_SEARCH == 0:
             incumbents.offer(run)
 
     warm_start = WarmStart(coverable=~np.isin(run.names, list(run.state.uninspectable)))
@@ -159,9 +575,9 @@ def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
     if proven[0] < alone:
         proven = alone, exclusion_proof(run.request, alone), None
     bound, proof, weights = proven
-    found = ProvenBound(bound, proof, inspected, _of_all(weights))
-    incumbents.on_bound(run, found)
-    return found
+    proven_bound = ProvenBound(bound, proof, inspected, _of_all(weights))
+    incumbents.on_bound(run, proven_bound)
+    return proven_bound
 
 
 def _inspected(run: Run) -> np.ndarray:
@@ -171,8 +587,8 @@ def _inspected(run: Run) -> np.ndarray:
         state.inspected = run.pool.inspected
         if state.inspected.any():
             membership = run.pool.membership[:, state.inspected]
-            nodes = run.nodes(run.effort.stages.shares.refuting)
-            chosen = few_columns(membership, nodes, run.rng("known"), covering=run.effort.cover)
+            nodes = run.nodes(_REFUTING_SHARE)
+            chosen = few_columns(membership, nodes, run.rng("known"))
             state.known = len(chosen)
     return state.inspected
 
@@ -182,8 +598,8 @@ def find_incompatible(run: Run) -> None:
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
         columns = run.pool.membership[:, seen]
-        found = exclusive_entities(run.request, seen, columns, run.executor, run.effort)
-        run.state.incompatible = tuple(np.array(run.names)[found].tolist())
+        exclusive = exclusive_entities(run.request, seen, columns, run.executor)
+        run.state.incompatible = tuple(np.array(run.names)[exclusive].tolist())
 
 
 def weigh_columns(run: Run) -> None:
@@ -246,14 +662,14 @@ class ProofColumns:
     def join(self, poses: np.ndarray, seed: int) -> None:
         """Add what the proof came across to these columns, and to the plan's."""
         run = self._run
-        joining = run.effort.stages.joining
-        rounds = joining.rounds_for(len(run.pool))
+        affordable = _ROUNDS_TIMES_COLUMNS // max(1, len(run.pool))
+        rounds = min(max(_JOINING_ROUNDS, affordable), _MOST_JOINING_ROUNDS)
         silent = run.callbacks.silent
         start = WarmStart(poses)
         weighing = run.state.weighing
         # what is found without some conditions seldom meets them
-        own = rounds if weighing is None else joining.rounds
-        price_poses(run.shared, run.pools, seed, own, run.executor, silent, start)
+        plan_rounds = rounds if weighing is None else _JOINING_ROUNDS
+        price_poses(run.shared, run.pools, seed, plan_rounds, run.executor, silent, start)
         if weighing is not None:
             price_poses(self.shared, weighing, seed, rounds, run.executor, silent, start)
 
@@ -275,26 +691,26 @@ def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) 
     incumbents : Incumbents
         Columns that make a better plan are offered.
     """
-    left = run.effort.refutations
+    tries = run.effort.refutations
     enough = None
     rng = run.rng("refutation")
-    nodes = run.nodes(run.effort.stages.shares.refuting)
+    nodes = run.nodes(_REFUTING_SHARE)
     impossible = np.zeros((0, len(run.names)), dtype=bool)
-    while left > 0 and inspected.any():
+    while tries > 0 and inspected.any():
         realised = run.pool.membership[:, inspected]
         if enough is None:
-            enough = len(few_columns(realised, nodes, rng, covering=run.effort.cover))
+            enough = len(few_columns(realised, nodes, rng))
         if enough <= 1 or bound >= run.callbacks.deadline.wanted_bound(enough):
             return
         near = run.pools.near.membership[:, inspected]
-        sets = sets_to_realise(
-            realised, near, impossible[:, inspected], enough, nodes, rng, run.effort.cover
-        )[:left]
+        sets = sets_to_realise(realised, near, impossible[:, inspected], enough, nodes, rng)[:tries]
         if not sets:
             return
-        left -= len(sets)
-        wanted = [tuple(np.array(run.names)[inspected][one].tolist()) for one in sets]
-        for names, outcome in zip(wanted, run.realise(wanted), strict=True):
+        tries -= len(sets)
+        sets_of_names = [
+            tuple(np.array(run.names)[inspected][members].tolist()) for members in sets
+        ]
+        for names, outcome in zip(sets_of_names, run.realise(sets_of_names), strict=True):
             reached = run.accept(outcome)
             enough = None if reached else enough
             if set(names) - set(reached):
@@ -321,6 +737,8 @@ class _Posed(NamedTuple):
     targets: Mapping[str, Any]
     camera: Camera
     requirements: Mapping[str, float]
+    pose_uncertainty: PoseUncertainty
+    accuracy: float
 
 
 def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> InspectionPlan:
@@ -382,12 +800,12 @@ def unlit(plan: InspectionPlan) -> list[str]:
 def _places(run: Run, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
     """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
     assert plan.light is not None
-    given = lighting.given
-    if given is None:
+    places = lighting.given
+    if places is None:
         return np.empty((0, 3))
-    if isinstance(given, np.ndarray):
-        return given
-    return np.concatenate([plan.light.lamps, given.places(run.effort.stages.looking.places)])
+    if isinstance(places, np.ndarray):
+        return places
+    return np.concatenate([plan.light.lamps, places.places(_LIGHT_PLACES)])
 
 
 def _shown_from_elsewhere(
@@ -398,7 +816,7 @@ def _shown_from_elsewhere(
     places: NDArray[np.float64],
 ) -> list[SensorSetting]:
     """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
-    kept: list[SensorSetting] = []
+    elsewhere: list[SensorSetting] = []
     for k, name in enumerate(dark):
         poses = _poses_that_inspect(run, plan, name)
         settings = [
@@ -409,9 +827,9 @@ def _shown_from_elsewhere(
         seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
         more = run.judge(seen_from).inspects.sum(axis=1)
         order = sorted(range(len(seen)), key=lambda i: (-more[i], -seen[i].fitness))
-        kept += [seen[i] for i in order[: run.effort.stages.looking.kept]]
+        elsewhere += [seen[i] for i in order[:_LIGHT_KEPT]]
         report(run.callbacks.progress, k + 1, len(dark), "poses in the light")
-    full = [setting for setting in map(_with_all(run), kept) if setting.entities]
+    full = [setting for setting in map(_with_all(run), elsewhere) if setting.entities]
     lit = _shown(run, lighting, plan, full, places)
     cut = [
         without(run.request, setting, [name for name in setting.entities if name not in names])
@@ -436,27 +854,28 @@ def _with_all(run: Run) -> Any:
 
 
 def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
-    """Return poses (n, 4, 4) that inspect an entity, `Looking.tried` at most: half inspect most, half are spread."""
-    looking = run.effort.stages.looking
+    """Return poses (n, 4, 4) that inspect an entity, `_LIGHT_TRIED` at most: half inspect most, half are spread."""
     column = run.names.index(name)
     seed = derive_seed(run.seed, ["light", name])
-    known = run.pool.poses[run.pool.membership[:, column]]
-    drawn = entity_poses(run.judge, name, looking.viewpoints, seed)
+    pooled = run.pool.poses[run.pool.membership[:, column]]
+    drawn = entity_poses(run.judge, name, _LIGHT_VIEWPOINTS, seed)
     planned = np.array([setting.cam2world for setting in plan.settings if name in setting.entities])
-    near = np.repeat(planned, looking.around, axis=0)
+    near = np.repeat(planned, _LIGHT_AROUND, axis=0)
     near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
-    poses = np.concatenate([known, drawn, near])
+    poses = np.concatenate([pooled, drawn, near])
     inspects = run.judge(poses).inspects
     poses = poses[inspects[:, column]]
     more = inspects[inspects[:, column]].sum(axis=1)
-    if len(poses) <= looking.tried:
+    if len(poses) <= _LIGHT_TRIED:
         return poses
     # of many that inspect as much, some from everywhere: neighbours in the list have the same viewpoint
     spread = np.modf(np.arange(len(poses)) * _GOLDEN)[0]
-    most = np.lexsort((spread, -more))[: looking.tried // 2]
-    rest = np.setdiff1d(np.arange(len(poses)), most)
-    others = rest[np.linspace(0, len(rest) - 1, looking.tried - len(most)).round().astype(int)]
-    return np.asarray(poses[np.concatenate([most, others])])
+    richest = np.lexsort((spread, -more))[: _LIGHT_TRIED // 2]
+    remaining = np.setdiff1d(np.arange(len(poses)), richest)
+    others = remaining[
+        np.linspace(0, len(remaining) - 1, _LIGHT_TRIED - len(richest)).round().astype(int)
+    ]
+    return np.asarray(poses[np.concatenate([richest, others])])
 
 
 def _shown(
@@ -470,7 +889,14 @@ def _shown(
     names_shown: list[set[str]] = [set() for _ in settings]
     if not settings:
         return names_shown
-    posed = _Posed(settings, plan.targets, plan.camera, plan.requirements)
+    posed = _Posed(
+        settings,
+        plan.targets,
+        plan.camera,
+        plan.requirements,
+        plan.pose_uncertainty,
+        plan.accuracy,
+    )
     served = lighting.served(posed, run.request.space.solid, run.callbacks.silent.report)
     if lighting.is_ring:
         served.keep_own(eyes_of(posed))
@@ -504,9 +930,7 @@ def _chosen_among(
     columns = np.array([np.isin(run.names, setting.entities) for setting in options])
     covered = columns.any(axis=0)
     quality = np.array([setting.fitness / len(setting.entities) for setting in options])
-    chosen = few_columns(
-        columns[:, covered], run.nodes(), run.rng("light"), quality, run.effort.cover
-    )
+    chosen = few_columns(columns[:, covered], run.nodes(), run.rng("light"), quality)
     return [options[c] for c in chosen]
 
 
@@ -590,10 +1014,12 @@ def _settle(state: PlanState, tools: Tools) -> None:
     assert state.inspected is not None
     settled = settle(tools.run, state.inspected)
     state.uninspectable.update(settled.lost)
-    kept = np.isin(tools.run.names, [n for one in settled.settings for n in one.entities])
+    settled_targets = np.isin(
+        tools.run.names, [n for setting in settled.settings for n in setting.entities]
+    )
     assert state.bound_of is not None
     proven = ProvenBound(state.bound, state.proof, state.bound_of, state.bound_weights)
-    state.bound = proven.for_some(kept)
+    state.bound = proven.for_some(settled_targets)
     state.plan = assembled(tools.run, settled.settings, state.bound, state.proof)
 
 

@@ -119,8 +119,8 @@ class DisplacedChecks:
     """
 
     def __init__(self, request: Request, names: Sequence[str]):
-        own = request.restricted_to(names)
-        self.request = replace(own, requirements=without_reserves(own.requirements))
+        restricted = request.restricted_to(names)
+        self.request = replace(restricted, requirements=without_reserves(restricted.requirements))
         self._constraints: Constraints = self.request.constraints
         self._targets = [self.request.measured[name] for name in self.request.names]
 
@@ -131,22 +131,22 @@ class DisplacedChecks:
         """
         constraints = self._constraints
         margins = constraints.margins(cam2world, constraints.of_image)
-        found = {
+        conditions = {
             "field of view": margins["field_of_view_px"] >= 0.0,
             "focus": margins["focus_mm"] >= 0.0,
         }
-        hopeful = np.logical_and.reduce(list(found.values()))
+        hopeful = np.logical_and.reduce(list(conditions.values()))
         visible = np.ones_like(hopeful)
-        asked = np.flatnonzero(hopeful.any(axis=1))
-        visibility = constraints.margins(cam2world[asked], ["visibility"])["visibility"]
-        visible[asked] = visibility >= 0.0
-        found["visibility"] = visible
+        rows = np.flatnonzero(hopeful.any(axis=1))
+        visibility = constraints.margins(cam2world[rows], ["visibility"])["visibility"]
+        visible[rows] = visibility >= 0.0
+        conditions["visibility"] = visible
         shown = np.ones_like(hopeful)
         if constraints.shows:
-            wanted = hopeful & visible
-            shown = constraints.image.shown(cam2world, wanted) | ~wanted
-        found["image"] = shown
-        return found
+            candidates = hopeful & visible
+            shown = constraints.image.shown(cam2world, candidates) | ~candidates
+        conditions["image"] = shown
+        return conditions
 
     def count(
         self, cam2world: NDArray[np.float64], n: int, seed: int, needed: int = 0
@@ -191,20 +191,20 @@ class DisplacedChecks:
                         found_from,
                         request.camera,
                         request.accuracy,
-                        own,
+                        draw,
                         values.by_surfaces(name),
                     )
-                    for name, target, own in zip(request.names, self._targets, draws, strict=True)
+                    for name, target, draw in zip(request.names, self._targets, draws, strict=True)
                 ]
             )
             failures["error"] += (valid & ~accurate).sum(axis=0)
             valid &= accurate
             successes += valid.sum(axis=0)
             together += int(valid.all(axis=1).sum())
-            left = n - start - size
-            if successes.min() + left < needed:
-                successes += left
-                together += left
+            remaining = n - start - size
+            if successes.min() + remaining < needed:
+                successes += remaining
+                together += remaining
                 break
         return JointCounts(
             request.names,

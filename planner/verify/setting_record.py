@@ -171,7 +171,7 @@ def measurements_dict(plan: Any, setting: Any) -> dict[str, dict[str, Any]]:
     dict
         Fields of each `Measurement` by name.
     """
-    return {name: asdict(one) for name, one in measurements(plan, setting).items()}
+    return {name: asdict(measurement) for name, measurement in measurements(plan, setting).items()}
 
 
 def _measurement(plan: Any, setting: Any, name: str) -> Measurement:
@@ -202,17 +202,17 @@ def _image_shares(plan: Any, points: NDArray[np.float64]) -> dict[str, float]:
     room = rooms(camera, plan.workspace, need, reserve.on_axis_mm)
     near, far = camera.depth_of_field_mm
     depth = points[:, 2]
-    kept = np.maximum(reserve.margin_mm(points), need.get("focus_margin_mm", 0.0))
-    focus = np.minimum(depth - near, far - depth) - kept
+    margin = np.maximum(reserve.margin_mm(points), need.get("focus_margin_mm", 0.0))
+    focus = np.minimum(depth - near, far - depth) - margin
     pixels = image_of(camera, points / depth[:, None])
     sides = np.minimum(pixels + 0.5, np.array(camera.resolution) - 0.5 - pixels)
     border = need.get("field_margin_px", 0.0) + need.get("surround_px", 0.0)
     margins = {"focus_mm": focus.min(), "field_of_view_px": sides.min() - border}
-    found = shares(margins, room)
+    by_condition = shares(margins, room)
     return {
-        name: float(found[key])
+        name: float(by_condition[key])
         for key, name in (("focus_mm", "focus"), ("field_of_view_px", "field of view"))
-        if key in found
+        if key in by_condition
     }
 
 
@@ -296,25 +296,25 @@ def check_settings(plan: Any, settings: Sequence[Mapping[str, Any]]) -> None:
         Names the first wrong field by its path.
     """
     for k, (setting, data) in enumerate(zip(plan.settings, settings, strict=True)):
-        given = [name for name in _FOLLOWS if name in data]
-        follows = _what_follows(plan, setting) if given else {}
-        for name in given:
-            where = field_name("settings", k, name)
+        names = [name for name in _FOLLOWS if name in data]
+        follows = _what_follows(plan, setting) if names else {}
+        for name in names:
+            place = field_name("settings", k, name)
             if name not in follows:
                 rule = "must only be given where requirements ask that edges are found in images"
-                raise PlanFileError(f"{where} {rule}. Got {shown(data[name])}.")
-            _check_same(where, data[name], follows[name])
+                raise PlanFileError(f"{place} {rule}. Got {shown(data[name])}.")
+            _check_same(place, data[name], follows[name])
 
 
 def _what_follows(plan: Any, setting: Any) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     if plan.dimensions:
         ...  # joined
 
-        found["measurements"] = measurements_dict(plan, setting)
+        values["measurements"] = measurements_dict(plan, setting)
     if asks_of_images(plan.requirements):
-        found["search_window_px"] = search_windows_px(plan, setting)
-    return found
+        values["search_window_px"] = search_windows_px(plan, setting)
+    return values
 
 
 def _check_same(where: str, given: Any, computed: Any) -> None:

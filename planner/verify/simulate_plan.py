@@ -67,7 +67,7 @@ class ShownImages:
         dict
             Field names and values.
         """
-        return {"counts": [dict(one) for one in self.counts], "n": self.n}
+        return {"counts": [dict(count) for count in self.counts], "n": self.n}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ShownImages:
@@ -83,7 +83,7 @@ class ShownImages:
         ShownImages
             Equal to the one written.
         """
-        return cls(tuple(dict(one) for one in data["counts"]), data["n"])
+        return cls(tuple(dict(count) for count in data["counts"]), data["n"])
 
 
 def count_shown(
@@ -114,23 +114,27 @@ def count_shown(
     RequestError
         If the part lacks an edge of the plan.
     """
-    asked = {name: plan.requirements.get(name, 0.0) for name in ("separation_px", "min_corner_deg")}
-    edges_only = asked["separation_px"] == 0.0
+    required = {
+        name: plan.requirements.get(name, 0.0) for name in ("separation_px", "min_corner_deg")
+    }
+    edges_only = required["separation_px"] == 0.0
     measured = [
-        [name for name in one.entities if plan.targets[name].in_image or not edges_only]
-        for one in plan.settings
+        [name for name in item.entities if plan.targets[name].in_image or not edges_only]
+        for item in plan.settings
     ]
-    if not any(asked.values()) or not any(measured):
+    if not any(required.values()) or not any(measured):
         return None
-    showing = Detectability(asked["separation_px"], 0.0, asked["min_corner_deg"])
+    showing = Detectability(required["separation_px"], 0.0, required["min_corner_deg"])
     counts = []
     n = min(n, MOST_POSES)
-    for k, (setting, own) in enumerate(zip(plan.settings, measured, strict=True)):
+    for k, (setting, targets) in enumerate(zip(plan.settings, measured, strict=True)):
         rng = np.random.default_rng(None if seed is None else [seed, k, 1])
         poses = displaced_poses(np.asarray(setting.cam2world), plan.pose_uncertainty, n, rng)
-        image = _image_check(solid, targets_of(plan.targets, setting), own, plan.camera, showing)
-        found = image.shown(poses, np.ones((n, len(own)), bool)).sum(axis=0)
-        counts.append(dict(zip(own, found.tolist(), strict=True)))
+        image = _image_check(
+            solid, targets_of(plan.targets, setting), targets, plan.camera, showing
+        )
+        hits = image.shown(poses, np.ones((n, len(targets)), bool)).sum(axis=0)
+        counts.append(dict(zip(targets, hits.tolist(), strict=True)))
         report(progress, k + 1, len(plan.settings), "displaced images")
     return ShownImages(tuple(counts), n)
 
@@ -216,8 +220,10 @@ class SimulationResult:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        found = ", ".join(f"{count} {verdict}" for verdict, count in self.verdicts.items() if count)
-        return f"<SimulationResult: {len(self.rates)} settings, {self.n} poses each: {found or 'nothing to check'}>"
+        counts = ", ".join(
+            f"{count} {verdict}" for verdict, count in self.verdicts.items() if count
+        )
+        return f"<SimulationResult: {len(self.rates)} settings, {self.n} poses each: {counts or 'nothing to check'}>"
 
     @property
     def broken(self) -> tuple[tuple[int, str], ...]:
@@ -232,8 +238,8 @@ class SimulationResult:
     @property
     def verdicts(self) -> dict[str, int]:
         """Number of predictions per verdict; see `SuccessRate.verdict`."""
-        found = [rate.verdict for rates in self.rates for rate in rates.values()]
-        return {verdict: found.count(verdict) for verdict in VERDICTS}
+        all_verdicts = [rate.verdict for rates in self.rates for rate in rates.values()]
+        return {verdict: all_verdicts.count(verdict) for verdict in VERDICTS}
 
     @property
     def confirmed(self) -> bool:
@@ -429,15 +435,15 @@ def simulate_in_time(
             time_left.check()
 
     try:
-        found = simulate_plan(plan, fitting, rng=seed, progress=shown)
+        result = simulate_plan(plan, fitting, rng=seed, progress=shown)
     except TimeIsUpError:
         return None, [NOT_SIMULATED]
     notes = [] if fitting == n else [_fewer_sentence(fitting, n)]
     try:
         time_left.check()
-        return replace(found, shown=count_shown(plan, solid, fitting, seed, shown)), notes
+        return replace(result, shown=count_shown(plan, solid, fitting, seed, shown)), notes
     except TimeIsUpError:
-        return found, [*notes, NOT_COUNTED]
+        return result, [*notes, NOT_COUNTED]
 
 
 def _fewer_sentence(fitting: int, n: int) -> str:
@@ -455,12 +461,12 @@ def _fitting(plan: Planned, n: int, seed: int, seconds: float) -> int:
     sizes = [len(setting.entities) for setting in plan.settings]
     if not sizes:
         return n
-    most: Any = plan.settings[int(np.argmax(sizes))]
+    largest: Any = plan.settings[int(np.argmax(sizes))]
     tried = min(n, _TRIED)
     begun = time.monotonic()
     simulate_setting(
-        most,
-        targets_of(plan.targets, most),
+        largest,
+        targets_of(plan.targets, largest),
         plan.camera,
         plan.pose_uncertainty,
         accuracy=plan.accuracy,

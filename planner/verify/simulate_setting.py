@@ -22,13 +22,203 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import beta
 
 from errors.measurands import Circle, Geometry, Localisation
+from ground.decorators import entry_kernel, kernel_without_refcounts
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
 from planner.request.registration import PoseKnowledge
 from planner.request.targets import PlannedDimension, sample_points
-from planner.verify.point_loops import carry_back, fit_circles, image_points
+
+# Points to pixels of displaced cameras, and pixels back to planes, as compiled loops.
+
+
+@entry_kernel(error_model="numpy")
+def image_points(points: Any, poses: Any, scale: Any, found: Any) -> None:
+    """Write the images of points, without distortion.
+
+    Parameters
+    ----------
+    points : array (m, 3)
+        In the part's frame, mm.
+    poses : array (n, 4, 4)
+        Cam2world.
+    scale : array (4,)
+        Focal lengths and principal point, px.
+    found : array (n, m, 2)
+        Gets the pixels; no numbers behind the camera.
+    """
+    for k in range(len(poses)):
+        for j in range(len(points)):
+            x = points[j, 0] - poses[k, 0, 3]
+            y = points[j, 1] - poses[k, 1, 3]
+            z = points[j, 2] - poses[k, 2, 3]
+            depth = x * poses[k, 0, 2] + y * poses[k, 1, 2] + z * poses[k, 2, 2]
+            if not depth > 0.0:
+                found[k, j, 0] = np.nan
+                found[k, j, 1] = np.nan
+                continue
+            across = x * poses[k, 0, 0] + y * poses[k, 1, 0] + z * poses[k, 2, 0]
+            down = x * poses[k, 0, 1] + y * poses[k, 1, 1] + z * poses[k, 2, 1]
+            found[k, j, 0] = across / depth * scale[0] + scale[2]
+            found[k, j, 1] = down / depth * scale[1] + scale[3]
+
+
+@entry_kernel(error_model="numpy")
+def carry_back(pixels: Any, planned: Any, scale: Any, frame: Any, found: Any) -> None:
+    """Write where rays of the planned pose meet a plane.
+
+    Parameters
+    ----------
+    pixels : array (n, m, 2)
+        Images without distortion.
+    planned : array (4, 4)
+        Cam2world.
+    scale : array (4,)
+        Focal lengths and principal point, px.
+    frame : array (3, 3)
+        Origin of the plane, and its axes.
+    found : array (n, m, 2)
+        Gets the coordinates in the plane, mm.
+    """
+    normal = np.empty(3)
+    for i in range(3):
+        j = (i + 1) % 3
+        k = (i + 2) % 3
+        normal[i] = frame[1, j] * frame[2, k] - frame[1, k] * frame[2, j]
+    height = 0.0
+    off = np.empty(3)
+    for i in range(3):
+        off[i] = planned[i, 3] - frame[0, i]
+        height -= off[i] * normal[i]
+    local = np.empty(3)
+    for k in range(len(pixels)):
+        for j in range(pixels.shape[1]):
+            x = (pixels[k, j, 0] - scale[2]) / scale[0]
+            y = (pixels[k, j, 1] - scale[3]) / scale[1]
+            along = 0.0
+            for i in range(3):
+                local[i] = x * planned[i, 0] + y * planned[i, 1] + planned[i, 2]
+                along += local[i] * normal[i]
+            depth = height / along
+            first = 0.0
+            second = 0.0
+            for i in range(3):
+                place = off[i] + depth * local[i]
+                first += place * frame[1, i]
+                second += place * frame[2, i]
+            found[k, j, 0] = first
+            found[k, j, 1] = second
+
+
+# Circles fitted to points by least squares of distances, many at once, as compiled loops.
+
+
+_ROUNDS = 30
+_STILL = 1e-10
+# of the radius: nearer to the centre, a point has no direction from there
+_CLOSE = 1e-9
+_SMALL = 1e-12
+
+
+@entry_kernel(error_model="numpy")
+def fit_circles(flat: Any, radius: float, found: Any) -> None:
+    """Fit circles to points (Gauss–Newton).
+
+    Parameters
+    ----------
+    flat : array (n, m, 2)
+        The points of each circle.
+    radius : float
+        About the radius of all circles.
+    found : array (n, 3)
+        Gets the centre and the radius; no numbers, where a point is none.
+    """
+    step = np.empty(3)
+    for k in range(len(flat)):
+        _start(flat[k], radius, step, found[k])
+        for _ in range(_ROUNDS):
+            _gauss_newton(flat[k], radius, found[k], step)
+            largest = 0.0
+            for i in range(3):
+                found[k, i] += step[i]
+                largest = max(largest, abs(step[i]))
+            if not largest > _STILL * radius:
+                break
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _start(points: Any, radius: float, solved: Any, found: Any) -> None:
+    """Write the algebraic fit to points (m, 2), which needs no start."""
+    m = len(points)
+    x = 0.0
+    y = 0.0
+    for j in range(m):
+        x += points[j, 0] / m
+        y += points[j, 1] / m
+    xx = xy = yy = 0.0
+    x1 = y1 = 0.0
+    right_x = right_y = right_1 = 0.0
+    for j in range(m):
+        u = points[j, 0] - x
+        v = points[j, 1] - y
+        square = u * u + v * v
+        xx += u * u
+        xy += u * v
+        yy += v * v
+        x1 += u
+        y1 += v
+        right_x += u * square
+        right_y += v * square
+        right_1 += square
+    normal = (4.0 * xx, 4.0 * xy, 2.0 * x1, 4.0 * yy, 2.0 * y1, float(m))
+    _solve(normal, (2.0 * right_x, 2.0 * right_y, right_1), solved)
+    square = solved[2] + solved[0] * solved[0] + solved[1] * solved[1]
+    found[0] = x + solved[0]
+    found[1] = y + solved[1]
+    found[2] = np.sqrt(max(square, _SMALL * radius * radius))
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _gauss_newton(points: Any, radius: float, found: Any, step: Any) -> None:
+    """Write the step from a circle (3,) towards the one that fits points (m, 2)."""
+    xx = xy = yy = 0.0
+    x1 = y1 = 0.0
+    right_x = right_y = right_1 = 0.0
+    for j in range(len(points)):
+        u = points[j, 0] - found[0]
+        v = points[j, 1] - found[1]
+        distance = max(np.sqrt(u * u + v * v), _CLOSE * radius)
+        u /= distance
+        v /= distance
+        residual = distance - found[2]
+        xx += u * u
+        xy += u * v
+        yy += v * v
+        x1 += u
+        y1 += v
+        right_x += u * residual
+        right_y += v * residual
+        right_1 += residual
+    normal = (xx, xy, x1, yy, y1, float(len(points)))
+    _solve(normal, (right_x, right_y, right_1), step)
+
+
+@kernel_without_refcounts(error_model="numpy")
+def _solve(normal: Any, right: Any, solved: Any) -> None:
+    """Solve three equations whose matrix is symmetric and positive: (xx, xy, x1, yy, y1, 11)."""
+    xx, xy, x1, yy, y1, n_points = normal
+    low = xy / xx
+    lower = x1 / xx
+    middle = yy - low * xy
+    last = (y1 - low * x1) / middle
+    corner = n_points - lower * x1 - last * (y1 - low * x1)
+    second = right[1] - low * right[0]
+    third = right[2] - lower * right[0] - last * second
+    solved[2] = third / corner
+    solved[1] = second / middle - last * solved[2]
+    solved[0] = (right[0] - xy * solved[1] - x1 * solved[2]) / xx
+
 
 # Dimensions measured as a program on the robot would: points found, carried back with the planned
 # pose, fitted.
@@ -76,22 +266,24 @@ def measured_errors(
     outside = np.zeros(len(poses), dtype=bool)
     fits = []
     real = _before_real_faces(dimension, poses, rng)
-    for one, frame, seen_from in zip(dimension.geometry, value.frames, real, strict=True):
-        points = _points(one, dimension, planned, camera)
+    for geometry, frame, seen_from in zip(dimension.geometry, value.frames, real, strict=True):
+        points = _points(geometry, dimension, planned, camera)
         pixels = _pixels(points, seen_from, camera)
         outside |= ~_on_sensor(pixels, camera)
-        found = _localised(pixels, dimension.localisation, value.in_image, rng)
+        errors = _localised(pixels, dimension.localisation, value.in_image, rng)
         if dimension.localisation.common_px > 0:
-            ahead = _pixels(points + _forward(one, points), seen_from, camera) - pixels
-            found = found + _common(ahead, dimension.localisation, value.in_image, rng)
+            ahead = _pixels(points + _forward(geometry, points), seen_from, camera) - pixels
+            errors = errors + _common(ahead, dimension.localisation, value.in_image, rng)
         if value.in_image:
             pitch = np.array(camera.pixel_pitch_mm)
             nominal = undistorted_px(camera, _pixels(points, planned[None], camera)[0])
             return value.image_value(
-                undistorted_px(camera, found) * pitch, nominal * pitch
+                undistorted_px(camera, errors) * pitch, nominal * pitch
             ), outside
-        flat = _carried_back(found, planned, camera, np.array([frame.origin, frame.x, frame.y]))
-        fits.append(_circles(flat, one.radius_mm) if isinstance(one, Circle) else _lines(flat))
+        flat = _carried_back(errors, planned, camera, np.array([frame.origin, frame.x, frame.y]))
+        fits.append(
+            _circles(flat, geometry.radius_mm) if isinstance(geometry, Circle) else _lines(flat)
+        )
     return value.value(fits), outside
 
 
@@ -155,15 +347,17 @@ def _points(
     """Return the points (m, 3) that are looked for on an entity."""
     if dimension.measurand.in_image:
         return np.array([one.p, one.q])  # type: ignore[union-attr]
-    how = dimension.localisation
-    if how.model != "fit":
-        return sample_points(one, how.points)
+    localisation = dimension.localisation
+    if localisation.model != "fit":
+        return sample_points(one, localisation.points)
     outline = _pixels(sample_points(one, 200), planned[None], camera)[0]
     # of what is outside the field of a lens with distortion there is no image
     along = float(np.nansum(np.linalg.norm(np.diff(outline, axis=0), axis=1)))
-    independent = max(3, round(along / how.correlation_px))
-    if how.floor_px > 0:
-        independent = min(independent, max(3, round((how.sigma_px / how.floor_px) ** 2)))
+    independent = max(3, round(along / localisation.correlation_px))
+    if localisation.floor_px > 0:
+        independent = min(
+            independent, max(3, round((localisation.sigma_px / localisation.floor_px) ** 2))
+        )
     return sample_points(one, independent)
 
 
@@ -173,14 +367,14 @@ def _pixels(
     """Return images (n, m, 2) in px of points (m, 3) from poses (n, 4, 4); nan behind the camera."""
     if camera.distortion is None:
         # copies, so that the loops are compiled for one kind of arrays
-        found = np.empty((len(poses), len(points), 2))
+        pixels = np.empty((len(poses), len(points), 2))
         image_points(
             np.array(points, np.float64, order="C"),
             np.array(poses, np.float64, order="C"),
             _scale(camera),
-            found,
+            pixels,
         )
-        return found
+        return pixels
     local = world_to_cam(points, poses)
     depth = np.where(local[..., 2:] > 0, local[..., 2:], np.nan)
     return image_of(camera, local / depth)
@@ -221,9 +415,9 @@ def _carried_back(
 ) -> NDArray[np.float64]:
     """Return coordinates (n, m, 2) in a plane (3, 3: origin, x, y) where rays from the planned pose meet it."""
     ideal = np.ascontiguousarray(undistorted_px(camera, pixels), np.float64)
-    found = np.empty(ideal.shape)
-    carry_back(ideal, np.array(planned, np.float64, order="C"), _scale(camera), frame, found)
-    return found
+    carried = np.empty(ideal.shape)
+    carry_back(ideal, np.array(planned, np.float64, order="C"), _scale(camera), frame, carried)
+    return carried
 
 
 def _lines(flat: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -239,9 +433,9 @@ def _lines(flat: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _circles(flat: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
     """Fit circles to points (n, m, 2) by squares of distances; return centre and radius (n, 3)."""
-    found = np.empty((len(flat), 3))
-    fit_circles(np.ascontiguousarray(flat), float(radius), found)
-    return found
+    circles = np.empty((len(flat), 3))
+    fit_circles(np.ascontiguousarray(flat), float(radius), circles)
+    return circles
 
 
 # What a simulation needs to know of a plan, and of a setting: rooms above this one have both.
@@ -448,7 +642,7 @@ def simulate_setting(
     )
     for name, dimension in dimensions.items():
         counts[name] = _dimension_successes(
-            setting, (name, dimension), camera, pose_uncertainty, n, rng, sensor_limits
+            setting, name, dimension, camera, pose_uncertainty, n, rng, sensor_limits
         )
     return {
         name: SuccessRate(
@@ -465,7 +659,8 @@ def simulate_setting(
 
 def _dimension_successes(
     setting: Posed,
-    named: tuple[str, Any],
+    name: str,
+    dimension: Any,
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
     n: int,
@@ -473,7 +668,6 @@ def _dimension_successes(
     sensor_limits: bool,
 ) -> tuple[int, int]:
     """Measure a dimension from n displaced poses; return how often that is accurate, and how often not all in view."""
-    name, dimension = named
     hits = lost = 0
     planned = np.asarray(setting.cam2world, dtype=float)
     values = _values_of(setting, rng)
@@ -503,7 +697,7 @@ def _edge_successes(
     """The same for lengths of edges, all from the same poses."""
     if not entities:
         return {}
-    ends = np.array([_ends_of(one) for one in entities.values()], dtype=float)
+    ends = np.array([_ends_of(entity) for entity in entities.values()], dtype=float)
     planned = np.asarray(setting.cam2world, dtype=float)
     successes = np.zeros(len(ends), dtype=int)
     outside = np.zeros(len(ends), dtype=int)
@@ -631,10 +825,10 @@ class ValuePoses:
 
 
 def _values_of(setting: Posed, rng: np.random.Generator) -> ValuePoses:
-    known = getattr(setting, "registered", None)
+    registered = getattr(setting, "registered", None)
     # without registration nothing more is drawn
-    seed = [] if known is None else rng.integers(2**31, size=2).tolist()
-    return ValuePoses(np.asarray(setting.cam2world, dtype=float), known, seed)
+    seed = [] if registered is None else rng.integers(2**31, size=2).tolist()
+    return ValuePoses(np.asarray(setting.cam2world, dtype=float), registered, seed)
 
 
 def _ends_of(item: Any) -> Any:

@@ -15,18 +15,17 @@ from grid_box import EDGES, BoxSpace
 
 from aspectgraph import read_solid
 from planner import Camera, PoseUncertainty
-from planner.bound.boxes.view import Cells
 from planner.bound.lower_bound import exclusion_proof, exclusive_entities, lower_bound
-from planner.bound.node_sets import find_conflicts
+from planner.bound.pose_tree import find_conflicts
+from planner.bound.view import Cells
 from planner.camera.pose import moved
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import plan_inspection
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
 from planner.resume import PlanningState
-from planner.search.candidates import price_poses
-from planner.search.judge import ColumnPool, Judge, perturbed
+from planner.search.columns import ColumnPool, Judge, perturbed, price_poses
 from planner.search.plan_setting import setting_at
 from planner.search.realise_column import best_supported, without_contradicted
 from planner.sensor_setting import Outcome

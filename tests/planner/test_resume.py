@@ -13,8 +13,9 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import plan as plan_by_hand
 
 from planner import BoxRegion, Camera, MeshRegion, PoseUncertainty, SphereRegion, resume
-from planner.effort.bound import BoundEffort, Division, TreeGrowth
-from planner.effort.effort import Covering, Effort
+from planner import cover as few_columns
+from planner.bound import lower_bound, pose_space
+from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.inspection import plan_inspection
 from planner.plan_file import check_checkpoint, packed, unpacked
@@ -26,22 +27,27 @@ from planner.sensor_setting import Outcome
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 NAMES = list(EDGES)[:6]
-# the space of poses has few parts, and soon: otherwise a small part has no sweeps, or long ones
-BOUND = BoundEffort(division=Division(parts=16), covering=TreeGrowth(nodes=300))
-# a step of this search leaves nothing in the state, so a tenth of them shows as much
-COVERING = Covering(exchanges=100)
 EFFORT = Effort(
     viewpoints=2,
     pricing_rounds=3,
     refutations=2,
     bound_nodes=3000,
-    bound=BOUND,
-    cover=COVERING,
 )
 
 
 class Stop(Exception):
     pass
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_steps():
+    with pytest.MonkeyPatch.context() as patch:
+        # the space of poses has few parts, and soon: otherwise a small part has no sweeps, or long ones
+        patch.setattr(pose_space, "_PARTS", 16)
+        patch.setattr(lower_bound, "_TREE_NODES", 300)
+        # a step of this search leaves nothing in the state, so a tenth of them shows as much
+        patch.setattr(few_columns, "_EXCHANGES", 100)
+        yield
 
 
 @pytest.fixture(scope="module")

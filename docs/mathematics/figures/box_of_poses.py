@@ -1,6 +1,6 @@
 """Draw a box of poses and the windows of four edges in it: a section through the camera's axis, y = 0.
 
-The windows are those that `planner.bound.boxes.windows.window` computes. Run from the repository's root; writes
+The windows are those that `planner.bound.windows.window` computes. Run from the repository's root; writes
 ``box_of_poses.svg`` and ``box_of_poses.png`` beside this file, always the same bytes with the same matplotlib.
 """
 
@@ -11,8 +11,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from planner.bound.boxes.view import View
-from planner.bound.boxes.windows import Turn, extent, most_turn, window
+from planner.bound.view import View
+from planner.bound.windows import Turn, extent, most_turn, window
 
 STYLE = {"svg.hashsalt": "box of poses", "svg.fonttype": "none", "font.size": 9}
 

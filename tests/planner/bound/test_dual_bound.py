@@ -7,16 +7,21 @@ import json
 import numpy as np
 import pytest
 
-from planner.bound.boxes.search import FOUND, PROVEN, SPENT, UNRESOLVED
-from planner.bound.dual_bound import LinearBound, _Parts, limit_for, relieved
+from planner.bound.boxes import FOUND, PROVEN, SPENT, UNRESOLVED
+from planner.bound.lower_bound import (
+    _HARD,
+    _MORE_BOXES,
+    _SHARE_OF_NEXT,
+    LinearBound,
+    _Parts,
+    limit_for,
+    relieved,
+)
 from planner.bound.pose_space import Found
 from planner.callbacks import Checkpoint
-from planner.cover.few_columns import fractional_cover
-from planner.cover.set_cover import min_cover
-from planner.effort.effort import NORMAL
+from planner.cover import fractional_cover, min_cover
 from planner.plan_file import packed, unpacked
 
-SWEEPING = NORMAL.bound.sweeping
 # of 24 entities, a column for every two
 PAIRS = np.repeat(np.eye(12, dtype=bool), 2, axis=1)
 
@@ -139,7 +144,7 @@ def test_once_a_number_is_proven_the_next_one_does_not_get_all_boxes():
     """Weights of 12 in all prove eleven where no pose weighs 12 / 10; twelve would take more than there is."""
     linear = LinearBound(Costly(PAIRS, 7000, easy_from=1.15), PAIRS)
     assert linear.raise_from(1, 24, max_nodes=1_000_000) == 11
-    assert linear.made <= 1_000_000 * NORMAL.bound.aiming.share_of_next
+    assert linear.made <= 1_000_000 * _SHARE_OF_NEXT
 
 
 class Doubtful(FewPoses):
@@ -166,7 +171,7 @@ def test_a_doubt_that_would_end_the_proof_is_looked_into():
 
 
 def test_parts_that_were_proven_wait_until_the_others_are():
-    parts = _Parts(3, 100, SWEEPING)
+    parts = _Parts(3, 100)
     assert parts.next_ones(299) is None
     asked, boxes = parts.next_ones(300)
     assert (asked.tolist(), boxes.tolist()) == ([0, 1, 2], [100, 100, 100])
@@ -174,7 +179,7 @@ def test_parts_that_were_proven_wait_until_the_others_are():
     assert not hard.any()
     # what is proven is not asked for again, and what was not gets more boxes
     asked, boxes = parts.next_ones(1000)
-    assert (asked.tolist(), boxes.tolist()) == ([1], [100 * SWEEPING.more])
+    assert (asked.tolist(), boxes.tolist()) == ([1], [100 * _MORE_BOXES])
     parts.renew()
     asked, boxes = parts.next_ones(1000)
     assert asked.tolist() == [1]
@@ -185,12 +190,12 @@ def test_parts_that_were_proven_wait_until_the_others_are():
 
 
 def test_a_part_is_too_hard_after_so_many_times_as_many_boxes():
-    parts = _Parts(2, 100, SWEEPING)
+    parts = _Parts(2, 100)
     asked = np.arange(2)
-    boxes = np.array([SWEEPING.hard * 100, SWEEPING.hard * 100 - 1])
+    boxes = np.array([_HARD * 100, _HARD * 100 - 1])
     assert parts.learn(asked, np.array([SPENT, SPENT]), boxes).tolist() == [True, False]
     # the weights will keep away from it, so it begins anew
-    assert parts.next_ones(10**6)[1].tolist() == [100, SWEEPING.more * boxes[1]]
+    assert parts.next_ones(10**6)[1].tolist() == [100, _MORE_BOXES * boxes[1]]
 
 
 def test_too_few_boxes_prove_nothing_wrong():

@@ -8,15 +8,12 @@ import pytest
 from grid_box import BoxCell
 
 from planner import Camera
-from planner.bound.boxes.search import search
-from planner.bound.boxes.view import Cells, Frustum, Segments
-from planner.bound.boxes.viewpoint_tree import _grow
-from planner.bound.node_sets import _in_view, _share_viewpoint, too_far_apart
+from planner.bound.boxes import _grow, search
+from planner.bound.pose_tree import _in_view, _share_viewpoint, too_far_apart
+from planner.bound.view import Cells, Frustum, Segments
 from planner.camera.pose import look_at
-from planner.effort.effort import NORMAL
 
 pytestmark = pytest.mark.uncompiled
-SUBDIVISION = NORMAL.bound.subdivision
 
 # a short distance and a wide aperture: 1 mm of depth
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 120.0)
@@ -187,7 +184,7 @@ def test_a_viewpoint_is_shared_where_one_cell_of_each_meets_in_focus():
         ([before], [behind, aside], False),
     ):
         cells = Cells([own, other]).arrays
-        assert _share_viewpoint(0, 1, cells, both, frustum(), SUBDIVISION) == shared
+        assert _share_viewpoint(0, 1, cells, both, frustum()) == shared
         assert (
             _share_viewpoint(
                 1,
@@ -195,7 +192,6 @@ def test_a_viewpoint_is_shared_where_one_cell_of_each_meets_in_focus():
                 cells,
                 Segments(*(values[::-1].copy() for values in both)),
                 frustum(),
-                SUBDIVISION,
             )
             == shared
         )
@@ -224,7 +220,7 @@ def test_a_viewpoint_is_found_and_refuted_in_parts_of_what_cells_share():
         ([-45, -45, -0.8 * near], [45, 45, 0.0], False),
     ):
         cells = Cells([[box(low, high)], [box(np.subtract(low, 1), np.add(high, 1))]]).arrays
-        assert _share_viewpoint(0, 1, cells, BOTH, view, SUBDIVISION) == shared
+        assert _share_viewpoint(0, 1, cells, BOTH, view) == shared
 
 
 @dataclass(frozen=True)
@@ -265,7 +261,7 @@ def test_cells_on_two_sides_of_a_slanted_plane_share_nothing_unless_they_touch(g
         heights = cell.vertices @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3]
         assert heights.max() == pytest.approx(0.0, abs=1e-9)
     arrays = Cells([[cell] for cell in cells]).arrays
-    assert _share_viewpoint(0, 1, arrays, BOTH, frustum(), SUBDIVISION) == shared
+    assert _share_viewpoint(0, 1, arrays, BOTH, frustum()) == shared
 
 
 def test_a_ball_about_a_point_itself_may_hold_an_eye_that_sees_it():

@@ -14,7 +14,7 @@ from planner.request.constraints import Requirements
 from planner.request.models import EdgeModels
 from planner.request.request import Request
 from planner.request.targets import edge_target
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 CAMERA = Camera(8.0, (0.00345, 0.005), (2448, 2048), 8.0, 400.0)
 

@@ -9,9 +9,9 @@ from grid_box import BoxCell, BoxCells, BoxSpace
 from planner import Camera, PoseUncertainty
 from planner.bound.lower_bound import lower_bound
 from planner.camera.pose import look_at
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 PAIR = ("+z+y", "+z-y")
 WORKSPACE = np.array([[-900.0] * 3, [1100.0] * 3])

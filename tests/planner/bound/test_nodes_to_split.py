@@ -7,13 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.bound.lower_bound import _above, _proof, _proof_of_clique, _to_split
-from planner.cover.few_columns import columns_of_covers, core_columns, fractional_cover
-from planner.effort.effort import NORMAL
+from planner.bound.lower_bound import _FINEST_RAD, _above, _proof, _proof_of_clique, _to_split
+from planner.cover import columns_of_covers, core_columns, fractional_cover
 
 COARSE = 1.0
-COVERING = NORMAL.bound.covering
-FINE = COVERING.finest_rad / 2
+FINE = _FINEST_RAD / 2
 
 
 def tree_of(sets, size=None):
@@ -26,26 +24,24 @@ def test_nodes_that_weigh_more_than_their_share_are_split_the_heaviest_first():
     """Weights of 0.4, 0.5 and 0.6 for two settings of at least 0.75 each: {0, 1} and {1, 2} weigh 0.9 and 1.1."""
     y = np.array([0.4, 0.5, 0.6])
     sets = [[1, 1, 0], [1, 0, 0], [0, 1, 1], [0, 1, 1]]
-    assert _above(tree_of(sets), y, 3, COVERING).tolist() == [2, 3, 0]
+    assert _above(tree_of(sets), y, 3).tolist() == [2, 3, 0]
     # what is fine is not split any more, though it still stands in the way of the proof
-    assert _above(tree_of(sets, [COARSE, COARSE, FINE, COARSE]), y, 3, COVERING).tolist() == [3, 0]
-    assert _above(tree_of(sets, [FINE] * 4), y, 3, COVERING).tolist() == []
+    assert _above(tree_of(sets, [COARSE, COARSE, FINE, COARSE]), y, 3).tolist() == [3, 0]
+    assert _above(tree_of(sets, [FINE] * 4), y, 3).tolist() == []
     # of one setting each must weigh 1.5: none does, and two settings are proven
-    assert _above(tree_of(sets), y, 2, COVERING) is None
+    assert _above(tree_of(sets), y, 2) is None
 
 
 def test_without_a_cover_by_the_sets_there_is_nothing_to_split():
     """Three entities, no two together: two settings do not cover them; with a pair they may."""
     single = np.eye(3, dtype=bool)
     y = np.full(3, 1.0)
-    assert _to_split(tree_of(single), y, 3, COVERING) is None
+    assert _to_split(tree_of(single), y, 3) is None
     pairs = [[1, 1, 0], [0, 0, 1], [0, 1, 0]]
-    assert sorted(_to_split(tree_of(pairs), np.full(3, 0.5), 3, COVERING).tolist()) == [0, 1]
-    assert _to_split(
-        tree_of(pairs, [FINE, COARSE, COARSE]), np.full(3, 0.5), 3, COVERING
-    ).tolist() == [1]
+    assert sorted(_to_split(tree_of(pairs), np.full(3, 0.5), 3).tolist()) == [0, 1]
+    assert _to_split(tree_of(pairs, [FINE, COARSE, COARSE]), np.full(3, 0.5), 3).tolist() == [1]
     # an entity that is in no set needs no search
-    assert _to_split(tree_of([[1, 1, 0]]), np.full(3, 0.5), 3, COVERING) is None
+    assert _to_split(tree_of([[1, 1, 0]]), np.full(3, 0.5), 3) is None
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.bound.boxes.view import Frustum
-from planner.bound.node_sets import Nodes, _nearest_depth
-from planner.bound.pose_tree import _patch_frames
+from planner.bound.pose_tree import Nodes, _nearest_depth, _patch_frames
+from planner.bound.view import Frustum
 
 pytestmark = pytest.mark.uncompiled
 

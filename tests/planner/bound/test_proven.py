@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from planner.bound.dual_bound import ProvenBound, of_all
+from planner.bound.lower_bound import ProvenBound, of_all
 
 ALL = np.ones(6, bool)
 

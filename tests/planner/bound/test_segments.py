@@ -8,7 +8,7 @@ from planner.bound.pose_space import frustum_of, view_of
 from planner.camera.pose import moved, world_to_cam
 from planner.options import InspectionOptions
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 
 def test_all_that_a_pose_inspects_is_between_the_depths_of_the_bound():

@@ -7,18 +7,17 @@ import pytest
 from box_requests import CAMERA, SIZES, UNCERTAINTY, WORKSPACE, box_around, found_in
 from grid_box import EDGES, BoxSpace
 
-from planner.bound.boxes.search import PROVEN
-from planner.bound.boxes.view import Cells
+from planner.bound.boxes import PROVEN
 from planner.bound.lower_bound import lower_bound
 from planner.bound.pose_space import PoseSpace, WitnessSets
 from planner.bound.pose_tree import PoseTree, TargetLeaves
-from planner.cover.set_cover import min_cover
-from planner.effort.effort import NORMAL, Effort
+from planner.bound.view import Cells
+from planner.cover import min_cover
+from planner.effort import NORMAL, Effort
 from planner.request.reach import TargetSpace
 from planner.request.request import Request
 from planner.request.targets import EdgeTarget, edge_target
-from planner.search.candidates import entity_poses
-from planner.search.judge import Judge
+from planner.search.columns import Judge, entity_poses
 
 # twelve edges of a box, three of them for each target, and one edge in two targets
 CHOICES = [(0, 5, 9), (1, 4, 11), (2, 7, 8), (3, 6, 10, 0)]
@@ -81,7 +80,7 @@ def test_no_pose_exceeds_what_is_proven_of_its_box(size, small):
     witnesses = WitnessSets.of(judge.request)
     n = len(judge.single.names)
     conflict = witnesses.one_each(np.zeros((n, n), bool))
-    space = PoseSpace(judge.single, np.arange(n), regions_of(judge), conflict, NORMAL, witnesses)
+    space = PoseSpace(judge.single, np.arange(n), regions_of(judge), conflict, witnesses)
     rng = np.random.default_rng(4)
     y = rng.uniform(0.2, 1.0, len(CHOICES))
     proven = tight = 0

@@ -59,7 +59,7 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def quick(monkeypatch):
     """Search little where no effort is asked for."""
-    from planner.effort.effort import Effort
+    from planner.effort import Effort
 
     effort = Effort(viewpoints=20, pricing_rounds=5, refutations=1, bound_nodes=3000)
     monkeypatch.setattr("planner.resolve_request.Effort", lambda: effort)
@@ -197,7 +197,7 @@ def test_interrupted_plan_can_be_resumed(folder, quick, capsys, monkeypatch):
     assert best.complete
     assert commands.STATE_FILE in os.listdir(folder / "other")
     with monkeypatch.context() as patch:
-        patch.setattr("planner.search.run.realise", interrupt)
+        patch.setattr("planner.search.incumbents.realise", interrupt)
         patch.setattr("planner.search.stages.lower_bound", interrupt)
         assert main([*arguments, "--resume"]) == DONE
     assert (folder / "other" / "plan.json").read_bytes() == expected
@@ -276,7 +276,7 @@ def test_a_plan_that_cannot_be_written_is_kept_and_resumed_without_planning(
     assert {path: path.read_bytes() for path in first} == first
     with monkeypatch.context() as patch:
         patch.setattr("planner.search.stages.judged_poses", full)
-        patch.setattr("planner.search.run.realise", full)
+        patch.setattr("planner.search.incumbents.realise", full)
         assert main([*plan, "--seed", "1", "--resume", "--force"]) == DONE
     assert read_plan(folder / "out" / "plan.json").seed == 1
     assert not state.exists()

@@ -15,7 +15,7 @@ from planner.app.options import Plan
 from planner.app.parsing import arguments_of
 from planner.app.plan_commands import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner
 from planner.camera.camera import Camera
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
 from planner.identity import InspectionRequest, PartRecord, keyword
 from planner.light.lighting import Lighting

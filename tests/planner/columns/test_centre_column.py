@@ -7,13 +7,12 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty, look_at
-from planner.effort.effort import Effort
-from planner.effort.poses import Centring
+from planner.effort import Effort
 from planner.executors import Shared
 from planner.request.request import Request
 from planner.search import realise_column as centre_column
-from planner.search.evolution import least_share
-from planner.search.judge import Judge
+from planner.search.columns import Judge
+from planner.search.evolution import Centring, least_share
 from planner.search.plan_setting import setting_at
 from planner.search.realise_column import centre_setting
 
@@ -40,7 +39,7 @@ def moved_to(furthest_mm, monkeypatch, better=(MIDDLE,)):
 
     monkeypatch.setattr(centre_column, "_Losses", losses)
     given = setting_at(REQUEST, START, (NAME,), "given")
-    return centre_setting(Shared(Judge(REQUEST, Effort())), given, 0, 1000, Centring())
+    return centre_setting(Shared(Judge(REQUEST, Effort())), given, 0, 1000, Centring.of(Effort()))
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,7 @@ from aspectgraph import compute_regions
 from planner import Camera, Detectability, PoseUncertainty, Requirements
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
-from planner.search.candidates import entity_poses
-from planner.search.judge import Judge
+from planner.search.columns import Judge, entity_poses
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

@@ -7,11 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph import compute_regions
 from planner import Camera, Detectability, PoseUncertainty, Requirements
-from planner.effort.effort import Effort, Nearness
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
-from planner.search.candidates import entity_poses
-from planner.search.judge import ColumnPool, Judge
+from planner.search.columns import ColumnPool, Judge, entity_poses
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 
@@ -87,11 +85,11 @@ def space():
     return compute_regions(solid, entities(), workspace=default_workspace(solid, CAMERA))
 
 
-def judge_of(space, sigma_mm=3.0, sigma_rad=0.01, displaced=24):
+def judge_of(space, sigma_mm=3.0, sigma_rad=0.01):
     need = Requirements(showing=Detectability(separation_px=8.0, min_corner_deg=25.0))
     uncertainty = PoseUncertainty.isotropic(translation_mm=sigma_mm, rotation_rad=sigma_rad)
     request = Request(space, space.entity_names, CAMERA, uncertainty, 0.9, 0.8, need)
-    return Judge(request, Effort(nearness=Nearness(displaced=displaced)))
+    return Judge(request)
 
 
 @pytest.fixture(scope="module")
@@ -134,4 +132,3 @@ def test_a_camera_that_is_where_it_should_be_loses_nothing(space, inspecting):
     exact = judge_of(space, sigma_mm=1e-9, sigma_rad=1e-12)
     shown = judge_of(space).constraints.image.shown(found, inspects)
     assert np.array_equal(exact.steady(found, inspects), inspects & shown)
-    assert judge_of(space, displaced=0).steady(found, inspects) is inspects

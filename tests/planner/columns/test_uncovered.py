@@ -7,9 +7,16 @@ from grid_box import EDGES, BoxSpace
 from planner import Camera, PoseUncertainty
 from planner.executors import Shared
 from planner.request.request import Request
-from planner.search import candidates
-from planner.search.candidates import Pools, WarmStart, entity_poses, price_poses
-from planner.search.judge import ColumnPool, Judge
+from planner.search import columns as candidates
+from planner.search.columns import (
+    _UNCOVERED,
+    ColumnPool,
+    Judge,
+    Pools,
+    WarmStart,
+    entity_poses,
+    price_poses,
+)
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -53,13 +60,13 @@ def test_what_is_sought_is_found_and_joins_the_cover(judge, monkeypatch):
     pools = pools_of(judge, KNOWN)
     assert pools.realised.inspected.tolist() == [name in KNOWN for name in NAMES]
     asked = prices_asked(judge, monkeypatch, pools, WarmStart(coverable=np.ones(8, dtype=bool)), 12)
-    assert (asked[0][1::2] == judge.effort.pricing.uncovered).all()
+    assert (asked[0][1::2] == _UNCOVERED).all()
     found = pools.realised.inspected
     assert found[1::2].sum() >= 2
     # what some column has is worth what the cover says, and no setting of its own
     joined = np.array(asked)[:, found]
     assert (joined[-1] <= 1.0 + 1e-9).all()
-    assert (np.array(asked)[:, ~found] == judge.effort.pricing.uncovered).all()
+    assert (np.array(asked)[:, ~found] == _UNCOVERED).all()
 
 
 def test_what_is_given_up_is_not_sought(judge, monkeypatch):
@@ -67,7 +74,7 @@ def test_what_is_given_up_is_not_sought(judge, monkeypatch):
     sought = np.arange(8) != 7
     asked = prices_asked(judge, monkeypatch, pools, WarmStart(coverable=sought), 1)
     assert asked[0][7] == 0.0
-    assert (asked[0][1:7:2] == judge.effort.pricing.uncovered).all()
+    assert (asked[0][1:7:2] == _UNCOVERED).all()
 
 
 def test_without_being_sought_they_are_worth_nothing(judge, monkeypatch):

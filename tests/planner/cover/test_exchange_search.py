@@ -4,8 +4,15 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from planner.cover.few_columns import exchange_columns, few_columns, sets_to_realise
-from planner.cover.set_cover import bound_columns, is_cover, maximal_columns, min_cover
+from planner.cover import (
+    bound_columns,
+    exchange_columns,
+    few_columns,
+    is_cover,
+    maximal_columns,
+    min_cover,
+    sets_to_realise,
+)
 from planner.exceptions import CoverError
 
 
@@ -71,7 +78,7 @@ def test_what_the_bound_excludes_is_not_searched_for(monkeypatch):
     def ring(n):
         return np.eye(n, dtype=bool) | np.roll(np.eye(n, dtype=bool), 1, axis=1)
 
-    monkeypatch.setattr(import_module("planner.cover.few_columns"), "exchange_columns", search)
+    monkeypatch.setattr(import_module("planner.cover"), "exchange_columns", search)
     assert len(few_columns(ring(6), 1000, rng())) == 3
     # of five in a ring two share no column, and three columns are needed
     with pytest.raises(AssertionError):

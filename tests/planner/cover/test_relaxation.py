@@ -8,8 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from planner.cover.few_columns import columns_of_covers, core_columns, fractional_cover, mean_dual
-from planner.cover.set_cover import is_cover, maximal_columns, min_cover
+from planner.cover import (
+    columns_of_covers,
+    core_columns,
+    fractional_cover,
+    is_cover,
+    maximal_columns,
+    mean_dual,
+    min_cover,
+)
 
 
 @settings(deadline=None, max_examples=60)

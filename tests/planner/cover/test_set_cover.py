@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.cover import set_cover
-from planner.cover.few_columns import fractional_cover
-from planner.cover.set_cover import (
+from planner import cover as set_cover
+from planner.cover import (
     cover_within,
     distinct_rows,
+    fractional_cover,
     greedy_cover,
     is_cover,
     maximal_columns,

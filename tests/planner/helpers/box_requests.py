@@ -9,14 +9,13 @@ from grid_box import EDGES, BoxSpace
 from scipy.spatial.transform import Rotation
 
 from planner import Camera, PoseUncertainty
-from planner.bound.boxes.search import search
-from planner.bound.boxes.view import Cells, SearchTask
-from planner.bound.boxes.viewpoint_tree import viewpoints_for
-from planner.bound.boxes.windows import rotation
+from planner.bound.boxes import search, viewpoints_for
 from planner.bound.pose_space import PoseSpace
-from planner.effort.effort import NORMAL
+from planner.bound.view import Cells, SearchTask
+from planner.bound.windows import rotation
+from planner.effort import NORMAL
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -27,7 +26,7 @@ SIZES = [(120.0, 80.0, 60.0), (400.0, 260.0, 240.0)]
 
 
 def random_poses(judge, n, seed=0):
-    from planner.search.candidates import entity_poses
+    from planner.search.columns import entity_poses
 
     poses = np.concatenate([entity_poses(judge, name, 10, seed) for name in judge.names])
     return poses[np.random.default_rng(seed).permutation(len(poses))[:n]]
@@ -41,7 +40,7 @@ def request_for(size, effort=NORMAL):
 
 def space_for(judge, regions, conflict=None):
     conflict = np.zeros((len(EDGES), len(EDGES)), dtype=bool) if conflict is None else conflict
-    return PoseSpace(judge.request, np.arange(len(EDGES)), regions, conflict, judge.effort)
+    return PoseSpace(judge.request, np.arange(len(EDGES)), regions, conflict)
 
 
 def found_in(space, part, y, limit, max_nodes=100_000):
@@ -53,7 +52,7 @@ def found_in(space, part, y, limit, max_nodes=100_000):
     if space not in TREES:
         TREES[space] = viewpoints_for(space.nodal_points, space.entities, space.view, y, limit)
     stop = np.zeros(1, dtype=bool)
-    task = SearchTask(space.conflict, y, limit, max_nodes, stop, space.effort.boxes)
+    task = SearchTask(space.conflict, y, limit, max_nodes, stop)
     return (
         *search(box, chart, order, space.entities, space.view, TREES[space], task, pose, inspected),
         pose,

@@ -26,7 +26,7 @@ from planner import (
     RequestError,
     SphereRegion,
 )
-from planner.effort.effort import Effort, Pricing
+from planner.effort import Effort, Search
 from planner.exceptions import PlanFileError
 from planner.identity import InspectionRequest, plain_value, restored_request
 from planner.options import InspectionOptions
@@ -253,8 +253,10 @@ def test_faces_of_the_model_come_back_from_a_plan_file_unless_the_call_gives_its
 
 def test_a_number_that_steers_the_search_tells_requests_apart(block):
     first = request_of(block)
-    changed = request_of(block, effort=Effort(pricing=Pricing(parents=32)))
-    assert changed.difference(first) == ("effort changed: parents of pricing was 64 and is now 32")
+    changed = request_of(block, effort=Effort(search=Search(population=32)))
+    assert changed.difference(first) == (
+        "effort changed: population of search was 100 and is now 32"
+    )
     assert changed.fingerprint() != first.fingerprint()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from aspectgraph.cells.cell_set import Cell
 from planner.light import plan_light as fewest
-from planner.light.lamps import LampBox, LampDome
+from planner.light.lighting import LampBox, LampDome
 from planner.light.plan_light import LampSearch
 
 

@@ -11,11 +11,9 @@ from aspectgraph import LightError, contrast, read_solid, resolve_entities
 from aspectgraph.light import compute_light, silhouettes_from
 from aspectgraph.solid import RayScene
 from planner import RequestError, SphereRegion
-from planner.light.corner_light import LampSets, sites_of
-from planner.light.demands import demands_of, seen_as
-from planner.light.lamps import LampBox, LampDome, LampsTogether
+from planner.light.corner_light import LampSets, demands_of, seen_as, sites_of
 from planner.light.light_plan import LightPlan
-from planner.light.lighting import Lighting, Served
+from planner.light.lighting import LampBox, LampDome, LampsTogether, Lighting, Served
 from planner.light.plan_light import plan_light
 
 AROUND = LampBox((-500, -500, -500), (580, 550, 560))

@@ -7,7 +7,7 @@ from holed_plate import FRONT, HEIGHT, HOLES, holed_plate
 
 from errors.measurands import Circle, Line
 from planner import RequestError
-from planner.light.demands import _parts
+from planner.light.corner_light import _parts
 from planner.request.targets import edge_target
 
 PLATE = holed_plate()

@@ -228,7 +228,7 @@ def test_no_name_can_smuggle_markup():
         entities=dict(zip((nasty, "b", f"{nasty}2"), ends, strict=True)),
         settings=(replace(view, passed_over={nasty: {nasty: nasty}}),),
         uninspectable={f"{nasty}2": nasty},
-        request={"part": {"digest": nasty}},
+        part=PartRecord(nasty, nasty),
         camera=replace(CAMERA, name=nasty),
     )
     regions = compute_regions(SPACE.solid, made.entities, workspace=SPACE.workspace)

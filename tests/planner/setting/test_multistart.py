@@ -8,9 +8,10 @@ from planner import Camera, PoseUncertainty, Search, look_at
 from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means
 from planner.request.request import Objective
-from planner.search.first_poses import PoseEncoding, ViewpointSampler
-from planner.search.refine import (
+from planner.search.poses import (
     Ascent,
+    PoseEncoding,
+    ViewpointSampler,
     approach,
     best_apart,
     best_around,

@@ -21,7 +21,7 @@ from planner import (
 from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means
 from planner.request.request import Objective
-from planner.search.first_poses import PoseEncoding, ViewpointSampler, WorkspaceSampler, draw_start
+from planner.search.poses import PoseEncoding, ViewpointSampler, WorkspaceSampler, draw_start
 
 REAL = Camera.named("basler-acA2440-20gm-25mm")
 PAPER_CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)

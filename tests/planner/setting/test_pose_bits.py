@@ -5,9 +5,8 @@ from scipy.stats import chisquare
 
 from planner import Camera, SphereRegion
 from planner.camera.pose import look_at
-from planner.effort.effort import NORMAL
 from planner.request.constraints import Constraints, Requirements
-from planner.search.first_poses import PoseEncoding, ViewpointSampler, _least_violating, draw_start
+from planner.search.poses import _POOL, PoseEncoding, ViewpointSampler, _least_violating, draw_start
 
 BOUNDS = np.array([[-100.0, -50.0, 200.0], [300.0, 60.0, 210.0]])
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 600.0, largest_blur_mm=0.02)
@@ -206,12 +205,10 @@ def test_the_least_violating_are_those_of_a_whole_sort():
     parameters = np.random.default_rng(4).uniform(encoding.low, encoding.high, (3000, 6))
     violation = constraints.violation(encoding.poses(parameters))
     assert (constraints.violation(encoding.poses(parameters), images_only=True) <= violation).all()
-    whole = parameters[np.argsort(violation, kind="stable")[: NORMAL.search.repair.pool]]
-    assert np.array_equal(
-        _least_violating(parameters, encoding, constraints, NORMAL.search.repair), whole
-    )
+    whole = parameters[np.argsort(violation, kind="stable")[:_POOL]]
+    assert np.array_equal(_least_violating(parameters, encoding, constraints), whole)
     few = parameters[:5]
     assert np.array_equal(
-        _least_violating(few, encoding, constraints, NORMAL.search.repair),
+        _least_violating(few, encoding, constraints),
         few[np.argsort(violation[:5], kind="stable")],
     )

@@ -13,7 +13,7 @@ from planner.exceptions import InfeasibleError
 from planner.plan import InspectionPlan, read_plan
 from planner.plan_file import read_schema
 from planner.resume import PlanningState
-from planner.search.infeasible import check_extent
+from planner.search.plan_setting import check_extent
 from planner.search.realise_column import meaning
 from planner.sensor_setting import Outcome, Reason, ReasonKind
 

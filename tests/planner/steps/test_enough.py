@@ -6,7 +6,7 @@ import pytest
 from box_requests import CAMERA, UNCERTAINTY, WORKSPACE
 from grid_box import EDGES, BoxSpace
 
-from planner.effort.effort import Effort, Preference, StageEffort
+from planner.effort import Effort
 from planner.inspection import plan_inspection
 from planner.verify.simulate_plan import simulate_plan
 
@@ -19,7 +19,7 @@ def searched():
     space = BoxSpace((120.0, 80.0, 60.0), WORKSPACE, EDGES)
 
     def plan(enough):
-        effort = replace(SMALL, stages=StageEffort(preference=Preference(enough=enough)))
+        effort = replace(SMALL, good_enough=enough)
         runs = []
 
         def progress(done, total, label):
@@ -56,7 +56,7 @@ def test_plans_of_candidates_are_as_complete_and_hold_what_they_state(searched):
 
 def test_boxes_fall_in_proportion_beyond_the_targets_they_are_for():
     quick = Effort.named("quick")
-    most = quick.bound.sweeping.targets
+    most = quick.bound_targets
     assert quick.boxes_for(1) == quick.boxes_for(most) == quick.bound_nodes
     assert quick.boxes_for(3 * most) == pytest.approx(quick.bound_nodes / 3, abs=1)
     assert Effort().boxes_for(121) == Effort().bound_nodes

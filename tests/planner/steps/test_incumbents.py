@@ -9,7 +9,7 @@ import pytest
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.exceptions import RequestError
 from planner.inspection import plan_inspection
 from planner.plan import InspectionPlan, read_plan

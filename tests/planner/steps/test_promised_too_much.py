@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from planner.effort.effort import NORMAL
 from planner.search import realise_column
 from planner.search.realise_column import PosedOnly, promised_too_much
 from planner.verify.simulate_setting import MODEL_TOLERANCE
@@ -19,18 +18,21 @@ from planner.verify.simulate_setting import MODEL_TOLERANCE
         # luck of the first draws
         (0.02, 0.9 * MODEL_TOLERANCE, False),
         # nothing suspected: not looked at again
-        (0.9 * NORMAL.support.too_high, 0.5, False),
+        (0.9 * MODEL_TOLERANCE, 0.5, False),
     ],
 )
 def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(
     monkeypatch, first, sure, contradicted
 ):
-    frequencies = {NORMAL.support.trial_poses: 0.95 - first, NORMAL.support.sure_poses: 0.95 - sure}
+    frequencies = {
+        realise_column._TRIAL_POSES: 0.95 - first,
+        realise_column._SURE_POSES: 0.95 - sure,
+    }
 
     def simulated(setting, *_, n, **__):
         # what is not suspected is not simulated again
         assert set(setting.entities) == (
-            {"edge", "sound"} if n == NORMAL.support.trial_poses else {"edge"}
+            {"edge", "sound"} if n == realise_column._TRIAL_POSES else {"edge"}
         )
         found = {
             "edge": SimpleNamespace(predicted=0.95, frequency=frequencies[n]),
@@ -47,11 +49,6 @@ def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(
         ),
         camera=None,
         accuracy=0.98,
-        effort=NORMAL,
     )
     posed = PosedOnly(np.eye(4), ("edge", "sound"), {"edge": 0.95, "sound": 0.95})
     assert list(promised_too_much(judge, posed, 0)) == ["edge"] * contradicted
-
-
-def test_what_is_contradicted_is_what_the_plans_own_simulation_calls_so():
-    assert NORMAL.support.too_high == MODEL_TOLERANCE

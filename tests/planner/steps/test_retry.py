@@ -8,12 +8,12 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import request_with
 
 from planner import Camera, PoseUncertainty, look_at
-from planner.effort.effort import Effort, Support
 from planner.request.request import Request
 from planner.resume import PlanningState
+from planner.search import stages as settle
+from planner.search.incumbents import Run
 from planner.search.plan_setting import setting_at
-from planner.search.run import Run
-from planner.search.settle import ShortTargets, _without_short
+from planner.search.stages import ShortTargets, _without_short
 from planner.sensor_setting import Outcome, Reason, ReasonKind
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -27,11 +27,10 @@ ABOVE = look_at([[60.0, 40.0, 460.0]], [60.0, 40.0, 60.0])[0]
 BEFORE = look_at([[60.0, -390.0, 30.0]], [60.0, 0.0, 60.0])[0]
 
 
-def run_of(sigma_mm=0.05, sigma_rad=0.001, **support):
+def run_of(sigma_mm=0.05, sigma_rad=0.001):
     uncertainty = PoseUncertainty.isotropic(translation_mm=sigma_mm, rotation_rad=sigma_rad)
     request = Request(SPACE, NAMES, CAMERA, uncertainty, 0.98, 0.9)
-    asked = request_with(seed=0, effort=Effort(support=Support(**support)))
-    return Run(request, asked, PlanningState({}))
+    return Run(request, request_with(seed=0), PlanningState({}))
 
 
 def stated(run, pose, p_all):
@@ -117,7 +116,8 @@ def test_a_search_that_finds_nothing_leaves_the_reason_as_it_is():
 @pytest.mark.parametrize(("retried", "tries"), [(1, 1), (3, 3), (8, 5)])
 def test_no_more_poses_are_simulated_than_the_effort_allows(retried, tries, monkeypatch):
     """Five columns contain the target and none is supported: each is tried once, up to the limit."""
-    run = run_of(retried=retried)
+    monkeypatch.setattr(settle, "_RETRIED", retried)
+    run = run_of()
     column = np.array([[name == BACK for name in run.names]])
     poses = [look_at([[60.0 + k, 40.0, 460.0]], [60.0, 40.0, 60.0])[0] for k in range(5)]
     run.pool.membership = np.repeat(column, 5, axis=0)

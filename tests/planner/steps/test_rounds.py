@@ -9,13 +9,12 @@ from plan_examples import request_with
 
 from planner import Camera, PoseUncertainty, look_at
 from planner.callbacks import NOBODY
-from planner.effort.effort import Effort
+from planner.effort import Effort
 from planner.request.request import Request
 from planner.resume import PlanningState
 from planner.search import stages as prove_bound
-from planner.search.incumbents import Incumbents
+from planner.search.incumbents import Incumbents, PlanState, Run
 from planner.search.plan_setting import setting_at
-from planner.search.run import PlanState, Run
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

@@ -8,7 +8,7 @@ from grid_box import EDGES, BoxSpace
 from planner import Camera, PoseUncertainty, look_at
 from planner.request.request import Request
 from planner.search.plan_setting import setting_at
-from planner.search.settle import _without_short
+from planner.search.stages import _without_short
 from planner.sensor_setting import ReasonKind
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)

@@ -15,8 +15,8 @@ from planner.files import encoded
 from planner.plan_file import packed, unpacked
 from planner.progress import TimeIsUpError
 from planner.search import stages
-from planner.search.candidates import Pools
-from planner.search.run import PlanState, empty_pools
+from planner.search.columns import Pools
+from planner.search.incumbents import PlanState, empty_pools
 from planner.sensor_setting import Reason, ReasonKind
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -147,8 +147,7 @@ def test_every_stage_and_bound_is_passed_on(whole):
     from planner.options import InspectionOptions
     from planner.resolve_request import resolve_request
     from planner.resume import PlanningState
-    from planner.search.incumbents import Incumbents
-    from planner.search.run import Run
+    from planner.search.incumbents import Incumbents, Run
 
     options = InspectionOptions(space=SPACE, effort=Effort(5, 2, 1, 300, 20))
     resolved = resolve_request(SPACE.solid, SPACE.entities, CAMERA, UNCERTAINTY, options)

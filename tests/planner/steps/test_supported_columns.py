@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from planner.callbacks import NOBODY
-from planner.effort.effort import NORMAL, Effort, StageEffort, Trying
+from planner.effort import Effort
 from planner.search import incumbents as supported_columns
+from planner.search.columns import ColumnPool
 from planner.search.incumbents import SupportedColumns
-from planner.search.judge import ColumnPool
 
 N_ENTITIES = 7
 
@@ -19,9 +19,9 @@ N_ENTITIES = 7
 class World:
     """Columns as judged, and what of them simulation supports; a stand-in for a run that counts what is tried."""
 
-    def __init__(self, promised, supported, monkeypatch, trying=NORMAL.stages.trying):
+    def __init__(self, promised, supported, monkeypatch):
         self.callbacks = NOBODY
-        self.effort = Effort(stages=StageEffort(trying=trying))
+        self.effort = Effort()
         self.promised = np.array(promised, dtype=bool)
         self.truth = np.array(supported, dtype=bool)
         self.names = [f"e{i}" for i in range(self.promised.shape[1])]
@@ -53,12 +53,12 @@ class World:
         return [SimpleNamespace(entities=names)] if names else []
 
 
-def random_world(seed, monkeypatch, **options):
+def random_world(seed, monkeypatch):
     rng = np.random.default_rng(seed)
     promised = rng.random((12, N_ENTITIES)) < 0.35
     promised = promised[promised.any(axis=1)]
     supported = promised & (rng.random(promised.shape) < 0.7)
-    return World(promised, supported, monkeypatch, **options)
+    return World(promised, supported, monkeypatch)
 
 
 def fewest(columns):
@@ -80,7 +80,9 @@ def reached(found):
 @pytest.mark.parametrize("seed", range(30))
 def test_the_cover_is_as_small_as_any_of_what_is_supported(seed, monkeypatch):
     # so that nothing is given up, and no cover is the last one
-    world = random_world(seed, monkeypatch, trying=Trying(exchanges=300, in_vain=99))
+    monkeypatch.setattr(supported_columns, "_EXCHANGES", 300)
+    monkeypatch.setattr(supported_columns, "_IN_VAIN", 99)
+    world = random_world(seed, monkeypatch)
     found = SupportedColumns().cover(world, world.pool, (0, 0), covers=99)
     assert reached(found) == set(world.names_of(world.truth.any(axis=0)))
     assert len(found) == fewest(world.truth)
@@ -122,7 +124,7 @@ def test_what_is_promised_in_vain_is_given_up(monkeypatch):
     promised = [[1, 0]] * 10 + [[0, 1]]
     world = World(promised, [[0, 0]] * 10 + [[0, 1]], monkeypatch)
     assert reached(SupportedColumns().cover(world, world.pool, (0, 0), covers=99)) == {"e1"}
-    assert sum(world.tries[c] for c in range(10)) == NORMAL.stages.trying.in_vain
+    assert sum(world.tries[c] for c in range(10)) == supported_columns._IN_VAIN
 
 
 def test_what_some_pose_keeps_is_not_given_up_however_many_promise_it_in_vain(monkeypatch):

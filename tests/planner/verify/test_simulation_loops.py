@@ -8,14 +8,14 @@ from holed_plate import CAMERA, UNCERTAINTY, holed_plate, upper_rims
 from scipy.optimize import least_squares
 
 from aspectgraph import compute_regions
-from planner import Dimension, Effort, Localisation
+from planner import Dimension, Localisation
 from planner.camera.pose import look_at
-from planner.effort.effort import Support
 from planner.request.reach import TargetSpace
 from planner.request.request import Request
 from planner.request.resolve import resolve_wanted
+from planner.search.realise_column import _trials_of
 from planner.verify.p_all import DisplacedChecks, lower_bound, successes_needed
-from planner.verify.point_loops import carry_back, fit_circles, image_points
+from planner.verify.simulate_setting import carry_back, fit_circles, image_points
 
 RNG = np.random.default_rng(5)
 SCALE = np.array([1200.0, 1250.0, 610.0, 505.0])
@@ -126,8 +126,6 @@ def test_a_count_ends_early_only_where_the_bound_is_out_of_reach():
 
 
 def test_settings_of_a_plan_share_their_trials():
-    support = Support()
-    assert support.trials_of(1) == support.trials_of(10) == support.most_trials == 100
-    assert support.trials_of(40) == 25
-    assert support.trials_of(10**6) == 1
-    assert Effort().support == support
+    assert _trials_of(1) == _trials_of(10) == 100
+    assert _trials_of(40) == 25
+    assert _trials_of(10**6) == 1

@@ -21,14 +21,13 @@ from box_requests import (
 )
 from grid_box import EDGES, BoxCell, BoxSpace
 
-from planner.bound.boxes.search import FOUND, NEARLY, PROVEN, SPENT, UNRESOLVED
-from planner.bound.boxes.view import Cells
-from planner.bound.boxes.viewpoint_tree import Viewpoints, _grow
+from planner.bound.boxes import FOUND, NEARLY, PROVEN, SPENT, UNRESOLVED, Viewpoints, _grow
 from planner.bound.pose_space import PoseSpace
+from planner.bound.view import Cells
 from planner.camera.pose import world_to_cam
 from planner.request.constraints import Requirements
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 pytestmark = pytest.mark.uncompiled
 
@@ -44,7 +43,6 @@ def coarse_tree(space, y, limit, halvings=2):
             y,
             limit,
             finest,
-            space.effort.boxes.growth,
         ),
         finest,
     )

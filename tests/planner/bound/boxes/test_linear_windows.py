@@ -13,9 +13,9 @@ from grid_box import EDGES
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from planner.bound.boxes.search import PROVEN, agree, new_work, planted
-from planner.bound.boxes.view import View
-from planner.bound.boxes.windows import (
+from planner.bound.boxes import PROVEN, agree, new_work, planted
+from planner.bound.view import View
+from planner.bound.windows import (
     NO,
     UNDECIDED,
     YES,
@@ -33,7 +33,6 @@ from planner.bound.boxes.windows import (
     swings,
 )
 from planner.camera.pose import world_to_cam
-from planner.effort.bound import BoxEffort, SmallTurns
 
 
 def sides_of(space, chart, box):
@@ -174,9 +173,8 @@ def test_the_answer_is_that_of_linear_programs(grouped, n_problems, m):
         x = np.empty(6)
         meets = np.empty(m, dtype=bool)
         most = 50_000 if m == 6 else 400
-        effort = BoxEffort(small_turns=SmallTurns(parts=most))
         answer, made = may_meet(
-            Sides(rows, rhs, owner), Members(group, y), limit, box, seat, effort, x, meets
+            Sides(rows, rhs, owner), Members(group, y), limit, box, seat, most, x, meets
         )
         answers.append(answer)
         assert 1 <= made <= most + 1

@@ -19,15 +19,13 @@ from box_requests import (
 )
 from grid_box import EDGES, BoxCell, BoxSpace
 
-from planner.bound.boxes.search import PROVEN
-from planner.bound.boxes.view import Cells
-from planner.bound.boxes.viewpoint_tree import Asked, PosesBox, heavy_members, viewpoints_for
-from planner.bound.boxes.windows import most_turn, rotation, swings
+from planner.bound.boxes import PROVEN, Asked, PosesBox, heavy_members, viewpoints_for
 from planner.bound.pose_space import PoseSpace
-from planner.effort.effort import NORMAL
+from planner.bound.view import Cells
+from planner.bound.windows import most_turn, rotation, swings
 from planner.request.constraints import Requirements
 from planner.request.request import Request
-from planner.search.judge import Judge
+from planner.search.columns import Judge
 
 
 def around(size, radius):
@@ -122,7 +120,7 @@ def test_where_members_may_be_inspected_together_shrinks_to_what_weighs_enough()
         limit = rng.uniform(0.3, 3.0)
         asked = Asked(members, y, members, limit)
         around_it = PosesBox(nodal, matrix, box[1], swing, rest)
-        share = heavy_members(tree, around_it, eye, asked, live, NORMAL.bound.boxes.growth)
+        share = heavy_members(tree, around_it, eye, asked, live)
         inspects = judge(poses).inspects
         heavy = inspects @ y > limit
         at = poses[heavy, :3, 3]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP, View
-from planner.bound.boxes.windows import (
+from planner.bound.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP, View
+from planner.bound.windows import (
     Turn,
     extent,
     farthest,

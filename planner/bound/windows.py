@@ -18,7 +18,7 @@ sensor if six forms n.(R(t)'s - w) + k are not negative: so n.w may be at most n
 ((1 + t^2) R(-t)s = (1 + t^2) s + 2 s x t + 2 t x (t x s), where n.(t x (t x s)) = (n.t)(t.s) - t^2 n.s is at most
 t^2 (|n| |s| - n.s) / 2; and t - W d / N is at most t nu). The forms depend on w in the same way for all points, so each
 entity has a *window* of w, a frustum upside down. What one pose inspects has windows that meet
-(`planner.bound.boxes.windows`). How far a point may be at most is the lens's limit or, if that is nearer, where
+(`planner.bound.windows`). How far a point may be at most is the lens's limit or, if that is nearer, where
 the image of its entity would be too short (`farthest`). Only the turn makes the windows larger than they are; how large
 the box of q is matters for visibility, for the length of images, and for the length of s. That the camera turns about
 what it looks at, and not about itself, keeps s and so the turn's effect small.
@@ -32,7 +32,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ground.decorators import kernel, kernel_without_refcounts, put
-from planner.bound.boxes.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
+from planner.bound.view import BOTTOM, FAR, LEFT, NEAR, RIGHT, TOP
+
+# largest number of waiting parts: one for each halving
+_LEVELS = 64
+# check a part again if shrinking left less than this share of a coordinate. A smaller reduction
+# is not worth it.
+_MUCH = 0.8
+# largest number of halvings of the range. Ten along each axis leave a thousandth of its width.
+_DEEPEST = 30
+# number of undecided parts of that size that the search skips before the answer is yes
+_DOUBTFUL = 8
 
 _EPS = 1e-9
 # t of a box in which |v0.d| / N may be nearly 1
@@ -142,15 +152,15 @@ def window(s, far, turn, view, room, least, weight, scores):
             along = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2]
             whole = size * (of_0 if i == 0 else of_1)
             across = math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
-            rest = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
+            remainder = min(t * t * (whole - along) + 2.0 * t * (t * t + nu) * across, 2.0 * whole)
             k_end = far[i] - view.middle if c == FAR else k
             value = -(k_end + along)
-            value -= first_0 + first_1 + first_2 + rest + _EPS
+            value -= first_0 + first_1 + first_2 + remainder + _EPS
             if value > least[c]:
                 least[c] = value
-                most_0 = first_0 + rest * u[0] / spans
-                most_1 = first_1 + rest * u[1] / spans
-                most_2 = first_2 + rest * u[2] / spans
+                most_0 = first_0 + remainder * u[0] / spans
+                most_1 = first_1 + remainder * u[1] / spans
+                most_2 = first_2 + remainder * u[2] / spans
         if least[c] > outside:
             scores[3] += weight * min(most_0 / width, _MOST_SCORE)
             scores[4] += weight * min(most_1 / width, _MOST_SCORE)
@@ -210,9 +220,9 @@ def farthest(s, length, ratio, t, room, view, far, opened):
     ``ratio`` is the least length over the image distance; where it is 0, only the lens limits the depth.
     """
     turn = min(2.0 * t, 2.0)
-    least = ratio * (1.0 - _EPS)
+    required = ratio * (1.0 - _EPS)
     opened[:] = 0.0
-    if least <= 0.0:
+    if required <= 0.0:
         far[:] = view.far
         return
     for i in range(2):
@@ -235,12 +245,12 @@ def farthest(s, length, ratio, t, room, view, far, opened):
             1.0 + max(left * left, right * right) + max(low * low, high * high)
         )
         spread = max(min(turn * whole, whole - across), 0.0)
-        far[1 - i] = min(view.far, (across + spread) / least)
+        far[1 - i] = min(view.far, (across + spread) / required)
         if far[1 - i] < view.far:
             x = e_x - 0.5 * (left + right) * e_z
             y = e_y - 0.5 * (low + high) * e_z
-            opened[0] = max(opened[0], (across - math.sqrt(x * x + y * y)) / least)
-            opened[1] = max(opened[1], spread / least)
+            opened[0] = max(opened[0], (across - math.sqrt(x * x + y * y)) / required)
+            opened[1] = max(opened[1], spread / required)
 
 
 @kernel_without_refcounts
@@ -256,7 +266,7 @@ def _directions(x, slack, depth, deepest, tangent):
 # Whether windows that are linear in all six coordinates of a small box of poses meet. Compiled
 # loops.
 #
-# The sides of the windows (`planner.bound.boxes.windows`) are rows . x <= rhs. The box of x
+# The sides of the windows (`planner.bound.windows`) are rows . x <= rhs. The box of x
 # is halved. Sides that no point of a part breaks are not looked at again there. Members without
 # which the weight would not exceed the limit are needed: their sides shrink the part.
 
@@ -294,7 +304,7 @@ class Seat(NamedTuple):
 
 
 @kernel
-def may_meet(sides, members, limit, box, seat, effort, x, meets):
+def may_meet(sides, members, limit, box, seat, parts, x, meets):
     """Tell whether members heavier than a limit may have all their sides satisfied at one point of a box.
 
     Parameters
@@ -305,8 +315,8 @@ def may_meet(sides, members, limit, box, seat, effort, x, meets):
     box : tuple
         Lowest and highest coordinates, (6,) each.
     seat : Seat
-    effort : BoxEffort
-        How many parts of the box are looked at, at most, and how.
+    parts : int
+        Largest number of parts of the box to check.
     x : array (6,)
         The heaviest point that was tried is written here.
     meets : array of bool (m,)
@@ -322,11 +332,11 @@ def may_meet(sides, members, limit, box, seat, effort, x, meets):
     group, y = members
     m = len(y)
     n_rows = len(sides.rhs)
-    low = np.empty((effort.shrinking.levels, 6))
-    high = np.empty((effort.shrinking.levels, 6))
-    live = np.empty((effort.shrinking.levels, n_rows), np.int32)
-    n_live = np.zeros(effort.shrinking.levels, np.int64)
-    alive = np.ones((effort.shrinking.levels, m), np.bool_)
+    low = np.empty((_LEVELS, 6))
+    high = np.empty((_LEVELS, 6))
+    live = np.empty((_LEVELS, n_rows), np.int32)
+    n_live = np.zeros(_LEVELS, np.int64)
+    alive = np.ones((_LEVELS, m), np.bool_)
     put(low[0], box[0])
     put(high[0], box[1])
     put(live[0], np.arange(n_rows))
@@ -348,14 +358,14 @@ def may_meet(sides, members, limit, box, seat, effort, x, meets):
         again = True
         while again:
             made += 1
-            if made > effort.small_turns.parts:
+            if made > parts:
                 return UNDECIDED, made
             n_live[i] = _keep(sides, live[i], n_live[i], alive[i], low[i], high[i], y, scores)
             rows = live[i, : n_live[i]]
             total = _weight(alive[i], group, y, first, loss) if n_live[i] >= 0 else 0.0
             if total <= limit:
                 break
-            again = _shrink(sides, rows, alive[i], loss, total - limit, low[i], high[i], effort)
+            again = _shrink(sides, rows, alive[i], loss, total - limit, low[i], high[i])
         if total <= limit:
             continue
         _try(sides, live[i, : n_live[i]], alive[i], low[i], high[i], seat, tried, there)
@@ -367,7 +377,7 @@ def may_meet(sides, members, limit, box, seat, effort, x, meets):
         if here > limit:
             return YES, made
         axis = np.argmax(scores)
-        if size + 2 > effort.shrinking.levels:
+        if size + 2 > _LEVELS:
             answer = UNDECIDED
             continue
         for field in (low, high):
@@ -388,7 +398,7 @@ def _keep(sides, live, n_live, alive, low, high, y, scores):
     """
     rows, rhs, owner = sides
     scores[:] = 0.0
-    kept = 0
+    n_rows = 0
     for k in range(n_live):
         r = live[k]
         e = owner[r]
@@ -405,12 +415,12 @@ def _keep(sides, live, n_live, alive, low, high, y, scores):
             alive[e] = False
             continue
         if value > -spread:
-            live[kept] = r
-            kept += 1
+            live[n_rows] = r
+            n_rows += 1
             weight = y[max(e, 0)] / spread
             for j in range(6):
                 scores[j] += weight * abs(rows[r, j]) * (high[j] - low[j])
-    return kept
+    return n_rows
 
 
 @kernel_without_refcounts
@@ -434,7 +444,7 @@ def _weight(alive, group, y, first, loss):
 
 
 @kernel_without_refcounts
-def _shrink(sides, live, alive, loss, spare, low, high, effort):
+def _shrink(sides, live, alive, loss, spare, low, high):
     """Shrink a part to where the sides of needed members can be satisfied; tell whether by much.
 
     Where they cannot, it is left such that the next look at it drops the member.
@@ -459,7 +469,7 @@ def _shrink(sides, live, alive, loss, spare, low, high, effort):
                 high[j] = low[j] + room / a * (1.0 + _LINEAR_WINDOWS_EPS)
             else:
                 low[j] = high[j] + room / a * (1.0 + _LINEAR_WINDOWS_EPS)
-            much = much or high[j] - low[j] < effort.shrinking.much * wide
+            much = much or high[j] - low[j] < _MUCH * wide
     return much
 
 
@@ -490,7 +500,7 @@ def _try(sides, live, alive, low, high, seat, tried, there):
 # The sides of all windows of a box of small turns, linear in the point looked at and the turn.
 # Compiled loops.
 #
-# With a turn all windows move together. `planner.bound.boxes.windows` makes each of them larger
+# With a turn all windows move together. `planner.bound.windows` makes each of them larger
 # by all that the turn can do to it; here only by what is of second order. In the notation there,
 # with x = (w, d):
 #
@@ -587,7 +597,7 @@ def _rest(along, whole, across, t, nu):
 def _of_view(s, far, turn, view, room, rows, rhs, side):
     """Write the sides of the view that some point of the box breaks; return how many."""
     v, u, n, t, nu = turn
-    kept = 0
+    n_rows = 0
     for c in range(6):
         n0, n1, n2, k, _, _ = form(c, view, room)
         size = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
@@ -595,26 +605,26 @@ def _of_view(s, far, turn, view, room, rows, rhs, side):
             across, d0, d1, d2 = _moved(n0, n1, n2, s[i], v, n)
             along = n0 * s[i, 0] + n1 * s[i, 1] + n2 * s[i, 2]
             whole = size * math.sqrt(s[i, 0] ** 2 + s[i, 1] ** 2 + s[i, 2] ** 2)
-            most = abs(n0) * room[0] + abs(n1) * room[1] + abs(n2) * room[2]
-            most += abs(d0) * u[0] + abs(d1) * u[1] + abs(d2) * u[2]
+            reach = abs(n0) * room[0] + abs(n1) * room[1] + abs(n2) * room[2]
+            reach += abs(d0) * u[0] + abs(d1) * u[1] + abs(d2) * u[2]
             right = (
                 (far[i] - view.middle if c == FAR else k)
                 + along
                 + _rest(along, whole, across, t, nu)
             )
-            if most <= right:
+            if reach <= right:
                 continue
-            row = rows[kept]
+            row = rows[n_rows]
             row[0] = n0
             row[1] = n1
             row[2] = n2
             row[3] = -d0
             row[4] = -d1
             row[5] = -d2
-            rhs[kept] = right
-            side[kept] = c
-            kept += 1
-    return kept
+            rhs[n_rows] = right
+            side[n_rows] = c
+            n_rows += 1
+    return n_rows
 
 
 @kernel_without_refcounts
@@ -645,17 +655,17 @@ def _of_length(segment, eye, turn, view, matrix, rows, rhs):
         / 2
     )
     length = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-    most = math.sqrt(x0 * x0 + x1 * x1 + x2 * x2) + radius * length
+    reach = math.sqrt(x0 * x0 + x1 * x1 + x2 * x2) + radius * length
     axial = (
         abs(x0 * matrix[0, 2] + x1 * matrix[1, 2] + x2 * matrix[2, 2])
         - radius * length
-        - min(2.0 * t, 2.0) * most
+        - min(2.0 * t, 2.0) * reach
     )
     # both are wrong by less than this; where they are nearly equal, that tells in what is left of their squares
-    wide = _EPS * length + _RELATIVE * most
-    most = most + wide
+    wide = _EPS * length + _RELATIVE * reach
+    reach = reach + wide
     axial = max(axial - wide, 0.0)
-    area = math.sqrt((most - axial) * (most + axial))
+    area = math.sqrt((reach - axial) * (reach + axial))
     deep = min(view.far - view.near, length)
     both = math.sqrt(4.0 * area / ratio * (1.0 + _EPS) + deep * deep)
     if both >= 2.0 * view.far:
@@ -703,7 +713,7 @@ def find_apart(work, n, u, apart):
 
 # How much the windows of a box of poses weigh where they meet. Compiled loops.
 #
-# A window (`planner.bound.boxes.windows`) is given by the least values (6,) of x - tan_x z, -x -
+# A window (`planner.bound.windows`) is given by the least values (6,) of x - tan_x z, -x -
 # tan_x z, y - tan_y z, -y
 # - tan_y z, -z and z. The room is the box |w_i| <= room_i in which they are asked to meet. It is
 # halved where a heavy
@@ -730,18 +740,18 @@ def weight_at(least, group, y, w, view):
 
 
 @kernel
-def may_exceed(least, group, y, limit, room, view, w, meeting):
+def may_exceed(least, group, y, limit, room, view, w):
     """Tell whether windows (m, 6) heavier than a limit may meet in the room; if so, write where into ``w`` (3,).
 
     ``y`` (m,) descends; of each group only the first window counts. The answer no is a proof; with the answer yes they
-    meet at w, or nearly. ``meeting`` says how closely this is asked.
+    meet at w, or nearly.
     """
     m = len(y)
-    low = np.empty((meeting.deepest + 2, 3))
-    high = np.empty((meeting.deepest + 2, 3))
-    live = np.empty((meeting.deepest + 2, m), np.int16)
-    n_live = np.empty(meeting.deepest + 2, np.int64)
-    level = np.zeros(meeting.deepest + 2, np.int64)
+    low = np.empty((_DEEPEST + 2, 3))
+    high = np.empty((_DEEPEST + 2, 3))
+    live = np.empty((_DEEPEST + 2, m), np.int16)
+    n_live = np.empty(_DEEPEST + 2, np.int64)
+    level = np.zeros(_DEEPEST + 2, np.int64)
     stamp = np.zeros(m, np.int64)
     cuts = np.empty(3)
     n_live[0] = m
@@ -775,10 +785,10 @@ def may_exceed(least, group, y, limit, room, view, w, meeting):
         if cuts.max() <= 0.0 or weight_at(least, group, y, middle, view) > limit:
             put(w, middle)
             return True
-        if level[size] >= meeting.deepest:
+        if level[size] >= _DEEPEST:
             put(w, middle)
             n_doubtful += 1
-            if n_doubtful == meeting.doubtful:
+            if n_doubtful == _DOUBTFUL:
                 return True
             continue
         axis = np.argmax(cuts)
@@ -799,33 +809,33 @@ def _meeting(windows, live, n_live, low, high, view, stamp, n_seen, cuts):
 
     ``cuts`` (3,) becomes how many sides of windows cut the part across each axis, times its width.
     """
-    least, group, y = windows
-    kept = 0
+    lowest, group, y = windows
+    n_meeting = 0
     total = 0.0
     cuts[:] = 0.0
     for i in range(n_live):
         a = live[i]
         # the window is widest at its least z
-        z = max(least[a, FAR], low[2])
+        z = max(lowest[a, FAR], low[2])
         x = view.tan_x * z
         y_ = view.tan_y * z
         if (
-            z > min(-least[a, NEAR], high[2])
-            or max(least[a, RIGHT] + x, low[0]) > min(-least[a, LEFT] - x, high[0])
-            or max(least[a, BOTTOM] + y_, low[1]) > min(-least[a, TOP] - y_, high[1])
+            z > min(-lowest[a, NEAR], high[2])
+            or max(lowest[a, RIGHT] + x, low[0]) > min(-lowest[a, LEFT] - x, high[0])
+            or max(lowest[a, BOTTOM] + y_, low[1]) > min(-lowest[a, TOP] - y_, high[1])
         ):
             continue
-        live[kept] = a
-        kept += 1
+        live[n_meeting] = a
+        n_meeting += 1
         if stamp[group[a]] < n_seen:
             stamp[group[a]] = n_seen
             total += y[a]
         x = view.tan_x * high[2]
         y_ = view.tan_y * high[2]
-        cuts[0] += least[a, RIGHT] + x > low[0] or -least[a, LEFT] - x < high[0]
-        cuts[1] += least[a, BOTTOM] + y_ > low[1] or -least[a, TOP] - y_ < high[1]
-        cuts[2] += least[a, FAR] > low[2] or -least[a, NEAR] < high[2]
+        cuts[0] += lowest[a, RIGHT] + x > low[0] or -lowest[a, LEFT] - x < high[0]
+        cuts[1] += lowest[a, BOTTOM] + y_ > low[1] or -lowest[a, TOP] - y_ < high[1]
+        cuts[2] += lowest[a, FAR] > low[2] or -lowest[a, NEAR] < high[2]
     cuts[0] *= (high[0] - low[0]) / (view.tan_x * view.middle)
     cuts[1] *= (high[1] - low[1]) / (view.tan_y * view.middle)
     cuts[2] *= (high[2] - low[2]) / ((view.far - view.near) / 2)
-    return kept, total
+    return n_meeting, total
