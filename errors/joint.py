@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import MIN_IMAGE_LENGTH_MM, check_endpoints, check_positive
-from ground.loop_cache import njit
+from ground.decorators import njit
 
 # Image length of an edge as a function of the camera's displacement, to second order.
 #

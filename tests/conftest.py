@@ -51,7 +51,7 @@ if numba.config.DISABLE_JIT:
     np.seterr(all="ignore")
 
 if "COVERAGE_PROCESS_CONFIG" in os.environ:
-    from aspectgraph.read.step.client import StepKernel
+    from aspectgraph.read.step.step_file import StepKernel
 
     _killed = StepKernel.__exit__
 

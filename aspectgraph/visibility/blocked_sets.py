@@ -30,16 +30,20 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from aspectgraph.exact.planes import plane_through, side_of
+from aspectgraph.exact.grid import plane_through, side_of
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.casting import Blockers, Jobs, cast_all, in_the_way, united
 from aspectgraph.visibility.scene import (
+    Blockers,
+    Jobs,
     Scene,
+    cast_all,
     check_deadline,
     chords,
     end_resolution,
     entity_ends,
+    in_the_way,
     line_ends,
+    united,
 )
 from ground.decorators import entry_kernel
 

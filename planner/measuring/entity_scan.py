@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from errors.checks import covariance_root
 from errors.measurands import Circle, Geometry, Line, Measurand
-from errors.measurands.fitted import Frame
+from errors.measurands.geometry import Frame
 from planner.camera.camera import Camera
 from planner.camera.imaging import tangents_of
 from planner.camera.pose import world_to_cam

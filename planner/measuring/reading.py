@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi_squared
 
-from aspectgraph.entities.carriers import PARAMETERS
+from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.measurands import (
     Decision,
     DecisionRule,
@@ -20,8 +20,8 @@ from errors.measurands import (
     conformance_probability,
     decide,
 )
-from errors.measurands.conformity import COVERAGE
-from errors.measurands.fitted import Frame
+from errors.measurands.geometry import Frame
+from errors.measurands.measurand import COVERAGE
 from errors.registration import rests_on_prior
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from aspectgraph.entities.entity_files import csv_text
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
-from errors.measurands.conformity import COVERAGE
+from errors.measurands.measurand import COVERAGE
 from planner.files import write_text
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading, Result

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import Circle
-from errors.registration import Rows
-from errors.registration.posterior import posterior
+from errors.registration import Rows, posterior
 from planner.camera.camera import Camera
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights
 from planner.measuring.registered import displaced

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from aspectgraph.code_digest import code_digest
+from aspectgraph.files import code_digest
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_what_decides_about_nothing_is_left_out(package):
 def test_without_files_the_version_counts(monkeypatch):
     code_digest.cache_clear()
     assert code_digest(("no_such_package",)) != code_digest(("aspectgraph",))
-    monkeypatch.setattr("aspectgraph.code_digest.version", lambda name: "0.0.7")
+    monkeypatch.setattr("aspectgraph.files.version", lambda name: "0.0.7")
     before = code_digest(("no_such_package",))
     code_digest.cache_clear()
     assert code_digest(("no_such_package",)) != before

@@ -5,8 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ga.bits import evaluate, first_seen, initial_population
-from ga.operators import Breeding, next_generation, proportional_weights, roulette
+from ga.bits import (
+    Breeding,
+    evaluate,
+    first_seen,
+    initial_population,
+    next_generation,
+    proportional_weights,
+    roulette,
+)
 
 COPY = Breeding(0.0, 0.0, proportional_weights, roulette, 0, True, 5, None)
 FLIP = replace(COPY, mutation=1.0)

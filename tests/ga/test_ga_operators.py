@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from ga.operators import (
+from ga.bits import (
     Breeding,
     breed,
     draw_cuts,

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ga import Chromosome, maximize
-from ga.result import settled
+from ga.run import settled
 
 STRONG = {"elitism": 2, "scaling": "rank", "selection": "sus", "mutation": 0.02}
 

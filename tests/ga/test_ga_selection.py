@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from ga.operators import (
+from ga.bits import (
     proportional_weights,
     rank_weights,
     roulette,

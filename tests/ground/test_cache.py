@@ -11,7 +11,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from ground.loop_cache import _PORTABLE_FEATURES
+from ground.decorators import _PORTABLE_FEATURES
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -28,7 +28,7 @@ class Pair(NamedTuple):
 CALLED = """
 import loops.constants
 from loops.constants import FACTOR
-from ground.loop_cache import njit
+from ground.decorators import njit
 
 @njit
 def scaled(x):
@@ -41,7 +41,7 @@ def lifted(x):
 """
 CALLERS = """
 from loops.called import lifted, scaled
-from ground.loop_cache import njit
+from ground.decorators import njit
 
 @njit
 def total(x):
@@ -75,7 +75,7 @@ print(*values, *Compiled.names)
 SERVER = """
 import json, os, runpy, sys, tempfile, traceback
 import numba
-import ground.loop_cache
+import ground.decorators
 
 numba.njit(lambda x: x + 1.0)(1.0)
 
@@ -321,7 +321,7 @@ def test_what_a_wheel_brings_for_many_processors_is_used(folder, tmp_path):
     """In processes of their own: numba asks for the processor once."""
     shipped = tmp_path / "shipped"
     script = folder / "shipped.py"
-    place = f"import ground.loop_cache, pathlib\nground.loop_cache._SHIPPED = pathlib.Path({str(shipped)!r})\n"
+    place = f"import ground.decorators, pathlib\nground.decorators._SHIPPED = pathlib.Path({str(shipped)!r})\n"
     script.write_text(place + RUN)
 
     def alone(**changed):

@@ -18,7 +18,7 @@ import ga
 import ground as compiled
 import planner
 from ground import ahead as folders
-from ground import loop_cache as cache
+from ground import decorators as cache
 from ground import loop_code as dependencies
 
 ROOT = Path(__file__).parents[2]

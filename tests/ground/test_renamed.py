@@ -52,7 +52,7 @@ NAMES = (
 LOOPS = """
 import numpy as np
 from ground.decorators import entry_kernel, kernel, kernel_without_refcounts
-from ground.loop_cache import njit
+from ground.decorators import njit
 
 @kernel_without_refcounts
 def square(x):

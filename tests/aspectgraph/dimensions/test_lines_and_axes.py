@@ -9,8 +9,14 @@ import pytest
 from solids import plain_box
 
 from aspectgraph import Solid
-from aspectgraph.dimensions.features import Attachments, Axis, Sight, StraightLine, describe_shape
-from aspectgraph.dimensions.measures import Measurer
+from aspectgraph.dimensions.features import (
+    Attachments,
+    Axis,
+    Measurer,
+    Sight,
+    StraightLine,
+    describe_shape,
+)
 from aspectgraph.dimensions.read_dimensions import _Reader
 from aspectgraph.dimensions.tolerances import Statement
 

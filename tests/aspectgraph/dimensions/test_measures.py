@@ -7,8 +7,7 @@ import pytest
 from solids import plain_box
 
 from aspectgraph import Solid
-from aspectgraph.dimensions.features import Attachments, Axis, Plane, Sight
-from aspectgraph.dimensions.measures import Measurer
+from aspectgraph.dimensions.features import Attachments, Axis, Measurer, Plane, Sight
 
 N = 12
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from aspectgraph.dimensions.records import unique_names
+from aspectgraph.dimensions.features import unique_names
 from aspectgraph.dimensions.tolerances import Statement, read_statements
 from aspectgraph.read.step.stated_dimensions import StatedDimension, list_dimensions
 from aspectgraph.read.step.text import parse_entities

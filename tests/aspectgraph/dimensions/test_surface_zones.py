@@ -6,8 +6,7 @@ import pytest
 from real_parts import real_part
 
 from aspectgraph import read_dimensions, read_solid
-from aspectgraph.dimensions.features import Attachments, SurfaceZones
-from aspectgraph.dimensions.records import SurfaceZone
+from aspectgraph.dimensions.features import Attachments, SurfaceZone, SurfaceZones
 from aspectgraph.read.step.semantic_dimensions import (
     SurfaceTolerance,
     list_datum_items,

@@ -4,7 +4,7 @@ import holed_block
 import numpy as np
 import pytest
 
-from aspectgraph.entities.carriers import Carriers
+from aspectgraph.entities.entity_rules import Carriers
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from solids import FaceBuilder, add_prism, prism
 
 from aspectgraph.exact.canonical import EDGE_EDGE, LEAST_STEPS, VERTEX_FACE, nearest_features
-from aspectgraph.exact.grid import GRID_BITS
-from aspectgraph.exact.predicates import POINT_BITS
+from aspectgraph.exact.grid import GRID_BITS, POINT_BITS
 from aspectgraph.exceptions import ResolutionError, SolidError
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.scene import make_scene

@@ -7,8 +7,7 @@ from generated_solids import generated_solid
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import SolidError, WorkspaceError
-from aspectgraph.exact.grid import GRID_BITS, Grid
-from aspectgraph.exact.predicates import POINT_BITS
+from aspectgraph.exact.grid import GRID_BITS, POINT_BITS, Grid
 
 BLOCK = np.array([[0.0, 0, 0], [3, 1, 2]])
 TURN = Rotation.random(random_state=3).as_matrix()

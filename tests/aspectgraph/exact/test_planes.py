@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import solids
 
-from aspectgraph.exact.grid import Grid
-from aspectgraph.exact.planes import face_planes, find_parallel, plane_through, side_of
+from aspectgraph.exact.grid import Grid, face_planes, find_parallel, plane_through, side_of
 
 pytestmark = pytest.mark.uncompiled
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from aspectgraph.exact.predicates import LIMBS, POINT_BITS, meet, sign_at_point, sign_at_vertex
+from aspectgraph.exact.grid import LIMBS, POINT_BITS, meet, sign_at_point, sign_at_vertex
 
 pytestmark = pytest.mark.uncompiled
 

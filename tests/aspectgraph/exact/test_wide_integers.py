@@ -7,7 +7,7 @@ import wide_integers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aspectgraph.exact.predicates import LIMBS, _meet, _sign_at_point_exact, _sign_at_vertex_exact
+from aspectgraph.exact.grid import LIMBS, _meet, _sign_at_point_exact, _sign_at_vertex_exact
 
 pytestmark = pytest.mark.skipif(bool(nb.config.DISABLE_JIT), reason="nothing is compiled")
 

@@ -11,7 +11,7 @@ from generated_solids import Part, generated_solid
 from rational_cells import volume
 from rational_twin import twin_graph
 
-from aspectgraph.graph.aspect_graph import build_aspect_graph
+from aspectgraph.graph.build_graph import build_aspect_graph
 from aspectgraph.read.part_file import read_solid
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from solids import SLOT_ENTITIES, SLOT_LISTS, slotted_block
 
 from aspectgraph.exceptions import GraphMLError, OutputError
-from aspectgraph.graph.aspect_graph import PartitionSurface, build_aspect_graph
-from aspectgraph.graph.graphml import read_graphml, write_graphml
+from aspectgraph.graph.aspect_graph import PartitionSurface, read_graphml, write_graphml
+from aspectgraph.graph.build_graph import build_aspect_graph
 
 
 def assert_same(one, other):

@@ -23,7 +23,7 @@ from aspectgraph.cells import arrays
 from aspectgraph.cells.arrays import RoomFullError
 from aspectgraph.graph import aspect_graph
 from aspectgraph.graph import aspect_graph as joint_memory
-from aspectgraph.graph.aspect_graph import ERROR, estimate_joint_graph
+from aspectgraph.graph.build_graph import ERROR, estimate_joint_graph
 from aspectgraph.visibility import visibility_regions
 
 PART = "examples/two_pocket_block.off"
@@ -58,7 +58,7 @@ def test_a_graph_far_too_large_is_refused_before_the_work(regions, monkeypatch):
 
 def test_a_graph_that_grows_beyond_the_limit_ends_on_the_way(regions, monkeypatch):
     within = estimate_joint_graph(list(regions._regions.values())).memory_bytes / ERROR
-    monkeypatch.setattr("aspectgraph.graph.aspect_graph._OF_OVERLAY", 1e6)
+    monkeypatch.setattr("aspectgraph.graph.build_graph._OF_OVERLAY", 1e6)
     with pytest.raises(MemoryLimitError, match=r"about .* GiB after \d+ of 12 entities"):
         graph_of(regions, memory_limit_bytes=2 * within)
 
@@ -90,7 +90,7 @@ def prism(n_sides):
 
 def test_the_graph_of_one_edge_of_a_part_with_many_facets(monkeypatch):
     """Room for the cells of one region does not hold the facets of the part: more room is made, and no memory lacks."""
-    monkeypatch.setattr(import_module("aspectgraph.visibility.overlay"), "_ROOM", 64)
+    monkeypatch.setattr(import_module("aspectgraph.visibility.entity_region"), "_ROOM", 64)
     monkeypatch.setattr(aspect_graph, "_ROOM_PER_CELL", 0)
     solid = prism(240)
     edge = next(edge for edge in solid.straight_edges() if set(edge.vertices) <= {240, 241})

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.entity import resolve_entities
-from aspectgraph.graph.aspect_graph import build_aspect_graph
+from aspectgraph.graph.build_graph import build_aspect_graph
 from aspectgraph.read.part_file import read_solid
 from aspectgraph.solid.solid import Solid
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from remembered_kernel import END, START
 
 from aspectgraph.read.limits import ReadLimits
-from aspectgraph.read.step.client import StepKernel
+from aspectgraph.read.step.step_file import StepKernel
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from aspectgraph.read.step.client import StepKernel
+from aspectgraph.read.step.step_file import StepKernel
 
 START = StepKernel.__enter__
 ASK = StepKernel.ask

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from aspectgraph import ReadError, ReadLimits, SolidError
-from aspectgraph.read.step import client
+from aspectgraph.read.step import step_file as client
 from aspectgraph.read.step.server import LENGTHS, _answer, _send
 
 

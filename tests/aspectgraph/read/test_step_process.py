@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from aspectgraph import MissingExtraError, ReadError, ReadLimits, Solid, read_solid
-from aspectgraph.read.step import client
+from aspectgraph.read.step import step_file as client
 
 pytest.importorskip("OCP")
 

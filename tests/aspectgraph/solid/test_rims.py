@@ -10,7 +10,7 @@ from rimmed_solids import lattice_circle, rimmed_solid
 from solids import box_with_pockets, cube, prism, prism_faces, ring
 
 from aspectgraph import Solid
-from aspectgraph.solid import Circle, CircularEdge, fit_circle
+from aspectgraph.solid.rims import Circle, CircularEdge, fit_circle
 
 SQUARE = [(-10, -10), (10, -10), (10, 10), (-10, 10)]
 

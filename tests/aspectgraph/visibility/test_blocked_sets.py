@@ -7,10 +7,15 @@ import pytest
 import solids
 
 from aspectgraph.entities.entity import resolve_entities
-from aspectgraph.exact.planes import side_of
+from aspectgraph.exact.grid import side_of
 from aspectgraph.visibility.blocked_sets import blockers
-from aspectgraph.visibility.casting import EDGE_AND_END, FACE, VERTEX_AND_ENTITY
-from aspectgraph.visibility.scene import entity_ends, make_scene
+from aspectgraph.visibility.scene import (
+    EDGE_AND_END,
+    FACE,
+    VERTEX_AND_ENTITY,
+    entity_ends,
+    make_scene,
+)
 
 pytestmark = pytest.mark.uncompiled
 

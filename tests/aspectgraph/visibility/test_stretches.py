@@ -35,8 +35,7 @@ from aspectgraph import (
 from aspectgraph.graph.complete_graph import SightLines
 from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.visibility import visibility_regions
-from aspectgraph.visibility.entity_region import observable_region
-from aspectgraph.visibility.overlay import find_pieces
+from aspectgraph.visibility.entity_region import find_pieces, observable_region
 from aspectgraph.visibility.scene import cut_point
 
 N_EIGHTHS = 140

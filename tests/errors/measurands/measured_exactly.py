@@ -18,7 +18,7 @@ import math
 import numpy as np
 from scipy.stats import norm, qmc
 
-from ground.loop_cache import njit
+from ground.decorators import njit
 
 POINTS = 16
 

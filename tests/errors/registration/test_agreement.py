@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from errors.registration import Rows, surprise
-from errors.registration.posterior import posterior
+from errors.registration import Rows, posterior, surprise
 
 
 def total(times, seed):

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from errors.registration import Rows, rests_on_prior, undetermined
-from errors.registration.posterior import posterior
+from errors.registration import Rows, posterior, rests_on_prior, undetermined
 
 PRIOR = np.diag([1.0, 4.0])
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from errors.registration import Imaging, Stretches, Values
-from errors.registration.known_poses import known_poses
+from errors.registration import Imaging, Stretches, Values, known_poses
 
 PRIOR = np.diag([0.2, 0.3, 0.4, 0.001, 0.002, 0.003]) ** 2
 PRIOR[0, 4] = PRIOR[4, 0] = 0.5 * 0.2 * 0.002

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from errors.registration import Rows, bias_variance_of
-from errors.registration.posterior import posterior
+from errors.registration import Rows, bias_variance_of, posterior
 
 
 def example(rng, n=5, groups=3, m=7):
