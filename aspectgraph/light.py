@@ -50,10 +50,12 @@ from aspectgraph.visibility.visibility_regions import (
 
 # Contrast of an edge between the two faces next to it, under a lamp at a point.
 #
-# Notation -------- p        the lamp; x  any point of the edge n₁, n₂   outward unit normals of
-# the two faces I        irradiance of a face at the edge, n·(p − x) / |p − x|³ in front of it, 0
-# behind it (Lambert 1760) contrast (I₁ − I₂) / (I₁ + I₂), in [−1, 1]. The distance cancels, so it
-# is the same for every point of the edge.
+# Notation
+# --------
+# p        the lamp; x  any point of the edge
+# n₁, n₂   outward unit normals of the two faces
+# I        irradiance of a face at the edge, n·(p − x) / |p − x|³ in front of it, 0 behind it (Lambert 1760)
+# contrast (I₁ − I₂) / (I₁ + I₂), in [−1, 1]. The distance cancels, so it is the same for every point of the edge.
 
 
 # rays are float32: a lamp so little inside, as a share of the part's diagonal, may lie on the surface
@@ -221,7 +223,7 @@ def check_lamps(solid: Solid, lamps: ArrayLike) -> np.ndarray:
 #
 # For p - x = v and a least contrast c, the contrast is below c while a face is lit exactly where
 #
-# [(1 - c) n₁ - (1 + c) n₂]·v < 0  and  [(1 - c) n₂ - (1 + c) n₁]·v < 0.
+#     [(1 - c) n₁ - (1 + c) n₂]·v < 0  and  [(1 - c) n₂ - (1 + c) n₁]·v < 0.
 #
 # Both together imply n₁·v > 0 and n₂·v > 0: with k = (1 + c) / (1 - c) > 1 they say n₁·v < k n₂·v
 # and n₂·v < k n₁·v, so n₁·v < k² n₁·v, which is wrong unless n₁·v > 0; likewise for n₂. So the

@@ -291,8 +291,7 @@ def _image_length(ends, f, delta, image):
 #   lies between the two ends, a row likewise; the extents are whole columns and rows.
 # * "area": as a detector meets it. The edge is a band a few pixels wide, a pixel's value is the exact covered area; of
 #   the pixels above one half the thin chain is kept, one per column (per row for steep edges), and each end of the
-#   chain
-#   is taken to lie half a column beyond the centre of its last pixel.
+#   chain is taken to lie half a column beyond the centre of its last pixel.
 #
 # Pixel (i, j) covers [i r_x, (i + 1) r_x] x [j r_y, (j + 1) r_y]: the optical axis meets a corner
 # of four pixels.

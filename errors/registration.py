@@ -34,8 +34,9 @@ from ground.decorators import njit
 
 # Whether an estimate agrees with what was said of the unknowns before.
 #
-# Notation -------- m   estimate of the unknowns      P   their prior covariance      C   their
-# posterior covariance
+# Notation
+# --------
+# m   estimate of the unknowns      P   their prior covariance      C   their posterior covariance
 #
 # If the prior is right, m is normal with mean 0 and covariance P − C: what was learnt. In units
 # of the prior, this covariance has eigenvalues between 0 (nothing was learnt along a direction)
@@ -774,8 +775,8 @@ def _by_motion(pose, gradient, motion):
 # Stretches of edges that a pose shows give the information of `errors.registration`,
 # edge after edge:
 #
-# P⁻¹ + q Σ_edges [Σ w A Aᵀ − (Σ w A Mᵀ) (1/Var b + Σ w M Mᵀ)⁻¹ (Σ w M Aᵀ)], q the share of the
-# edges that are found
+#     P⁻¹ + q Σ_edges [Σ w A Aᵀ − (Σ w A Mᵀ) (1/Var b + Σ w M Mᵀ)⁻¹ (Σ w M Aᵀ)],   q the share of the edges that are
+#     found
 #
 # Its Cholesky factor has the pose last. So the pose's own covariance, with the surfaces not
 # known, is the inverse of its last block; and the variance of a value with the gradient g is

@@ -597,8 +597,7 @@ def _whole(loop: list[list[float]] | None, number: int) -> list[list[float]]:
 # 1. Coordinates are converted to mm; polygons are cut into triangles; equal vertices become one.
 # 2. Facets that use a vertex twice, and repetitions of a facet, are dropped.
 # 3. If the surface is not closed then: facets without area are dropped; then vertices closer than ``weld_mm`` become
-#    one.
-#    A step is kept only if the surface is closed after it. A T-junction or a missing facet stays an error.
+#    one. A step is kept only if the surface is closed after it. A T-junction or a missing facet stays an error.
 # 4. Facets that disagree with their neighbours are reversed, then bodies that are inside out.
 # 5. Facets without area that are left are taken out by turning their longest sides, where no vertex need move.
 # 6. Coplanar facets become faces, and facets of curved surfaces are recognised (see `curved_facets`).

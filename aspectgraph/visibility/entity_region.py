@@ -101,13 +101,14 @@ def observable_region(
     DeadlineError
         If the region is not complete by then.
     """
-    remainder = None
+    sides_of = None
     if entity.kind != "edge":
         wedge = wedge_blockers(scene, solid, entity)
         remainder = _Left(_complex(wedge, box, deadline))
         if not remainder.any:
             return carved_region(wedge, box, deadline)
-    sets = blockers(scene, solid, entity, deadline, remainder)
+        sides_of = remainder.sides
+    sets = blockers(scene, solid, entity, deadline, sides_of)
     return carved_region(sets, box, deadline, least_first=entity.kind != "edge")
 
 

@@ -360,26 +360,26 @@ class Localisation:
 
 # Values fitted to what is carried back, to second order in the displacement of the pose.
 #
-# Notation (camera frame, nominal pose) ------------------------------------- delta = (t, phi)
-# the real camera stands at the nominal pose times (R(phi), t): C' = R(phi)' (C - t) n, c
-# plane of an entity: n.X = c; a measured point is carried back along its ray to it X(delta)
-# = C' c / (n.C'), for C on the plane: C + u1 + u2 e                  a unit vector of the plane;
-# w = e - n (e.C)/c: e.P with P the projection along the ray of C a = (-w, w x C)    row of e.u1
-# in delta;  s = (-n, n x C)/c the same of n.C'/c - 1 e.u2               = w.(phi x t) + 1/2
-# [(phi.w)(phi.C) - (w.C) phi.phi] - (s.delta)(a.delta)
+# Notation (camera frame, nominal pose)
+# -------------------------------------
+# delta = (t, phi)   the real camera stands at the nominal pose times (R(phi), t): C' = R(phi)' (C - t)
+# n, c               plane of an entity: n.X = c; a measured point is carried back along its ray to it
+# X(delta)           = C' c / (n.C'), for C on the plane: C + u1 + u2
+# e                  a unit vector of the plane;  w = e - n (e.C)/c: e.P with P the projection along the ray of C
+# a = (-w, w x C)    row of e.u1 in delta;  s = (-n, n x C)/c the same of n.C'/c - 1
+# e.u2               = w.(phi x t) + 1/2 [(phi.w)(phi.C) - (w.C) phi.phi] - (s.delta)(a.delta)
 #
 # A **line** goes to the line through its displaced ends. With y across and x along it, l its
 # length:
 #
-# offset in the middle   h = (y_p + y_q)/2 - (x_p + x_q)/2 (y_q - y_p)/l slope                  k
-# = (y_q - y_p)/l - (y_q - y_p)(x_q - x_p)/l^2
+#     offset in the middle   h = (y_p + y_q)/2 - (x_p + x_q)/2 (y_q - y_p)/l
+#     slope                  k = (y_q - y_p)/l - (y_q - y_p)(x_q - x_p)/l^2
 #
 # A **circle** is fitted by least squares of distances. With a_i, b_i the radial and tangential
 # displacement of point i, A the rows (cos, sin, 1), q_i = b_i - tangential part of the first-
 # order centre, and r_i = a_i - (A theta_1)_i:
 #
-# theta = (centre x, centre y, radius) = (A'A)^-1 [A'(a + q^2 / 2 rho) + sum r_i q_i (-sin_i,
-# cos_i, 0) / rho]
+#     theta = (centre x, centre y, radius) = (A'A)^-1 [A'(a + q^2 / 2 rho) + sum r_i q_i (-sin_i, cos_i, 0) / rho]
 #
 # Noise of a point, sigma_x and sigma_y on the image, moves it in the plane by (z / d) P(sigma_x x
 # + sigma_y y), with z its depth and d the image distance: to first order independent of the
@@ -646,7 +646,7 @@ def _fewer(points, along, fit):
 # direction of the image at a point, one image distance away; s_x and s_y are the error in px
 # times the pixel pitch over the image distance. The point moves there by
 #
-# (-s_x t_y / s_y, s_y t_x / s_x) / hypot(t_x / s_x, t_y / s_y).
+#     (-s_x t_y / s_y, s_y t_x / s_x) / hypot(t_x / s_x, t_y / s_y).
 #
 # Surface: the face that carries an entity lies off its plane by the same distance everywhere.
 # Moving an entity along its plane's normal is moving the camera against it. So the response of a
