@@ -25,7 +25,7 @@ LONG_FILES = (
     "tests/planner/test_inspection.py",
     "tests/planner/cli/test_lamps.py",
     "tests/test_edge_contrast.py",
-    "tests/errors/test_errors_joint.py",
+    "tests/errors/test_joint.py",
     "tests/planner/bound/boxes/test_linear_windows.py",
     "tests/aspectgraph/visibility/test_visibility_regions.py",
     "tests/test_docstrings.py",
@@ -33,7 +33,7 @@ LONG_FILES = (
     "tests/planner/bound/test_dual_bound.py",
     "tests/planner/setting/test_optimum.py",
     "tests/ground/test_linked.py",
-    "tests/ground/test_cache.py",
+    "tests/ground/test_decorators.py",
 )
 
 
