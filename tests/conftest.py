@@ -65,7 +65,7 @@ if "COVERAGE_PROCESS_CONFIG" in os.environ:
     StepKernel.__exit__ = _ended
 
 # after what coverage needs
-from remembered_kernel import remember  # noqa: E402
+from step_kernels import remember  # noqa: E402
 
 OF_THE_KERNEL = "tests/aspectgraph/read/"
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from cut_boxes import HALF, cut_box, random_planes
-from cut_boxes import cut_box as cut_cube
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solids import HALF, cut_box, random_planes
+from solids import cut_box as cut_cube
 
 from aspectgraph.cells.arrays import (
     CROSSED,

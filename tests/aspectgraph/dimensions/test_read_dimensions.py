@@ -9,9 +9,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from assemblies import CASES, HOLE, RADIUS_MM, mirrored, placement, step_assembly
-from one_kernel import one_kernel
 from real_parts import EXAMPLES, real_part
+from step_kernels import one_kernel
+from step_parts import CASES, HOLE, RADIUS_MM, mirrored, placement, step_assembly
 
 from aspectgraph import PartFileNotFoundError, ReadError, SolidChoice, read_dimensions, read_solid
 from aspectgraph.read.step.semantic_dimensions import list_attached_items

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cut_boxes import HALF, cut_box
+from solids import HALF, cut_box
 
 from aspectgraph.cells.arrays import cell_centre
 from aspectgraph.cells.split import leaves

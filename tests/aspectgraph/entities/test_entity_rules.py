@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import holed_block
 import numpy as np
 import pytest
+import solids
 
 from aspectgraph import EntityError, read_entities, read_solid, select_entities
 from aspectgraph.entities.entity_files import csv_text
@@ -197,7 +197,7 @@ def test_names_of_a_table_that_a_spreadsheet_would_run_come_back(tmp_path):
 
 @pytest.fixture(scope="module")
 def block():
-    return holed_block.block()
+    return solids.drilled_block()
 
 
 def test_an_edge_of_a_box_moves_with_both_faces(block):
@@ -260,7 +260,7 @@ def test_a_hole_off_its_place_moves_as_a_whole(block):
 
 
 def test_where_a_bore_meets_a_cone_moves_with_both():
-    solid = holed_block.countersunk_block()
+    solid = solids.countersunk_block()
     carriers = Carriers(solid)
     (rim,) = [one for one in solid.rims() if abs(one.centre[2] - 14.0) < 1e-9]
     cone, bore = carriers.of_curve(rim)
@@ -281,7 +281,7 @@ def test_where_a_bore_meets_a_cone_moves_with_both():
 
 
 def test_a_rim_of_a_cone_in_a_plane_moves_with_both():
-    solid = holed_block.countersunk_block()
+    solid = solids.countersunk_block()
     carriers = Carriers(solid)
     (rim,) = [one for one in solid.rims() if abs(one.centre[2] - 20.0) < 1e-9]
     plane, cone = carriers.of_curve(rim)

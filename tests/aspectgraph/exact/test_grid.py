@@ -12,10 +12,10 @@ import solids
 import wide_integers
 from engine_pairs import sharp_edges, solid_of, uniform_viewpoints, workspace_of
 from exact_checker import ExactChecker
-from fine_parts import THIN, TINY, fine_part
 from generated_solids import generated_solid
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from moved_parts import THIN, TINY, fine_part
 from scipy.spatial.transform import Rotation
 from solids import FaceBuilder, add_prism, prism
 

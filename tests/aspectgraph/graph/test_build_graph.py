@@ -28,8 +28,7 @@ from generated_solids import Part, generated_solid, prism
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_files import off_text
-from rational_cells import volume
-from rational_twin import twin_graph
+from rational_twin import twin_graph, volume
 from solids import (
     SLOT_ENTITIES,
     STEP_ENTITIES,

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from assemblies import CASES, HOLE, placement, step_assembly
-from one_kernel import one_kernel
 from part_mutants import damaged_numbers
+from step_kernels import one_kernel
+from step_parts import CASES, HOLE, placement, step_assembly
 
 from aspectgraph import (
     AspectGraphError,

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from ring_files import Corner, Frames, write_ring
+from step_parts import Corner, Frames, write_ring
 
 from aspectgraph import ReadError, read_solid
 

@@ -1,18 +1,24 @@
-"""Answers of the STEP kernel's process, kept for later tests: each read takes one to three seconds.
-
-What the program makes of an answer, it makes each time. Errors are not kept. Tests of the process
-itself get one of their own: they are in `tests/aspectgraph/read`.
-"""
+"""The STEP kernel's process in tests: answers kept for later tests, and one process for all reads of a module."""
 
 from __future__ import annotations
 
 import copy
 import hashlib
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.step.step_file import StepKernel
+
+# Answers of the STEP kernel's process, kept for later tests: each read takes one to three
+# seconds.
+#
+# What the program makes of an answer, it makes each time. Errors are not kept. Tests of the
+# process itself get one of their own: they are in `tests/aspectgraph/read`.
+
 
 START = StepKernel.__enter__
 ASK = StepKernel.ask
@@ -65,3 +71,29 @@ def _described(do: str, options: dict[str, Any]) -> str:
 StepKernel.__enter__ = _start
 StepKernel.ask = _ask
 StepKernel.__exit__ = _end
+
+
+# One process of the STEP kernel for all reads of a test module: to start one takes a second.
+
+
+@contextmanager
+def one_kernel() -> Iterator[None]:
+    """Let every read within ask the same process; it answers until its input ends."""
+    start = StepKernel.__enter__
+    end = StepKernel.__exit__
+    first = START(StepKernel("all files", ReadLimits()))
+
+    def join(kernel: StepKernel) -> StepKernel:
+        kernel.process = first.process
+        kernel._requests = first._requests
+        kernel._answers = first._answers
+        return kernel
+
+    StepKernel.__enter__ = join
+    StepKernel.__exit__ = lambda kernel, *error: None
+    try:
+        yield
+    finally:
+        StepKernel.__enter__ = start
+        StepKernel.__exit__ = end
+        END(first, None, None, None)
