@@ -81,7 +81,6 @@ PLACES = {
         "read": (0, "part files"),
         "solid": (1, "a surface that is checked"),
         "files": (2.92, "files written whole"),
-        "code_digest": (0, "which code it was"),
         "exceptions": (1.94, "for every room"),
         "phases": (0.97, "what takes time"),
         "processes": (2.92, "workers that end in time"),

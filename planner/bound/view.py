@@ -14,7 +14,7 @@ from planner.executors import Shared
 from planner.request.reach import cells_of
 
 if TYPE_CHECKING:
-    from aspectgraph.cells import Cell
+    from aspectgraph.cells.arrays import Cell
 
 # What the compiled loops know of a request: the camera's frustum, the entities, and the cells of
 # their regions.

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.stats import qmc
 
-from aspectgraph.cells.cell_set import Cell
-from aspectgraph.light.light_regions import (
+from aspectgraph.cells.arrays import Cell
+from aspectgraph.light import (
     DEFAULT_CONTRAST,
     LightRegions,
     check_contrast,

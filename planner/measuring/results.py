@@ -24,7 +24,7 @@ from errors.measurands import (
     conformance_probability,
     decide,
 )
-from errors.measurands.conformity import COVERAGE
+from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from planner.files import write_text
 from planner.measuring.images import Picture

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.mesh_formats import parse_obj, parse_off, parse_ply, parse_stl
-from aspectgraph.solid import RayScene
+from aspectgraph.read.mesh import parse_obj, parse_off, parse_ply, parse_stl
+from aspectgraph.solid.ray_scene import RayScene
 from planner.argument_kinds import POSITIVE, check_number, shown
 from planner.exceptions import RobotError
 from planner.robotcell.branches import needed

@@ -8,8 +8,7 @@ import scipy.linalg
 from plan_examples import changed
 
 from aspectgraph import Solid
-from errors.registration.known_pose_loops import _free_ways
-from errors.registration.posterior import posterior
+from errors.registration import _free_ways, posterior
 from planner import (
     Camera,
     Dimension,

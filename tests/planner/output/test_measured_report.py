@@ -96,7 +96,13 @@ def test_no_name_smuggles_markup(results):
     nasty = "</title><script>alert(1)</script>\"'&"
     one = replace(results["left"], name=nasty, notes=(nasty,), reason=nasty)
     page = measured_html(
-        replace(results, results={nasty: one}, serial=nasty, source=replace(results.source, part=nasty), notes=[nasty])
+        replace(
+            results,
+            results={nasty: one},
+            serial=nasty,
+            source=replace(results.source, part=nasty),
+            notes=[nasty],
+        )
     )
     assert "<script" not in page
     assert "</title><script" not in page

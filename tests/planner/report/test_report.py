@@ -224,7 +224,6 @@ def test_no_name_can_smuggle_markup():
     ends = [SPACE.entities[name].endpoints for name in ("+z-y", "+z+x", "-z+y")]
     view = setting((40.0, -180.0, 620.0), [nasty, "b"])
     made = plan(
-        part=nasty,
         entities=dict(zip((nasty, "b", f"{nasty}2"), ends, strict=True)),
         settings=(replace(view, passed_over={nasty: {nasty: nasty}}),),
         uninspectable={f"{nasty}2": nasty},
