@@ -320,7 +320,7 @@ def _without_none(kind: Any) -> Any:
 # The request of a plan as one frozen value, which resume, ``--out``, batch, kept regions and plan
 # files compare.
 #
-# **Guarantee.** Every field distinguishes requests: `InspectionRequest.identity` goes through all
+# **Guarantee.** Every field distinguishes requests: `Request.identity` goes through all
 # fields there are, so an option that is added to the request cannot be forgotten.
 
 
@@ -367,7 +367,7 @@ class RingRecord:
 
 
 @dataclass(frozen=True, eq=False)
-class InspectionRequest:
+class Request:
     """All that a plan depends on, except the program.
 
     A new field needs nothing else to distinguish requests. If `plan_inspection` takes it under another name,
@@ -440,7 +440,7 @@ class InspectionRequest:
 
     def difference(
         self,
-        before: InspectionRequest | Mapping[str, Any],
+        before: Request | Mapping[str, Any],
         words: Callable[[str], str] = str,
         tolerance: float = 0.0,
     ) -> str | None:
@@ -448,7 +448,7 @@ class InspectionRequest:
 
         Parameters
         ----------
-        before : InspectionRequest or mapping
+        before : Request or mapping
             The earlier request, or its identity.
         words, tolerance
             See `planner.identity.first_difference`.
@@ -458,7 +458,7 @@ class InspectionRequest:
         str or None
             The first difference, such as ``seed was 5 and is now 6``; None if it is the same request.
         """
-        known = before.identity() if isinstance(before, InspectionRequest) else before
+        known = before.identity() if isinstance(before, Request) else before
         return first_difference(self.identity(), known, words, tolerance)
 
     def other_part(self, solid: Any) -> str:
@@ -511,21 +511,21 @@ def _unnamed(value: Any, owner: str) -> list[tuple[str, str]]:
 # A request from its identity, as plan files store it: so a plan can be made again.
 
 
-def restored_request(identity: Mapping[str, Any]) -> InspectionRequest:
+def restored_request(identity: Mapping[str, Any]) -> Request:
     """Return the request whose identity this is.
 
     Parameters
     ----------
     identity : mapping
-        As `InspectionRequest.identity` returns it, and as plan files hold it under ``request``.
+        As `Request.identity` returns it, and as plan files hold it under ``request``.
 
     Raises
     ------
     PlanFileError
         If a field is missing, wrong or unknown; names it.
     """
-    known = {field.name: field for field in fields(InspectionRequest)}
-    kinds = get_type_hints(InspectionRequest)
+    known = {field.name: field for field in fields(Request)}
+    kinds = get_type_hints(Request)
     for name in identity:
         if name not in known:
             raise PlanFileError(
@@ -547,17 +547,17 @@ def restored_request(identity: Mapping[str, Any]) -> InspectionRequest:
             raise PlanFileError(
                 f"request.{name} must be as this program writes it. Got {shown(value)}."
             ) from error
-    return InspectionRequest(**values)
+    return Request(**values)
 
 
-def stored_request(request: InspectionRequest) -> dict[str, Any]:
+def stored_request(request: Request) -> dict[str, Any]:
     """Return ``request`` and ``targets`` of a plan file: the request names its targets, which are stated once."""
     identity = request.identity()
     targets = {target.pop("name"): target for target in identity["targets"]}
     return {"request": {**identity, "targets": list(targets)}, "targets": targets}
 
 
-def request_from(request: Mapping[str, Any], targets: Mapping[str, Any]) -> InspectionRequest:
+def request_from(request: Mapping[str, Any], targets: Mapping[str, Any]) -> Request:
     """Return the request of a plan file.
 
     Parameters

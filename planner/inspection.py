@@ -27,17 +27,17 @@ from planner.callbacks import Callbacks, Deadline
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
-from planner.identity import InspectionRequest
+from planner.identity import Request
 from planner.light.background import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
-from planner.measuring.planned_edges import registered_request
+from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, labelled
+from planner.request.problem import Problem
 from planner.request.reach import Space
-from planner.request.request import Request
-from planner.resolve_request import ResolvedRequest, request_on, resolve_request
+from planner.resolve_request import ResolvedRequest, problem_on, resolve_request
 from planner.resume import PlanningState
 from planner.search.incumbents import Incumbents, Run, needed
 from planner.search.stages import run_stages, settle_early
@@ -153,14 +153,14 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
     RequestError, PlanFileError, OutputError
         As `plan_inspection`.
     """
-    asked = resolved.request
-    deadline = Deadline(options.time_limit_s, asked.gap)
+    request = resolved.request
+    deadline = Deadline(options.time_limit_s, request.gap)
     if options.state is not None:
-        asked.check_lasting()
-    request = _request(solid, resolved, options, deadline)
-    late = len(request.names) < len(asked.targets)
+        request.check_lasting()
+    problem = _problem(solid, resolved, options, deadline)
+    late = len(problem.names) < len(request.targets)
     # the state of a search belongs to all targets
-    memo = PlanningState(asked.identity(), None if late else options.state)
+    memo = PlanningState(request.identity(), None if late else options.state)
     callbacks = Callbacks(
         on_best=options.on_incumbent,
         progress=options.progress,
@@ -168,13 +168,13 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
     )
     incumbents = Incumbents(callbacks)
     if memo.plan is None:
-        run = Run(request, asked, memo, executor=options.executor, callbacks=callbacks)
+        run = Run(problem, request, memo, executor=options.executor, callbacks=callbacks)
         try:
-            memo.finish(run_stages(run, incumbents, asked.lighting))
+            memo.finish(run_stages(run, incumbents, request.lighting))
         except TimeIsUpError:
             ended = settle_early(run, incumbents.latest, incumbents.proven)
             incumbents.publish(ended)
-            return _lit(ended, solid, asked.lighting)
+            return _lit(ended, solid, request.lighting)
         finally:
             memo.save()
     assert memo.plan is not None
@@ -182,41 +182,41 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
     return memo.plan
 
 
-def _request(
+def _problem(
     solid: Solid, resolved: ResolvedRequest, options: RunOptions, deadline: Deadline
-) -> Request:
-    """Return the request with where its targets are observable, without those whose region was late."""
-    asked, entities = resolved
+) -> Problem:
+    """Return the problem: where the targets are observable, without those whose region was late."""
+    request, entities = resolved
     space = options.space
     if space is None:
         regions = visible_regions(
             solid,
             entities,
-            asked,
+            request,
             executor=options.executor,
             progress=options.progress,
             deadline=deadline.of_regions(),
         )
-        space = space_of(asked, regions)
+        space = space_of(request, regions)
     missing = {name for name in entities if name not in space.entities}
     if missing and not deadline.limited:
         raise RequestError.of_rule(
             "space", "must hold all entities that are wanted", f"no {min(missing)!r}"
         )
-    targets = tuple(t for t in asked.targets if not missing.intersection(needed(t)))
+    targets = tuple(t for t in request.targets if not missing.intersection(needed(t)))
     if not targets:
         raise RequestError.of_rule(
             "time_limit_s",
             "must be long enough to compute from where one target is observable",
             f"{options.time_limit_s:g}",
         )
-    return registered_request(request_on(asked, space, targets), asked.registration)
+    return registered_problem(problem_on(request, space, targets), request.registration)
 
 
 def visible_regions(
     solid: Solid,
     entities: Mapping[str, Any],
-    request: InspectionRequest,
+    request: Request,
     *,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -231,7 +231,7 @@ def visible_regions(
         The part.
     entities : mapping of str to Entity
         Its entities.
-    request : InspectionRequest
+    request : Request
         Gives the workspace. With a ring light, the entities must show in it as well.
     executor, progress, kept, deadline
         As `aspectgraph.compute_regions` takes them. Regions with a ring light are not kept.
@@ -260,7 +260,7 @@ def visible_regions(
     )
 
 
-def space_of(request: InspectionRequest, regions: VisibilityRegions) -> Space:
+def space_of(request: Request, regions: VisibilityRegions) -> Space:
     """Return the space that is planned in: with a ring light, where edges show to the camera."""
     from aspectgraph import LightRegions
 

@@ -17,7 +17,7 @@ from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
-from planner.identity import InspectionRequest
+from planner.identity import Request
 from planner.plan import InspectionPlan
 from planner.request.camera_limits import NO_RESERVE, FocusReserve
 from planner.request.constraints import Requirements
@@ -165,12 +165,12 @@ class InspectionOptions(RunOptions):
     gap: float = 0.0
 
     @classmethod
-    def of_request(cls, request: InspectionRequest) -> InspectionOptions:
+    def of_request(cls, request: Request) -> InspectionOptions:
         """Return the options that make a request again.
 
         Parameters
         ----------
-        request : InspectionRequest
+        request : Request
             Such as that of a plan.
 
         Returns

@@ -24,7 +24,7 @@ from planner.sensor_setting import Reason, SensorSetting, kind_of, kinds_record,
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from planner.identity import InspectionRequest
+    from planner.identity import Request
     from planner.light.light_plan import LightPlan
     from planner.progress import Progress
     from planner.request.models import Means
@@ -51,7 +51,7 @@ class InspectionPlan(PlanTables):
 
     Attributes
     ----------
-    request : InspectionRequest
+    request : Request
         The request: the part, the targets as they were found on it, camera, constraints, and
         everything that the plan depends on.
     settings : tuple of SensorSetting
@@ -76,7 +76,7 @@ class InspectionPlan(PlanTables):
         How the command line read the part: its ``file``, relative to the plan's, and its options.
     """
 
-    request: InspectionRequest
+    request: Request
     settings: tuple[SensorSetting, ...]
     lower_bound: int
     uninspectable: Mapping[str, str]

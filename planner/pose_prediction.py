@@ -15,11 +15,11 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
 from planner.options import InspectionOptions
+from planner.request.problem import Problem
 from planner.request.reach import Space
 from planner.request.registration import OWN_EDGES
-from planner.request.request import Request
 from planner.request.targets import Target
-from planner.resolve_request import request_on, resolve_request
+from planner.resolve_request import problem_on, resolve_request
 from planner.verify.p_all import DisplacedChecks
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ def predict(
     regions = how.space or compute_regions(
         solid, resolved.entities, workspace=asked.workspace, executor=how.executor
     )
-    request = request_on(asked, regions, asked.targets, known)
+    request = problem_on(asked, regions, asked.targets, known)
     seen = _observable(request.space, pose[:3, 3])
     return {
         target.name: _prediction(request, target, pose, bool(observable))
@@ -199,7 +199,7 @@ def _registered(options: InspectionOptions) -> PoseUncertainty | None:
 
 
 def _prediction(
-    request: Request, target: Target, cam2world: np.ndarray, observable: bool
+    request: Problem, target: Target, cam2world: np.ndarray, observable: bool
 ) -> PosePrediction:
     """Say how sure a target is measured, and what keeps it from being measured."""
     request = request.at_pose(cam2world, [target.name])

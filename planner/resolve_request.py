@@ -14,7 +14,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import RequestError
-from planner.identity import InspectionRequest, PartRecord, RingRecord
+from planner.identity import PartRecord, Request, RingRecord
 from planner.options import InspectionOptions
 from planner.request.defaults import check_seed, default_workspace
 from planner.request.dimension import Dimension
@@ -23,8 +23,8 @@ from planner.request.dimension_files import (
     surfaces_or_default,
     with_surfaces_of_call,
 )
+from planner.request.problem import Problem, choice_for
 from planner.request.reach import Space, TargetSpace
-from planner.request.request import Request, choice_for
 from planner.request.targets import Target, check_is_edge, edge_targets
 
 if TYPE_CHECKING:
@@ -41,13 +41,13 @@ class ResolvedRequest(NamedTuple):
 
     Attributes
     ----------
-    request : InspectionRequest
+    request : Request
         The request.
     entities : mapping of str to Entity
         What must be seen.
     """
 
-    request: InspectionRequest
+    request: Request
     entities: Mapping[str, Any]
 
 
@@ -145,7 +145,7 @@ def _check_extent(part: Solid) -> None:
 
 def request_of_any_part(
     camera: Camera, pose_uncertainty: PoseUncertainty, options: InspectionOptions
-) -> InspectionRequest:
+) -> Request:
     """Return a request without what depends on the part: targets, workspace and ring light.
 
     A field that has the name of an option is that option; so is one that is added.
@@ -177,23 +177,23 @@ def request_of_any_part(
         "lighting": options.lighting,
         "effort": options.effort or Effort(),
     }
-    for field in fields(InspectionRequest):
+    for field in fields(Request):
         if field.name not in values and hasattr(options, field.name):
             values[field.name] = getattr(options, field.name)
-    return InspectionRequest(**values)
+    return Request(**values)
 
 
-def request_on(
-    request: InspectionRequest,
+def problem_on(
+    request: Request,
     space: Space,
     targets: Sequence[Target],
     registered: PoseUncertainty | None = None,
-) -> Request:
+) -> Problem:
     """Return a request with where its targets are observable.
 
     Parameters
     ----------
-    request : InspectionRequest
+    request : Request
         What is asked.
     space : VisibilityRegions or EntityAspectGraph
         Tells from where which entities are observable.
@@ -203,7 +203,7 @@ def request_on(
         How poses are known when values are read. Default: no better than planned.
     """
     joined = TargetSpace.of(space, targets)
-    return Request(
+    return Problem(
         joined,
         joined.entity_names,
         request.camera,

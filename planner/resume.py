@@ -47,7 +47,7 @@ class PlanningState:
     Parameters
     ----------
     identity : mapping
-        Everything the plan depends on, as plain values: `InspectionRequest.identity`. A file made for another request,
+        Everything the plan depends on, as plain values: `Request.identity`. A file made for another request,
         or by other code, is refused.
     path : path, optional
         File to continue from, if it exists, and to save to.

@@ -38,7 +38,7 @@ from seen_lines import CORNER_DEG, NEAR_PX, Arm, Lines, angle_deg
 from aspectgraph import Solid, read_solid, resolve_entities
 from planner import InspectionPlan, read_plan
 from planner.request.models import Means
-from planner.request.request import Objective
+from planner.request.problem import Objective
 
 ACCURACIES = (0.98, 0.99, 0.995)
 AROUND_PX = 40.0

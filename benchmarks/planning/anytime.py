@@ -47,7 +47,7 @@ from planner.detectability.conditions import NOT_ASKED
 from planner.inspection import plan_inspection
 from planner.options import InspectionOptions
 from planner.request.defaults import default_workspace
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge
 from planner.search.realise_column import joint_counts
 
@@ -137,7 +137,7 @@ def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
     seconds = time.process_time() - start
     need = case.options().requirements(camera, UNCERTAINTY)
     return Judge(
-        Request(space, space.entity_names, camera, UNCERTAINTY, case.accuracy, PROBABILITY, need)
+        Problem(space, space.entity_names, camera, UNCERTAINTY, case.accuracy, PROBABILITY, need)
     ), seconds
 
 

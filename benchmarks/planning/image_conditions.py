@@ -18,7 +18,7 @@ from planners import PLANNERS
 from scipy.spatial.transform import Rotation
 
 from planner.detectability.conditions import NOT_ASKED, USUAL, Detectability
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge
 
 # standard deviations of the poses drawn, mm and rad
@@ -39,7 +39,7 @@ def judge_for(case: Case, first: Judge, showing: Detectability) -> Judge:
     need = replace(case, by_default=True).options(showing=showing)
     wanted = need.requirements(first.camera, UNCERTAINTY)
     promise = (case.accuracy, PROBABILITY)
-    return Judge(Request(first.space, first.names, first.camera, UNCERTAINTY, *promise, wanted))
+    return Judge(Problem(first.space, first.names, first.camera, UNCERTAINTY, *promise, wanted))
 
 
 def poses_near(poses: np.ndarray, each: int) -> np.ndarray:

@@ -21,7 +21,7 @@ from planner.app.job import read_job
 from planner.app.parsing import parse
 from planner.callbacks import Deadline
 from planner.executors import Shared
-from planner.inspection import _request
+from planner.inspection import _problem
 from planner.resolve_request import ResolvedRequest
 from planner.search.columns import Judge
 from planner.search.evolution import Centring, least_share
@@ -34,7 +34,7 @@ def request_of(path):
     job = read_job(parse(["plan", "--again", path]))
     asked = job.request
     resolved = ResolvedRequest(asked, job.wanted.entities)
-    return _request(job.solid, resolved, job.options, Deadline()), asked.effort
+    return _problem(job.solid, resolved, job.options, Deadline()), asked.effort
 
 
 def main(argv=None):

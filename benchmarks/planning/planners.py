@@ -37,7 +37,7 @@ from planner.detectability.conditions import NOT_ASKED
 from planner.inspection import plan_inspection
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import position_margin_mm
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge, entity_poses
 from planner.search.poses import PoseEncoding, ViewpointSampler
 
@@ -290,7 +290,7 @@ def compare(setup: str, seeds: int):
         visibility_radius_mm=position_margin_mm(chosen.pose_uncertainty),
     )
     judge = Judge(
-        Request(
+        Problem(
             space,
             space.entity_names,
             chosen.camera(),

@@ -29,7 +29,7 @@ from planner import Search
 from planner.request.constraints import Constraints, Requirements
 from planner.request.defaults import position_margin_mm
 from planner.request.models import Means
-from planner.request.request import Objective
+from planner.request.problem import Objective
 from planner.search.plan_setting import search_pose
 from planner.search.poses import PoseEncoding, ViewpointSampler, draw_start
 

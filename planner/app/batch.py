@@ -47,7 +47,7 @@ from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError, PlannerError, RequestError
 from planner.executors import leave_signals_to_the_parent
 from planner.files import absolute, check_set_place, name_text, output_folder, read_json, write_text
-from planner.identity import InspectionRequest, plain_fields
+from planner.identity import Request, plain_fields
 from planner.identity import digest_of as digest_of_request
 from planner.inspection import plan_request, visible_regions
 from planner.options import InspectionOptions
@@ -175,7 +175,7 @@ class PartRequest:
         )
 
     @cached_property
-    def request(self) -> InspectionRequest:
+    def request(self) -> Request:
         """The request that applies to every part, without part, targets and workspace."""
         return request_of_any_part(self.camera, self.pose_uncertainty, self.options)
 
@@ -183,9 +183,9 @@ class PartRequest:
     def fingerprint(self) -> str:
         """Digest of the request and the program. Equal digests mean equal plans of a file.
 
-        All fields count, also those that an `InspectionRequest` lacks.
+        All fields count, also those that an `Request` lacks.
         """
-        names = {field.name for field in fields(InspectionRequest)}
+        names = {field.name for field in fields(Request)}
         settings = {name: value for name, value in plain_fields(self).items() if name not in names}
         # in the request as they are resolved: a default that is given is a default
         settings["limits"] = {"time_limit_s": self.options.time_limit_s}

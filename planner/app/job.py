@@ -36,7 +36,7 @@ from planner.detectability.conditions import Detectability
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
-from planner.identity import InspectionRequest
+from planner.identity import Request
 from planner.inspection import plan_request
 from planner.light.lighting import RING, LampBox, LampDome, Lighting, check_lamps_given, check_step
 from planner.light.plan_light import chosen_lamps
@@ -398,7 +398,7 @@ class Job:
 
     Attributes
     ----------
-    request : InspectionRequest
+    request : Request
         What is asked.
     solid : Solid
         The part.
@@ -412,7 +412,7 @@ class Job:
         How it is read, as `aspectgraph.read_solid` takes it.
     """
 
-    request: InspectionRequest
+    request: Request
     solid: Solid
     wanted: Wanted
     options: InspectionOptions

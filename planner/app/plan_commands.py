@@ -68,7 +68,7 @@ from planner.effort import Effort
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
 from planner.executors import usable_cores
 from planner.files import absolute, check_set_place, output_folder, path_text, print_json
-from planner.identity import InspectionRequest, first_difference
+from planner.identity import Request, first_difference
 from planner.inspection import space_of, visible_regions
 from planner.optics import DISTANCES_MM, OPTICS_COLUMNS, OpticsProposal, optics_rows, propose_optics
 from planner.options import InspectionOptions
@@ -173,16 +173,14 @@ _DEFAULT_RULE = "--out must be given where ./{name} holds other files."
 _UNFINISHED = "--out must be a folder without an unfinished plan."
 
 
-def check_owner(
-    folder: Path, request: InspectionRequest, *, force: bool, is_default: bool = False
-) -> None:
+def check_owner(folder: Path, request: Request, *, force: bool, is_default: bool = False) -> None:
     """Refuse a folder that holds the plan of another request, or files that a plan would replace.
 
     Parameters
     ----------
     folder : pathlib.Path
         The output folder.
-    request : InspectionRequest
+    request : Request
         What is asked now.
     force : bool
         Replace whatever is there.
@@ -253,9 +251,7 @@ class Leftovers:
         """Whether there is anything to go on from."""
         return self.state.exists() or bool(self.regions)
 
-    def prepare(
-        self, request: InspectionRequest, *, resume: bool, force: bool, quiet: bool
-    ) -> None:
+    def prepare(self, request: Request, *, resume: bool, force: bool, quiet: bool) -> None:
         """Refuse what is not to be resumed, or cannot be, before any work; discard it if that is asked for.
 
         Raises

@@ -47,7 +47,7 @@ from planner.callbacks import NOBODY, Callbacks, Checkpoint
 from planner.cover import cover_within, distinct_rows, fractional_cover, maximal_columns, mean_dual
 from planner.effort import Effort
 from planner.executors import Shared, in_order
-from planner.request.request import Request
+from planner.request.problem import Problem
 
 # The linear part of the lower bound: weights that no single pose exceeds, and the poses that do.
 #
@@ -600,7 +600,7 @@ _SLACK = 1e-6
 
 
 def lower_bound(
-    request: Request,
+    problem: Problem,
     n_settings: int,
     columns: NDArray[np.bool_],
     *,
@@ -614,7 +614,7 @@ def lower_bound(
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         The request for the entities to be covered: visibility, camera and constraints.
     n_settings : int
         Size of the cover that is known; the proof stops when it gets there.
@@ -645,8 +645,8 @@ def lower_bound(
         proof = "Fewer settings than one inspect nothing."
         return n_settings, proof if n_settings else "No entity is inspected.", None
     checkpoint = checkpoint or Checkpoint()
-    witnesses = WitnessSets.of(request)
-    single = request.single
+    witnesses = WitnessSets.of(problem)
+    single = problem.single
     entity_idx = np.arange(len(single.names))
     regions = _regions(single, entity_idx, executor)
     first = checkpoint.get("covers")
@@ -673,18 +673,18 @@ def lower_bound(
     conflict = witnesses.one_each(first["conflict"])
     space = PoseSpace(single, entity_idx, regions, conflict, witnesses)
     linear = LinearBound(space, columns, improve, checkpoint, callbacks)
-    boxes = effort.boxes_for(len(request.names))
+    boxes = effort.boxes_for(len(problem.names))
     bound = linear.raise_from(first["bound"], n_settings, max_nodes=max(0, boxes - first["made"]))
     callbacks.report(boxes, boxes, "lower bound")
     if bound <= first["alone"]:
-        return bound, exclusion_proof(request, bound), None
+        return bound, exclusion_proof(problem, bound), None
     apart = int(witnesses.targets_apart(first["conflict"]).sum()) // 2
     weights = first["weights"] if bound == first["bound"] else linear.weights
-    return bound, _proof(first["made"] + linear.made, apart, _items(request)), weights
+    return bound, _proof(first["made"] + linear.made, apart, _items(problem)), weights
 
 
 def exclusive_entities(
-    request: Request,
+    problem: Problem,
     entity_idx: NDArray[np.int_],
     columns: NDArray[np.bool_],
     executor: Executor | None = None,
@@ -693,7 +693,7 @@ def exclusive_entities(
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         The request.
     entity_idx : array of int (e,)
         Entities among which they are looked for, as columns of the request.
@@ -707,7 +707,7 @@ def exclusive_entities(
     array of int (n,)
         Columns of the request, ascending. Whatever inspects all of them needs n settings; `exclusion_proof` says why.
     """
-    restricted = request.restricted_to([request.names[i] for i in entity_idx])
+    restricted = problem.restricted_to([problem.names[i] for i in entity_idx])
     witnesses = WitnessSets.of(restricted)
     single = restricted.single
     every = np.arange(len(single.names))
@@ -717,21 +717,21 @@ def exclusive_entities(
     return entity_idx[large_clique(witnesses.targets_apart(conflict))]
 
 
-def exclusion_proof(request: Request, n: int) -> str:
+def exclusion_proof(problem: Problem, n: int) -> str:
     """Say what a bound of so many entities that exclude each other rests on."""
-    return _proof_of_clique(n, _items(request))
+    return _proof_of_clique(n, _items(problem))
 
 
-def _regions(request: Request, entity_idx: NDArray[np.int_], executor: Executor | None) -> Cells:
+def _regions(problem: Problem, entity_idx: NDArray[np.int_], executor: Executor | None) -> Cells:
     """Return the cells of entities' regions."""
-    shared = Shared(request)
+    shared = Shared(problem)
     return Cells.joined(
-        in_order(executor, entity_cells, [(shared, request.names[i]) for i in entity_idx])
+        in_order(executor, entity_cells, [(shared, problem.names[i]) for i in entity_idx])
     )
 
 
-def _items(request: Request) -> str:
-    edges = all(target.in_image for target in request.targets)
+def _items(problem: Problem) -> str:
+    edges = all(target.in_image for target in problem.targets)
     return "edges" if edges else "items"
 
 

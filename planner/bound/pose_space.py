@@ -32,8 +32,8 @@ from planner.bound.view import (
 )
 from planner.camera.camera import Camera
 from planner.executors import THREADS
+from planner.request.problem import Problem
 from planner.request.reach import AROUND
-from planner.request.request import Request
 
 # number of parts, each searched on its own, several at a time. With enough parts, proofs of one
 # part outlast changes of the weights for others.
@@ -68,12 +68,12 @@ _SAFETY = 0.99
 _PROBABILITY_ERROR = 6e-5
 
 
-def least_images_mm(request: Request) -> NDArray[np.float64]:
+def least_images_mm(problem: Problem) -> NDArray[np.float64]:
     """Return the lengths on the sensor below which no image of an item's segment can satisfy a request.
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         The request, of k items.
 
     Returns
@@ -82,11 +82,11 @@ def least_images_mm(request: Request) -> NDArray[np.float64]:
         Lengths, mm; 0 asks for none.
     """
     quantile = _SAFETY * quantization_quantile(
-        request.camera.finest_pitch_mm, request.probability - _PROBABILITY_ERROR
+        problem.camera.finest_pitch_mm, problem.probability - _PROBABILITY_ERROR
     )
-    shortest = request.constraints.min_length_mm
+    shortest = problem.constraints.min_length_mm
     return np.array(
-        [target.least_image_mm(request.accuracy, quantile, shortest) for target in request.targets]
+        [target.least_image_mm(problem.accuracy, quantile, shortest) for target in problem.targets]
     )
 
 
@@ -125,22 +125,22 @@ def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
     return np.maximum(half, 0.0) / camera.image_distance_mm
 
 
-def frustum_of(request: Request) -> Frustum:
+def frustum_of(problem: Problem) -> Frustum:
     """Return what the camera of a request takes in; the depth of field may have no end.
 
     The margin of focus that every setting keeps is taken from it, and not the reserve of ends off the axis.
     """
-    near, far = request.camera.depth_of_field_mm
-    near = near + request.requirements.focus_margin_mm
-    far = far - request.requirements.focus_margin_mm
-    tan_x, tan_y = sensor_tangents(request.camera, request.requirements.border_px).tolist()
+    near, far = problem.camera.depth_of_field_mm
+    near = near + problem.requirements.focus_margin_mm
+    far = far - problem.requirements.focus_margin_mm
+    tan_x, tan_y = sensor_tangents(problem.camera, problem.requirements.border_px).tolist()
     return Frustum(float(near), float(far), tan_x, tan_y, math.atan(math.hypot(tan_x, tan_y)))
 
 
-def view_of(request: Request) -> View:
+def view_of(problem: Problem) -> View:
     """Return what the camera of a request takes in, no deeper than the workspace is wide."""
-    low, high = (np.asarray(corner, dtype=float) for corner in request.space.workspace)
-    near, far, tan_x, tan_y, _ = frustum_of(request)
+    low, high = (np.asarray(corner, dtype=float) for corner in problem.space.workspace)
+    near, far, tan_x, tan_y, _ = frustum_of(problem)
     # nothing is farther from a viewpoint in the workspace, which holds the part, than its corners are from each other
     far = min(far, max(float(np.linalg.norm(high - low)), 1.01 * near))
     middle = (near + far) / 2
@@ -155,10 +155,10 @@ def view_of(request: Request) -> View:
     return View(near, far, middle, tan_x, tan_y, float(np.linalg.norm(corners, axis=1).max()))
 
 
-def segments_of(request: Request, entity_idx: NDArray[np.int_]) -> Segments:
+def segments_of(problem: Problem, entity_idx: NDArray[np.int_]) -> Segments:
     """Return the segments of some items of a request, in their order."""
-    ends = np.ascontiguousarray(request.ends[entity_idx])
-    ratio = least_images_mm(request)[entity_idx] / request.camera.image_distance_mm
+    ends = np.ascontiguousarray(problem.ends[entity_idx])
+    ratio = least_images_mm(problem)[entity_idx] / problem.camera.image_distance_mm
     return Segments(ends, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), ratio)
 
 
@@ -187,9 +187,9 @@ class WitnessSets:
         self.trivial = len(self._first) == len(self.owner)
 
     @classmethod
-    def of(cls, request: Request) -> WitnessSets:
+    def of(cls, problem: Problem) -> WitnessSets:
         """Return the witnesses of a request."""
-        return cls(request.owner)
+        return cls(problem.owner)
 
     def of_columns(self, columns: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return columns (c, w) of witnesses for columns (c, k) of targets: all witnesses of what they hold."""
@@ -246,7 +246,7 @@ class PoseSpace:
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         The request.
     entity_idx : array of int (e,)
         Entities, as columns of the request.
@@ -260,17 +260,17 @@ class PoseSpace:
 
     def __init__(
         self,
-        request: Request,
+        problem: Problem,
         entity_idx: NDArray[np.int_],
         regions: Cells,
         conflict: NDArray[np.bool_],
         witnesses: WitnessSets | None = None,
     ):
         self.witnesses = witnesses or WitnessSets(np.arange(len(entity_idx)))
-        self.view = view_of(request)
+        self.view = view_of(problem)
         self.conflict = np.ascontiguousarray(conflict)
-        segments = segments_of(request, entity_idx)
-        self.entities = entities_of(segments, regions, request.requirements.visibility_radius_mm)
+        segments = segments_of(problem, entity_idx)
+        self.entities = entities_of(segments, regions, problem.requirements.visibility_radius_mm)
         points = self.entities.ends.reshape(-1, 3)
         self.nodal_points = np.array(
             [regions.boxes[:, 0].min(axis=0), regions.boxes[:, 1].max(axis=0)]

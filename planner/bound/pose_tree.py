@@ -28,7 +28,7 @@ from planner.bound.view import (
 )
 from planner.camera.camera import Camera
 from planner.executors import THREADS
-from planner.request.request import Request
+from planner.request.problem import Problem
 
 # What may be inspected from nodes of the tree of poses (`planner.bound.pose_tree`). Compiled
 # loops.
@@ -353,7 +353,7 @@ _MIDDLE, _HALF = range(2)
 
 
 def find_conflicts(
-    request: Request,
+    problem: Problem,
     entity_idx: NDArray[np.int_],
     columns: ArrayLike,
     regions: Cells,
@@ -362,7 +362,7 @@ def find_conflicts(
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         The request.
     entity_idx : array of int (e,)
         Entities, as columns of the request.
@@ -377,12 +377,12 @@ def find_conflicts(
         Symmetric, false on the diagonal.
     """
     inspected = np.asarray(columns, dtype=bool)
-    segments = segments_of(request, entity_idx)
-    frustum = frustum_of(request)
+    segments = segments_of(problem, entity_idx)
+    frustum = frustum_of(problem)
     cells = regions.arrays
     together = inspected.T.astype(int) @ inspected.astype(int) > 0
-    tangents = sensor_tangents(request.camera, request.requirements.border_px)
-    conflict = too_far_apart(request.camera, segments.ends, tangents) & ~together
+    tangents = sensor_tangents(problem.camera, problem.requirements.border_px)
+    conflict = too_far_apart(problem.camera, segments.ends, tangents) & ~together
 
     def excludes(pair: NDArray[np.int_]) -> bool:
         a, b = pair
@@ -600,7 +600,7 @@ class PoseTree:
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         The request.
     entity_idx : array of int (e,)
         Entities, as columns of the request.
@@ -614,15 +614,15 @@ class PoseTree:
 
     def __init__(
         self,
-        request: Request,
+        problem: Problem,
         entity_idx: NDArray[np.int_],
         regions: Cells,
         conflict: NDArray[np.bool_],
         one_each: NDArray[np.bool_] | None = None,
     ):
         self.cells = regions.planes, regions.plane_start, regions.entity_start
-        self.segments = segments_of(request, entity_idx)
-        self.frustum = frustum_of(request)
+        self.segments = segments_of(problem, entity_idx)
+        self.frustum = frustum_of(problem)
         near, far, tan_x, tan_y, cone = self.frustum
         self.reach = focus_reach(self.frustum)
         # two points in view: both are on the sensor, and both in focus
@@ -632,7 +632,7 @@ class PoseTree:
         counted = conflict if one_each is None else one_each
         self._counted = self._pairs._replace(conflict=counted)
         self.made = 0
-        self._plant(request.space.workspace)
+        self._plant(problem.space.workspace)
 
     def _plant(self, workspace: ArrayLike) -> None:
         """Start with one node per face of the cube of directions, all positions, all rolls."""

@@ -26,8 +26,8 @@ from planner.measuring.registered import prior_covariance
 from planner.measuring.samples import APART_PX, END_PX, POSE, PartEdges, PartModel
 from planner.measuring.verdict import LEAST_SHARE
 from planner.request.models import Lifts, OwnEdges, key_of
+from planner.request.problem import Problem
 from planner.request.registration import OWN_EDGES, RegistrationRecord
-from planner.request.request import Request
 from planner.request.targets import PlannedDimension, Target, sample_points
 
 Array = NDArray[np.float64]
@@ -56,12 +56,12 @@ _TURN = (0.3217, 0.7411, 0.5263)
 _RAYS = 100
 
 
-def planned_edges(request: Request, surfaces_mm: float | None = None) -> OwnEdges:
+def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdges:
     """Return how surely registration to the part's own edges will tell poses and values.
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         What is asked; its pose uncertainty is what is known before registration.
     surfaces_mm : float, optional
         Standard deviation of the position of faces along their normals, mm. Default: the largest of the targets.
@@ -71,13 +71,13 @@ def planned_edges(request: Request, surfaces_mm: float | None = None) -> OwnEdge
     OwnEdges
         For any pose.
     """
-    single = request.single
+    single = problem.single
     targets = dict(single.measured)
     model = PartModel(single.space.solid, targets)
     if surfaces_mm is None:
         surfaces_mm = max((target.surfaces_mm for target in targets.values()), default=0.0)
     before = prior_covariance(
-        model, request.pose_uncertainty.covariance, surfaces_mm, request.camera
+        model, problem.pose_uncertainty.covariance, surfaces_mm, problem.camera
     )
     sigmas = np.sqrt(np.diag(before))[POSE:].reshape(-1, 3)
     floor = (
@@ -85,8 +85,8 @@ def planned_edges(request: Request, surfaces_mm: float | None = None) -> OwnEdge
     )
     return OwnEdges(
         before[:POSE, :POSE].copy(),
-        _stretches(model, request.camera, sigmas),
-        _imaging(request.camera, bias_of(floor)),
+        _stretches(model, problem.camera, sigmas),
+        _imaging(problem.camera, bias_of(floor)),
         {
             key_of(target.name, target.witness.entities): _lifts(
                 model, target.name, targets[target.name]
@@ -97,21 +97,21 @@ def planned_edges(request: Request, surfaces_mm: float | None = None) -> OwnEdge
     )
 
 
-def registered_request(request: Request, how: RegistrationRecord | None) -> Request:
-    """Return a request whose values are read from registered images.
+def registered_problem(problem: Problem, how: RegistrationRecord | None) -> Problem:
+    """Return a problem whose values are read from registered images.
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         What is asked.
     how : RegistrationRecord or None
         How poses are known; None for no better than planned.
     """
     if how is None:
-        return request
+        return problem
     if how.method == OWN_EDGES:
-        return replace(request, registered=planned_edges(request, how.surfaces_mm))
-    return replace(request, registered=how.pose_uncertainty)
+        return replace(problem, registered=planned_edges(problem, how.surfaces_mm))
+    return replace(problem, registered=how.pose_uncertainty)
 
 
 def _imaging(camera: Camera, bias_px: float) -> Imaging:

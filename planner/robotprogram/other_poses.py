@@ -12,10 +12,10 @@ from planner.argument_kinds import check_count, check_kinds
 from planner.exceptions import RequestError
 from planner.options import InspectionOptions
 from planner.progress import Progress, report
+from planner.request.problem import Problem
 from planner.request.reach import StatedRegion
 from planner.request.registration import OWN_EDGES
-from planner.request.request import Request
-from planner.resolve_request import request_on, resolve_request
+from planner.resolve_request import problem_on, resolve_request
 from planner.robotcell.cell import CellRegion, reachability_of
 from planner.robotcell.reachability import angle_deg
 from planner.robotcell.urdf import N_JOINTS
@@ -76,8 +76,8 @@ class _Local:
     judge: Judge
 
     @property
-    def request(self) -> Request:
-        return self.judge.request
+    def problem(self) -> Problem:
+        return self.judge.problem
 
 
 class EquivalentPoses:
@@ -103,9 +103,9 @@ class EquivalentPoses:
         self._locals: dict[int, _Local] = {}
         self._poses: dict[int, np.ndarray] = {}
 
-    def request(self, k: int) -> Request:
+    def problem(self, k: int) -> Problem:
         """Return what is asked of setting k, from 0."""
-        return self._local(k).request
+        return self._local(k).problem
 
     def poses(self, k: int) -> np.ndarray:
         """Return poses (n, 4, 4) that inspect what setting k does, the nearest first; the setting's own is left out."""
@@ -122,7 +122,7 @@ class EquivalentPoses:
         names = before.entities
         judge = self._local(k).judge
         seed = before.seed or 0
-        setting = setting_at(judge.request, cam2world, names, _MESSAGE, before.seed)
+        setting = setting_at(judge.problem, cam2world, names, _MESSAGE, before.seed)
         if min(setting.probability.values()) < self._plan.probability:
             return None
         if promised_too_much(judge, setting, seed):
@@ -167,10 +167,10 @@ class EquivalentPoses:
 
     def _local(self, k: int) -> _Local:
         if k not in self._locals:
-            self._locals[k] = _Local(Judge(self._request(k), self._stated.effort))
+            self._locals[k] = _Local(Judge(self._problem(k), self._stated.effort))
         return self._locals[k]
 
-    def _request(self, k: int) -> Request:
+    def _problem(self, k: int) -> Problem:
         from aspectgraph import compute_regions
 
         stated = self._stated
@@ -182,7 +182,7 @@ class EquivalentPoses:
         )
         regions = compute_regions(self._solid, resolved.entities, workspace=self._box(setting))
         registered = None if stated.registration is None else stated.registration.pose_uncertainty
-        return request_on(resolved.request, regions, resolved.request.targets, registered)
+        return problem_on(resolved.request, regions, resolved.request.targets, registered)
 
     def _box(self, setting: SensorSetting) -> np.ndarray:
         """Return the workspace (2, 3) around a setting."""
@@ -196,7 +196,7 @@ class EquivalentPoses:
 
     def _with_lines(self, k: int, setting: SensorSetting) -> SensorSetting:
         """Return a setting that tells of other visible lines in the search windows of edges."""
-        request = self.request(k)
+        request = self.problem(k)
         showing = request.requirements.showing
         if showing.asks_nothing:
             return setting
@@ -355,7 +355,7 @@ class OtherPoses:
     ) -> list[tuple[int, str]]:
         """Return which of poses (n, 4, 4) are reached with all in sight, and in which fixturing; the nearest first."""
         names = self._plan.settings[k].entities
-        segments = self._equivalents.request(k).at_pose(poses[0], names).constraints.segments
+        segments = self._equivalents.problem(k).at_pose(poses[0], names).constraints.segments
         rows: dict[int, str] = {}
         for name in fixturings:
             open_rows = np.array([row for row in range(len(poses)) if row not in rows], dtype=int)

@@ -17,8 +17,8 @@ from planner.camera.pose import look_at, moved
 from planner.cover import exchange_columns, fractional_cover, maximal_columns
 from planner.effort import NORMAL, Effort
 from planner.executors import Shared, in_order
+from planner.request.problem import Problem
 from planner.request.reach import cells_of, visible_where
-from planner.request.request import Request
 from planner.search.evolution import triangular_factor
 from planner.search.poses import ViewpointSampler
 
@@ -227,26 +227,26 @@ class Judge:
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         What is asked; its entities (k) are the columns of every result.
     effort : Effort
         How long to search; what works with a judge takes its numbers from it.
     """
 
-    def __init__(self, request: Request, effort: Effort = NORMAL):
-        self.request = request
+    def __init__(self, problem: Problem, effort: Effort = NORMAL):
+        self.problem = problem
         self.effort = effort
-        self.space = request.space
-        self.names = request.names
-        self.camera = request.camera
-        self.accuracy = request.accuracy
-        self.threshold = request.probability
-        self.requirements = request.requirements
+        self.space = problem.space
+        self.names = problem.names
+        self.camera = problem.camera
+        self.accuracy = problem.accuracy
+        self.threshold = problem.probability
+        self.requirements = problem.requirements
         # each witness is judged for itself; a pose inspects a target by any of them
-        self.single = request.single
+        self.single = problem.single
         self.constraints = self.single.constraints
-        self.ends = request.ends
-        self._by_witness = _ByWitness(request.owner) if request.has_choice else None
+        self.ends = problem.ends
+        self._by_witness = _ByWitness(problem.owner) if problem.has_choice else None
         nearest, farthest = self.camera.depth_of_field_mm
         depth = min(farthest, 10 * nearest) - nearest
         self._tolerance = {
@@ -259,7 +259,7 @@ class Judge:
 
     def __getstate__(self) -> dict[str, Any]:
         """Keep request and effort only: the rest is made from them again."""
-        return {"request": self.request, "effort": self.effort}
+        return {"request": self.problem, "effort": self.effort}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(**state)  # type: ignore[misc]
@@ -304,7 +304,7 @@ class Judge:
         for first in range(0, len(rows), _ROWS):
             batch = rows[first : first + _ROWS]
             displaced = np.concatenate([moved(cam2world[row], self._moves, 1.0) for row in batch])
-            promised = np.repeat(membership[batch][:, self.request.owner], _DISPLACED, axis=0)
+            promised = np.repeat(membership[batch][:, self.problem.owner], _DISPLACED, axis=0)
             shown = self.constraints.image.shown(displaced, promised)
             if self._by_witness is not None:
                 shown = self._by_witness.any(shown)
@@ -317,7 +317,7 @@ class Judge:
         """Displacements (d, 6) of the camera, mm and rad: the same draws for all poses, each also the other way."""
         n = _DISPLACED
         normal = np.random.default_rng(n).standard_normal((-(-n // 2), 6))
-        factor = triangular_factor(self.request.pose_uncertainty.covariance)
+        factor = triangular_factor(self.problem.pose_uncertainty.covariance)
         # sums of few products, in one order on all machines
         moves = np.stack(
             [sum(normal[:, j] * factor[i, j] for j in range(i + 1)) for i in range(6)], axis=1
@@ -551,7 +551,7 @@ def entity_poses(judge: Judge, name: str, n_viewpoints: int, seed: int) -> np.nd
         Poses; none if no such viewpoint was found.
     """
     rng = np.random.default_rng(derive_seed(seed, [name]))
-    witnesses = np.flatnonzero(judge.request.owner == judge.names.index(name)).tolist()
+    witnesses = np.flatnonzero(judge.problem.owner == judge.names.index(name)).tolist()
     # as many viewpoints altogether, whichever witness they look at
     each = -(-n_viewpoints // len(witnesses))
     poses = [_witness_poses(judge, witness, each, rng) for witness in witnesses]

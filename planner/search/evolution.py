@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from planner.camera.pose import moved, world_to_cam
 from planner.effort import Effort
 from planner.request.camera_limits import FULL, probability_share, rooms, shares
-from planner.request.request import Request
+from planner.request.problem import Problem
 
 # poses of a generation
 _POPULATION = 24
@@ -298,12 +298,12 @@ class Centring(NamedTuple):
         return Centring(self.give_up, max(1, self.generations // 4), self.steps[:2])
 
 
-def centred(request: Request, cam2world: Array, centring: Centring, seed: int) -> Array:
+def centred(problem: Problem, cam2world: Array, centring: Centring, seed: int) -> Array:
     """Move a pose away from its limits.
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         What is asked of the targets that the pose inspects, and of no others.
     cam2world : array (4, 4)
         The planned pose.
@@ -317,7 +317,7 @@ def centred(request: Request, cam2world: Array, centring: Centring, seed: int) -
     array (4, 4)
         The pose; the planned one if none with a larger least share was found.
     """
-    step = _MarginStep(request, np.array(cam2world, dtype=np.float64), centring.give_up)
+    step = _MarginStep(problem, np.array(cam2world, dtype=np.float64), centring.give_up)
     before = step.least_share(step.start[None])
     if before is None or centring.give_up <= 0.0:
         return step.start
@@ -337,22 +337,22 @@ def centred(request: Request, cam2world: Array, centring: Centring, seed: int) -
     return np.asarray(pose[0]) if improved else step.start
 
 
-def least_share(request: Request, cam2world: Array) -> LeastShare | None:
+def least_share(problem: Problem, cam2world: Array) -> LeastShare | None:
     """Return the condition of a pose (4, 4) that leaves least; None if it breaks one."""
     pose = np.array(cam2world, dtype=np.float64)
-    return _MarginStep(request, pose, 1.0).least_share(pose[None])
+    return _MarginStep(problem, pose, 1.0).least_share(pose[None])
 
 
 class _MarginStep:
     """The shares of poses around a planned one."""
 
-    def __init__(self, request: Request, start: Array, give_up: float) -> None:
+    def __init__(self, problem: Problem, start: Array, give_up: float) -> None:
         self.start = start
-        self._request = request
-        self._constraints = request.constraints
-        need = request.requirements
+        self._request = problem
+        self._constraints = problem.constraints
+        need = problem.requirements
         self._rooms = rooms(
-            request.camera, request.space.workspace, need.to_dict(), need.focus_reserve.on_axis_mm
+            problem.camera, problem.space.workspace, need.to_dict(), need.focus_reserve.on_axis_mm
         )
         constraints = self._constraints
         self._distance = math.dist(start[:3, 3], constraints.sphere_centre) or 1.0
@@ -361,8 +361,8 @@ class _MarginStep:
             for name in constraints.constraint_names
             if name not in constraints.shows and name != "visibility"
         ]
-        self._floor = np.maximum(request.probability, self._sure(start[None])[0] - give_up)
-        self._outline = _hull_points(request)
+        self._floor = np.maximum(problem.probability, self._sure(start[None])[0] - give_up)
+        self._outline = _hull_points(problem)
         self._around = self._displaced()
 
     def poses(self, moves: Array) -> Array:
@@ -473,9 +473,9 @@ def _soft_minimum(shares_left: list[float], tau: float) -> float:
     )
 
 
-def _hull_points(request: Request) -> Array:
+def _hull_points(problem: Problem) -> Array:
     """Return the vertices of the part's convex hull (m, 3), mm."""
     from scipy.spatial import ConvexHull
 
-    points = np.asarray(request.space.solid.vertices, dtype=np.float64)
+    points = np.asarray(problem.space.solid.vertices, dtype=np.float64)
     return np.asarray(points[ConvexHull(points).vertices])

@@ -22,10 +22,10 @@ from planner.bound.lower_bound import ProvenBound, exclusion_proof
 from planner.callbacks import LEAST_SEARCH_S, NOBODY, Callbacks, Checkpoint
 from planner.cover import bound_columns, exchange_columns, greedy_cover
 from planner.executors import Shared, in_order
-from planner.identity import InspectionRequest
+from planner.identity import Request
 from planner.plan import InspectionPlan
+from planner.request.problem import Problem, witness_reasons
 from planner.request.reach import PoseRegion
-from planner.request.request import Request, witness_reasons
 from planner.request.targets import Target
 from planner.resume import PlanningState
 from planner.search.columns import (
@@ -163,9 +163,9 @@ class Run:
 
     Parameters
     ----------
+    problem : Problem
+        The request on the part, with where its targets are observable.
     request : Request
-        What is asked, with where its targets are observable.
-    asked : InspectionRequest
         What the plan states as asked; it holds seed and effort.
     memo : PlanningState
         Outcomes and checkpoints.
@@ -182,21 +182,21 @@ class Run:
 
     def __init__(
         self,
+        problem: Problem,
         request: Request,
-        asked: InspectionRequest,
         memo: PlanningState,
         *,
         executor: Executor | None = None,
         callbacks: Callbacks = NOBODY,
     ):
+        self.problem = problem
         self.request = request
-        self.asked = asked
-        self.seed = asked.seed
-        self.effort = asked.effort
-        self.judge = Judge(request, asked.effort)
-        self.names = request.names
+        self.seed = request.seed
+        self.effort = request.effort
+        self.judge = Judge(problem, request.effort)
+        self.names = problem.names
         self.shared = Shared(self.judge)
-        self.promises = Promises(self.shared, asked.seed)
+        self.promises = Promises(self.shared, request.seed)
         self.memo = memo
         self.executor = executor
         self.callbacks = callbacks
@@ -317,7 +317,7 @@ _IN_VAIN = 4
 # for.
 
 
-def with_lines_in_windows(plan: InspectionPlan, request: Request) -> InspectionPlan:
+def with_lines_in_windows(plan: InspectionPlan, problem: Problem) -> InspectionPlan:
     """Return a plan whose settings tell of other visible lines in the search windows of targets.
 
     Lines that leave an edge's own ends at the angle asked for are no such lines: their direction tells them apart.
@@ -327,10 +327,10 @@ def with_lines_in_windows(plan: InspectionPlan, request: Request) -> InspectionP
     ----------
     plan : InspectionPlan
         The plan.
-    request : Request
+    problem : Problem
         What it answers; where it asks nothing of images, the plan is returned as it is.
     """
-    showing = request.requirements.showing
+    showing = problem.requirements.showing
     if showing.asks_nothing or not plan.settings:
         return plan
     windows = [search_windows_px(plan, setting) for setting in plan.settings]
@@ -339,7 +339,7 @@ def with_lines_in_windows(plan: InspectionPlan, request: Request) -> InspectionP
     settings = []
     for setting, window in zip(plan.settings, windows, strict=True):
         # of witnesses, each setting has its own
-        request_here = request.at_pose(setting.cam2world, setting.entities)
+        request_here = problem.at_pose(setting.cam2world, setting.entities)
         check = request_here.constraints.image_check(replace(showing, separation_px=widest))
         every = np.ones((1, len(request_here.names)), bool)
         apart = check.separations(setting.cam2world[None], every, 0.0)[0] + widest
@@ -358,24 +358,24 @@ _MOST_TRIED = 12
 
 
 def in_order_of_arm(
-    request: Request, settings: Sequence[SensorSetting], *, unfinished: bool
+    problem: Problem, settings: Sequence[SensorSetting], *, unfinished: bool
 ) -> list[SensorSetting]:
     """Return settings with fixturing and joints: the fewest fixturings that do, one after the other.
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         Has a cell.
     settings : sequence of SensorSetting
         All of them are reached.
     unfinished : bool
         A better plan follows, so the order is not worth seconds.
     """
-    cell = request.requirements.cell
+    cell = problem.requirements.cell
     assert cell is not None
     placed = [
         cell.placed(
-            item.cam2world, request.at_pose(item.cam2world, item.entities).constraints.segments
+            item.cam2world, problem.at_pose(item.cam2world, item.entities).constraints.segments
         )
         for item in settings
     ]
@@ -472,30 +472,30 @@ def assembled(
     unfinished : bool
         The run goes on.
     """
-    request = run.request
+    problem = run.problem
     # a later run may have come across a view of one that had none of its own
     seen = {name for setting in settings for name in setting.entities}
     if not unfinished:
-        settings = [with_passed_over(request, setting) for setting in settings]
-    cell = request.requirements.cell
+        settings = [with_passed_over(problem, setting) for setting in settings]
+    cell = problem.requirements.cell
     late = _late_names(run)
     plan = InspectionPlan(
-        request=run.asked,
-        settings=tuple(_in_order(request, settings, unfinished)),
+        request=run.request,
+        settings=tuple(_in_order(problem, settings, unfinished)),
         lower_bound=bound,
         bound_proof=proof,
         uninspectable={**_reasons(run, unfinished, seen), **dict.fromkeys(late, _LATE)},
         unfinished=unfinished or bool(late),
         cell={} if cell is None else cell.to_dict(),
     )
-    return with_lines_in_windows(plan, request)
+    return with_lines_in_windows(plan, problem)
 
 
-def with_passed_over(request: Request, setting: SensorSetting) -> SensorSetting:
+def with_passed_over(problem: Problem, setting: SensorSetting) -> SensorSetting:
     """Return a setting that says why it uses none of the other witnesses of its targets."""
     if not setting.witness:
         return setting
-    measured = request.restricted_to(list(setting.witness))
+    measured = problem.restricted_to(list(setting.witness))
     why = witness_reasons(measured.witnesses, setting.cam2world)
     over = {
         target.name: {
@@ -509,11 +509,11 @@ def with_passed_over(request: Request, setting: SensorSetting) -> SensorSetting:
 
 
 def _in_order(
-    request: Request, settings: Sequence[SensorSetting], unfinished: bool
+    problem: Problem, settings: Sequence[SensorSetting], unfinished: bool
 ) -> Sequence[SensorSetting]:
     """Return settings in the order of travel, by the joints of a robot where there is one."""
-    if request.requirements.cell is not None:
-        return in_order_of_arm(request, settings, unfinished=unfinished)
+    if problem.requirements.cell is not None:
+        return in_order_of_arm(problem, settings, unfinished=unfinished)
     # a better plan follows soon, so its travel is not worth seconds
     distances = pose_distances(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
     order = order_by(distances, kicks=0) if unfinished else order_by(distances)
@@ -535,7 +535,7 @@ def _reasons(run: Run, unfinished: bool, seen: set[str]) -> dict[str, Reason]:
 
 def _late_names(run: Run) -> list[str]:
     """Return the targets whose region was not complete in time."""
-    return [target.name for target in run.asked.targets if target.name not in run.names]
+    return [target.name for target in run.request.targets if target.name not in run.names]
 
 
 # Covers by candidate poses of which simulation supports what is counted on.
@@ -641,7 +641,7 @@ def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> li
     """Return the poses of columns as settings."""
     columns_of = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
     return [
-        setting_at(run.request, pose, names, "candidate pose", seed=derive_seed(run.seed, names))
+        setting_at(run.problem, pose, names, "candidate pose", seed=derive_seed(run.seed, names))
         for pose, names in columns_of
     ]
 
@@ -651,7 +651,7 @@ def as_simulated(run: Run, settings: Iterable[SensorSetting]) -> list[SensorSett
     supported = []
     for setting in settings:
         wrong = run.promises.contradicted_in(setting)
-        reduced = without(run.request, setting, list(wrong)) if wrong else setting
+        reduced = without(run.problem, setting, list(wrong)) if wrong else setting
         supported.append(run.promises.with_bounds(reduced))
     return [setting for setting in supported if setting.entities]
 
@@ -820,7 +820,7 @@ class Incumbents:
         n = len(incompatible)
         if n > 1:
             seen = np.isin(run.names, incompatible)
-            self.on_bound(run, ProvenBound(n, exclusion_proof(run.request, n), seen))
+            self.on_bound(run, ProvenBound(n, exclusion_proof(run.problem, n), seen))
 
     @property
     def latest(self) -> InspectionPlan:

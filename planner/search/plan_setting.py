@@ -25,8 +25,8 @@ from planner.request.defaults import (
     pose_margin_px,
     position_margin_mm,
 )
+from planner.request.problem import Objective, Problem
 from planner.request.reach import Reach, Space, cells_of
-from planner.request.request import Objective, Request
 from planner.request.targets import check_is_edge
 from planner.search.poses import (
     Ascent,
@@ -298,7 +298,7 @@ def _quantity(name: str, value: float) -> str:
 
 
 def setting_at(
-    request: Request,
+    problem: Problem,
     cam2world: np.ndarray,
     names: Sequence[str],
     message: str,
@@ -309,7 +309,7 @@ def setting_at(
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         What is asked.
     cam2world : array (4, 4)
         The pose.
@@ -328,9 +328,9 @@ def setting_at(
         With the probabilities and margins of these entities; whether they suffice is not asked.
     """
     pose = np.asarray(cam2world)[None]
-    request_here = request.at_pose(pose[0], names)
+    request_here = problem.at_pose(pose[0], names)
     # what a request without a choice has made already
-    modelled = request_here if request.has_choice else request
+    modelled = request_here if problem.has_choice else problem
     idx = [modelled.names.index(name) for name in names]
     mask = np.isin(np.arange(len(modelled.names)), idx)[None]
     probability = modelled.objective.probability_where(pose, mask)
@@ -351,12 +351,12 @@ def setting_at(
     )
 
 
-def without(request: Request, setting: SensorSetting, names: Sequence[str]) -> SensorSetting:
+def without(problem: Problem, setting: SensorSetting, names: Sequence[str]) -> SensorSetting:
     """Return a setting without some of its entities; of the others it states what it stated.
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         What is asked.
     setting : SensorSetting
         The setting.
@@ -372,7 +372,7 @@ def without(request: Request, setting: SensorSetting, names: Sequence[str]) -> S
     if not entities:
         return replace(setting, entities=(), probability={}, p_all={}, registered=None)
     fewer = setting_at(
-        request, setting.cam2world, entities, setting.message, seed=setting.seed, nfev=setting.nfev
+        problem, setting.cam2world, entities, setting.message, seed=setting.seed, nfev=setting.nfev
     )
     stated = {name: setting.probability[name] for name in entities}
     counted = {name: setting.p_all[name] for name in entities if name in setting.p_all}
@@ -676,9 +676,9 @@ def plan_setting(
         focus_margin_mm=check_focus_margin(focus_margin_mm, camera),
         showing=check_showing(showing, camera),
     )
-    request = Request(space, names, camera, pose_uncertainty, accuracy, requirements=need)
+    problem = Problem(space, names, camera, pose_uncertainty, accuracy, requirements=need)
     return best_setting(
-        request,
+        problem,
         rng,
         objective=objective,
         model=model,
@@ -689,7 +689,7 @@ def plan_setting(
 
 
 def best_setting(
-    request: Request,
+    problem: Problem,
     rng: int | np.random.Generator | None,
     *,
     objective: str = "sum",
@@ -702,7 +702,7 @@ def best_setting(
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         What is asked.
     rng : int, numpy.random.Generator or None
         Seed or source of chance.
@@ -722,13 +722,13 @@ def best_setting(
         If no setting can be found that satisfies the constraints.
     """
     generator, seed = _check_rng(rng)
-    constraints = request.constraints
-    goal = request.objective_of(objective, model)
+    constraints = problem.constraints
+    goal = problem.objective_of(objective, model)
     check_resolvable(constraints)
     check_extent(constraints)
     for error in missing_corners(constraints).values():
         raise error
-    cells = check_observable(request.space, request.names)
+    cells = check_observable(problem.space, problem.names)
     outcome = search_pose(
         cells, constraints, goal, search or Search(), generator, _check_poses(start), callback
     )
@@ -736,8 +736,8 @@ def best_setting(
     probability = goal.probability(pose)[0]
     return SensorSetting(
         cam2world=outcome.cam2world,
-        entities=request.names,
-        probability=dict(zip(request.names, probability.tolist(), strict=True)),
+        entities=problem.names,
+        probability=dict(zip(problem.names, probability.tolist(), strict=True)),
         margins={name: float(margin.min()) for name, margin in constraints.margins(pose).items()},
         fitness=outcome.fitness,
         nfev=outcome.nfev,
@@ -745,8 +745,8 @@ def best_setting(
         message=outcome.message,
         seed=seed,
         history=outcome.history,
-        witness={name: request.chosen[name] for name in request.names if name in request.chosen},
-        registered=request.known_at(outcome.cam2world, request.names),
+        witness={name: problem.chosen[name] for name in problem.names if name in problem.chosen},
+        registered=problem.known_at(outcome.cam2world, problem.names),
     )
 
 

@@ -14,7 +14,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import aim, look_at, moved
 from planner.request.camera_limits import boxes_reach, focus_reach_mm
 from planner.request.constraints import Constraints
-from planner.request.request import Objective
+from planner.request.problem import Objective
 
 if TYPE_CHECKING:
     from aspectgraph import CellSet

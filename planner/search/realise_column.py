@@ -14,8 +14,8 @@ import numpy as np
 from planner.camera.pose import pose_between
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
+from planner.request.problem import Problem
 from planner.request.registration import PoseKnowledge
-from planner.request.request import Request
 from planner.search.columns import Judge, perturbed
 from planner.search.evolution import Centring, centred, least_share
 from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
@@ -89,17 +89,17 @@ def realise(
     """
     judge: Judge = shared.value
     if start is not None:
-        return _realised(judge, judge.request.at_pose(start[0], names), seed, start)
+        return _realised(judge, judge.problem.at_pose(start[0], names), seed, start)
     # without a pose to go by, each witness of the target is tried until one serves
     outcome = Outcome()
-    for k in range(max(len(judge.request.find_target(name).witnesses) for name in names)):
+    for k in range(max(len(judge.problem.find_target(name).witnesses) for name in names)):
         chosen = {
-            name: min(k, len(judge.request.find_target(name).witnesses) - 1) for name in names
+            name: min(k, len(judge.problem.find_target(name).witnesses) - 1) for name in names
         }
-        tried = _realised(judge, judge.request.choosing(chosen, names), seed, start)
+        tried = _realised(judge, judge.problem.choosing(chosen, names), seed, start)
         if outcome.setting is None or _least(tried) > _least(outcome):
             outcome = outcome if tried.setting is None and k else tried
-        if _least(outcome) >= judge.request.probability:
+        if _least(outcome) >= judge.problem.probability:
             break
     return outcome
 
@@ -109,20 +109,20 @@ def _least(outcome: Outcome) -> float:
     return -1.0 if outcome.setting is None else min(outcome.setting.probability.values())
 
 
-def _realised(judge: Judge, request: Request, seed: int, start: np.ndarray | None) -> Outcome:
+def _realised(judge: Judge, problem: Problem, seed: int, start: np.ndarray | None) -> Outcome:
     """Look for a setting that inspects all targets of a request, each by its only witness."""
-    names = request.names
+    names = problem.names
     best = None
     for objective in ("sum", "min"):
         try:
             # only of a single entity it is told why it is not inspected
             search = replace(judge.effort.search, explain=len(names) == 1)
-            setting = best_setting(request, seed, objective=objective, search=search, start=start)
+            setting = best_setting(problem, seed, objective=objective, search=search, start=start)
         except InfeasibleError as error:
             return Outcome(reason=Reason.of(meaning(error), error))
         if best is None or min(setting.probability.values()) > min(best.probability.values()):
             best = setting
-        if min(best.probability.values()) >= request.probability or len(names) == 1:
+        if min(best.probability.values()) >= problem.probability or len(names) == 1:
             break
     return Outcome(best)
 
@@ -131,7 +131,7 @@ def without_corners(judge: Judge) -> dict[str, Reason]:
     """Return the entities that no pose can inspect as they lack a corner that is asked for, and the reason."""
     return {
         name: Reason.of(meaning(error), error)
-        for name, error in missing_corners(judge.request.first.constraints).items()
+        for name, error in missing_corners(judge.problem.first.constraints).items()
     }
 
 
@@ -220,7 +220,7 @@ def best_supported(
     pose_found = best.pose
     return Supported(
         setting_at(
-            judge.request, pose_found.cam2world, pose_found.entities, message, seed=options[0].seed
+            judge.problem, pose_found.cam2world, pose_found.entities, message, seed=options[0].seed
         ),
         supported,
     )
@@ -233,12 +233,12 @@ def supported_pose(
     return best_supported(shared.value, options, seed, settings)
 
 
-def without_contradicted(request: Request, settings: Sequence[Supported]) -> list[SensorSetting]:
+def without_contradicted(problem: Problem, settings: Sequence[Supported]) -> list[SensorSetting]:
     """Take from settings the entities that simulation contradicts there and supports in another one.
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
     settings : sequence of Supported
     """
     result = []
@@ -246,7 +246,7 @@ def without_contradicted(request: Request, settings: Sequence[Supported]) -> lis
         others = (*settings[:k], *settings[k + 1 :])
         elsewhere = frozenset().union(*(other.entities for other in others))
         needless = [n for n in setting.entities if n in elsewhere and n not in supported]
-        result.append(without(request, setting, needless) if needless else setting)
+        result.append(without(problem, setting, needless) if needless else setting)
     return result
 
 
@@ -289,7 +289,7 @@ def joint_counts(
     needed : float
         The count ends as soon as the bound of a target cannot become this large any more, and states too much then.
     """
-    checks = DisplacedChecks(judge.request.at_pose(cam2world, names), names)
+    checks = DisplacedChecks(judge.problem.at_pose(cam2world, names), names)
     n = poses_needed(judge.threshold, max(at_least, JOINT_POSES))
     return checks.count(cam2world, n, seed, successes_needed(needed, n))
 
@@ -378,12 +378,12 @@ def _excess(
 ) -> dict[str, float]:
     """Simulate a setting; return by how much it promises too much for each entity."""
     names = tuple(setting.entities)
-    registered = judge.request.known_at(setting.cam2world, names)
+    registered = judge.problem.known_at(setting.cam2world, names)
     rates = simulate_setting(
         PosedOnly(setting.cam2world, names, dict(setting.probability), registered),
-        judge.request.at_pose(setting.cam2world, setting.entities).measured,
+        judge.problem.at_pose(setting.cam2world, setting.entities).measured,
         judge.camera,
-        judge.request.pose_uncertainty,
+        judge.problem.pose_uncertainty,
         accuracy=judge.accuracy,
         n=_TRIAL_POSES if n is None else n,
         rng=rng,
@@ -458,7 +458,7 @@ def simulate_promises(
     """
     judge: Judge = shared.value
     # edges see the same displaced poses, whichever they are; a dimension is displaced by draws of its own
-    composed = [name for name in stated if not judge.request.find_target(name).in_image]
+    composed = [name for name in stated if not judge.problem.find_target(name).in_image]
     excess = dict.fromkeys(stated, 0.0)
     for names in (
         tuple(name for name in stated if name not in composed),
@@ -581,7 +581,7 @@ def centre_setting(
             break
         if not _inspects(judge, pose, setting.entities):
             continue
-        moved = setting_at(judge.request, pose, setting.entities, _MOVED, seed=setting.seed)
+        moved = setting_at(judge.problem, pose, setting.entities, _MOVED, seed=setting.seed)
         if not loses(moved):
             setting = best_supported(judge, [moved, setting], seed, settings).setting
             break
@@ -596,19 +596,19 @@ def _off_limits(
     The first is the best one of a search. Where it loses something, poses on the way to it follow, and at last the best
     one nearby: a second search of full length would take as long as the first, and mostly lose the same.
     """
-    request = judge.request.at_pose(setting.cam2world, setting.entities)
+    problem = judge.problem.at_pose(setting.cam2world, setting.entities)
     start = setting.cam2world
-    best = centred(request, start, centring, seed)
+    best = centred(problem, start, centring, seed)
     if (best == start).all():
         return
     yield best
-    before = least_share(request, start)
+    before = least_share(problem, start)
     for part in _PARTS if before is not None else ():
         between = pose_between(start, best, part)
-        after = least_share(request, between)
+        after = least_share(problem, between)
         if before is not None and after is not None and after.share > before.share:
             yield between
-    near = centred(request, start, centring._replace(steps=centring.steps[-1:]), seed)
+    near = centred(problem, start, centring._replace(steps=centring.steps[-1:]), seed)
     if (near != start).any():
         yield near
 
@@ -666,8 +666,8 @@ class _Losses:
 
     def _times_measured(self, setting: SensorSetting, sigmas: float, poses: int) -> np.ndarray:
         """Return in how many poses, displaced so many times as far, each target of a setting is measured (k,)."""
-        request = self._judge.request
-        wide = type(request.pose_uncertainty)(sigmas**2 * request.pose_uncertainty.covariance)
-        request_here = request.at_pose(setting.cam2world, setting.entities)
+        problem = self._judge.problem
+        wide = type(problem.pose_uncertainty)(sigmas**2 * problem.pose_uncertainty.covariance)
+        request_here = problem.at_pose(setting.cam2world, setting.entities)
         checks = DisplacedChecks(replace(request_here, pose_uncertainty=wide), setting.entities)
         return np.array(checks.count(setting.cam2world, poses, self._seed).successes)

@@ -28,7 +28,7 @@ from planner.light.lighting import Lighting, eyes_of
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import report
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import (
     Judge,
     Pools,
@@ -166,7 +166,7 @@ class ShortTargets:
         setting = self.settings[k]
         names = (*setting.entities, name)
         joined = setting_at(
-            run.request, setting.cam2world, names, setting.message, setting.seed, setting.nfev
+            run.problem, setting.cam2world, names, setting.message, setting.seed, setting.nfev
         )
         poses = max(setting.p_all_poses, JOINT_POSES)
         joined = with_p_all(run.judge, joined, run.seed, poses)
@@ -194,7 +194,7 @@ class ShortTargets:
             run.callbacks.deadline.check()
             (candidate,) = candidate_settings(run, run.pool, [c])
             others = [n for n in candidate.entities if n not in run.names_of(served)]
-            for setting in as_simulated(run, [without(run.request, candidate, others)]):
+            for setting in as_simulated(run, [without(run.problem, candidate, others)]):
                 unserved &= ~np.isin(run.names, setting.entities)
                 proposed.append(setting)
         return proposed
@@ -217,7 +217,7 @@ class ShortTargets:
                 for name in setting.entities
                 if name not in self.reached or not keeps(self._run.judge, setting.p_all[name])
             ]
-            added = without(self._run.request, setting, useless) if useless else setting
+            added = without(self._run.problem, setting, useless) if useless else setting
             if added.entities:
                 self.settings.append(added)
             for name in added.entities:
@@ -259,7 +259,7 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
         Whether the poses are moved off their limits.
     """
     pool = run.pool
-    request = run.request
+    problem = run.problem
     chosen = few_columns(
         pool.membership[:, inspected],
         run.nodes(),
@@ -268,11 +268,11 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
     )
     candidates = [
         setting_at(
-            request, pool.poses[c], names, "candidate pose", seed=derive_seed(run.seed, names)
+            problem, pool.poses[c], names, "candidate pose", seed=derive_seed(run.seed, names)
         )
         for c, names in ((c, run.names_of(pool.membership[c])) for c in chosen)
     ]
-    settings = without_contradicted(request, _supported(run, candidates))
+    settings = without_contradicted(problem, _supported(run, candidates))
     centring = Centring.of(run.effort)
     if not moves:
         centring = centring._replace(give_up=0.0)
@@ -333,8 +333,8 @@ def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPl
     )
     settled = _without_short(run, moved)
     settings = settled.settings
-    if run.request.requirements.cell is not None:
-        settings = in_order_of_arm(run.request, settings, unfinished=True)
+    if run.problem.requirements.cell is not None:
+        settings = in_order_of_arm(run.problem, settings, unfinished=True)
     bound, proof = proven(run, settings)
     return replace(
         plan,
@@ -352,10 +352,10 @@ def _without_short(
 
     Where it is said how settings are moved off their limits, these are tried again before they are given up.
     """
-    threshold = min(run.request.probability, MOST_REQUIRED)
+    threshold = min(run.problem.probability, MOST_REQUIRED)
     short = [{n for n, p in setting.p_all.items() if p < threshold} for setting in settings]
     fewer = [
-        without(run.request, setting, sorted(missing)) if missing else setting
+        without(run.problem, setting, sorted(missing)) if missing else setting
         for setting, missing in zip(settings, short, strict=True)
     ]
     entities = {name for setting in fewer for name in setting.entities}
@@ -494,7 +494,7 @@ def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]
         batch = missing[first : first + _AT_A_TIME]
         for name, outcome in zip(batch, run.realise([(name,) for name in batch]), strict=True):
             if name not in run.accept(outcome):
-                reasons[name] = outcome.reason_at(run.request.probability)
+                reasons[name] = outcome.reason_at(run.problem.probability)
         if len(reasons) < first + len(batch):
             incumbents.offer(run)
     return reasons
@@ -559,10 +559,10 @@ def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
     if not inspected[np.isin(run.names, state.incompatible)].all():
         alone = 0
     if proven is None and alone >= enough > 0:
-        proven = alone, exclusion_proof(run.request, alone), None
+        proven = alone, exclusion_proof(run.problem, alone), None
     if proven is None:
         proven = lower_bound(
-            run.request.restricted_to(run.names_of(inspected)),
+            run.problem.restricted_to(run.names_of(inspected)),
             enough,
             columns.membership[:, inspected],
             effort=run.effort,
@@ -573,7 +573,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
         )
         run.save({"proven": list(proven)})
     if proven[0] < alone:
-        proven = alone, exclusion_proof(run.request, alone), None
+        proven = alone, exclusion_proof(run.problem, alone), None
     bound, proof, weights = proven
     proven_bound = ProvenBound(bound, proof, inspected, _of_all(weights))
     incumbents.on_bound(run, proven_bound)
@@ -598,7 +598,7 @@ def find_incompatible(run: Run) -> None:
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
         columns = run.pool.membership[:, seen]
-        exclusive = exclusive_entities(run.request, seen, columns, run.executor)
+        exclusive = exclusive_entities(run.problem, seen, columns, run.executor)
         run.state.incompatible = tuple(np.array(run.names)[exclusive].tolist())
 
 
@@ -634,14 +634,14 @@ class ProofColumns:
         self._run = run
 
     @cached_property
-    def relaxed(self) -> Request | None:
+    def relaxed(self) -> Problem | None:
         """The request without the conditions that the proof does not use; None if it has none."""
-        request = self._run.request
-        need = request.requirements
+        problem = self._run.problem
+        need = problem.requirements
         showing = replace(need.showing, separation_px=0.0, min_corner_deg=0.0)
         if showing == need.showing and need.cell is None:
             return None
-        return replace(request, requirements=replace(need, showing=showing, cell=None))
+        return replace(problem, requirements=replace(need, showing=showing, cell=None))
 
     @cached_property
     def shared(self) -> Shared:
@@ -758,7 +758,7 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
     """
     lit = replace(
         draft,
-        light=chosen_lamps(lighting, draft, run.request.space.solid, run.callbacks.silent.report),
+        light=chosen_lamps(lighting, draft, run.problem.space.solid, run.callbacks.silent.report),
     )
     assert lit.light is not None
     if lit.light.complete or lighting.together:
@@ -779,7 +779,7 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
     better = replace(
         plan,
         light=chosen_lamps(
-            lighting, plan, run.request.space.solid, run.callbacks.silent.report, places
+            lighting, plan, run.problem.space.solid, run.callbacks.silent.report, places
         ),
     )
     return better if set(unlit(better)) <= set(dark) else lit
@@ -820,7 +820,7 @@ def _shown_from_elsewhere(
     for k, name in enumerate(dark):
         poses = _poses_that_inspect(run, plan, name)
         settings = [
-            setting_at(run.request, pose, [name], "pose in which a lamp shows it") for pose in poses
+            setting_at(run.problem, pose, [name], "pose in which a lamp shows it") for pose in poses
         ]
         lit = _shown(run, lighting, plan, settings, places)
         seen = [setting for setting, names in zip(settings, lit, strict=True) if name in names]
@@ -832,7 +832,7 @@ def _shown_from_elsewhere(
     full = [setting for setting in map(_with_all(run), elsewhere) if setting.entities]
     lit = _shown(run, lighting, plan, full, places)
     cut = [
-        without(run.request, setting, [name for name in setting.entities if name not in names])
+        without(run.problem, setting, [name for name in setting.entities if name not in names])
         for setting, names in zip(full, lit, strict=True)
     ]
     return [setting for setting in cut if setting.entities]
@@ -845,10 +845,10 @@ def _with_all(run: Run) -> Any:
         pose = setting.cam2world
         names = run.names_of(run.judge(pose[None]).inspects[0])
         full = setting_at(
-            run.request, pose, names, setting.message, seed=derive_seed(run.seed, names)
+            run.problem, pose, names, setting.message, seed=derive_seed(run.seed, names)
         )
         wrong = run.promises.contradicted_in(full)
-        return run.promises.with_bounds(without(run.request, full, list(wrong)) if wrong else full)
+        return run.promises.with_bounds(without(run.problem, full, list(wrong)) if wrong else full)
 
     return with_all
 
@@ -861,7 +861,7 @@ def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np
     drawn = entity_poses(run.judge, name, _LIGHT_VIEWPOINTS, seed)
     planned = np.array([setting.cam2world for setting in plan.settings if name in setting.entities])
     near = np.repeat(planned, _LIGHT_AROUND, axis=0)
-    near = perturbed(near, run.request.camera.focus_distance_mm, np.random.default_rng(seed))
+    near = perturbed(near, run.problem.camera.focus_distance_mm, np.random.default_rng(seed))
     poses = np.concatenate([pooled, drawn, near])
     inspects = run.judge(poses).inspects
     poses = poses[inspects[:, column]]
@@ -897,7 +897,7 @@ def _shown(
         plan.pose_uncertainty,
         plan.accuracy,
     )
-    served = lighting.served(posed, run.request.space.solid, run.callbacks.silent.report)
+    served = lighting.served(posed, run.problem.space.solid, run.callbacks.silent.report)
     if lighting.is_ring:
         served.keep_own(eyes_of(posed))
     elif lighting.is_fixed:
@@ -923,7 +923,7 @@ def _chosen_among(
     old = []
     for setting, shadows in zip(plan.settings, plan.light.unlit, strict=True):
         needless = [name for name in shadows if name in shown]
-        old.append(without(run.request, setting, needless) if needless else setting)
+        old.append(without(run.problem, setting, needless) if needless else setting)
     options = [setting for setting in (*old, *others) if setting.entities]
     if not others:
         return options

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from planner.request.camera_limits import NO_RESERVE
 from planner.request.constraints import Constraints, Requirements
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.verify.simulate_setting import (
     ValuePoses,
     accurate_in,
@@ -112,17 +112,17 @@ class DisplacedChecks:
 
     Parameters
     ----------
-    request : Request
+    problem : Problem
         What is asked.
     names : sequence of str
         Its targets (k).
     """
 
-    def __init__(self, request: Request, names: Sequence[str]):
-        restricted = request.restricted_to(names)
-        self.request = replace(restricted, requirements=without_reserves(restricted.requirements))
-        self._constraints: Constraints = self.request.constraints
-        self._targets = [self.request.measured[name] for name in self.request.names]
+    def __init__(self, problem: Problem, names: Sequence[str]):
+        restricted = problem.restricted_to(names)
+        self.problem = replace(restricted, requirements=without_reserves(restricted.requirements))
+        self._constraints: Constraints = self.problem.constraints
+        self._targets = [self.problem.measured[name] for name in self.problem.names]
 
     def met(self, cam2world: NDArray[np.float64]) -> dict[str, NDArray[np.bool_]]:
         """Return which conditions poses (n, 4, 4) meet for which targets (n, k); by name, in order.
@@ -167,17 +167,17 @@ class DisplacedChecks:
             The count ends as soon as a target cannot succeed this often any more. What was not displaced then counts
             as a success of all targets.
         """
-        request = self.request
+        problem = self.problem
         rng = np.random.default_rng([seed, n])
-        values = ValuePoses(cam2world, request.known_at(cam2world, request.names), [seed, n])
-        draws = [np.random.default_rng([seed, n, *name.encode()]) for name in request.names]
-        k = len(request.names)
+        values = ValuePoses(cam2world, problem.known_at(cam2world, problem.names), [seed, n])
+        draws = [np.random.default_rng([seed, n, *name.encode()]) for name in problem.names]
+        k = len(problem.names)
         successes = np.zeros(k, dtype=int)
         failures = {kind: np.zeros(k, dtype=int) for kind in (*CONDITIONS, "error")}
         together = 0
         for start in range(0, n, _BATCH):
             size = min(_BATCH, n - start)
-            poses = displaced_poses(cam2world, request.pose_uncertainty, size, rng)
+            poses = displaced_poses(cam2world, problem.pose_uncertainty, size, rng)
             valid = np.ones((size, k), dtype=bool)
             for kind, met in self.met(poses).items():
                 failures[kind] += (valid & ~met).sum(axis=0)
@@ -189,12 +189,12 @@ class DisplacedChecks:
                         target,
                         cam2world,
                         found_from,
-                        request.camera,
-                        request.accuracy,
+                        problem.camera,
+                        problem.accuracy,
                         draw,
                         values.by_surfaces(name),
                     )
-                    for name, target, draw in zip(request.names, self._targets, draws, strict=True)
+                    for name, target, draw in zip(problem.names, self._targets, draws, strict=True)
                 ]
             )
             failures["error"] += (valid & ~accurate).sum(axis=0)
@@ -207,7 +207,7 @@ class DisplacedChecks:
                 together += remaining
                 break
         return JointCounts(
-            request.names,
+            problem.names,
             n,
             tuple(successes.tolist()),
             together,

@@ -20,7 +20,7 @@ from planner import (
 from planner.argument_kinds import ABOVE_0_TO_1, FROM_0_BELOW_1, NOT_NEGATIVE, check_number
 from planner.callbacks import Deadline
 from planner.request.models import Means
-from planner.request.request import Objective
+from planner.request.problem import Objective
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.1, rotation_rad=0.001)

@@ -23,7 +23,7 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import plan_inspection
 from planner.request.defaults import default_workspace
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.resume import PlanningState
 from planner.search.columns import ColumnPool, Judge, perturbed, price_poses
 from planner.search.plan_setting import setting_at
@@ -309,7 +309,7 @@ def test_default_workspace_lets_the_lens_focus_on_every_side(space):
 
 @pytest.fixture(scope="module")
 def judge(space):
-    return Judge(Request(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9))
+    return Judge(Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9))
 
 
 def test_judge_agrees_with_constraints_one_entity_at_a_time(space, judge):
@@ -364,7 +364,7 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
     pool = ColumnPool(len(EDGES))
     judged = judge(poses)
     pool.add(judged.inspects, poses, judged.probability)
-    bound, _, _ = lower_bound(judge.request, 12, pool.membership, effort=Effort(bound_nodes=3000))
+    bound, _, _ = lower_bound(judge.problem, 12, pool.membership, effort=Effort(bound_nodes=3000))
     assert bound == 2
 
 
@@ -372,10 +372,10 @@ def test_bound_is_never_above_what_sampled_poses_reach(judge):
 def test_conflicts_are_real(judge):
     regions = Cells([judge.space.covering_cells([name]) for name in EDGES])
     idx = np.arange(len(EDGES))
-    assert not find_conflicts(judge.request, idx, np.zeros((0, 12), dtype=bool), regions).any()
+    assert not find_conflicts(judge.problem, idx, np.zeros((0, 12), dtype=bool), regions).any()
     # opposite vertical edges of a long box: 900 mm apart, more than the frustum holds (670 mm)
     long = BoxSpace((900.0, 80.0, 60.0), WORKSPACE, ["-y+x", "-y-x", "+y+x"])
-    far = Judge(Request(long, long.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
+    far = Judge(Problem(long, long.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
     cells = Cells([long.covering_cells([name]) for name in long.entity_names])
     found = find_conflicts(far.request, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
@@ -395,9 +395,9 @@ def test_edges_of_opposite_faces_exclude_each_other_in_a_narrow_workspace():
         [[-900.0, 0.0, -900.0], [1000.0, 80.0, 900.0]],
         ["+z-y", "-z+y", "+z+y"],
     )
-    judge = Judge(Request(flush, flush.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
+    judge = Judge(Problem(flush, flush.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
     cells = Cells([flush.covering_cells([name]) for name in flush.entity_names])
-    found = find_conflicts(judge.request, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
+    found = find_conflicts(judge.problem, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
 
 
@@ -406,7 +406,7 @@ def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supporte
 ):
     """Of three entities in two settings: one contradicted in the first only, one in both, one in neither."""
     pose = random_poses(judge, 1)[0]
-    settings = [setting_at(judge.request, pose, EDGES[:3], str(k), seed=k) for k in range(2)]
+    settings = [setting_at(judge.problem, pose, EDGES[:3], str(k), seed=k) for k in range(2)]
     excess = {
         "0": dict(zip(EDGES, [0.02, 0.02, 0.0], strict=False)),
         "1": dict(zip(EDGES, [0, 0.02, 0], strict=False)),
@@ -418,7 +418,7 @@ def test_what_simulation_contradicts_is_left_to_the_setting_where_it_is_supporte
     monkeypatch.setattr("planner.search.realise_column.shortfalls", lambda *given: {})
     supported = [best_supported(judge, [setting], 0) for setting in settings]
     assert [one.entities for one in supported] == [{EDGES[2]}, {EDGES[0], EDGES[2]}]
-    first, second = without_contradicted(judge.request, supported)
+    first, second = without_contradicted(judge.problem, supported)
     assert first.entities == tuple(first.probability) == tuple(EDGES[1:3])
     assert first.fitness == pytest.approx(sum(first.probability.values()))
     assert (first.seed, first.message) == (0, "0")
@@ -437,7 +437,7 @@ def test_a_pose_that_simulation_contradicts_is_replaced_by_one_near_it(judge):
         turned = moved(poses[k], turns, 1.0)
         # as far as all of it is on the sensor; a displaced camera moves the image by 2 px or so
         pose = turned[judge(turned).inspects[:, row].all(axis=1)][-1]
-        setting = setting_at(judge.request, pose, tuple(np.array(EDGES)[row]), "given", seed=0)
+        setting = setting_at(judge.problem, pose, tuple(np.array(EDGES)[row]), "given", seed=0)
         if promised_too_much(setting, judge):
             contradicted += 1
             better, supported = best_supported(judge, [setting], seed=1)

@@ -30,8 +30,8 @@ from planner import (
     read_plan,
 )
 from planner.bound.pose_space import least_images_mm
+from planner.request.problem import Problem
 from planner.request.reach import TargetSpace
-from planner.request.request import Request
 from planner.request.resolve import resolve_wanted
 
 FINE = Localisation.gaussian(0.1)
@@ -131,7 +131,7 @@ def test_the_bound_asks_no_length_of_an_image_whatever_its_errors(solid, wanted,
     regions = compute_regions(solid, entities, workspace=[[-400] * 3, [500] * 3])
     space = TargetSpace.of(regions, targets)
     names = tuple(target.name for target in targets)
-    request = Request(
+    request = Problem(
         space, names, CAMERA, UNCERTAINTY, targets=targets, localisation=how, surfaces_mm=0.5
     )
     assert least_images_mm(request).tolist() == [0.0] * len(targets)
@@ -170,7 +170,7 @@ def test_the_circle_is_inside_what_must_be_in_the_picture(solid, wanted):
     regions = compute_regions(solid, entities, workspace=[[-400] * 3, [500] * 3])
     (bore,) = targets
     space = TargetSpace.of(regions, targets)
-    constraints = Request(space, ("bore",), CAMERA, UNCERTAINTY, targets=targets).constraints
+    constraints = Problem(space, ("bore",), CAMERA, UNCERTAINTY, targets=targets).constraints
     rng = np.random.default_rng(4)
     poses = look_at(
         rng.uniform([-20, -50, 350], [60, 90, 450], (300, 3)),

@@ -12,7 +12,7 @@ from planner import Camera, PoseUncertainty
 from planner.bound.pose_space import _SAFETY, least_images_mm, quantization_quantile
 from planner.request.constraints import Requirements
 from planner.request.models import EdgeModels
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.request.targets import edge_target
 from planner.search.columns import Judge
 
@@ -30,8 +30,8 @@ def test_quantile_along_one_axis_is_that_of_the_triangular_law(probability):
 def test_no_shorter_image_reaches_the_probability(accuracy):
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
     tiny = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
-    judge = Judge(Request(space, space.entity_names, CAMERA, tiny, accuracy, 0.9))
-    (needed,) = set(least_images_mm(judge.request).tolist())
+    judge = Judge(Problem(space, space.entity_names, CAMERA, tiny, accuracy, 0.9))
+    (needed,) = set(least_images_mm(judge.problem).tolist())
     assert needed >= judge.constraints.min_length_mm
     rng = np.random.default_rng(1)
     depth = 300.0
@@ -97,9 +97,9 @@ def test_no_image_shorter_than_the_least_reaches_a_small_probability():
     tiny = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
     judge = Judge(
-        Request(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0))
+        Problem(space, EDGES, camera, tiny, 0.9995, 0.02, Requirements(min_length_px=1.0))
     )
     depth = 300.0
-    half = 0.99 * least_images_mm(judge.request)[0] / 2 * depth / camera.image_distance_mm
+    half = 0.99 * least_images_mm(judge.problem)[0] / 2 * depth / camera.image_distance_mm
     shorter = np.array([[[[-half, 0.0, depth], [half, 0.0, depth]]]])
-    assert EdgeModels(shorter, judge.request.means).probability_of(shorter).max() < 0.02
+    assert EdgeModels(shorter, judge.problem.means).probability_of(shorter).max() < 0.02

@@ -41,7 +41,7 @@ from planner.cover import min_cover
 from planner.executors import Shared
 from planner.request.constraints import Requirements
 from planner.request.image_constraints import field_of_view_slacks, focus_slacks
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge
 
 
@@ -71,7 +71,7 @@ def test_the_pose_found_inspects_what_is_said():
     size = SIZES[1]
     judge, regions = request_for(size)
     lenient = Judge(
-        Request(
+        Problem(
             judge.space,
             EDGES,
             CAMERA,
@@ -338,8 +338,8 @@ def test_depth_without_end_is_cut_at_the_size_of_the_workspace():
     """Focused beyond the hyperfocal distance, 2319 mm: nothing is too far to be sharp."""
     far_off = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 3000.0)
     wide = [[-4000.0] * 3, [4100.0] * 3]
-    judge = Judge(Request(BoxSpace(SIZES[1], wide, EDGES), EDGES, far_off, UNCERTAINTY, 0.98, 0.9))
-    view = view_of(judge.request)
+    judge = Judge(Problem(BoxSpace(SIZES[1], wide, EDGES), EDGES, far_off, UNCERTAINTY, 0.98, 0.9))
+    view = view_of(judge.problem)
     assert np.isinf(far_off.depth_of_field_mm[1])
     assert view.far == pytest.approx(8100.0 * np.sqrt(3))
     assert view.near == far_off.depth_of_field_mm[0] < view.middle < view.far
@@ -390,7 +390,7 @@ def leaves_of(tree, pose):
 def test_every_inspected_set_is_inside_the_leaf_of_its_pose(size, splits, n_poses):
     """The larger box does not fit into the image or between the sharp planes: its edges exclude each other there."""
     judge, regions = request_for(size)
-    tree = PoseTree(judge.request, np.arange(len(EDGES)), regions, np.zeros((12, 12), dtype=bool))
+    tree = PoseTree(judge.problem, np.arange(len(EDGES)), regions, np.zeros((12, 12), dtype=bool))
     for _ in range(splits):
         tree.split(np.arange(len(tree.face)))
     poses = random_poses(judge, n_poses, seed=2)

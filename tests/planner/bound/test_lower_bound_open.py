@@ -10,7 +10,7 @@ from planner import Camera, PoseUncertainty
 from planner.bound.lower_bound import lower_bound
 from planner.camera.pose import look_at
 from planner.effort import Effort
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge
 
 PAIR = ("+z+y", "+z-y")
@@ -37,10 +37,10 @@ class Slab(BoxSpace):
 def test_a_viewpoint_in_a_slab_of_half_a_micrometre_serves_both_edges():
     camera = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
     judge = Judge(
-        Request(Slab((120.0, 80.0, 60.0), WORKSPACE, PAIR), PAIR, camera, CERTAIN, 0.98, 0.9)
+        Problem(Slab((120.0, 80.0, 60.0), WORKSPACE, PAIR), PAIR, camera, CERTAIN, 0.98, 0.9)
     )
     pose = look_at([[60.0, 40.0, 460.00025]], [60.0, 40.0, 60.0])
     if not judge(pose).inspects.all():
         pytest.fail("the pose must inspect both edges", pytrace=False)
     effort = Effort(bound_nodes=100_000)
-    assert lower_bound(judge.request, 2, np.eye(2, dtype=bool), effort=effort)[0] == 1
+    assert lower_bound(judge.problem, 2, np.eye(2, dtype=bool), effort=effort)[0] == 1

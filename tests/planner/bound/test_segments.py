@@ -7,7 +7,7 @@ from grid_box import EDGES, BoxSpace
 from planner.bound.pose_space import frustum_of, view_of
 from planner.camera.pose import moved, world_to_cam
 from planner.options import InspectionOptions
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge
 
 
@@ -15,9 +15,9 @@ def test_all_that_a_pose_inspects_is_between_the_depths_of_the_bound():
     """Only what every end keeps is taken from the depth of field: an end on the axis keeps less than one off it."""
     need = InspectionOptions().requirements(CAMERA, UNCERTAINTY)
     space = BoxSpace((120.0, 80.0, 60.0), WORKSPACE, EDGES)
-    judge = Judge(Request(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
-    frustum = frustum_of(judge.request)
-    view = view_of(judge.request)
+    judge = Judge(Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
+    frustum = frustum_of(judge.problem)
+    view = view_of(judge.problem)
     near, far = CAMERA.depth_of_field_mm
     assert (frustum.near, frustum.far) == (near + 0.15, far - 0.15)
     assert (view.near, view.far) == (frustum.near, frustum.far)

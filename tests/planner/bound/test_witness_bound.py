@@ -14,8 +14,8 @@ from planner.bound.pose_tree import PoseTree, TargetLeaves
 from planner.bound.view import Cells
 from planner.cover import min_cover
 from planner.effort import NORMAL, Effort
+from planner.request.problem import Problem
 from planner.request.reach import TargetSpace
-from planner.request.request import Request
 from planner.request.targets import EdgeTarget, edge_target
 from planner.search.columns import Judge, entity_poses
 
@@ -31,7 +31,7 @@ def judge_of(size, choices=CHOICES):
     )
     names = tuple(target.name for target in targets)
     joined = TargetSpace.of(space, targets)
-    return Judge(Request(joined, names, CAMERA, UNCERTAINTY, 0.98, 0.9, targets=targets), NORMAL)
+    return Judge(Problem(joined, names, CAMERA, UNCERTAINTY, 0.98, 0.9, targets=targets), NORMAL)
 
 
 def poses_of(judge, n=30):
@@ -47,7 +47,7 @@ def regions_of(judge):
 def test_a_pose_inspects_a_target_by_any_of_its_witnesses(size):
     judge = judge_of(size)
     edges = BoxSpace(size, WORKSPACE, EDGES)
-    plain = Judge(Request(edges, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9), NORMAL)
+    plain = Judge(Problem(edges, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9), NORMAL)
     poses = poses_of(judge)
     got = judge(poses)
     each = plain(poses)
@@ -77,7 +77,7 @@ def test_prices_count_a_target_once():
 @pytest.mark.parametrize("small", [1.0, 0.3])
 def test_no_pose_exceeds_what_is_proven_of_its_box(size, small):
     judge = judge_of(size)
-    witnesses = WitnessSets.of(judge.request)
+    witnesses = WitnessSets.of(judge.problem)
     n = len(judge.single.names)
     conflict = witnesses.one_each(np.zeros((n, n), bool))
     space = PoseSpace(judge.single, np.arange(n), regions_of(judge), conflict, witnesses)
@@ -98,7 +98,7 @@ def test_no_pose_exceeds_what_is_proven_of_its_box(size, small):
 
 def test_leaves_hold_what_poses_in_them_inspect():
     judge = judge_of(SIZES[0])
-    witnesses = WitnessSets.of(judge.request)
+    witnesses = WitnessSets.of(judge.problem)
     n = len(judge.single.names)
     none = np.zeros((n, n), bool)
     tree = PoseTree(judge.single, np.arange(n), regions_of(judge), none, witnesses.one_each(none))
@@ -127,7 +127,7 @@ def test_the_bound_never_exceeds_a_cover_that_is_known():
         inspects = judge(poses_of(judge, 60)).inspects
         columns = np.unique(inspects[inspects.any(axis=1)], axis=0)
         known = len(min_cover(columns).chosen)
-        bound, _, _ = lower_bound(judge.request, known, columns, effort=effort)
+        bound, _, _ = lower_bound(judge.problem, known, columns, effort=effort)
         assert 1 <= bound <= known
         found[name] = known
     assert found["any"] <= found["alone"]

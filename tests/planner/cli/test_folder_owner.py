@@ -17,7 +17,7 @@ from planner.app.plan_commands import REGIONS_FOLDER, STATE_FILE, Leftovers, che
 from planner.camera.camera import Camera
 from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
-from planner.identity import InspectionRequest, PartRecord, keyword
+from planner.identity import PartRecord, Request, keyword
 from planner.light.lighting import Lighting
 from planner.request.constraints import Requirements
 from planner.request.targets import EntityRecord, edge_target
@@ -42,7 +42,7 @@ def targets(**changes):
 
 def request_(**changes):
     """The request of the hand-made plan."""
-    return InspectionRequest(
+    return Request(
         **{
             "part": PartRecord("block", "0" * 64),
             "targets": targets(),
@@ -127,7 +127,7 @@ def test_a_file_that_is_no_plan_is_not_replaced_either(tmp_path):
 def test_every_field_of_a_request_is_named_as_an_option_that_there_is():
     """So is one that is added, if its option has its name."""
     options = {argument.name for argument in arguments_of(Plan)}
-    names = [one.name for kind in (InspectionRequest, Lighting) for one in fields(kind)]
+    names = [one.name for kind in (Request, Lighting) for one in fields(kind)]
     names += [one.name for one in fields(Requirements)]
     # what the command line cannot ask for, and what is no word of an error
     names = set(names) - {

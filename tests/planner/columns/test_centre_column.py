@@ -9,7 +9,7 @@ from grid_box import EDGES, BoxSpace
 from planner import Camera, PoseUncertainty, look_at
 from planner.effort import Effort
 from planner.executors import Shared
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search import realise_column as centre_column
 from planner.search.columns import Judge
 from planner.search.evolution import Centring, least_share
@@ -20,7 +20,7 @@ CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 NAME = "+z-y"
 SPACE = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], EDGES)
-REQUEST = Request(SPACE, (NAME,), CAMERA, UNCERTAINTY, 0.98, 0.9)
+REQUEST = Problem(SPACE, (NAME,), CAMERA, UNCERTAINTY, 0.98, 0.9)
 # the edge is near to a side of the picture from the one, and in its middle from the other
 START = look_at([[160.0, 0.0, 460.0]], [160.0, 0.0, 60.0])[0]
 MIDDLE = look_at([[60.0, 0.0, 460.0]], [60.0, 0.0, 60.0])[0]

@@ -7,7 +7,7 @@ from pocket_block import entities, two_pocket_block
 from aspectgraph import compute_regions
 from planner import Camera, Detectability, PoseUncertainty, Requirements
 from planner.request.defaults import default_workspace
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge, entity_poses
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
@@ -20,7 +20,7 @@ def judge():
     wanted = entities()
     space = compute_regions(solid, wanted, workspace=default_workspace(solid, CAMERA))
     need = Requirements(showing=Detectability(separation_px=8.0, min_corner_deg=25.0))
-    return Judge(Request(space, space.entity_names, CAMERA, UNCERTAINTY, 0.97, 0.9, need))
+    return Judge(Problem(space, space.entity_names, CAMERA, UNCERTAINTY, 0.97, 0.9, need))
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_poses_show_all_if_every_edge_shows(judge, poses):
     for n in (10, len(poses)):
         wanted = np.ones((n, len(judge.names)), dtype=bool)
         assert np.array_equal(some.show_all(poses[:n]), some.shown(poses[:n], wanted).all(axis=1))
-    few = Judge(judge.request.restricted_to(judge.names[:3]))
+    few = Judge(judge.problem.restricted_to(judge.names[:3]))
     image = few.constraints.image
     expected = image.shown(poses, np.ones((len(poses), 3), dtype=bool)).all(axis=1)
     assert expected.any()

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import compute_regions
 from planner import Camera, Detectability, PoseUncertainty, Requirements
 from planner.request.defaults import default_workspace
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import ColumnPool, Judge, entity_poses
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
@@ -88,7 +88,7 @@ def space():
 def judge_of(space, sigma_mm=3.0, sigma_rad=0.01):
     need = Requirements(showing=Detectability(separation_px=8.0, min_corner_deg=25.0))
     uncertainty = PoseUncertainty.isotropic(translation_mm=sigma_mm, rotation_rad=sigma_rad)
-    request = Request(space, space.entity_names, CAMERA, uncertainty, 0.9, 0.8, need)
+    request = Problem(space, space.entity_names, CAMERA, uncertainty, 0.9, 0.8, need)
     return Judge(request)
 
 

@@ -6,7 +6,7 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty
 from planner.executors import Shared
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search import columns as candidates
 from planner.search.columns import (
     _UNCOVERED,
@@ -27,7 +27,7 @@ KNOWN = NAMES[::2]
 @pytest.fixture(scope="module")
 def judge():
     space = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], NAMES)
-    return Judge(Request(space, NAMES, CAMERA, UNCERTAINTY, 0.98, 0.9))
+    return Judge(Problem(space, NAMES, CAMERA, UNCERTAINTY, 0.98, 0.9))
 
 
 def pools_of(judge, names, nearly=True):

@@ -14,7 +14,7 @@ from planner.bound.pose_space import PoseSpace
 from planner.bound.view import Cells, SearchTask
 from planner.bound.windows import rotation
 from planner.effort import NORMAL
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -34,13 +34,13 @@ def random_poses(judge, n, seed=0):
 
 def request_for(size, effort=NORMAL):
     space = BoxSpace(size, WORKSPACE, EDGES)
-    judge = Judge(Request(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9), effort)
+    judge = Judge(Problem(space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9), effort)
     return judge, Cells([judge.space.covering_cells([name]) for name in EDGES])
 
 
 def space_for(judge, regions, conflict=None):
     conflict = np.zeros((len(EDGES), len(EDGES)), dtype=bool) if conflict is None else conflict
-    return PoseSpace(judge.request, np.arange(len(EDGES)), regions, conflict)
+    return PoseSpace(judge.problem, np.arange(len(EDGES)), regions, conflict)
 
 
 def found_in(space, part, y, limit, max_nodes=100_000):

@@ -17,7 +17,7 @@ from planner import (
     SensorSetting,
     look_at,
 )
-from planner.identity import InspectionRequest, PartRecord
+from planner.identity import PartRecord, Request
 from planner.plan import InspectionPlan
 from planner.request.constraints import Requirements
 from planner.request.targets import EntityRecord, PlannedDimension, Witness, edge_target
@@ -66,7 +66,7 @@ def setting(position, names, target=(40.0, 25.0, 60.0), roll=0.3, probability=0.
     )
 
 
-REQUEST = InspectionRequest(
+REQUEST = Request(
     part=PartRecord("block", "0" * 64),
     targets=tuple(edge_target(name, ends) for name, ends in ENTITIES.items()),
     camera=CAMERA,

@@ -28,7 +28,7 @@ from planner import (
 )
 from planner.effort import Effort, Search
 from planner.exceptions import PlanFileError
-from planner.identity import InspectionRequest, plain_value, restored_request
+from planner.identity import Request, plain_value, restored_request
 from planner.options import InspectionOptions
 from planner.request.models import Means
 from planner.request.reach import reach_identity
@@ -172,9 +172,9 @@ def test_whole_numbers_are_floats_where_floats_are_meant(block):
 
 def test_a_field_that_is_added_cannot_be_forgotten(block):
     wider = make_dataclass(
-        "Wider", [("made_up", float, 1.0)], bases=(InspectionRequest,), frozen=True, eq=False
+        "Wider", [("made_up", float, 1.0)], bases=(Request,), frozen=True, eq=False
     )
-    known = {one.name: getattr(request_of(block), one.name) for one in fields(InspectionRequest)}
+    known = {one.name: getattr(request_of(block), one.name) for one in fields(Request)}
     first = wider(**known)
     second = wider(**known, made_up=2.0)
     assert second.difference(first) == "made_up was 1 and is now 2"

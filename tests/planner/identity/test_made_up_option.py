@@ -19,7 +19,7 @@ from planner.app import options as command_options
 from planner.app.plan_commands import REGIONS_FOLDER
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.exceptions import PlanFileError
-from planner.identity import InspectionRequest
+from planner.identity import Request
 from planner.options import InspectionOptions
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -40,10 +40,10 @@ def made_up(monkeypatch):
         added = [("made_up", str, field(default="none"))]
         return make_dataclass(kind.__name__, added, bases=(kind,), frozen=True, **how)
 
-    request = wider(InspectionRequest, eq=False)
+    request = wider(Request, eq=False)
     options = wider(InspectionOptions)
     for name in _REQUEST:
-        monkeypatch.setattr(f"{name}.InspectionRequest", request)
+        monkeypatch.setattr(f"{name}.Request", request)
     for name in _OPTIONS:
         monkeypatch.setattr(import_module(name), "InspectionOptions", options)
     monkeypatch.setattr(part_request, "_LIMITS", (*part_request._LIMITS, "made_up"))

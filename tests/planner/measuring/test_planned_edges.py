@@ -26,7 +26,7 @@ from planner import (
 from planner.bound.pose_space import least_images_mm
 from planner.callbacks import Deadline
 from planner.camera.pose import world_to_cam
-from planner.inspection import _request
+from planner.inspection import _problem
 from planner.measuring import task as solving
 from planner.measuring.planned_edges import planned_edges
 from planner.measuring.registered import displaced, prior_covariance
@@ -71,7 +71,7 @@ def requested(block, plan):
     items = {target.name: target.item_of(block) for target in asked.targets}
     options = replace(InspectionOptions.of_request(asked), registration=None)
     resolved = resolve_request(block, items, asked.camera, asked.pose_uncertainty, options)
-    return _request(block, resolved, options, Deadline(None, 0.0))
+    return _problem(block, resolved, options, Deadline(None, 0.0))
 
 
 def at(plan, setting, name, known=None):
@@ -237,7 +237,7 @@ def edges_of_block(block):
     ids = [edge.id for edge in block.straight_edges()][::4]
     options = InspectionOptions(effort=QUICK)
     resolved = resolve_request(block, ids, CAMERA, ROBOT, options)
-    return _request(block, resolved, options, Deadline(None, 0.0))
+    return _problem(block, resolved, options, Deadline(None, 0.0))
 
 
 def test_lengths_of_edges_are_as_probable_as_with_the_covariance_that_is_left(edges_of_block):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from planner import Camera, PoseUncertainty, RequestError, look_at, simulate_setting
 from planner.request.models import Means
-from planner.request.request import Objective
+from planner.request.problem import Objective
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 400.0, largest_blur_mm=0.03)
 PAPER = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))

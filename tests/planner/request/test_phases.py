@@ -13,7 +13,7 @@ from scipy.stats import binom
 from aspectgraph import read_solid
 from planner import Camera, Effort, PoseUncertainty, plan_inspection
 from planner.request.models import Means
-from planner.request.request import Objective
+from planner.request.problem import Objective
 from planner.verify.simulate_setting import simulate_setting
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), f_number=8.0, focus_distance_mm=300.0)

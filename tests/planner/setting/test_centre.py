@@ -8,7 +8,7 @@ from planner import Camera, PoseUncertainty, look_at
 from planner.camera.pose import world_to_cam
 from planner.effort import Effort
 from planner.request.constraints import Requirements
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search import evolution
 from planner.search.evolution import Centring, centred, least_share
 
@@ -22,7 +22,7 @@ EFFORT = Centring.of(Effort())
 
 def request_of(*names, **more):
     need = Requirements(field_margin_px=10.0, **more)
-    return Request(BOX, names, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+    return Problem(BOX, names, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
 
 
 def pixels(request, pose):

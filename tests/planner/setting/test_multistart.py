@@ -7,7 +7,7 @@ from known_box import BoxSpace
 from planner import Camera, PoseUncertainty, Search, look_at
 from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means
-from planner.request.request import Objective
+from planner.request.problem import Objective
 from planner.search.poses import (
     Ascent,
     PoseEncoding,

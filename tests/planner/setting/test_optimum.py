@@ -14,7 +14,7 @@ from aspectgraph import compute_regions
 from planner import Camera, PoseUncertainty, look_at, plan_setting
 from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means
-from planner.request.request import Objective
+from planner.request.problem import Objective
 
 CAMERA = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 300.0, largest_blur_mm=0.03)
 PAPER = PoseUncertainty(np.diag([0.03] * 3 + [0.003] * 3))

@@ -20,7 +20,7 @@ from planner import (
 )
 from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means
-from planner.request.request import Objective
+from planner.request.problem import Objective
 from planner.search.poses import PoseEncoding, ViewpointSampler, WorkspaceSampler, draw_start
 
 REAL = Camera.named("basler-acA2440-20gm-25mm")

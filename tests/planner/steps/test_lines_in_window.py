@@ -9,7 +9,7 @@ from aspectgraph import compute_regions
 from planner import Detectability, PoseUncertainty, Requirements
 from planner.detectability.conditions import NOT_ASKED
 from planner.plan import InspectionPlan
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.rows import measured_rows
 from planner.search.incumbents import with_lines_in_windows
 
@@ -32,7 +32,7 @@ def planned(sigma_rad, showing):
         pose_uncertainty=uncertainty,
         requirements=need.to_dict(),
     )
-    request = Request(SPACE, (NAME,), CAMERA, uncertainty, requirements=need)
+    request = Problem(SPACE, (NAME,), CAMERA, uncertainty, requirements=need)
     return with_lines_in_windows(made, request)
 
 

@@ -127,7 +127,7 @@ def test_a_setting_does_not_measure_what_only_another_one_shows(monkeypatch):
     monkeypatch.setattr(
         pose_setting, "setting_at", lambda _, pose, names, *args, **how: setting(pose[:3, 3], names)
     )
-    run = SimpleNamespace(request=None, names=["left", "right"])
+    run = SimpleNamespace(problem=None, names=["left", "right"])
     # what nothing shows is measured where it was
     assert [one.entities for one in module._chosen_among(run, two, [])] == [("right",), ("left",)]
 

@@ -42,7 +42,7 @@ def test_a_promise_is_contradicted_by_more_than_the_models_tolerance(
 
     monkeypatch.setattr(realise_column, "simulate_setting", simulated)
     judge = SimpleNamespace(
-        request=SimpleNamespace(
+        problem=SimpleNamespace(
             pose_uncertainty=None,
             at_pose=lambda *_: SimpleNamespace(measured=None),
             known_at=lambda *_: None,

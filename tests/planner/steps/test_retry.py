@@ -8,7 +8,7 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import request_with
 
 from planner import Camera, PoseUncertainty, look_at
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.resume import PlanningState
 from planner.search import stages as settle
 from planner.search.incumbents import Run
@@ -29,12 +29,12 @@ BEFORE = look_at([[60.0, -390.0, 30.0]], [60.0, 0.0, 60.0])[0]
 
 def run_of(sigma_mm=0.05, sigma_rad=0.001):
     uncertainty = PoseUncertainty.isotropic(translation_mm=sigma_mm, rotation_rad=sigma_rad)
-    request = Request(SPACE, NAMES, CAMERA, uncertainty, 0.98, 0.9)
+    request = Problem(SPACE, NAMES, CAMERA, uncertainty, 0.98, 0.9)
     return Run(request, request_with(seed=0), PlanningState({}))
 
 
 def stated(run, pose, p_all):
-    made = setting_at(run.request, pose, tuple(p_all), "given")
+    made = setting_at(run.problem, pose, tuple(p_all), "given")
     return replace(made, p_all=p_all, p_all_together=min(p_all.values()), p_all_poses=1000)
 
 
@@ -80,7 +80,7 @@ def test_a_pose_of_another_column_is_added_for_it():
 
 def test_a_search_for_the_target_alone_is_the_last_try():
     run = run_of()
-    run.memo.put((BACK,), Outcome(setting_at(run.request, ABOVE, (BACK,), "found alone")))
+    run.memo.put((BACK,), Outcome(setting_at(run.problem, ABOVE, (BACK,), "found alone")))
     settled = _without_short(
         run, [stated(run, BEFORE, {FRONT: 0.99}), stated(run, BEFORE, {BACK: 0.5})], centre
     )
@@ -91,7 +91,7 @@ def test_a_search_for_the_target_alone_is_the_last_try():
 def test_what_is_short_everywhere_is_lost_with_the_most_that_was_found():
     """Its own search finds a pose of P_all .8, more than the .5 of the plan: the reason states .8."""
     run = run_of()
-    run.memo.put((BACK,), Outcome(setting_at(run.request, ABOVE, (BACK,), "found alone")))
+    run.memo.put((BACK,), Outcome(setting_at(run.problem, ABOVE, (BACK,), "found alone")))
 
     def short(settings):
         return [replace(one, p_all={BACK: 0.8}, p_all_poses=1000) for one in settings]

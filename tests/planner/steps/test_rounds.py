@@ -10,7 +10,7 @@ from plan_examples import request_with
 from planner import Camera, PoseUncertainty, look_at
 from planner.callbacks import NOBODY
 from planner.effort import Effort
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.resume import PlanningState
 from planner.search import stages as prove_bound
 from planner.search.incumbents import Incumbents, PlanState, Run
@@ -24,7 +24,7 @@ SPACE = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], NAMES)
 
 def run_with(columns):
     """A run whose pool has these sets of entities, each from some pose."""
-    request = Request(SPACE, tuple(NAMES), CAMERA, UNCERTAINTY, 0.98, 0.9)
+    request = Problem(SPACE, tuple(NAMES), CAMERA, UNCERTAINTY, 0.98, 0.9)
     asked = request_with(seed=0, effort=Effort(viewpoints=1, pricing_rounds=3, cover_nodes=50))
     run = Run(request, asked, PlanningState({}))
     membership = np.array(columns, dtype=bool)
@@ -94,7 +94,7 @@ def test_what_simulation_says_of_a_promise_does_not_depend_on_the_others(monkeyp
     )
     run = run_with(np.eye(4))
     in_image = dict(zip(NAMES, [True, False, True, False], strict=True))
-    run.judge.request = SimpleNamespace(
+    run.judge.problem = SimpleNamespace(
         find_target=lambda name: SimpleNamespace(in_image=in_image[name])
     )
     setting = SimpleNamespace(
@@ -138,7 +138,7 @@ def test_a_promise_that_leaves_the_picture_too_often_counts_as_contradicted(monk
 def test_several_processes_find_what_one_does(monkeypatch):
     """What is found beforehand, in any order of work, is not simulated again."""
     run = run_with(np.eye(4))
-    request = run.request
+    request = run.problem
     poses = look_at([[20.0, 30.0, 300.0 + k] for k in range(3)], [0, 0, 0])
     settings = [setting_at(request, pose, tuple(NAMES[:2]), "", seed=0) for pose in poses]
     alone = [run.promises.contradicted_in(setting) for setting in settings]

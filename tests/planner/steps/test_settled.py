@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from grid_box import EDGES, BoxSpace
 
 from planner import Camera, PoseUncertainty, look_at
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.plan_setting import setting_at
 from planner.search.stages import _without_short
 from planner.sensor_setting import ReasonKind
@@ -14,7 +14,7 @@ from planner.sensor_setting import ReasonKind
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 NAMES = tuple(EDGES[:3])
-REQUEST = Request(
+REQUEST = Problem(
     BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], NAMES),
     NAMES,
     CAMERA,
@@ -34,7 +34,7 @@ def test_a_target_is_dropped_where_it_is_short_and_lost_where_it_is_so_everywher
     """The first is short in one of two settings, the second in its only one, the third in none."""
     first, second, third = NAMES
     settled = _without_short(
-        SimpleNamespace(request=REQUEST),
+        SimpleNamespace(problem=REQUEST),
         [setting({first: 0.85, second: 0.89}), setting({first: 0.95, third: 0.9})],
     )
     # nothing is left of the first setting
@@ -47,7 +47,7 @@ def test_a_target_is_dropped_where_it_is_short_and_lost_where_it_is_so_everywher
 def test_a_setting_keeps_what_is_stated_of_its_other_targets():
     first, second, _ = NAMES
     (kept,) = _without_short(
-        SimpleNamespace(request=REQUEST), [setting({first: 0.85, second: 0.93})]
+        SimpleNamespace(problem=REQUEST), [setting({first: 0.85, second: 0.93})]
     ).settings
     assert kept.p_all == {second: 0.93}
     assert set(kept.probability) == {second}

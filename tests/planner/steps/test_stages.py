@@ -143,7 +143,7 @@ def test_callbacks_pass_everything_on_and_end_the_work():
 
 
 def test_every_stage_and_bound_is_passed_on(whole):
-    from planner.inspection import _request
+    from planner.inspection import _problem
     from planner.options import InspectionOptions
     from planner.resolve_request import resolve_request
     from planner.resume import PlanningState
@@ -156,7 +156,7 @@ def test_every_stage_and_bound_is_passed_on(whole):
     callbacks = Callbacks(
         on_stage=names.append, on_bound=lambda bound, weights: bounds.append(bound)
     )
-    request = _request(SPACE.solid, resolved, options, Deadline())
+    request = _problem(SPACE.solid, resolved, options, Deadline())
     memo = PlanningState(resolved.request.identity())
     run = Run(request, resolved.request, memo, callbacks=callbacks)
     found = stages.run_stages(run, Incumbents(callbacks))

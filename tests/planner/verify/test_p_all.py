@@ -10,7 +10,7 @@ from scipy.stats import norm
 from planner import Camera, PoseUncertainty, look_at
 from planner.camera.pose import world_to_cam
 from planner.request.constraints import Requirements
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.verify.p_all import DisplacedChecks, lower_bound, poses_needed, without_reserves
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
@@ -21,7 +21,7 @@ N = 20_000
 
 
 def request_of(uncertainty, camera=CAMERA, accuracy=0.9, names=("+z-y",), **need):
-    return Request(BOX, names, camera, uncertainty, accuracy, 0.9, Requirements(**need))
+    return Problem(BOX, names, camera, uncertainty, accuracy, 0.9, Requirements(**need))
 
 
 def frequency(request, pose, name=None):
@@ -87,7 +87,7 @@ def test_leaving_the_picture_and_losing_sight_are_independent_and_multiply():
     down = pose[:3, 1]
     assert abs(down[2]) > 0.99
     uncertainty = PoseUncertainty(np.diag([0.0, shift**2, 0.0, 0.0, 0.0, 0.0]))
-    request = Request(box, ("+z+y",), low, uncertainty, 0.5, 0.9, Requirements())
+    request = Problem(box, ("+z+y",), low, uncertainty, 0.5, 0.9, Requirements())
     _, seen = frequency(request, pose)
     assert within(seen, norm.cdf(0.8 / (shift * abs(down[2]))))
     # put the edge's end near the side of the picture: 0.5 standard deviations of a turn about y

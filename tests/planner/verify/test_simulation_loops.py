@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 from aspectgraph import compute_regions
 from planner import Dimension, Localisation
 from planner.camera.pose import look_at
+from planner.request.problem import Problem
 from planner.request.reach import TargetSpace
-from planner.request.request import Request
 from planner.request.resolve import resolve_wanted
 from planner.search.realise_column import _trials_of
 from planner.verify.p_all import DisplacedChecks, lower_bound, successes_needed
@@ -100,7 +100,7 @@ def test_a_count_ends_early_only_where_the_bound_is_out_of_reach():
     wanted = {"bore": Dimension.diameter(upper_rims(plate)[0], max_error_mm=0.1)}
     entities, targets = resolve_wanted(plate, wanted, 0.98)
     regions = compute_regions(plate, entities, workspace=[[-200, -200, -200], [300, 300, 500]])
-    request = Request(
+    request = Problem(
         TargetSpace.of(regions, targets),
         ("bore",),
         CAMERA,

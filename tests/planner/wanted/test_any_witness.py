@@ -12,7 +12,7 @@ from aspectgraph import Stretch
 from planner import Dimension, Effort, InspectionPlan, plan_inspection
 from planner.exceptions import PlanFileError, RequestError
 from planner.request.dimension_files import read_wanted
-from planner.request.request import choice_for
+from planner.request.problem import choice_for
 from planner.request.resolve import resolve_wanted, stretch_ways
 from planner.request.targets import EntityRecord, WitnessChoice, kept_witnesses
 

@@ -11,8 +11,8 @@ from holed_plate import CAMERA, FRONT, HOLES, UNCERTAINTY, holed_plate, upper_ri
 from errors.measurands import Localisation
 from planner import Dimension, look_at
 from planner.request.models import Means
+from planner.request.problem import Objective
 from planner.request.reach import Seen, TargetSpace
-from planner.request.request import Objective
 from planner.request.resolve import resolve_wanted
 from planner.request.targets import EdgeTarget, PlannedDimension
 

@@ -26,7 +26,7 @@ from planner.bound.pose_space import PoseSpace
 from planner.bound.view import Cells
 from planner.camera.pose import world_to_cam
 from planner.request.constraints import Requirements
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge
 
 pytestmark = pytest.mark.uncompiled
@@ -52,7 +52,7 @@ def all_around(size, radius):
     """A request with visibility asked all around, and its space of poses."""
     need = Requirements(visibility_radius_mm=radius)
     judge = Judge(
-        Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+        Problem(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
     )
     return judge, space_for(judge, Cells([judge.space.covering_cells([name]) for name in EDGES]))
 
@@ -166,7 +166,7 @@ def test_boxes_too_small_to_be_halved_are_told(is_thin):
     below = BoxCell(low, np.array([59.995, *high[1:]]))
     above = BoxCell(np.array([60.005, *low[1:]]), high)
     space = PoseSpace(
-        judge.request, np.arange(len(pair)), Cells([[below], [above]]), np.zeros((2, 2), dtype=bool)
+        judge.problem, np.arange(len(pair)), Cells([[below], [above]]), np.zeros((2, 2), dtype=bool)
     )
     if is_thin:
         thin(space)

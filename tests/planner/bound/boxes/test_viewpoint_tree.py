@@ -24,7 +24,7 @@ from planner.bound.pose_space import PoseSpace
 from planner.bound.view import Cells
 from planner.bound.windows import most_turn, rotation, swings
 from planner.request.constraints import Requirements
-from planner.request.request import Request
+from planner.request.problem import Problem
 from planner.search.columns import Judge
 
 
@@ -32,7 +32,7 @@ def around(size, radius):
     """A request with visibility asked all around, and its space of poses."""
     need = Requirements(visibility_radius_mm=radius)
     judge = Judge(
-        Request(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
+        Problem(BoxSpace(size, WORKSPACE, EDGES), EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need)
     )
     return judge, space_for(judge, Cells([judge.space.covering_cells([name]) for name in EDGES]))
 
@@ -67,7 +67,7 @@ def test_visible_all_around_decides_where_regions_only_touch():
     )
     for radius, together in ((0.0, True), (2.0, False)):
         need = Requirements(visibility_radius_mm=radius)
-        strict = Judge(Request(judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
+        strict = Judge(Problem(judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
         space = PoseSpace(
             strict.request, np.arange(len(pair)), regions, np.zeros((2, 2), dtype=bool)
         )

@@ -236,7 +236,7 @@ def _states(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> WitnessStat
 
 
 @dataclass(frozen=True, eq=False)
-class Request:
+class Problem:
     """What is asked: which entities are to be measured, by which camera, how accurately and how surely.
 
     Parameters
@@ -348,7 +348,7 @@ class Request:
             return PoseKnowledge(self.registered)
         return knowledge_of(self.at_pose(cam2world, names).targets, self.means, cam2world)
 
-    def restricted_to(self, names: Sequence[str]) -> Request:
+    def restricted_to(self, names: Sequence[str]) -> Problem:
         """Return the same request for some of the entities."""
         by_name = dict(zip(self.names, self.targets, strict=True))
         return replace(self, names=tuple(names), targets=tuple(by_name[name] for name in names))
@@ -359,7 +359,7 @@ class Request:
         return any(len(target.witnesses) > 1 for target in self.targets)
 
     @cached_property
-    def single(self) -> Request:
+    def single(self) -> Problem:
         """The same request with each witness a target of its own; itself, where no target has several."""
         if not self.has_choice:
             return self
@@ -383,11 +383,11 @@ class Request:
         return Witnesses(self.single.constraints, self.single.objective, self.owner)
 
     @cached_property
-    def first(self) -> Request:
+    def first(self) -> Problem:
         """The same request with the first witness of each target."""
         return self.choosing(dict.fromkeys(self.names, 0))
 
-    def choosing(self, chosen: Mapping[str, int], names: Sequence[str] | None = None) -> Request:
+    def choosing(self, chosen: Mapping[str, int], names: Sequence[str] | None = None) -> Problem:
         """Return the same request, for some of the targets, with one witness of each.
 
         Parameters
@@ -404,7 +404,7 @@ class Request:
         targets = [target.choosing(own.get(target.name, 0)) for target in some.targets]
         return self._of_targets(targets, {**some.chosen, **own})
 
-    def at_pose(self, cam2world: NDArray[np.float64], names: Sequence[str]) -> Request:
+    def at_pose(self, cam2world: NDArray[np.float64], names: Sequence[str]) -> Problem:
         """Return the same request for some of the targets, each with the witness that a pose shows best.
 
         Which one that is depends on the pose and the target alone; see `best_witnesses`.
@@ -431,7 +431,7 @@ class Request:
         """The witnesses of targets at poses, as far as they were asked for."""
         return {}
 
-    def _of_targets(self, targets: Sequence[Target], chosen: Mapping[str, int]) -> Request:
+    def _of_targets(self, targets: Sequence[Target], chosen: Mapping[str, int]) -> Problem:
         """Return the same request for other targets of the same entities."""
         space = TargetSpace.of(entity_space(self.space), targets)
         names = tuple(target.name for target in targets)
