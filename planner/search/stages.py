@@ -69,6 +69,7 @@ from planner.verify.p_all import MOST_REQUIRED
 
 if TYPE_CHECKING:
     from planner.camera.camera import Camera
+    from planner.camera.pose import PoseUncertainty
 
 # Last step: the final cover is chosen, and every setting in it gets the best pose that simulation
 # supports.
@@ -730,11 +731,13 @@ _GOLDEN = (5**0.5 - 1) / 2
 
 
 class _Posed(NamedTuple):
-    """Settings and what they measure, as `planner.light` asks for it."""
+    """Some settings of a plan and what they measure, as `planner.light` asks for it."""
 
     settings: Sequence[SensorSetting]
     targets: Mapping[str, Any]
     camera: Camera
+    pose_uncertainty: PoseUncertainty
+    accuracy: float
     requirements: Mapping[str, float]
 
 
@@ -886,7 +889,14 @@ def _shown(
     names_shown: list[set[str]] = [set() for _ in settings]
     if not settings:
         return names_shown
-    posed = _Posed(settings, plan.targets, plan.camera, plan.requirements)
+    posed = _Posed(
+        settings,
+        plan.targets,
+        plan.camera,
+        plan.pose_uncertainty,
+        plan.accuracy,
+        plan.requirements,
+    )
     served = lighting.served(posed, run.request.space.solid, run.callbacks.silent.report)
     if lighting.is_ring:
         served.keep_own(eyes_of(posed))
