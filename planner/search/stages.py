@@ -731,14 +731,14 @@ _GOLDEN = (5**0.5 - 1) / 2
 
 
 class _Posed(NamedTuple):
-    """Settings and what they measure, as `planner.light` asks for it."""
+    """Some settings of a plan and what they measure, as `planner.light` asks for it."""
 
     settings: Sequence[SensorSetting]
     targets: Mapping[str, Any]
     camera: Camera
-    requirements: Mapping[str, float]
     pose_uncertainty: PoseUncertainty
     accuracy: float
+    requirements: Mapping[str, float]
 
 
 def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> InspectionPlan:
@@ -893,9 +893,9 @@ def _shown(
         settings,
         plan.targets,
         plan.camera,
-        plan.requirements,
         plan.pose_uncertainty,
         plan.accuracy,
+        plan.requirements,
     )
     served = lighting.served(posed, run.problem.space.solid, run.callbacks.silent.report)
     if lighting.is_ring:

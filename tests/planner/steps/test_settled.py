@@ -34,7 +34,7 @@ def test_a_target_is_dropped_where_it_is_short_and_lost_where_it_is_so_everywher
     """The first is short in one of two settings, the second in its only one, the third in none."""
     first, second, third = NAMES
     settled = _without_short(
-        SimpleNamespace(problem=REQUEST),
+        SimpleNamespace(problem=REQUEST, request=REQUEST),
         [setting({first: 0.85, second: 0.89}), setting({first: 0.95, third: 0.9})],
     )
     # nothing is left of the first setting
@@ -47,7 +47,7 @@ def test_a_target_is_dropped_where_it_is_short_and_lost_where_it_is_so_everywher
 def test_a_setting_keeps_what_is_stated_of_its_other_targets():
     first, second, _ = NAMES
     (kept,) = _without_short(
-        SimpleNamespace(problem=REQUEST), [setting({first: 0.85, second: 0.93})]
+        SimpleNamespace(problem=REQUEST, request=REQUEST), [setting({first: 0.85, second: 0.93})]
     ).settings
     assert kept.p_all == {second: 0.93}
     assert set(kept.probability) == {second}
