@@ -1,17 +1,26 @@
-"""Files: written so that a reader never meets half of one, and read only up to a size."""
+"""Files that are written whole or not at all, read up to a limit, and digested."""
+
+from __future__ import annotations
 
 import errno
+import hashlib
 import io
 import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
 
 from aspectgraph.exceptions import OutputError
+
+# Files: written so that a reader never meets half of one, and read only up to a size.
+
 
 SMALL_FILE_BYTES = 64_000_000
 """Most of a file that people write: names, dimensions, cameras, lamps. These have kilobytes."""
@@ -168,3 +177,47 @@ def pour(source: str | os.PathLike[str], device: str | os.PathLike[str]) -> None
     """Write what is in a file to a device or a pipe."""
     with open(source, "rb") as ours, open(device, "wb") as theirs:
         shutil.copyfileobj(ours, theirs)
+
+
+# A digest of source files: what was computed by other code is told from what this code computes.
+
+
+@cache
+def code_digest(packages: Sequence[str], without: Sequence[str] = ()) -> str:
+    """Return a digest of the Python files of packages.
+
+    Parameters
+    ----------
+    packages : tuple of str
+        Names of packages.
+    without : tuple of str
+        Names of packages or modules in them that decide about no result.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits. Where the files cannot be read, that of the program's version.
+    """
+    digest = hashlib.sha256()
+    left_out = [name.replace(".", "/") for name in without]
+    read = 0
+    for package in packages:
+        spec = find_spec(package)
+        for folder in () if spec is None else map(Path, spec.submodule_search_locations or ()):
+            for path in sorted(folder.rglob("*.py")):
+                name = f"{package}/{path.relative_to(folder).as_posix()}"
+                if any(f"{name[:-3]}/".startswith(f"{place}/") for place in left_out):
+                    continue
+                digest.update(f"{name}\0".encode())
+                digest.update(hashlib.sha256(path.read_bytes()).digest())
+                read += 1
+    if read == 0:
+        digest.update(_version().encode())
+    return digest.hexdigest()
+
+
+def _version() -> str:
+    try:
+        return version("aspectgraph")
+    except PackageNotFoundError:
+        return "unknown"

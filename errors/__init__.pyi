@@ -14,16 +14,16 @@ from .exceptions import MeasurementModelError as MeasurementModelError
 from .joint import length_expansion as length_expansion
 from .model import SuccessModel as SuccessModel
 from .model import success_probability as success_probability
-from .quantization import AxisQuantization as AxisQuantization
-from .quantization import SegmentQuantization as SegmentQuantization
-from .referee.montecarlo import MonteCarloEstimate as MonteCarloEstimate
-from .referee.montecarlo import binomial_interval as binomial_interval
-from .referee.montecarlo import simulate_success as simulate_success
-from .referee.pixels import coverage_image as coverage_image
-from .referee.pixels import measure_lengths as measure_lengths
-from .referee.twin import simulate_measurement as simulate_measurement
+from .referee import MonteCarloEstimate as MonteCarloEstimate
+from .referee import binomial_interval as binomial_interval
+from .referee import coverage_image as coverage_image
+from .referee import measure_lengths as measure_lengths
+from .referee import simulate_measurement as simulate_measurement
+from .referee import simulate_success as simulate_success
 from .segment import AxisDisplacement as AxisDisplacement
+from .segment import AxisQuantization as AxisQuantization
 from .segment import SegmentDisplacement as SegmentDisplacement
 from .segment import SegmentError as SegmentError
+from .segment import SegmentQuantization as SegmentQuantization
 
 __version__: str

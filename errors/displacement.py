@@ -40,22 +40,24 @@ from errors.exceptions import CovarianceError, InvalidParameterError, InvalidSha
 # Ratio of correlated normal variables with a zero-mean numerator (Hinkley 1969): the law behind
 # eqs 10-11.
 #
-# Notation -------- N, D        numerator ~ N(0, var_n) and denominator ~ N(mu, var_d), covariance
-# cov, mu > 0 s^2         variance of N - wD:  var_n - 2 w cov + w^2 var_d det         var_n var_d
-# - cov^2 T(h, a)     Owen's function
+# Notation
+# --------
+# N, D        numerator ~ N(0, var_n) and denominator ~ N(mu, var_d), covariance cov, mu > 0
+# s^2         variance of N - wD:  var_n - 2 w cov + w^2 var_d
+# det         var_n var_d - cov^2
+# T(h, a)     Owen's function
 #
-# pdf  f(w) = mu (var_n - w cov) / (sqrt(2 pi) s^3) exp(-mu^2 w^2 / 2 s^2) erf(mu (var_n - w cov)
-# / (s sqrt(2 det)))
-#             + sqrt(det) / (pi s^2) exp(-mu^2 var_n / (2 det))
-# cdf  F(w) = [w >= 0] - 2 T(mu w / s, (var_n - w cov) / (w sqrt(det))) - 2 T(mu / sqrt(var_d),
-# cov / sqrt(det))
+#     pdf  f(w) = mu (var_n - w cov) / (sqrt(2 pi) s^3) exp(-mu^2 w^2 / 2 s^2) erf(mu (var_n - w cov) / (s sqrt(2 det)))
+#                 + sqrt(det) / (pi s^2) exp(-mu^2 var_n / (2 det))
+#     cdf  F(w) = [w >= 0] - 2 T(mu w / s, (var_n - w cov) / (w sqrt(det))) - 2 T(mu / sqrt(var_d), cov / sqrt(det))
 #
 # The pdf is the paper's, with a, b, c and k = exp((b^2 - c a^2) / (2 (1 - rho^2) a^2)) multiplied
 # out: in this form nothing is divided by 1 - rho^2 or by a standard deviation, so rho = +-1 and
 # var_d = 0 are ordinary cases.
 #
-# References ---------- D. V. Hinkley, "On the ratio of two correlated normal random variables",
-# Biometrika 56, 1969.
+# References
+# ----------
+# D. V. Hinkley, "On the ratio of two correlated normal random variables", Biometrika 56, 1969.
 
 
 # Reaches 7.1 standard deviations of the denominator; good to 1e-6 when that is a tenth of its mean, better below.
@@ -254,8 +256,9 @@ def _divide(numerator: ArrayLike, denominator: ArrayLike) -> FloatArray:
 # plane is C3 = 0, the lens centre is C3 = f, and what is looked at has C3 < 0, so the depth in
 # front of the lens is f - C3. The image is upright.
 #
-# References ---------- C. C. Yang and F. W. Ciarallo, "Optimized sensor placement for active
-# visual inspection", J. Robotic Systems 18, 2001.
+# References
+# ----------
+# C. C. Yang and F. W. Ciarallo, "Optimized sensor placement for active visual inspection", J. Robotic Systems 18, 2001.
 
 
 def project(points: ArrayLike, *, focal_length_mm: float) -> NDArray[np.float64]:

@@ -37,23 +37,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import MIN_IMAGE_LENGTH_MM, check_endpoints, check_positive
-from ground.loop_cache import njit
+from ground.decorators import njit
 
 # Image length of an edge as a function of the camera's displacement, to second order.
 #
-# Notation -------- delta = (d, phi)   displacement: translation d (mm) and rotation vector phi
-# (rad), both in the camera frame C' = R(phi) C + d  displaced end point, R the exact rotation: C
-# + phi x C + d + 1/2 phi x (phi x C) + O(3) w = 1 / (f - C3)   inverse depth e, n
-# unit vectors along and across the image segment a                  gradient of e . (u, v) in C:
-# f w (e1, e2, w (e1 C1 + e2 C2));  its Hessian is w (a z' + z a') A = (a, C x a)     the same
-# gradient in delta, because a . (phi x C) = phi . (C x a) Z = (z, C x z)     gradient of C3 in
-# delta, z = (0, 0, 1) B                  difference of the two ends' A with n instead of e: how
-# far the segment turns
+# Notation
+# --------
+# delta = (d, phi)   displacement: translation d (mm) and rotation vector phi (rad), both in the camera frame
+# C' = R(phi) C + d  displaced end point, R the exact rotation: C + phi x C + d + 1/2 phi x (phi x C) + O(3)
+# w = 1 / (f - C3)   inverse depth
+# e, n               unit vectors along and across the image segment
+# a                  gradient of e . (u, v) in C:  f w (e1, e2, w (e1 C1 + e2 C2));  its Hessian is w (a z' + z a')
+# A = (a, C x a)     the same gradient in delta, because a . (phi x C) = phi . (C x a)
+# Z = (z, C x z)     gradient of C3 in delta, z = (0, 0, 1)
+# B                  difference of the two ends' A with n instead of e: how far the segment turns
 #
 # With ' for transpose, + for the second and - for the first end point:
 #
-# gradient  g = A2 - A1 Hessian   H = sum +- [ w (A Z' + Z A') + rotation block (1/2 (a C' + C a')
-# - (a . C) I) ] + B B' / L
+#     gradient  g = A2 - A1
+#     Hessian   H = sum +- [ w (A Z' + Z A') + rotation block (1/2 (a C' + C a') - (a . C) I) ] + B B' / L
 
 
 def length_expansion(

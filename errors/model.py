@@ -20,7 +20,7 @@ from errors.checks import (
 )
 from errors.exceptions import InvalidParameterError, InvalidShapeError
 from errors.joint import joint_probability
-from errors.referee.montecarlo import simulate_success
+from errors.referee import simulate_success
 from errors.segment import independent_probability
 
 # The one call: probability that an edge is measured within the required accuracy.

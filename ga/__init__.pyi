@@ -5,9 +5,9 @@ from .exceptions import FitnessError as FitnessError
 from .exceptions import GAError as GAError
 from .exceptions import InfeasiblePopulationError as InfeasiblePopulationError
 from .exceptions import ParameterError as ParameterError
-from .result import GAResult as GAResult
-from .result import Generation as Generation
-from .result import History as History
+from .run import GAResult as GAResult
+from .run import Generation as Generation
+from .run import History as History
 from .run import maximize as maximize
 
 __version__: str

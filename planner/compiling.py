@@ -15,7 +15,7 @@ from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
 from ground.ahead import AheadRun, can_keep, current_run
-from ground.loop_cache import keeps_loops
+from ground.decorators import keeps_loops
 
 _FIRST = "compiling loops, at the first run only: about a minute in all"
 _EVERY = "compiling loops, at every run, because no folder can be written: about a minute in all"

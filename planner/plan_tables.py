@@ -262,7 +262,7 @@ def _values(row: Row, n_features: int) -> dict[str, Any]:
     """Return a row without what it is made of."""
     # a plan is read without loading what computes errors
     from errors.formatting import below_one
-    from errors.measurands.measurand_model import SOURCES
+    from errors.measurands.measurand import SOURCES
 
     rate = row.rate
     return {

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from errors.formatting import frequency_text, probability_text
-from errors.measurands.fitted import is_short
+from errors.measurands.geometry import is_short
 from planner.request.planned import targets_of
 from planner.request.targets import means_at
 from planner.verify.setting_record import search_windows_px

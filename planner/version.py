@@ -14,6 +14,6 @@ _SHOW_ONLY = (
 
 def program_digest() -> str:
     """Return a digest of all source files that a plan depends on, 64 hexadecimal digits."""
-    from aspectgraph.code_digest import code_digest
+    from aspectgraph.files import code_digest
 
     return code_digest(_PACKAGES, _SHOW_ONLY)

@@ -25,7 +25,7 @@ LONG_FILES = (
     "tests/planner/test_inspection.py",
     "tests/planner/cli/test_lamps.py",
     "tests/test_edge_contrast.py",
-    "tests/errors/test_errors_joint.py",
+    "tests/errors/test_joint.py",
     "tests/planner/bound/boxes/test_linear_windows.py",
     "tests/aspectgraph/visibility/test_visibility_regions.py",
     "tests/test_docstrings.py",
@@ -33,7 +33,7 @@ LONG_FILES = (
     "tests/planner/bound/test_dual_bound.py",
     "tests/planner/setting/test_optimum.py",
     "tests/ground/test_linked.py",
-    "tests/ground/test_cache.py",
+    "tests/ground/test_decorators.py",
 )
 
 
@@ -51,7 +51,7 @@ if numba.config.DISABLE_JIT:
     np.seterr(all="ignore")
 
 if "COVERAGE_PROCESS_CONFIG" in os.environ:
-    from aspectgraph.read.step.client import StepKernel
+    from aspectgraph.read.step.step_file import StepKernel
 
     _killed = StepKernel.__exit__
 
@@ -65,7 +65,7 @@ if "COVERAGE_PROCESS_CONFIG" in os.environ:
     StepKernel.__exit__ = _ended
 
 # after what coverage needs
-from remembered_kernel import remember  # noqa: E402
+from step_kernels import remember  # noqa: E402
 
 OF_THE_KERNEL = "tests/aspectgraph/read/"
 

@@ -153,7 +153,7 @@ def test_every_kind_of_name_is_checked():
     assert {"aspectgraph.solid.solid.Solid.triangles", "errors.segment.SegmentError.pdf"} <= set(
         THINGS
     )
-    assert {"planner.camera.camera.Camera.named", "ga.result.History.best_so_far"} <= set(THINGS)
+    assert {"planner.camera.camera.Camera.named", "ga.run.History.best_so_far"} <= set(THINGS)
 
 
 @pytest.mark.parametrize("name", THINGS)

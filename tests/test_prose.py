@@ -175,7 +175,7 @@ HEADING = re.compile(r"^[A-Z][\w ]+\n-{3,}$", flags=re.MULTILINE)
 EXAMPLE = re.compile(r"^Examples\n-{3,}\n.*?(?=^[A-Z][\w ]+\n-{3,}$|\Z)", re.MULTILINE | re.DOTALL)
 EFFORTS = ("bound", "effort", "poses")
 # a change of the text would compile the loops of its module anew
-LONG_SENTENCES = {"errors.referee.montecarlo.simulate_success"}
+LONG_SENTENCES = {"errors.referee.simulate_success"}
 
 
 def effort_records():

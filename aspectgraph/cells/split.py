@@ -63,7 +63,7 @@ from aspectgraph.cells.arrays import (
     push_face,
     require,
 )
-from aspectgraph.exact.predicates import sign_at_vertex
+from aspectgraph.exact.grid import sign_at_vertex
 from ground.decorators import entry_kernel, holds_value, kernel, kernel_without_refcounts, put
 
 

@@ -12,12 +12,15 @@ import numpy as np
 from aspectgraph.dimensions.features import (
     Attachments,
     Feature,
+    Measure,
+    Measurer,
+    ModelDimension,
     Sight,
     SurfaceZones,
+    Way,
     describe_shape,
+    unique_names,
 )
-from aspectgraph.dimensions.measures import Measure, Measurer
-from aspectgraph.dimensions.records import ModelDimension, Way, unique_names
 from aspectgraph.dimensions.tolerances import (
     DIGITS,
     Statement,
@@ -30,7 +33,7 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.phases import phase
 from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
-from aspectgraph.read.step.client import StepKernel
+from aspectgraph.read.step.step_file import StepKernel
 from aspectgraph.solid.solid import Solid, check_solid
 
 AGREEMENT_MM = 0.013

@@ -357,13 +357,10 @@ def _from_kernel(row: dict[str, Any]) -> Statement:
 # Rules
 # -----
 # * Holes A to H mirror the shafts a to h.
-# * Holes K to ZC mirror the shafts, too, but up to grade 8 (K, M, N) and grade 7 (P to ZC) they
-#   move up by
-#   Δ = IT(n) - IT(n-1). A hole and the shaft of the grade below then fit in both systems. Δ is 0
-#   up to 3 mm, and above
+# * Holes K to ZC mirror the shafts, too, but up to grade 8 (K, M, N) and grade 7 (P to ZC) they move up by
+#   Δ = IT(n) - IT(n-1). A hole and the shaft of the grade below then fit in both systems. Δ is 0 up to 3 mm, and above
 #   500 mm.
-# * Hole N above grade 8 begins at the nominal size, but for sizes up to 3 mm. Hole M6 over 250 to
-#   315 mm is 2 µm higher
+# * Hole N above grade 8 begins at the nominal size, but for sizes up to 3 mm. Hole M6 over 250 to 315 mm is 2 µm higher
 #   than the rule says.
 #
 # Reference: ISO 286-1:2010, 4.3 and Tables 1 to 5.

@@ -31,9 +31,7 @@ from aspectgraph.cells.arrays import (
     push_edge,
 )
 from aspectgraph.cells.split import face_side, partition, refresh_cell, refresh_face, split_face
-from aspectgraph.exact.grid import as_queries
-from aspectgraph.exact.planes import plane_through
-from aspectgraph.exact.predicates import sign_at_point
+from aspectgraph.exact.grid import as_queries, plane_through, sign_at_point
 from aspectgraph.visibility.scene import Scene
 from ground.decorators import entry_kernel, kernel, put
 

@@ -1,27 +1,231 @@
-"""The integer grid: a part snapped once, in its own frame and its own unit.
-
-A part is laid on its grid in the frame of `canonical_axes.own_frame`, about 2**20 steps over its largest extent, so a
-copy that was turned, moved, scaled or listed in another order gets the same integers. From then on every vertex is an
-integer triple and every plane through three of them an integer quadruple (a, b, c, d), a·x + b·y + c·z = d (see
-`planes`).
-
-The step is a whole part of the extent. Where the coordinates in the own frame are whole multiples of some length, as in
-parts drawn in round numbers, the step divides that length and snapping displaces nothing: one step for all three axes,
-or else one for each (a prism whose longest side has length √5). Where there is no such length, coordinates are rounded
-to 2**-20 of the extent, and vertices that ought to lie in one plane need not any more. `Grid.resolution` says how far,
-in steps, a vertex may lie from a plane and still count as lying on it; it is 0 where snapping was exact.
-
-What tells "a multiple" from "not a multiple" is the rounding of the input alone. It chooses a step, no topology.
-"""
+"""The integer grid of a part: exact signs, points and planes on it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
 
-from aspectgraph.exact.predicates import POINT_BITS
 from aspectgraph.exceptions import SolidError, WorkspaceError
+from ground.decorators import entry_kernel, kernel_without_refcounts
+
+# Exact signs: the only geometric decisions the cell complex makes.
+#
+# Notation
+# --------
+# plane h = (a, b, c, d)
+#     int64, the set a·x + b·y + c·z = d; positive side a·x + b·y + c·z > d.
+# vertex v = (X, Y, Z, W)
+#     homogeneous 256-bit integers with W > 0, the common point X/W, Y/W, Z/W of three planes, stored as four 64-bit
+#     limbs each (least significant first, two's complement).
+# point p = (x, y, z) with the common denominator 2**POINT_BITS
+#     int64, a query viewpoint on a lattice 2**POINT_BITS times finer than the grid of the part.
+#
+# Guarantee: with |a|, |b|, |c| < 2**43 and |d| < 2**63 no intermediate exceeds 2**200, so every
+# sign is exact. Numbers are decided by a floating-point filter with a proven error bound first,
+# and by 256-bit integers where that fails.
+
+
+POINT_BITS = 20
+LIMBS = 4
+
+# a·x + b·y + c·z - d in doubles: 4 rounded coefficients, 3 coordinates of relative error < 4 ulp, 3 products, 3 sums;
+# the sum of magnitudes times 16 units in the last place bounds them all
+_FILTER = 16 * np.finfo(np.float64).eps
+
+_WIDE = ir.IntType(64 * LIMBS)
+
+
+def _element(context, builder, signature, args, array, indices):
+    """Pointer to array[indices...], for int64 arrays in C order."""
+    array_type = signature.args[array]
+    struct = context.make_array(array_type)(context, builder, args[array])
+    return cgutils.get_item_pointer(context, builder, array_type, struct, indices, wraparound=False)
+
+
+def _load_plane(context, builder, signature, args, array, row):
+    """Coefficients of one plane, sign-extended."""
+    coefficients = []
+    for column in range(4):
+        pointer = _element(
+            context, builder, signature, args, array, [row, ir.Constant(ir.IntType(64), column)]
+        )
+        coefficients.append(builder.sext(builder.load(pointer), _WIDE))
+    return coefficients
+
+
+def _wide_pointer(context, builder, signature, args, array, row, column):
+    zero = ir.Constant(ir.IntType(64), 0)
+    pointer = _element(
+        context, builder, signature, args, array, [row, ir.Constant(ir.IntType(64), column), zero]
+    )
+    return builder.bitcast(pointer, _WIDE.as_pointer())
+
+
+def _det2(builder, a, b, c, d):
+    return builder.sub(builder.mul(a, d), builder.mul(b, c))
+
+
+def _det3(builder, rows):
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    terms = [
+        builder.mul(a, _det2(builder, e, f, h, i)),
+        builder.mul(b, _det2(builder, d, f, g, i)),
+        builder.mul(c, _det2(builder, d, e, g, h)),
+    ]
+    return builder.add(builder.sub(terms[0], terms[1]), terms[2])
+
+
+def _sign(builder, value):
+    zero = ir.Constant(_WIDE, 0)
+    byte = ir.IntType(64)
+    positive = builder.zext(builder.icmp_signed(">", value, zero), byte)
+    negative = builder.zext(builder.icmp_signed("<", value, zero), byte)
+    return builder.sub(positive, negative)
+
+
+@intrinsic
+def _meet(typingctx, planes, p, q, r, vertices, v):
+    """Write the common point of planes p, q, r to vertices[v] (Cramer's rule); return the sign of the determinant."""
+    signature = types.int64(planes, types.int64, types.int64, types.int64, vertices, types.int64)
+
+    def codegen(context, builder, signature, args):
+        rows = [_load_plane(context, builder, signature, args, 0, args[k]) for k in (1, 2, 3)]
+        w = _det3(builder, [row[:3] for row in rows])
+        zero = ir.Constant(_WIDE, 0)
+        negative = builder.icmp_signed("<", w, zero)
+        for column in range(4):
+            if column == 3:
+                value = w
+            else:
+                replaced = [[row[3] if k == column else row[k] for k in range(3)] for row in rows]
+                value = _det3(builder, replaced)
+            # W > 0 by convention
+            value = builder.select(negative, builder.sub(zero, value), value)
+            pointer = _wide_pointer(context, builder, signature, args, 4, args[5], column)
+            builder.store(value, pointer, align=8)
+        return _sign(builder, w)
+
+    return signature, codegen
+
+
+@intrinsic
+def _sign_at_vertex_exact(typingctx, planes, h, vertices, v):
+    """Sign of plane h at vertices[v]."""
+    signature = types.int64(planes, types.int64, vertices, types.int64)
+
+    def codegen(context, builder, signature, args):
+        plane = _load_plane(context, builder, signature, args, 0, args[1])
+        total = ir.Constant(_WIDE, 0)
+        for column in range(4):
+            pointer = _wide_pointer(context, builder, signature, args, 2, args[3], column)
+            product = builder.mul(plane[column], builder.load(pointer, align=8))
+            total = builder.sub(total, product) if column == 3 else builder.add(total, product)
+        return _sign(builder, total)
+
+    return signature, codegen
+
+
+@intrinsic
+def _sign_at_point_exact(typingctx, planes, h, x, y, z):
+    """Sign of plane h at the point (x, y, z) / 2**POINT_BITS."""
+    signature = types.int64(planes, types.int64, types.int64, types.int64, types.int64)
+
+    def codegen(context, builder, signature, args):
+        a, b, c, d = _load_plane(context, builder, signature, args, 0, args[1])
+        total = builder.sub(ir.Constant(_WIDE, 0), builder.shl(d, ir.Constant(_WIDE, POINT_BITS)))
+        for coefficient, coordinate in zip((a, b, c), args[2:5], strict=True):
+            total = builder.add(total, builder.mul(coefficient, builder.sext(coordinate, _WIDE)))
+        return _sign(builder, total)
+
+    return signature, codegen
+
+
+@kernel_without_refcounts
+def _magnitude(limbs):
+    """Double nearest to a 256-bit integer, to a relative error below 4 ulp."""
+    negative = limbs[LIMBS - 1] < 0
+    total = 0.0
+    scale = 1.0
+    carry = np.uint64(1)
+    for k in range(LIMBS):
+        limb = np.uint64(limbs[k])
+        if negative:
+            # two's complement: all bits turned, plus one that carries
+            limb = ~limb + carry
+            carry = (
+                np.uint64(1) if (carry == np.uint64(1) and limb == np.uint64(0)) else np.uint64(0)
+            )
+        total += np.float64(limb) * scale
+        scale *= 18446744073709551616.0
+    return -total if negative else total
+
+
+@kernel_without_refcounts
+def meet(planes, p, q, r, vertices, coordinates, v):
+    """Write the common point of three planes as vertex v, exactly and in doubles; False where they have none."""
+    if _meet(planes, p, q, r, vertices, v) == 0:
+        return False
+    w = _magnitude(vertices[v, 3])
+    for k in range(3):
+        coordinates[v, k] = _magnitude(vertices[v, k]) / w
+    return True
+
+
+@kernel_without_refcounts
+def sign_at_vertex(planes, h, vertices, coordinates, v):
+    """Sign (-1, 0, 1) of plane h at vertex v."""
+    x = planes[h, 0] * coordinates[v, 0]
+    y = planes[h, 1] * coordinates[v, 1]
+    z = planes[h, 2] * coordinates[v, 2]
+    d = np.float64(planes[h, 3])
+    value = x + y + z - d
+    bound = (abs(x) + abs(y) + abs(z) + abs(d)) * _FILTER
+    if value > bound:
+        return 1
+    if value < -bound:
+        return -1
+    return _sign_at_vertex_exact(planes, h, vertices, v)
+
+
+@kernel_without_refcounts
+def sign_at_point(planes, h, point):
+    """Sign (-1, 0, 1) of plane h at an int64 point of denominator 2**POINT_BITS."""
+    scale = 1.0 / (1 << POINT_BITS)
+    x = planes[h, 0] * (point[0] * scale)
+    y = planes[h, 1] * (point[1] * scale)
+    z = planes[h, 2] * (point[2] * scale)
+    d = np.float64(planes[h, 3])
+    value = x + y + z - d
+    bound = (abs(x) + abs(y) + abs(z) + abs(d)) * _FILTER
+    if value > bound:
+        return 1
+    if value < -bound:
+        return -1
+    return _sign_at_point_exact(planes, h, point[0], point[1], point[2])
+
+
+# The integer grid: a part snapped once, in its own frame and its own unit.
+#
+# A part is laid on its grid in the frame of `canonical_axes.own_frame`, about 2**20 steps over
+# its largest extent, so a copy that was turned, moved, scaled or listed in another order gets the
+# same integers. From then on every vertex is an integer triple and every plane through three of
+# them an integer quadruple (a, b, c, d), a·x + b·y + c·z = d (see `planes`).
+#
+# The step is a whole part of the extent. Where the coordinates in the own frame are whole
+# multiples of some length, as in parts drawn in round numbers, the step divides that length and
+# snapping displaces nothing: one step for all three axes, or else one for each (a prism whose
+# longest side has length √5). Where there is no such length, coordinates are rounded to 2**-20 of
+# the extent, and vertices that ought to lie in one plane need not any more. `Grid.resolution`
+# says how far, in steps, a vertex may lie from a plane and still count as lying on it; it is 0
+# where snapping was exact.
+#
+# What tells "a multiple" from "not a multiple" is the rounding of the input alone. It chooses a
+# step, no topology.
+
 
 GRID_BITS = 20
 """The largest extent takes more than half of 2²⁰ steps and at most all: a step is about a micrometre on a metre."""
@@ -274,3 +478,210 @@ def _common_denominator(shares: np.ndarray, tolerance: float) -> int:
             return int(denominator) if n == 0 or expected < _BY_ACCIDENT else 0
         start = end
     return 0
+
+
+# Planes on the integer grid.
+#
+# A plane through three vertices of a part (integer triples, see `grid`) is an integer quadruple
+# (a, b, c, d), a·x + b·y + c·z = d, reduced by its greatest common divisor. Where snapping
+# displaced vertices, one within the grid's resolution of a plane counts as lying on it; that is
+# decided once, when planes are built, and everything after is exact.
+
+
+@entry_kernel
+def plane_through(p, q, r):
+    """Plane through three integer points, reduced and oriented by the turn p, q, r; all zero if they are collinear."""
+    plane = np.zeros(4, np.int64)
+    for k in range(3):
+        i = (k + 1) % 3
+        j = (k + 2) % 3
+        # cross product of two sides
+        plane[k] = (q[i] - p[i]) * (r[j] - p[j]) - (q[j] - p[j]) * (r[i] - p[i])
+    divisor = np.gcd(np.gcd(plane[0], plane[1]), plane[2])
+    if divisor:
+        for k in range(3):
+            plane[k] //= divisor
+            plane[3] += plane[k] * p[k]
+    return plane
+
+
+@kernel_without_refcounts
+def height(plane, point):
+    """a·x + b·y + c·z - d at an integer point of the part, exact in int64."""
+    return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
+
+
+@kernel_without_refcounts
+def side_of(plane, point, resolution):
+    """Sign of a plane at an integer point of the part; 0 within `resolution` steps of it."""
+    h = height(plane, point)
+    if resolution > 0.0:
+        square = np.float64(plane[0]) ** 2 + np.float64(plane[1]) ** 2 + np.float64(plane[2]) ** 2
+        # the distance is h over the length of (a, b, c)
+        if np.float64(h) ** 2 <= resolution * resolution * square:
+            return 0
+    if h > 0:
+        return 1
+    return -1 if h < 0 else 0
+
+
+@entry_kernel
+def find_plane(planes, n, points, trio, resolution):
+    """Number of the first of the first n planes through all three points, or -1."""
+    for k in range(n):
+        if (
+            side_of(planes[k], points[trio[0]], resolution) == 0
+            and side_of(planes[k], points[trio[1]], resolution) == 0
+            and side_of(planes[k], points[trio[2]], resolution) == 0
+        ):
+            return k
+    return -1
+
+
+@entry_kernel
+def find_parallel(planes, points, trio, resolution, plane):
+    """The plane through the three points exactly parallel to that of `planes` nearest to parallel, or `plane`.
+
+    Near enough is half the resolution: it must leave some to other vertices on the plane.
+    """
+    best = -1
+    best_spread = 0.5 * resolution
+    level = np.int64(0)
+    for k in range(len(planes)):
+        low = high = height(planes[k], points[trio[0]])
+        for i in range(1, 3):
+            h = height(planes[k], points[trio[i]])
+            low = min(low, h)
+            high = max(high, h)
+        square = (
+            np.float64(planes[k, 0]) ** 2
+            + np.float64(planes[k, 1]) ** 2
+            + np.float64(planes[k, 2]) ** 2
+        )
+        # how far apart the three points lie across the parallel planes
+        spread = np.float64(high - low) / np.sqrt(square)
+        if spread <= best_spread:
+            best = k
+            best_spread = spread
+            level = low + (high - low) // 2
+    if best < 0:
+        return plane
+    parallel = planes[best].copy()
+    # halfway between the outermost of the three points
+    parallel[3] += level
+    return parallel
+
+
+@entry_kernel
+def _widest_triangle(points, loop):
+    """Three of the loop's points that span nearly the largest triangle, in the loop's cyclic order."""
+    # the farthest vertex from the farthest one: nearly the longest chord
+    a = loop[0]
+    for _ in range(2):
+        b = a
+        best = -1.0
+        for v in loop:
+            length = 0.0
+            for k in range(3):
+                length += np.float64(points[v, k] - points[a, k]) ** 2
+            if length > best:
+                b = v
+                best = length
+        a, b = b, a
+    # and the farthest from that chord
+    c = a
+    best = -1.0
+    for v in loop:
+        area = 0.0
+        for k in range(3):
+            i = (k + 1) % 3
+            j = (k + 2) % 3
+            area += (
+                np.float64(points[b, i] - points[a, i]) * np.float64(points[v, j] - points[a, j])
+                - np.float64(points[b, j] - points[a, j]) * np.float64(points[v, i] - points[a, i])
+            ) ** 2
+        if area > best:
+            c = v
+            best = area
+    return a, b, c
+
+
+def face_planes(
+    grid: Grid, loops: list[np.ndarray], normals: np.ndarray, order: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Integer planes of all faces, coplanar faces sharing one, larger faces first.
+
+    Where snapping displaced vertices, a face that is parallel to a larger one to within the resolution gets an exactly
+    parallel plane; otherwise the two would meet far away, and domains that they part would touch there.
+
+    Parameters
+    ----------
+    grid : Grid
+    loops : list of f int arrays
+        Vertices of each face's outer loop.
+    normals : ndarray, shape (f, 3)
+        Outward unit normals in the grid's frame.
+    order : ndarray of int, shape (f,), optional
+        Order of equally large faces, last first. Default: as they are listed.
+
+    Returns
+    -------
+    planes : ndarray of int64, shape (p, 4)
+    plane_of_face : ndarray of int, shape (f,)
+    side_of_face : ndarray of int8, shape (f,)
+        1 where the face's outward side is the plane's positive side, else -1.
+
+    Raises
+    ------
+    SolidError
+        If a face vanishes on the grid.
+    """
+    planes: list[np.ndarray] = []
+    plane_of_face = np.empty(len(loops), np.int64)
+    side_of_face = np.empty(len(loops), np.int8)
+    sizes = np.array([np.ptp(grid.points[loop], axis=0).sum() for loop in loops])
+    order = np.arange(len(loops)) if order is None else order
+    for face in order[np.argsort(sizes[order], kind="stable")[::-1]]:
+        loop = np.asarray(loops[face], np.int64)
+        trio = _widest_triangle(grid.points, loop)
+        plane = plane_through(*grid.points[list(trio)])
+        if not plane.any():
+            raise SolidError(
+                f"face {face} must be wider than the grid step of {grid.step_mm:g} mm. It vanishes on it."
+            )
+        table = np.array(planes, np.int64).reshape(-1, 4)
+        number = _same_plane(table, grid.points[loop], grid.resolution)
+        if number < 0:
+            number = len(planes)
+            planes.append(_made_parallel(plane, table, grid.points[loop], grid.resolution))
+        plane_of_face[face] = number
+        side_of_face[face] = 1 if normals[face] @ planes[number][:3] > 0 else -1
+    return np.array(planes), plane_of_face, side_of_face
+
+
+def _made_parallel(
+    plane: np.ndarray, planes: np.ndarray, points: np.ndarray, resolution: float
+) -> np.ndarray:
+    """The plane parallel to one of `planes` nearest to all the points, or `plane` if none is near enough."""
+    # half the resolution, to leave some to other vertices on the plane
+    heights = points @ planes[:, :3].T
+    low = heights.min(axis=0)
+    high = heights.max(axis=0)
+    near = high - low <= resolution * np.linalg.norm(planes[:, :3].astype(float), axis=1)
+    if resolution == 0.0 or not near.any():
+        return plane
+    k = int(np.argmax(near))
+    return np.array([*planes[k, :3], low[k] + (high[k] - low[k]) // 2])
+
+
+@entry_kernel
+def _same_plane(planes, points, resolution):
+    for k in range(len(planes)):
+        contains = True
+        for i in range(len(points)):
+            if side_of(planes[k], points[i], resolution) != 0:
+                contains = False
+                break
+        if contains:
+            return k
+    return -1

@@ -1,44 +1,40 @@
-"""The entity-based aspect graph: viewing domains as nodes, common boundaries as edges (paper section 3)."""
+"""The entity-based aspect graph (paper section 3): what it answers, and its files."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass
-from importlib import import_module
-from math import inf
+import bz2
+import errno
+import gzip
+import io
+import json
+import math
+import os
+import re
+import warnings
+import zlib
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree.ElementTree import ParseError
 
 import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.cells.arrays import Complex, cut_further, locate, measured, tree_of
-from aspectgraph.cells.cell_set import CellSet
-from aspectgraph.cells.split import at_limits, crop, leaves, n_leaves
-from aspectgraph.domains.carve import carve, surface_facets
+from aspectgraph.cells.arrays import CellSet, Complex, locate, tree_of
 from aspectgraph.domains.find_domains import (
-    Domain,
     Domains,
-    Ruler,
-    check_min_width,
-    find_domains,
-    largest_extent,
 )
 from aspectgraph.entities.entity import Entity
-from aspectgraph.exact.grid import Grid
-from aspectgraph.exceptions import EntityError, MemoryLimitError
-from aspectgraph.graph.complete_graph import confirm_nodes
+from aspectgraph.exceptions import EntityError, GraphMLError
+from aspectgraph.files import replacing, up_to_limit
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.casting import CONTRAST, EDGE_AND_END, VERTEX_AND_ENTITY
-from aspectgraph.visibility.entity_region import Region
-from aspectgraph.visibility.overlay import SharedPlanes, overlay, share_planes
-from aspectgraph.visibility.scene import Scene, own_order
-from aspectgraph.visibility.visibility_regions import Progress, VisibilityRegions, compute_regions
+from aspectgraph.visibility.visibility_regions import VisibilityRegions
 
-# What a graph says of entities that are rims, arcs or parts.
+# The entity-based aspect graph: viewing domains as nodes, common boundaries as edges (paper
+# section 3).
 
 
 def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[object, ...]]:
@@ -69,10 +65,6 @@ def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[object, ..
     return {"kinds": kinds, "circles": tuple(rows), **attributes}
 
 
-# Partition surfaces: the planes that bound viewing domains, and where they come from (paper
-# section 3.4).
-
-
 @dataclass(frozen=True)
 class PartitionSurface:
     """A plane across which one entity appears or disappears.
@@ -101,403 +93,6 @@ class PartitionSurface:
     edges: tuple[int, ...]
     faces: tuple[int, ...]
     plane: tuple[float, float, float, float]
-
-
-class Provenance:
-    """Looks up which surfaces a shared plane stands for.
-
-    Parameters
-    ----------
-    solid, scene, grid
-        The solid, and itself on its grid.
-    entities : sequence of Entity
-    regions : sequence of Region
-        Region of each entity.
-    shared : SharedPlanes
-        Their planes.
-    """
-
-    def __init__(
-        self,
-        solid: Solid,
-        scene: Scene,
-        grid: Grid,
-        entities: Sequence[Entity],
-        regions: Sequence[Region],
-        shared: SharedPlanes,
-    ) -> None:
-        self._solid = solid
-        self._scene = scene
-        self._in_mm = grid.planes_to_mm(shared.planes)
-        self._entities = entities
-        self._regions = regions
-        self._shared = shared
-        self._edge_of_pair = {frozenset(edge.vertices): edge.id for edge in solid.edges}
-        self._rows = [
-            {int(n): row for row, n in reversed(list(enumerate(number)))}
-            for number in shared.number
-        ]
-
-    def surfaces(
-        self, planes: Iterable[int], changed: Iterable[int]
-    ) -> tuple[PartitionSurface, ...]:
-        """Surfaces on the given shared planes for the entities (by position) that change across them."""
-        surfaces = []
-        for k in changed:
-            for plane in planes:
-                row = self._rows[k].get(plane)
-                if row is not None and self._regions[k].origin[row, 0] >= 0:
-                    surfaces.append(self._surface(k, row, plane))
-        return tuple(surfaces)
-
-    def _surface(self, k: int, row: int, plane: int) -> PartitionSurface:
-        entity = self._entities[k]
-        kind, *numbers = self._regions[k].origin[row].tolist()
-        next_to = tuple(
-            f
-            for edge_id in entity.edge_ids
-            for f in self._solid.edges[edge_id].faces
-            if self._same_plane(
-                self._scene.planes[self._scene.plane_of_face[f]], self._shared.planes[plane]
-            )
-        )
-        vertices: tuple[int, ...] = ()
-        edges: tuple[int, ...] = ()
-        faces: tuple[int, ...] = next_to
-        if not next_to:
-            if kind == EDGE_AND_END:
-                edge = self._edge_of_pair.get(frozenset(numbers[:2]))
-                edges = () if edge is None else (edge,)
-                ends = numbers[2:] if edges else numbers
-                # an end of a stretch is no vertex
-                vertices = tuple(v for v in ends if v < len(self._solid.vertices))
-            elif kind == VERTEX_AND_ENTITY:
-                vertices = (numbers[0],)
-                edges = self._spanning(entity, numbers[1:])
-            elif kind == CONTRAST:
-                edges = self._spanning(entity, numbers[:2])
-                faces = (numbers[2],)
-            else:
-                faces = (numbers[0],)
-        in_mm = tuple(self._in_mm[plane].tolist())
-        kind_of = "A" if next_to else "B"
-        if kind == CONTRAST and not next_to:
-            kind_of = "L"
-        return PartitionSurface(kind_of, entity.name, vertices, edges, faces, in_mm)
-
-    def _spanning(self, entity: Entity, ends: list[int]) -> tuple[int, ...]:
-        """The edges of an entity between two of its vertices: all of an edge or chain, one chord of a rim or arc."""
-        chord = self._edge_of_pair.get(frozenset(ends))
-        return entity.edge_ids if entity.kind == "edge" or chord is None else (chord,)
-
-    @staticmethod
-    def _same_plane(plane: np.ndarray, other: np.ndarray) -> bool:
-        return bool((plane == other).all() or (plane == -other).all())
-
-
-# Memory of a joint graph: about how much it takes, told before the work, and looked at while it
-# grows.
-#
-# The cells of a joint graph grow faster than the number of its entities, and how fast depends on
-# the part. So what is known before is an estimate, from the cells of the single regions, that may
-# err by `ERROR` either way; what the cells hold while they grow is counted. A graph is refused
-# before the work only if the estimate is too large by more than its error, and before all regions
-# are there only if the first of them leave no doubt.
-
-
-try:
-    import resource
-except ImportError:  # not on Windows
-    resource = None  # type: ignore[assignment]
-
-# Bytes and seconds of a graph for (cells of all regions)^_POWER; how many times as much as the overlay's cells it takes
-# in the end; and the factor by which the estimate may err. With 10, 20 and 60 edges of nist_ctc_01 the memory was 1.56,
-# 1.37 and 0.88 of the estimate (the last by hand, the others by `benchmarks/engine/joint_memory.py`). No other part is
-# known.
-_BYTES = 5.0
-_SECONDS = 2.5e-7
-_POWER = 2.0
-_OF_OVERLAY = 4.0
-ERROR = 3.0
-
-# regions from which the cells of all are guessed: at least so many, and such a share; the guess may err by this besides
-_FIRST = 10
-_FIRST_SHARE = 0.05
-_FIRST_ERROR = 2.0
-
-_GROUP = Path("/sys/fs/cgroup")
-
-_ADVICE = (
-    "Ask for fewer entities, or for the regions only: compute_regions answers the same questions, "
-    "and a plan needs no joint graph"
-)
-_GIB = 2**30
-
-
-class JointEstimate(NamedTuple):
-    """Estimated memory and time of a joint graph.
-
-    Attributes
-    ----------
-    memory_bytes : float
-        Largest memory of the graph, in addition to that of the process, bytes.
-    seconds : float
-        Approximate time in seconds. A busy machine took four to five times as long.
-    """
-
-    memory_bytes: float
-    seconds: float
-
-
-def estimate_joint_graph(regions: Sequence[Region]) -> JointEstimate:
-    """Return about what the joint graph of regions costs."""
-    return _cost(sum(region.n_leaves for region in regions))
-
-
-def estimate_graph(regions: VisibilityRegions, names: Sequence[str] | None = None) -> JointEstimate:
-    """Estimate memory and time of `graph_of`, before you call it.
-
-    Parameters
-    ----------
-    regions : VisibilityRegions
-        From `compute_regions`.
-    names : sequence of str, optional
-        Names of the entities. Default: all.
-
-    Returns
-    -------
-    JointEstimate
-        ``memory_bytes`` and ``seconds``. The real values may differ by a factor of three, more on a
-        busy machine.
-
-    Examples
-    --------
-    >>> from aspectgraph import compute_regions, estimate_graph, read_solid
-    >>> block = read_solid("examples/two_pocket_block.off")
-    >>> regions = compute_regions(block, {"rim": 17, "depth": 8})
-    >>> estimate_graph(regions, ["rim"]).memory_bytes < estimate_graph(regions).memory_bytes < 1e9
-    True
-    """
-    chosen = regions.check_names(regions.entity_names if names is None else names)
-    return estimate_joint_graph([regions._regions[name] for name in chosen])
-
-
-def _cost(cells: float) -> JointEstimate:
-    growth = float(cells) ** _POWER
-    return JointEstimate(_BYTES * growth, _SECONDS * growth)
-
-
-class JointForecast:
-    """Ends the computation of regions once their joint graph certainly exceeds the memory.
-
-    Pass it to `compute_regions` as ``kept``. It stores no regions.
-
-    Parameters
-    ----------
-    limit_bytes : float, optional
-        Largest memory of the graph, in bytes. Default: the free memory.
-
-    Raises
-    ------
-    MemoryLimitError
-        If the limit is not a positive number, or in `put`, if the graph cannot fit.
-
-    Examples
-    --------
-    >>> from itertools import product
-    >>> from aspectgraph import Solid
-    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
-    >>> from aspectgraph import JointForecast, compute_regions
-    >>> regions = compute_regions(box, {"top": 1, "side": 2}, kept=JointForecast(limit_bytes=2**30))
-    >>> regions.entity_names
-    ('top', 'side')
-    """
-
-    def __init__(self, limit_bytes: float | None = None) -> None:
-        self.limit, self.whose = _limit(limit_bytes)
-        self._total = 0
-        self._known = 0
-        self._cells = 0
-
-    def begin(self, solid: Solid, box_mm: np.ndarray, entities: Mapping[str, Entity]) -> None:
-        """Start with the number of entities.
-
-        Parameters
-        ----------
-        solid : Solid
-            The part.
-        box_mm : array (2, 3)
-            The workspace.
-        entities : mapping of str to Entity
-            All of them.
-        """
-        self._total = len(entities)
-        self._known = 0
-        self._cells = 0
-
-    def get(self, name: str) -> None:
-        """Return None, because it stores no regions.
-
-        Parameters
-        ----------
-        name : str
-            Of an entity.
-        """
-
-    def put(self, name: str, region: Region) -> None:
-        """Count the cells of a region.
-
-        Parameters
-        ----------
-        name : str
-            Of its entity.
-        region : Region
-            Where it is observable.
-
-        Raises
-        ------
-        MemoryLimitError
-            If the graph cannot fit.
-        """
-        self._known = self._known + 1
-        self._cells = self._cells + region.n_leaves
-        if self._known < max(_FIRST, _FIRST_SHARE * self._total) or self._known == self._total:
-            return
-        about = _cost(self._cells * self._total / self._known).memory_bytes
-        if about > _FIRST_ERROR * ERROR * self.limit:
-            got = f"about {in_gib(about)}, estimated from the first {self._known} regions"
-            raise _refusal(self._total, self.whose, self.limit, got)
-
-
-class JointMemory:
-    """Ends the work on a joint graph that does not fit; see `overlay`, which it watches.
-
-    Parameters
-    ----------
-    regions : sequence of Region
-        Of the entities.
-    limit_bytes : float, optional
-        Largest memory of the graph, in bytes. Default: the free memory.
-    progress : callable, optional
-        ``progress(done, total, "joint graph")``.
-
-    Raises
-    ------
-    MemoryLimitError
-        If the limit is no positive number, or the estimate is beyond it by more than its error.
-    """
-
-    def __init__(
-        self, regions: Sequence[Region], limit_bytes: float | None, progress: Progress | None = None
-    ) -> None:
-        self.total = len(regions)
-        self.progress = progress
-        self.limit, self.whose = _limit(limit_bytes)
-        about = estimate_joint_graph(regions)
-        if about.memory_bytes > ERROR * self.limit:
-            raise self._refused(f"about {in_gib(about.memory_bytes)}, estimated before the work")
-
-    def __call__(self, done: int, held: int) -> None:
-        """Look at what the cells hold after some regions."""
-        if self.progress is not None:
-            self.progress(done, self.total, "joint graph")
-        if _OF_OVERLAY * held > self.limit:
-            so_far = f"about {in_gib(_OF_OVERLAY * held)} after {done} of {self.total} entities"
-            raise self._refused(so_far if done == self.total else f"{so_far}, and more to come")
-
-    def refused(self, error: MemoryError) -> MemoryLimitError:
-        """Return the error to raise in place of one that came on the way."""
-        if isinstance(error, MemoryLimitError):
-            if error.hint:
-                return error
-            # the room of the cells has a limit, too, which is not the memory
-            message = f"the joint graph of {self.total} entities cannot be built: {error}"
-            refusal = MemoryLimitError(message)
-            refusal.hint = _ADVICE
-            return refusal
-        return self._refused(
-            f"a process that gets no more memory ({str(error).rstrip('.') or 'no reason given'})"
-        )
-
-    def _refused(self, got: str) -> MemoryLimitError:
-        return _refusal(self.total, self.whose, self.limit, got)
-
-
-def _refusal(total: int, whose: str, limit: float, got: str) -> MemoryLimitError:
-    return MemoryLimitError.of_rule(
-        "",
-        f"the joint graph of {total} entities must fit {whose}, {in_gib(limit)}",
-        got,
-        hint=_ADVICE,
-        mentions=("memory_limit_bytes",),
-    )
-
-
-def in_gib(memory_bytes: float) -> str:
-    """Return an amount of memory for people."""
-    return f"{memory_bytes / _GIB:.2g} GiB"
-
-
-def _limit(limit_bytes: float | None) -> tuple[float, str]:
-    """Return what a graph may take, and the words for it."""
-    if limit_bytes is None:
-        return free_bytes(), "the memory that is free"
-    if not limit_bytes > 0:
-        raise MemoryLimitError.of_rule(
-            "memory_limit_bytes", "must be a positive number of bytes", str(limit_bytes)
-        )
-    return float(limit_bytes), "memory_limit_bytes"
-
-
-def free_bytes() -> float:
-    """Return the memory that is left: of the machine, its container and the process; infinity where none tells."""
-    return min(_left_of_machine(), _left_of_container(), _left_of_process())
-
-
-def _left_of_machine() -> float:
-    return _told_by("/proc/meminfo", "MemAvailable")
-
-
-def _left_of_container() -> float:
-    """Return what the control group of a container leaves; what files only passed through can be had again."""
-    try:
-        limit, taken = (
-            float(_GROUP.joinpath(name).read_text("ascii"))
-            for name in ("memory.max", "memory.current")
-        )
-        stated = dict(
-            line.split() for line in _GROUP.joinpath("memory.stat").read_text("ascii").splitlines()
-        )
-        return max(limit - taken + float(stated["inactive_file"]), 0.0)
-    except (OSError, ValueError, KeyError):
-        # there is none, or its limit is "max"
-        return inf
-
-
-def _left_of_process() -> float:
-    """Return what ``ulimit -v`` leaves."""
-    if resource is None:
-        return inf
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    taken = _told_by("/proc/self/status", "VmSize")
-    return inf if limit == resource.RLIM_INFINITY or taken == inf else max(limit - taken, 0.0)
-
-
-def _told_by(file: str, name: str) -> float:
-    """Return an amount of memory in a file of the kernel; infinity where there is none."""
-    try:
-        with open(file, encoding="ascii", errors="replace") as lines:
-            amounts = dict(line.split(":", 1) for line in lines if ":" in line)
-        return 1024.0 * float(amounts[name].split()[0])
-    except (OSError, KeyError, ValueError):
-        return inf
-
-
-# cells to reserve room for at first, where the part is cut out of the joint cells, per cell of these
-# once the regions are joined: cut, found, described
-_STEPS = 3
-_ROOM_PER_CELL = 16
 
 
 class EntityAspectGraph:
@@ -706,118 +301,464 @@ class EntityAspectGraph:
         path : str or os.PathLike
             The file; an existing one is replaced.
         """
-        # the writer knows graphs, so its module is known by its name here
-        import_module("aspectgraph.graph.graphml").write_graphml(self, path)
+        write_graphml(self, path)
 
 
-def build_aspect_graph(
-    solid: Solid,
-    entities: Mapping[str, Any] | Sequence[Any],
-    workspace: ArrayLike | None = None,
-    executor: Executor | None = None,
-    progress: Progress | None = None,
-    *,
-    min_width_mm: float | None = None,
-    memory_limit_bytes: float | None = None,
-) -> EntityAspectGraph:
-    """Build the entity-based aspect graph of a solid.
+# Graph files: GraphML that loses nothing and that networkx, igraph, Gephi, yEd and Cytoscape all
+# read.
+#
+# GraphML knows booleans, integers, floats and text only, and readers differ in what they make of
+# a missing value. Hence:
+#
+# * every node has the same attributes, and every edge; a number is finite; a text holds no control characters;
+# * a vector ``viewpoint`` is three floats ``viewpoint_x``, ``viewpoint_y``, ``viewpoint_z``;
+# * lists of names, end points, circles and partition surfaces are JSON texts;
+# * a node also gets ``label`` (its list, or ``None``) and an edge ``label`` (the types of its surfaces) for the
+#   programs that draw graphs. Both are dropped when the file is read back.
+#
+# Reference: U. Brandes et al., GraphML progress report, Graph Drawing 2001.
+
+
+LABEL = "label"
+"""Attribute written for the eyes only."""
+
+ADDED_BY_FILES = (LABEL, "id", "node_default", "edge_default")
+"""Attributes that are no part of the graph: ours for the eyes, and what networkx adds on reading."""
+
+AXES = ("x", "y", "z")
+
+NOT_XML = re.compile("[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
+"""What XML cannot carry or, as carriage return, changes on the way."""
+
+
+_WRONG_VALUES = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+"""What comes of a file with a value of another type than it should have, or in an encoding that does not exist."""
+
+
+class Codec(NamedTuple):
+    """How a value becomes a scalar of GraphML, and back."""
+
+    encode: Callable[[Any], bool | int | float | str]
+    decode: Callable[[Any], Any]
+
+
+def write_graphml(graph: EntityAspectGraph | nx.Graph, path: str | os.PathLike[str]) -> None:
+    """Write an aspect graph as GraphML.
+
+    The file appears whole or not at all.
 
     Parameters
     ----------
-    solid : Solid
-        The part.
-    entities : mapping of str to edge id, id of a rim or arc, or pair of points
-        The entities to measure; see `resolve_entities`.
-    workspace : array_like, shape (2, 3), optional
-        Corners of the viewpoint space in mm. Default: the part's box,
-        extended by ten diagonals in all directions.
-    executor : concurrent.futures.Executor, optional
-        Computes the entities' regions in parallel.
-    progress : callable, optional
-        ``progress(done, total, label)`` after each of the entities; the label is the name of the entity, and then
-        "joint graph" while their regions are joined.
-    min_width_mm : float, optional
-        Thinner domains are slivers, and contacts must be wider by half (see `domains`). Away from
-        the part the limit grows in proportion to the distance, because snapping turns planes.
-        Default: 10⁻⁴ of the largest distance between two vertices, or 0 if snapping moved nothing.
-    memory_limit_bytes : float, optional
-        Approximate limit of the memory for joining the regions, bytes. Default: the free memory.
-
-    Returns
-    -------
-    EntityAspectGraph
-        Guarantee: every viewpoint outside the solid and off the partition surfaces lies in exactly
-        one domain. Its list names exactly the entities with free sight triangles (a rim: of all its
-        chords). Merged slivers are the exception.
+    graph : EntityAspectGraph or networkx.Graph
+        An object with a `networkx.Graph` as its ``graph`` attribute, or that graph. It is not
+        changed.
+    path : str or os.PathLike
+        An existing file is replaced.
 
     Raises
     ------
-    EntityError, WorkspaceError, WidthError
-        For bad input.
-    MemoryLimitError
-        If the graph needs more memory than the limit. Use fewer entities; a smaller workspace does
-        not help.
-    ContradictionError
-        If ray casting and exact arbitration refute a domain's list.
+    GraphMLError
+        An attribute cannot be written without loss; nothing is written then.
+    OutputError
+        The file cannot be written.
 
     Examples
     --------
-    >>> from itertools import product
-    >>> from aspectgraph import Solid, build_aspect_graph
-    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
-    >>> eag = build_aspect_graph(box, {"top": 1, "side": 2})
-    >>> eag
-    <EntityAspectGraph of 'box': 2 entities, 4 domains, 5 adjacencies>
-    >>> eag.graph.nodes[0]["observable"]
-    ('top', 'side')
+    Any graph with integer nodes and attributes of the kinds that aspect graphs have:
+
+    >>> import tempfile
+    >>> import networkx as nx
+    >>> from aspectgraph import read_graphml, write_graphml
+    >>> graph = nx.Graph(part="box", entities=("top", "side"))
+    >>> graph.add_node(0, observable=("top", "side"), volume=8.5)
+    >>> graph.add_node(1, observable=(), volume=20.0)
+    >>> graph.add_edge(0, 1, area=3.25)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_graphml(graph, f"{folder}/box.graphml")
+    ...     again = read_graphml(f"{folder}/box.graphml")
+    >>> again.nodes[0]
+    {'observable': ('top', 'side'), 'volume': 8.5}
     """
-    forecast = JointForecast(memory_limit_bytes)
-    regions = compute_regions(
-        solid, entities, workspace, executor=executor, progress=progress, kept=forecast
-    )
-    return graph_of(
-        regions, min_width_mm=min_width_mm, memory_limit_bytes=memory_limit_bytes, progress=progress
-    )
+    path = Path(path)
+    graph = graph if isinstance(graph, nx.Graph) else graph.graph
+    try:
+        flat = _flat_graph(graph)
+    except ValueError as error:
+        raise GraphMLError(f"{path}: {error}") from error
+    with replacing(path) as beside, open(beside, "wb") as file:
+        nx.write_graphml_xml(flat, file)
 
 
-def graph_of(
-    regions: VisibilityRegions,
-    names: Sequence[str] | None = None,
-    *,
-    min_width_mm: float | None = None,
-    memory_limit_bytes: float | None = None,
-    progress: Progress | None = None,
-) -> EntityAspectGraph:
-    """Build the graph of some entities from regions already computed; see `build_aspect_graph`.
+def _content(path: Path) -> bytes:
+    """Return the bytes of a file, unpacked as its ending tells, up to a limit."""
+    packed: dict[str, Callable[..., Any]] = {".gz": gzip.open, ".bz2": bz2.open}
+    with packed.get(path.suffix, open)(path, "rb") as file:
+        try:
+            return up_to_limit(file, large=True)
+        except OSError as error:
+            if error.errno != errno.EFBIG:
+                raise
+            raise GraphMLError(
+                f"{path}: must be a graph file of a sensible size. Got: {error.strerror}."
+            ) from error
+
+
+def read_graphml(path: str | os.PathLike[str]) -> nx.Graph:
+    """Read an aspect graph written by :func:`write_graphml`.
 
     Parameters
     ----------
-    regions : VisibilityRegions
-        From `compute_regions`.
-    names : sequence of str, optional
-        Names of the entities. Default: all.
-    min_width_mm, memory_limit_bytes : float, optional
-        As in `build_aspect_graph`.
-    progress : callable, optional
-        ``progress(done, total, "joint graph")`` after each of the entities, then
-        ``progress(done, total, "domains of the graph")``.
+    path : str or os.PathLike
+        The GraphML file.
 
     Returns
     -------
-    EntityAspectGraph
-        With the guarantee of `build_aspect_graph`.
+    networkx.Graph
+        Equal to the graph written: the same node ids, edges, attributes, values and types.
 
     Raises
     ------
-    EntityError
-        If a name is unknown.
-    WidthError
-        If `min_width_mm` is out of range.
-    MemoryLimitError
-        If the graph takes more memory than it may.
-    ContradictionError
-        If ray casting and exact arbitration refute a domain's list.
+    GraphMLError
+        The file is not GraphML, or is not the GraphML of an aspect graph.
+    FileNotFoundError
+        There is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import networkx as nx
+    >>> from aspectgraph import read_graphml, write_graphml
+    >>> graph = nx.path_graph(3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_graphml(graph, f"{folder}/path.graphml")
+    ...     again = read_graphml(f"{folder}/path.graphml")
+    >>> nx.utils.graphs_equal(again, graph)
+    True
+    """
+    path = Path(path)
+    try:
+        # what networkx warns of and guesses, a missing type for one, is never in a file of ours
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            flat = nx.read_graphml(io.BytesIO(_content(path)), node_type=int)
+    except (
+        ParseError,
+        nx.NetworkXError,
+        EOFError,
+        gzip.BadGzipFile,
+        zlib.error,
+        Warning,
+        *_WRONG_VALUES,
+    ) as error:
+        text = " ".join(str(error).split())[:200]
+        raise GraphMLError(f"{path}: must be GraphML with integer node ids. Got {text}.") from error
+    if flat.is_directed() or flat.is_multigraph():
+        raise GraphMLError(
+            f"{path}: must hold one undirected edge at most between two nodes. Got a {type(flat).__name__}."
+        )
+    try:
+        return _rebuilt_graph(flat)
+    except _WRONG_VALUES as error:
+        raise GraphMLError(f"{path}: {' '.join(str(error).split())[:400]}") from error
+
+
+# ------------------------------------------------------------------------------------------------ whole graphs
+
+
+def _flat_graph(graph: nx.Graph) -> nx.Graph:
+    if graph.is_directed() or graph.is_multigraph():
+        raise ValueError(
+            f"the graph must be a plain undirected networkx.Graph. Got a {type(graph).__name__}."
+        )
+    flat = nx.Graph()
+    flat.graph.update(_flattened(graph.graph, "the graph"))
+    for node, attributes in graph.nodes(data=True):
+        if type(node) is not int:
+            raise ValueError(f"node ids must be integers. Got {node!r}.")
+        flat.add_node(node)
+        flat.nodes[node].update(_flattened(attributes, f"node {node}") | _node_label(attributes))
+    for u, v, attributes in graph.edges(data=True):
+        flat.add_edge(u, v)
+        flat.edges[u, v].update(_flattened(attributes, f"edge {u}-{v}") | _edge_label(attributes))
+    _check_alike(flat)
+    return flat
+
+
+def _rebuilt_graph(flat: nx.Graph) -> nx.Graph:
+    _check_alike(flat)
+    graph = nx.Graph()
+    graph.graph.update(_rebuilt(flat.graph, "the graph"))
+    for node, attributes in flat.nodes(data=True):
+        graph.add_node(node)
+        graph.nodes[node].update(_rebuilt(attributes, f"node {node}"))
+    for u, v, attributes in flat.edges(data=True):
+        graph.add_edge(u, v)
+        graph.edges[u, v].update(_rebuilt(attributes, f"edge {u}-{v}"))
+    return graph
+
+
+def _check_alike(flat: nx.Graph) -> None:
+    """Check that all nodes have the same attributes with the same types, and all edges."""
+    for kind, rows in (
+        ("node", dict(flat.nodes(data=True))),
+        ("edge", {(u, v): d for u, v, d in flat.edges(data=True)}),
+    ):
+        signatures = {
+            name: {k: type(x) for k, x in attributes.items()} for name, attributes in rows.items()
+        }
+        first = next(iter(signatures.values()), None)
+        for name, signature in signatures.items():
+            if first is not None and signature != first:
+                keys = sorted(k for k in {*signature, *first} if signature.get(k) != first.get(k))
+                raise ValueError(
+                    f"every {kind} must have the same attributes. Got a difference in {keys} at {kind} {name}."
+                )
+
+
+def _node_label(attributes: Mapping[str, Any]) -> dict[str, str]:
+    names = attributes.get("observable", attributes.get("showing"))
+    return {} if names is None else {LABEL: NOT_XML.sub(" ", ", ".join(names)) or "None"}
+
+
+def _edge_label(attributes: Mapping[str, Any]) -> dict[str, str]:
+    surfaces = attributes.get("surfaces")
+    return (
+        {} if surfaces is None else {LABEL: "+".join(sorted({s.type for s in surfaces})) or "None"}
+    )
+
+
+# --------------------------------------------------------------------------------------------- one set of attributes
+
+
+def _flattened(attributes: Mapping[str, Any], owner: str) -> dict[str, bool | int | float | str]:
+    flat: dict[str, bool | int | float | str] = {}
+    for key, value in attributes.items():
+        if type(key) is not str or key == LABEL:
+            raise ValueError(
+                f"attribute names must be text other than {LABEL!r}. Got {key!r} of {owner}."
+            )
+        try:
+            flat.update(
+                _as_components(key, value)
+                if key in VECTORS
+                else {key: CODECS.get(key, SCALAR).encode(value)}
+            )
+        except (TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"{key} of {owner} {error}") from error
+    return flat
+
+
+def _as_components(key: str, vector: Any) -> dict[str, float]:
+    if len(vector) != len(AXES):
+        raise ValueError(f"must be three numbers. Got {vector!r}.")
+    return {f"{key}_{axis}": _as_float(x) for axis, x in zip(AXES, vector, strict=True)}
+
+
+def _rebuilt(flat: Mapping[str, Any], owner: str) -> dict[str, Any]:
+    flat = {key: value for key, value in flat.items() if key not in ADDED_BY_FILES}
+    for key in VECTORS:
+        names = [f"{key}_{axis}" for axis in AXES]
+        if any(name in flat for name in names):
+            # The vector takes the place of its first component, so the order of attributes survives too.
+            items = [(key if k == names[0] else k, x) for k, x in flat.items()]
+            vector = tuple(flat.get(name) for name in names)
+            flat = {k: vector if k == key else x for k, x in items if k not in names}
+    attributes = {}
+    for key, value in flat.items():
+        try:
+            decode = CODECS.get(key, SCALAR).decode
+            attributes[key] = tuple(map(decode, value)) if key in VECTORS else decode(value)
+        except _WRONG_VALUES as error:
+            raise ValueError(f"{key} of {owner} {error}") from error
+    return attributes
+
+
+# -------------------------------------------------------------------------------------------------- single values
+
+
+def _plain(value: Any) -> Any:
+    """Return a numpy scalar as the Python number it holds."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _as_scalar(value: Any) -> bool | int | float | str:
+    value = _plain(value)
+    if type(value) is str:
+        if not value or NOT_XML.search(value):
+            raise ValueError(
+                f"must be text, not empty and without control characters. Got {value!r}."
+            )
+    elif type(value) not in (bool, int, float):
+        raise ValueError(f"must be a bool, int, float or str. Got {value!r}.")
+    elif not math.isfinite(value):
+        raise ValueError(f"must be finite. Got {value}.")
+    return value
+
+
+def _as_float(value: Any) -> float:
+    value = _plain(value)
+    if type(value) not in (int, float) or not math.isfinite(value):
+        raise ValueError(f"must be a finite number. Got {value!r}.")
+    return float(value)
+
+
+def _as_int(value: Any) -> int:
+    value = _plain(value)
+    if type(value) is not int:
+        raise ValueError(f"must be an integer. Got {value!r}.")
+    return value
+
+
+def _as_bool(value: Any) -> bool:
+    value = _plain(value)
+    if type(value) is not bool:
+        raise ValueError(f"must be a bool. Got {value!r}.")
+    return value
+
+
+def _to_json(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, default=_plain)
+
+
+def _names_to_json(names: Any) -> str:
+    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"must be a tuple of names. Got {names!r}.")
+    return _to_json(list(names))
+
+
+def _text_to_json(text: Any) -> str:
+    # JSON because networkx loses an empty text on reading.
+    if not isinstance(text, str):
+        raise ValueError(f"must be text. Got {text!r}.")
+    return _to_json(text)
+
+
+def _text_from_json(text: str) -> str:
+    value = json.loads(text)
+    if not isinstance(value, str):
+        raise ValueError(f"must be a JSON text. Got {text!r}.")
+    return value
+
+
+def _surfaces_to_json(surfaces: Any) -> str:
+    return _to_json([asdict(surface) for surface in surfaces])
+
+
+def _surfaces_from_json(text: str) -> tuple[PartitionSurface, ...]:
+    return tuple(
+        PartitionSurface(**{k: _tuples(v) for k, v in row.items()}) for row in json.loads(text)
+    )
+
+
+def _tuples(value: Any) -> Any:
+    """Return a JSON value with lists turned into tuples."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def _tuples_from_json(text: str) -> tuple[Any, ...]:
+    value = _tuples(json.loads(text))
+    if not isinstance(value, tuple):
+        raise ValueError(f"must be a JSON list. Got {text!r}.")
+    return value
+
+
+SCALAR = Codec(_as_scalar, _as_scalar)
+FLOAT = Codec(_as_float, _as_float)
+INT = Codec(_as_int, _as_int)
+BOOL = Codec(_as_bool, _as_bool)
+NAMES = Codec(_names_to_json, _tuples_from_json)
+TEXT = Codec(_text_to_json, _text_from_json)
+POINTS = Codec(
+    lambda points: _to_json([[_as_float(x) for x in point] for point in points]), _tuples_from_json
+)
+SURFACES = Codec(_surfaces_to_json, _surfaces_from_json)
+
+VECTORS = ("viewpoint", "bbox_min", "bbox_max", "workspace_min", "workspace_max")
+"""Attributes that are written as three floats."""
+
+CODECS = {
+    **dict.fromkeys(VECTORS, FLOAT),
+    **dict.fromkeys(
+        ("volume", "clearance", "area", "grid_mm", "snapping_mm", "min_width_mm", "contrast"), FLOAT
+    ),
+    **dict.fromkeys(("n_cells", "n_rays", "n_arbitrated", "n_slivers"), INT),
+    **dict.fromkeys(("unbounded", "confirmed"), BOOL),
+    **dict.fromkeys(("observable", "showing", "entities", "kinds", "parts"), NAMES),
+    "part": TEXT,
+    "endpoints": POINTS,
+    "circles": POINTS,
+    "surfaces": SURFACES,
+}
+"""The attributes of an aspect graph; any other must be a bool, int, float or text already."""
+
+
+# What an aspect graph says of its part: the domains that see most, how stable lists are, ways
+# between domains.
+
+
+@dataclass(frozen=True)
+class ListOfEntities:
+    """All domains with the same list of observable entities.
+
+    Attributes
+    ----------
+    observable : tuple of str
+        The list.
+    volume : float
+        Total volume of these domains inside the workspace, mm³.
+    share : float
+        Share of the volume of all domains. It is the probability that a random viewpoint has this
+        list.
+    domains : tuple of int
+        Their numbers, largest first.
+    clearance : float
+        Radius of the largest ball found in one of their cells, mm. A camera at its centre may move
+        by this distance.
+    """
+
+    observable: tuple[str, ...]
+    volume: float
+    share: float
+    domains: tuple[int, ...]
+    clearance: float
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A step from one viewing domain to the next.
+
+    Attributes
+    ----------
+    domain : int
+        The domain that the step enters.
+    appear, vanish : tuple of str
+        Entities that become observable, and those that cease to be.
+    """
+
+    domain: int
+    appear: tuple[str, ...]
+    vanish: tuple[str, ...]
+
+
+def stability(eag: EntityAspectGraph | nx.Graph) -> list[ListOfEntities]:
+    """Group the domains of an aspect graph by their lists, the list of the largest volume first.
+
+    Parameters
+    ----------
+    eag : EntityAspectGraph or networkx.Graph
+        From `build_aspect_graph` or `read_graphml`.
+
+    Returns
+    -------
+    list of ListOfEntities
+        The volumes depend on the workspace where domains reach its boundary.
 
     Examples
     --------
@@ -825,108 +766,129 @@ def graph_of(
     >>> from aspectgraph import Solid
     >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
-    >>> from aspectgraph import compute_regions, graph_of
-    >>> regions = compute_regions(box, {"top": 1, "side": 2})
-    >>> graph_of(regions, ["top"])
-    <EntityAspectGraph of 'box': 1 entities, 2 domains, 1 adjacencies>
+    >>> from aspectgraph import build_aspect_graph, stability
+    >>> eag = build_aspect_graph(box, {"top": 1, "side": 2})
+    >>> sorted(group.observable for group in stability(eag))
+    [(), ('side',), ('top',), ('top', 'side')]
     """
-    chosen = regions.subset(regions.entity_names if names is None else names)
-    displaced = float(chosen.grid.resolution * chosen.grid.step_mm)
-    min_width_mm = check_min_width(min_width_mm, largest_extent(chosen.solid.vertices), displaced)
-    memory = JointMemory(list(chosen._regions.values()), memory_limit_bytes, progress)
+    nodes = _graph(eag).nodes
+    total = sum(volume for _, volume in nodes(data="volume"))
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for node, names in nodes(data="observable"):
+        groups.setdefault(tuple(names), []).append(node)
+    lists = []
+    for names, members in groups.items():
+        volume = sum(nodes[node]["volume"] for node in members)
+        ordered = tuple(sorted(members, key=lambda node: (-nodes[node]["volume"], node)))
+        clearance = max(nodes[node]["clearance"] for node in members)
+        lists.append(ListOfEntities(names, volume, volume / total, ordered, clearance))
+    return sorted(lists, key=lambda group: (-group.volume, group.domains))
+
+
+def richest_domains(eag: EntityAspectGraph | nx.Graph, n: int | None = None) -> list[int]:
+    """Return the domains from which most entities are observable, in this order.
+
+    Parameters
+    ----------
+    eag : EntityAspectGraph or networkx.Graph
+        From `build_aspect_graph` or `read_graphml`.
+    n : int, optional
+        Largest number of domains. Default: all.
+
+    Returns
+    -------
+    list of int
+        Numbers of nodes. Among equals, those with larger ``clearance``, then ``volume``, come
+        first.
+
+    Raises
+    ------
+    EntityError
+        If `n` is not a positive whole number.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import build_aspect_graph, richest_domains
+    >>> eag = build_aspect_graph(box, {"top": 1, "side": 2})
+    >>> eag.graph.nodes[richest_domains(eag, 1)[0]]["observable"]
+    ('top', 'side')
+    """
+    if n is not None and (isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1):
+        raise EntityError.of_rule("n", "must be a positive whole number", repr(n))
+    nodes = _graph(eag).nodes
+
+    def key(node: int) -> tuple[Any, ...]:
+        record = nodes[node]
+        return -len(record["observable"]), -record["clearance"], -record["volume"], node
+
+    return sorted(nodes, key=key)[:n]
+
+
+def domain_path(eag: EntityAspectGraph | nx.Graph, start: int, goal: int) -> list[Crossing]:
+    """Return a path between two domains that crosses the fewest partition surfaces.
+
+    Of several such paths, it is one with the smallest total distance between viewpoints.
+
+    Parameters
+    ----------
+    eag : EntityAspectGraph or networkx.Graph
+        From `build_aspect_graph` or `read_graphml`.
+    start, goal : int
+        Numbers of nodes.
+
+    Returns
+    -------
+    list of Crossing
+        One for each domain after `start`; the last is `goal`. Domains are connected, but a straight line between their
+        viewpoints may leave them, or pass through the part.
+
+    Raises
+    ------
+    EntityError
+        If there is no such domain, or no path between the two.
+
+    Examples
+    --------
+    >>> from itertools import product
+    >>> from aspectgraph import Solid
+    >>> faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    >>> box = Solid(list(product((0, 40), (0, 30), (0, 20))), faces, name="box")
+    >>> from aspectgraph import build_aspect_graph, domain_path, richest_domains
+    >>> eag = build_aspect_graph(box, {"top": 1, "side": 2})
+    >>> best, *_, worst = richest_domains(eag)
+    >>> way = domain_path(eag, best, worst)
+    >>> sorted(name for crossing in way for name in crossing.vanish)
+    ['side', 'top']
+    """
+    graph = _graph(eag)
+    for name, node in (("start", start), ("goal", goal)):
+        if node not in graph:
+            raise EntityError.of_rule(
+                name, f"must be a domain of the graph, 0 to {len(graph) - 1}", repr(node)
+            )
+    place = {node: np.array(point) for node, point in graph.nodes(data="viewpoint")}
+    # a crossing weighs more than every way together is long, so that crossings decide first
+    crossing = 1.0 + len(place) * float(np.linalg.norm(np.ptp(list(place.values()), axis=0)))
+
+    def weight(i: int, j: int, _: Any) -> float:
+        return crossing + float(np.linalg.norm(place[i] - place[j]))
+
     try:
-        return _joined(chosen, min_width_mm, memory)
-    except MemoryError as error:
-        raise memory.refused(error) from None
+        way: Sequence[int] = nx.dijkstra_path(graph, start, goal, weight)
+    except nx.NetworkXNoPath:
+        raise EntityError(
+            f"start and goal must be connected by domains. Got {start} and {goal}."
+        ) from None
+    lists = [graph.nodes[node]["observable"] for node in way]
+    return [
+        Crossing(node, tuple(n for n in new if n not in old), tuple(n for n in old if n not in new))
+        for node, old, new in zip(way[1:], lists, lists[1:], strict=False)
+    ]
 
 
-def _joined(
-    chosen: VisibilityRegions, min_width_mm: float, memory: JointMemory
-) -> EntityAspectGraph:
-    grid = chosen.grid
-    scene = chosen._scene
-    regions = [chosen._regions[name] for name in chosen.entity_names]
-    cube = grid.cube_planes(chosen.workspace)
-    limits = grid.box_planes(chosen.workspace)
-    order = own_order(scene, chosen.solid, chosen.entities.values())
-    shared = share_planes(regions, scene, cube, order)
-    facets = surface_facets(scene)
-    uncut = overlay(
-        regions, shared.extended(limits).extended(facets.planes), order=order, watch=memory
-    )
-
-    def cut(cx: Complex) -> None:
-        carve(cx, scene, facets, len(cube))
-        crop(cx, len(shared.planes))
-        # what follows asks for the leaves again, and must not need more room
-        leaves(cx)
-
-    # facets take room, too, and a part may have many more of them than its regions have cells
-    cx = cut_further(uncut, cut, _ROOM_PER_CELL * n_leaves(uncut) + len(facets.planes))
-    del uncut
-    _report_step(memory.progress, 1)
-    extent = largest_extent(grid.points * grid.scale)
-    domains = find_domains(measured(cx, grid), Ruler(min_width_mm / grid.step_mm, 0.5 * extent))
-    _report_step(memory.progress, 2)
-    provenance = Provenance(
-        chosen.solid, scene, grid, list(chosen.entities.values()), regions, shared
-    )
-    graph = _networkx(chosen, cx, domains, provenance, at_limits(cx, len(shared.planes)))
-    graph.graph["min_width_mm"] = min_width_mm
-    confirm_nodes(chosen, graph)
-    _report_step(memory.progress, _STEPS)
-    return EntityAspectGraph(chosen, graph, cx, domains)
-
-
-def _report_step(progress: Progress | None, done: int) -> None:
-    if progress is not None:
-        progress(done, _STEPS, "domains of the graph")
-
-
-def _networkx(
-    regions: VisibilityRegions,
-    cx: Complex,
-    domains: Domains,
-    provenance: Provenance,
-    at_boundary: np.ndarray,
-) -> nx.Graph:
-    names = regions.entity_names
-    grid = regions.grid
-    graph = nx.Graph(
-        part=regions.solid.name,
-        entities=names,
-        endpoints=tuple(tuple(map(float, e.endpoints.ravel())) for e in regions.entities.values()),
-        workspace_min=tuple(map(float, regions.workspace[0])),
-        workspace_max=tuple(map(float, regions.workspace[1])),
-        grid_mm=float(grid.step_mm),
-        snapping_mm=float(grid.snapping_mm),
-        n_slivers=int(domains.n_slivers),
-        **curve_attributes(regions.entities.values()),
-    )
-    members = [_listed(domain) for domain in domains.domains]
-    for node, domain in enumerate(domains.domains):
-        low, high = CellSet(cx, domain.cells, grid).bounds
-        graph.add_node(
-            node,
-            **{regions.listed_as: tuple(names[k] for k in sorted(members[node]))},
-            volume=float(domain.volume * grid.step_mm**3),
-            unbounded=bool(at_boundary[domain.cells].any()),
-            viewpoint=tuple(map(float, grid.measured_to_mm(domain.viewpoint))),
-            clearance=float(domain.clearance * grid.step_mm),
-            bbox_min=tuple(map(float, low)),
-            bbox_max=tuple(map(float, high)),
-            n_cells=len(domain.cells),
-        )
-    for (i, j), contact in domains.contacts.items():
-        graph.add_edge(
-            i,
-            j,
-            area=float(contact.area * grid.step_mm**2),
-            surfaces=provenance.surfaces(sorted(contact.planes), sorted(members[i] ^ members[j])),
-        )
-    return graph
-
-
-def _listed(domain: Domain) -> set[int]:
-    bits = sum(word << (64 * k) for k, word in enumerate(domain.label))
-    return {k for k in range(bits.bit_length()) if bits >> k & 1}
+def _graph(eag: EntityAspectGraph | nx.Graph) -> nx.Graph:
+    return eag.graph if isinstance(eag, EntityAspectGraph) else eag

@@ -36,8 +36,7 @@ from aspectgraph.cells.split import cell_side, leaves, split_cell
 from aspectgraph.domains.carve import is_inside
 from aspectgraph.domains.find_domains import Ruler, find_domains, largest_extent
 from aspectgraph.entities.entity import Entity
-from aspectgraph.exact.planes import find_plane, plane_through
-from aspectgraph.exact.predicates import sign_at_point
+from aspectgraph.exact.grid import find_plane, plane_through, sign_at_point
 from aspectgraph.exceptions import ContradictionError
 from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.solid import Solid

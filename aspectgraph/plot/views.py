@@ -12,24 +12,22 @@ import shapely
 from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import AspectGraphError, WorkspaceError
-from aspectgraph.plot.clip import (
+from aspectgraph.plot.traces import (
+    INK,
     box_around,
     box_half_spaces,
     domain_facets,
-    polygon_parts,
-    polygon_union,
-    section_axes,
-    section_polygons,
-)
-from aspectgraph.plot.traces import (
-    INK,
     line_trace,
     list_colors,
     list_text,
     new_axes,
     part_traces,
     point_text,
+    polygon_parts,
+    polygon_union,
     scene_figure,
+    section_axes,
+    section_polygons,
     surface_trace,
     text_extent,
     xyz,

@@ -68,9 +68,10 @@ class Tessellation:
 
 # Coplanar triangles found and grouped.
 #
-# Notation -------- Half-edge ``h = 3 t + k`` runs from corner k of triangle t to the next corner.
-# ``twin[h]`` is the half-edge on the other side, which runs the other way. A *group* is a set of
-# triangles that becomes one face.
+# Notation
+# --------
+# Half-edge ``h = 3 t + k`` runs from corner k of triangle t to the next corner. ``twin[h]`` is the half-edge on the
+# other side, which runs the other way. A *group* is a set of triangles that becomes one face.
 
 
 def find_twins(triangles: np.ndarray) -> np.ndarray:
@@ -262,27 +263,20 @@ def _adopt_slivers(
 #
 # Rules
 # -----
-# * An edge is *gentle* if the normal turns by less than `GENTLE_DEG` there. A *strip* is a face,
-#   or two triangles nearly
-#   flat across the edge that is the flattest of both.
-# * The *width* of a strip is its area over the length of its longest gentle edge. A strip matches
-#   a neighbour if it is no
-#   wider than `WIDTH_RATIO` times that.
-# * Where a plane runs into an arc, it turns by half of what neighbouring strips of the arc do. A
-#   gentle edge is *tangent*
-#   for a strip if it turns by less than `TANGENT_SHARE` of what the strip across turns, the same
-#   way, at another edge.
-# * A strip is a *facet* of a curved surface if it has two or more gentle edges to matching
-#   neighbours that turn the same
-#   way, not all of them tangent, and an arc through the strip that turns by the mean of the two
-#   largest turns would stand
-#   off from it by no more than `RELATIVE_SAGITTA` of the part's bounding box diagonal.
+# * An edge is *gentle* if the normal turns by less than `GENTLE_DEG` there. A *strip* is a face, or two triangles
+#   nearly flat across the edge that is the flattest of both.
+# * The *width* of a strip is its area over the length of its longest gentle edge. A strip matches a neighbour if it
+#   is no wider than `WIDTH_RATIO` times that.
+# * Where a plane runs into an arc, it turns by half of what neighbouring strips of the arc do. A gentle edge is
+#   *tangent* for a strip if it turns by less than `TANGENT_SHARE` of what the strip across turns, the same way, at
+#   another edge.
+# * A strip is a *facet* of a curved surface if it has two or more gentle edges to matching neighbours that turn the
+#   same way, not all of them tangent, and an arc through the strip that turns by the mean of the two largest turns
+#   would stand off from it by no more than `RELATIVE_SAGITTA` of the part's bounding box diagonal.
 # * So is a strip that matches a facet across a gentle edge that is not tangent for it.
-# * Curved, and thus no candidate, are the gentle edges of facets, and the edges of facets that
-#   start at a gentle edge of
-#   theirs (the chords of a rim). Not so an edge that meets no gentle one, the straight end of the
-#   surface, nor one to a
-#   plane that turns by more than `SHARP_SHARE` times what the surface turns inside.
+# * Curved, and thus no candidate, are the gentle edges of facets, and the edges of facets that start at a gentle edge
+#   of theirs (the chords of a rim). Not so an edge that meets no gentle one, the straight end of the surface, nor one
+#   to a plane that turns by more than `SHARP_SHARE` times what the surface turns inside.
 #
 # A prism that really has twelve or more sides is therefore taken for a cylinder; read it from
 # STEP to keep its edges.

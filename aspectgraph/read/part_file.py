@@ -22,7 +22,7 @@ MESH_SUFFIXES = (".stl", ".obj", ".ply", ".off", ".glb")
 
 
 def read_solid(
-    path: str | Path,
+    path: str | os.PathLike[str],
     *,
     units: str | None = None,
     chord_tolerance_mm: float | None = None,
@@ -36,7 +36,7 @@ def read_solid(
 
     Parameters
     ----------
-    path : str or Path
+    path : str or os.PathLike
         A .step, .stp, .stl, .obj, .ply, .off or .glb file. Each may be compressed as .gz.
     units : {"mm", "cm", "m", "um", "inch", "ft"}, optional
         Unit of a mesh file's coordinates. Default: "mm", and "m" for .glb by its standard. STEP

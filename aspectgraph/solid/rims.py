@@ -32,11 +32,19 @@ FloatArray = npt.NDArray[np.float64]
 
 
 class EdgedSurface(Protocol):
-    """What finding circular edges needs of a `Solid`: its vertices, edges and outward unit normals."""
+    """What is read of a `Solid` here; see there for shapes and units."""
 
-    vertices: FloatArray
-    edges: tuple[Edge, ...]
-    normals: FloatArray
+    @property
+    def vertices(self) -> FloatArray: ...  # noqa: D102
+
+    @property
+    def faces(self) -> tuple[Face, ...]: ...  # noqa: D102
+
+    @property
+    def edges(self) -> tuple[Edge, ...]: ...  # noqa: D102
+
+    @property
+    def normals(self) -> FloatArray: ...  # noqa: D102
 
 
 class Circle(NamedTuple):
@@ -132,14 +140,11 @@ def fit_circle(points: FloatArray) -> Circle | None:
 # Rules
 # -----
 # * A chord is an edge across which the normal turns by at least `SHARP_MESH_DEG`.
-# * At a vertex, two chords continue each other if they turn by at most `MAX_TURN_DEG`, the normal
-#   turns the same way
+# * At a vertex, two chords continue each other if they turn by at most `MAX_TURN_DEG`, the normal turns the same way
 #   across both, and neither turns less into any third edge of that kind.
-# * A run of chords is circular if its vertices leave one circle by no more than
-#   `RELATIVE_RESIDUAL` of the radius and no
-#   chord is longer than `UNEVEN` times the median: the flat of a D is not part of its arc.
-# * A closed run is a rim if it has `MIN_CHORDS` chords or more, an open one an arc from
-#   `MIN_ARC_CHORDS`.
+# * A run of chords is circular if its vertices leave one circle by no more than `RELATIVE_RESIDUAL` of the radius and
+#   no chord is longer than `UNEVEN` times the median: the flat of a D is not part of its arc.
+# * A closed run is a rim if it has `MIN_CHORDS` chords or more, an open one an arc from `MIN_ARC_CHORDS`.
 #
 # A prism that really has eight or more sides is therefore offered as a rim; read it from STEP to
 # be sure.
@@ -539,15 +544,11 @@ def angles_of(points: FloatArray, circle: Circle) -> tuple[float, float]:
 #
 # Rules
 # -----
-# * An edge *shows* if the surface turns there: a straight edge by `SHARP_DEG`, a chord of a curve
-#   by `FEATURE_DEG`, a
-#   chord between two facets of curved surfaces by `CURVED_FEATURE_DEG`, as facets meet at angles
-#   that the part has not.
+# * An edge *shows* if the surface turns there: a straight edge by `SHARP_DEG`, a chord of a curve by `FEATURE_DEG`, a
+#   chord between two facets of curved surfaces by `CURVED_FEATURE_DEG`, as facets meet at angles that the part has not.
 #   So every edge that can be an entity shows.
-# * An end of an edge is a *corner* if another edge that shows leaves it at `CORNER_DEG` or more
-#   from the edge's line,
-#   either way. Otherwise it is *tangent*: the edge runs on smoothly, and an image has no point to
-#   measure a length to.
+# * An end of an edge is a *corner* if another edge that shows leaves it at `CORNER_DEG` or more from the edge's line,
+#   either way. Otherwise it is *tangent*: the edge runs on smoothly, and an image has no point to measure a length to.
 
 
 FEATURE_DEG = 20.0
@@ -560,22 +561,6 @@ CURVED_FEATURE_DEG = 40.0
 
 CORNER_DEG = 25.0
 """Smallest angle at which another edge leaves a corner, in degrees: below 17 an image's end is off by two pixels."""
-
-
-class _Surface(Protocol):
-    """What this module needs to know of a solid."""
-
-    @property
-    def vertices(self) -> NDArray[np.float64]:
-        """Coordinates (n, 3), mm."""
-
-    @property
-    def faces(self) -> tuple[Face, ...]:
-        """The faces."""
-
-    @property
-    def edges(self) -> tuple[Edge, ...]:
-        """The edges."""
 
 
 @dataclass(frozen=True)
@@ -606,7 +591,7 @@ class EdgeEnd:
         return f"{self.kind} ({self.arc})" if self.arc else self.kind
 
 
-def edges_that_show(solid: _Surface) -> NDArray[np.bool_]:
+def edges_that_show(solid: EdgedSurface) -> NDArray[np.bool_]:
     """Return which edges show as lines wherever they are seen, shape (e,).
 
     Parameters
@@ -627,7 +612,7 @@ def edges_that_show(solid: _Surface) -> NDArray[np.bool_]:
     return np.asarray(turns >= np.where(curved, of_chords, SHARP_DEG))
 
 
-def edges_at_vertices(solid: _Surface) -> dict[int, list[Edge]]:
+def edges_at_vertices(solid: EdgedSurface) -> dict[int, list[Edge]]:
     """Return the edges at each vertex, those that show."""
     by_vertex: dict[int, list[Edge]] = {}
     for edge_id in np.flatnonzero(edges_that_show(solid)):
@@ -638,7 +623,10 @@ def edges_at_vertices(solid: _Surface) -> dict[int, list[Edge]]:
 
 
 def find_edge_ends(
-    solid: _Surface, edge: Edge, showing: Mapping[int, Sequence[Edge]], arc_of: Mapping[int, str]
+    solid: EdgedSurface,
+    edge: Edge,
+    showing: Mapping[int, Sequence[Edge]],
+    arc_of: Mapping[int, str],
 ) -> tuple[EdgeEnd, ...]:
     """Return how an edge ends at both of its vertices.
 
@@ -664,7 +652,7 @@ def find_edge_ends(
 
 
 def _end(
-    solid: _Surface, edge: Edge, vertex: int, showing: Sequence[Edge], arc_of: Mapping[int, str]
+    solid: EdgedSurface, edge: Edge, vertex: int, showing: Sequence[Edge], arc_of: Mapping[int, str]
 ) -> EdgeEnd:
     others = [other for other in showing if other.id != edge.id]
     line = _direction(solid, edge, vertex)
@@ -679,7 +667,7 @@ def _end(
     return EdgeEnd("tangent", vertex, widest, arc)
 
 
-def _direction(solid: _Surface, edge: Edge, vertex: int) -> NDArray[np.float64]:
+def _direction(solid: EdgedSurface, edge: Edge, vertex: int) -> NDArray[np.float64]:
     """Return the unit vector along an edge away from one of its vertices."""
     a, b = edge.vertices
     along = solid.vertices[b if vertex == a else a] - solid.vertices[vertex]

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from importlib import import_module
 from itertools import starmap
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -411,9 +410,10 @@ class Solid:
         Solid
             The part.
         """
-        # the readers make solids, so their package is known by its name here
-        solid: Solid = import_module("aspectgraph").read_solid(path, **reading)
-        return solid
+        # the readers make solids, so they are imported here
+        from aspectgraph import read_solid
+
+        return read_solid(path, **reading)
 
     def plot(self, entities: Mapping[str, Any] | None = None) -> Figure:
         """Draw the part in 3-D with some of its entities, like `plot_solid`.
@@ -435,10 +435,9 @@ class Solid:
         >>> type(block.plot({"rim": [[60, 20, 10], [60, 40, 10]]})).__name__
         'Figure'
         """
-        package = import_module("aspectgraph")
-        named = None if entities is None else package.resolve_entities(self, entities)
-        figure: Figure = package.plot_solid(self, named)
-        return figure
+        from aspectgraph import plot_solid, resolve_entities
+
+        return plot_solid(self, None if entities is None else resolve_entities(self, entities))
 
     @cached_property
     def _ends(self) -> tuple[dict[int, list[Edge]], dict[int, str]]:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import shapely
@@ -24,16 +24,10 @@ from aspectgraph.exceptions import NonManifoldError, OpenSolidError, Orientation
 
 # The loops of all faces as arrays: what holds for every face is computed for all of them at once.
 #
-# Notation -------- Half-edge h is a directed edge of a loop. Half-edges are numbered face by
-# face, loop by loop, and along each loop, outer loops first.
-
-
-class _LoopedFace(Protocol):
-    """What this module needs to know of a `Face`."""
-
-    @property
-    def loops(self) -> tuple[tuple[int, ...], ...]:
-        """All loops, the outer one first."""
+# Notation
+# --------
+# Half-edge h is a directed edge of a loop. Half-edges are numbered face by face, loop by loop, and
+# along each loop, outer loops first.
 
 
 class FaceLoops:
@@ -60,7 +54,7 @@ class FaceLoops:
         self.loop_face = loop_face
 
     @classmethod
-    def of(cls, faces: Sequence[_LoopedFace] | FaceLoops) -> FaceLoops:
+    def of(cls, faces: Sequence[Face] | FaceLoops) -> FaceLoops:
         """Return the loops of faces; loops are returned as they are."""
         if isinstance(faces, FaceLoops):
             return faces

@@ -23,35 +23,43 @@ re-entrant one.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from aspectgraph.exact.planes import plane_through, side_of
+from aspectgraph.exact.grid import plane_through, side_of
 from aspectgraph.solid.solid import Solid
-from aspectgraph.visibility.casting import Blockers, Jobs, cast_all, in_the_way, united
 from aspectgraph.visibility.scene import (
+    Blockers,
+    Jobs,
     Scene,
+    cast_all,
     check_deadline,
     chords,
     end_resolution,
     entity_ends,
+    in_the_way,
     line_ends,
+    united,
 )
 from ground.decorators import entry_kernel
 
 if TYPE_CHECKING:
     from aspectgraph.entities.entity import Entity
 
+Sides: TypeAlias = Callable[[np.ndarray], np.ndarray]
+
 
 # Free discs: rims that can be seen as one flat polygon instead of chord by chord.
 #
-# Notation -------- D    the convex polygon of a rim's chords, Pi its plane Q    the pyramid from
-# a viewpoint v to D; its sides are the triangles of v and the chords O    a piece of surface,
-# B(O, D) its blocked set {q + t (q - p) : q in O, p in D, t >= 0}
+# Notation
+# --------
+# D    the convex polygon of a rim's chords, Pi its plane
+# Q    the pyramid from a viewpoint v to D; its sides are the triangles of v and the chords
+# O    a piece of surface, B(O, D) its blocked set {q + t (q - p) : q in O, p in D, t >= 0}
 #
 # D is *free* if its relative interior meets no interior of the solid: the opening of a hole, the
 # floor of a blind one. A shell of the surface is *certified* for viewpoints on one side of Pi if
@@ -349,19 +357,12 @@ class _Shape:
         return self._is_inward(edge_id, across) or self._is_inward(edge_id, [-x for x in across])
 
 
-class Unblocked(Protocol):
-    """What is left of the viewpoints after the faces next to an entity, so that others need not be looked at."""
-
-    def sides(self, planes: np.ndarray) -> np.ndarray:
-        """Return, for planes (n, 4), whether viewpoints are left on the positive and the negative side: (n, 2) bool."""
-
-
 def blockers(
     scene: Scene,
     solid: Solid,
     entity: Entity,
     deadline: float = math.inf,
-    unblocked: Unblocked | None = None,
+    sides_of: Sides | None = None,
 ) -> Blockers:
     """Blocked sets of one entity whose union are all: first the faces next to it, then other pieces in its way.
 
@@ -375,8 +376,9 @@ def blockers(
     entity : Entity
     deadline : float
         Time (`time.time`) by which to end.
-    unblocked : Unblocked, optional
-        What the faces next to the entity leave; sets that miss it may be missing.
+    sides_of : callable, optional
+        Takes planes (n, 4); returns on which of their sides, positive and negative, the faces next to the entity leave
+        viewpoints, (n, 2) bool. Sets that miss these viewpoints may be missing.
 
     Raises
     ------
@@ -384,9 +386,9 @@ def blockers(
         If they are not complete by then.
     """
     disc = free_disc(scene, solid, entity)
-    matters = _behind_which_some_are_left(scene, unblocked)
+    matters = _behind_which_some_are_left(scene, sides_of)
     if disc is not None:
-        on_side = np.ones(2, bool) if unblocked is None else unblocked.sides(disc.plane[None])[0]
+        on_side = np.ones(2, bool) if sides_of is None else sides_of(disc.plane[None])[0]
         by_disc = (disc.certified | ~on_side).all(axis=1)
         if by_disc.any():
             check_deadline(deadline)
@@ -405,11 +407,11 @@ def wedge_blockers(scene: Scene, solid: Solid, entity: Entity) -> Blockers:
     return cast_all(scene, _wedge(scene, solid, entity), Jobs(none, np.zeros(1, int), none), True)
 
 
-def _behind_which_some_are_left(scene: Scene, unblocked: Unblocked | None) -> np.ndarray:
+def _behind_which_some_are_left(scene: Scene, sides_of: Sides | None) -> np.ndarray:
     """Whether viewpoints are left behind each piece, (n,) bool; it blocks no others."""
-    if unblocked is None:
+    if sides_of is None:
         return np.ones(len(scene.pieces.face), bool)
-    sides = unblocked.sides(scene.planes)
+    sides = sides_of(scene.planes)
     behind = (scene.side_of_face[scene.pieces.face] > 0).astype(int)
     return np.asarray(sides[scene.plane_of_face[scene.pieces.face], behind])
 

@@ -19,19 +19,24 @@ from typing import IO, Any, ClassVar, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aspectgraph.cells.arrays import Complex, Tree, cut_further, holds
-from aspectgraph.cells.cell_set import CellSet
+from aspectgraph.cells.arrays import CellSet, Complex, Tree, cut_further, holds
 from aspectgraph.cells.split import crop, leaves
-from aspectgraph.code_digest import code_digest
 from aspectgraph.entities.entity import Entity, Stretch, resolve_entities
 from aspectgraph.exact.grid import Grid
 from aspectgraph.exceptions import EntityError, WorkspaceError
+from aspectgraph.files import code_digest
 from aspectgraph.solid.solid import Solid, check_solid
 from aspectgraph.visibility.blocked_sets import blockers
-from aspectgraph.visibility.casting import Blockers
-from aspectgraph.visibility.entity_region import Region, observable_region
-from aspectgraph.visibility.overlay import find_pieces, intersection, overlay, share_planes
+from aspectgraph.visibility.entity_region import (
+    Region,
+    find_pieces,
+    intersection,
+    observable_region,
+    overlay,
+    share_planes,
+)
 from aspectgraph.visibility.scene import (
+    Blockers,
     DeadlineError,
     Scene,
     cut_displacement_mm,

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from aspectgraph import VisibilityRegions, compute_regions, graph_of, read_solid
-from aspectgraph.graph.aspect_graph import estimate_joint_graph
+from aspectgraph.graph.build_graph import estimate_joint_graph
 
 _MIB = 2**20
 _HEADER = (

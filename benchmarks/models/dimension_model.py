@@ -2,7 +2,7 @@
 
     python benchmarks/models/dimension_model.py [--views 40] [--draws 131072]
 
-The measuring program (tests/errors/measurands/measured_exactly.py) shares no code with the model: exact rotations, its
+The measuring program (tests/errors/helpers/measured_exactly.py) shares no code with the model: exact rotations, its
 own projection, carrying back, fits and values. Cameras are 200 to 450 mm away, tilted by up to 60 degrees; covariances
 are correlated at random, 0.1 mm along every axis; the permitted error is a random quantile of the error, .3 to .97.
 Poses are drawn as scrambled Sobol points, which leaves a noise of about 0.0005 in P where they matter
@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "errors" / "measurands"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "errors" / "helpers"))
 
 from dimension_examples import EXAMPLES, PITCH, F, correlated, geometry_of, isotropic
 from measured_exactly import displacements, measure, points_of, random_view

@@ -8,7 +8,7 @@ For each setting and target the camera is displaced by exact rotations. Counted 
 * and between the limits of the depth of field,
 * and a ray from the camera meets it first (Open3D's own ray casting, dense points),
 * and the value is measured accurately: lengths on a pixel grid that lies anywhere, dimensions by the second program of
-  ``tests/errors/measurands/measured_exactly.py``.
+  ``tests/errors/helpers/measured_exactly.py``.
 
 The first ``--images`` poses are also asked whether another line is nearer than the separation (to a whole edge; to more
 than a fifth of a line or circle that is fitted, or to all of a twelfth), by
@@ -29,7 +29,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "errors" / "measurands"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "errors" / "helpers"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "images"))
 
 from measured_exactly import measure, plane_of, points_of

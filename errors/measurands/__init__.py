@@ -7,17 +7,21 @@ part, where lines and circles are fitted; a displaced pose moves all of it toget
 
 import errors.measurands.kinds  # noqa: F401  registers them
 from errors.exceptions import MeasurandError
-from errors.measurands.conformity import (
+from errors.measurands.geometry import Circle, Geometry, Line, Localisation
+from errors.measurands.measurand import (
     Decision,
     DecisionRule,
+    Measurand,
+    MeasurandModel,
+    Prediction,
     acceptance_limits,
     conformance_probability,
     decide,
+    kind,
+    kinds,
+    measurand,
     uncertainty_ratio,
 )
-from errors.measurands.geometry import Circle, Geometry, Line, Localisation
-from errors.measurands.measurand import Measurand, kind, kinds, measurand
-from errors.measurands.measurand_model import MeasurandModel, Prediction
 
 __all__ = [
     "Circle",

@@ -9,10 +9,18 @@ from numpy.typing import NDArray
 
 from errors.checks import MIN_IMAGE_LENGTH_MM
 from errors.exceptions import MeasurandError
-from errors.measurands.fitted import Frame, add_product, add_square, plane_row, point_row
-from errors.measurands.geometry import Circle, Line, Localisation
+from errors.measurands.geometry import (
+    Circle,
+    Frame,
+    Line,
+    Localisation,
+    add_product,
+    add_square,
+    plane_row,
+    point_row,
+)
 from errors.measurands.measurand import Expansion, Image, Measurand, circles_of, kind, lines_of
-from ground.loop_cache import njit
+from ground.decorators import njit
 
 # Whether directions are parallel, as far as a drawing means it.
 

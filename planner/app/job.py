@@ -24,7 +24,7 @@ from aspectgraph import (
     select_entities,
 )
 from aspectgraph.entities.entity_files import parse_names
-from aspectgraph.light.light_regions import check_contrast
+from aspectgraph.light import check_contrast
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
 from errors.measurands.geometry import FLOOR_PX

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.stats import qmc
 
-from aspectgraph.cells.cell_set import Cell
+from aspectgraph.cells.arrays import Cell
 from planner.argument_kinds import NOT_NEGATIVE, POSITIVE, check_number
 from planner.exceptions import RequestError
 from planner.request.reach import Reach, check_reach, reach_margin

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aspectgraph.light.light_regions import (
+from aspectgraph.light import (
     DEFAULT_CONTRAST,
     LightRegions,
     check_contrast,

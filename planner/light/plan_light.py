@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
-from aspectgraph.light.light_regions import DEFAULT_CONTRAST, LightRegions
+from aspectgraph.light import DEFAULT_CONTRAST, LightRegions
 from planner.argument_kinds import check_kinds
 from planner.cover.set_cover import maximal_columns, min_cover
 from planner.exceptions import RequestError
@@ -542,7 +542,7 @@ def _why_dark(served: Served, i: int) -> str:
 
 def _formula(light: LightRegions, name: str, places: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the contrast of an entity, without shadows."""
-    from aspectgraph.light.light_regions import face_contrast
+    from aspectgraph.light import face_contrast
 
     return np.abs(
         face_contrast(light.solid, light.entities[name], places, light.silhouettes.get(name, {}))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import Circle, Geometry
-from errors.measurands.fitted import Frame
+from errors.measurands.geometry import Frame
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.entities.carriers import PARAMETERS
+from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.checks import covariance_root
 from errors.measurands import (
     Circle,
@@ -19,8 +19,8 @@ from errors.measurands import (
     Line,
     Measurand,
 )
-from errors.measurands.conformity import COVERAGE
-from errors.measurands.fitted import Frame
+from errors.measurands.geometry import Frame
+from errors.measurands.measurand import COVERAGE
 from errors.registration import rests_on_prior
 from ground.convert import NOT_STORED, Key, Meta
 from planner.camera.camera import Camera

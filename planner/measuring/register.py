@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.stats import chi2 as chi_squared
 
-from aspectgraph.entities.carriers import PARAMETERS
-from errors.registration import Posterior, Rows, bias_variance_of, surprise
-from errors.registration.posterior import posterior
-from ground.loop_cache import njit
+from aspectgraph.entities.entity_rules import PARAMETERS
+from errors.registration import Posterior, Rows, bias_variance_of, posterior, surprise
+from ground.decorators import njit
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, Registered, prior_covariance
 from planner.measuring.samples import POSE, PartModel

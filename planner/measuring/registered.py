@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from aspectgraph.entities.carriers import PARAMETERS
+from aspectgraph.entities.entity_rules import PARAMETERS
 from aspectgraph.solid.ray_scene import RayScene
 from ground.convert import NOT_STORED, Meta, NullIs, Shape
 from planner.camera.camera import Camera
@@ -251,7 +251,7 @@ class Registered:
     cam2world : array (4, 4)
         Estimated pose.
     deviations : array (3k,)
-        Estimated deviations of the surfaces, mm, see `aspectgraph.entities.carriers`.
+        Estimated deviations of the surfaces, mm, see `aspectgraph.entities.entity_rules`.
     covariance : array (6 + 3k, 6 + 3k)
         Joint covariance of the displacement of the camera in its own frame (mm, rad) and the deviations.
     method : str

@@ -22,8 +22,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.exceptions import how_to_install
-from errors.registration import Posterior, Rows
-from errors.registration.posterior import posterior
+from errors.registration import Posterior, Rows, posterior
 from ground.convert import Meta, Shape, check_fields
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty

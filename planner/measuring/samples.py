@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from aspectgraph.entities.carriers import PARAMETERS, Carriers
+from aspectgraph.entities.entity_rules import PARAMETERS, Carriers
 from aspectgraph.solid.ray_scene import RayScene
 from errors.measurands import Circle, Geometry, Line
 from planner.camera.camera import Camera

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import erf
 
-from ground.loop_cache import njit
+from ground.decorators import njit
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2 as chi_squared
 
 from errors.measurands import Circle
-from errors.registration import Rows
-from errors.registration.posterior import posterior
+from errors.registration import Rows, posterior
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights

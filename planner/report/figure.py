@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.traces import (
+    domain_facets,
     line_trace,
     part_traces,
     point_text,

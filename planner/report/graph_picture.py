@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from aspectgraph.plot.clip import domain_facets
 from aspectgraph.plot.graph_plot import layout
-from aspectgraph.plot.traces import scene_figure
+from aspectgraph.plot.traces import domain_facets, scene_figure
 from planner.progress import TimeLeft, report
 from planner.request.planned import targets_of
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.plot.traces import is_feature
-from aspectgraph.solid import RayScene
+from aspectgraph.solid.ray_scene import RayScene
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, tangents_of
 from planner.camera.pose import world_to_cam

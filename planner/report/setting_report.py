@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph.solid.ray_scene import RayScene
 from errors.formatting import interval_text, probability_text
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
-from errors.measurands.fitted import is_short
+from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, exposure_of
 from planner.progress import TimeLeft, report
 from planner.report.figure import color_of, drawn

@@ -19,7 +19,7 @@ from errors.formatting import (
     percent_text,
     probability_text,
 )
-from errors.measurands.measurand_model import SOURCES
+from errors.measurands.measurand import SOURCES
 from planner.camera.pose import world_to_cam
 from planner.report.wording import names_by_reason
 from planner.request.camera_limits import (

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aspectgraph.dimensions.records import unique_names
+from aspectgraph.dimensions.features import unique_names
 from aspectgraph.entities.entity_files import parse_names
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
@@ -20,8 +20,7 @@ from planner.request.words import characteristic_name
 
 if TYPE_CHECKING:
     from aspectgraph import ModelDimension
-    from aspectgraph.dimensions import SurfaceZone
-    from aspectgraph.dimensions.records import Way
+    from aspectgraph.dimensions.features import SurfaceZone, Way
 
 
 # What is assumed of points in the image and of the part's faces where a request does not say it.

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import errors
-from errors.registration import Imaging, KnownPoses, Stretches, Values
-from errors.registration.known_poses import known_poses
+from errors.registration import Imaging, KnownPoses, Stretches, Values, known_poses
 from planner.camera.camera import Camera
 from planner.camera.pose import (
     PoseUncertainty,
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 # How surely poses and values are known after registration to the part's own edges, at any planned
 # pose.
 #
-# What registration measures is predicted by `errors.registration.known_poses`; here is what
+# What registration measures is predicted by `errors.registration`; here is what
 # belongs to a request: the edges of the part, the camera, and how surfaces move the entities of
 # targets.
 

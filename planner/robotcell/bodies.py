@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.mesh_formats import parse_obj, parse_off, parse_ply, parse_stl
+from aspectgraph.read.mesh import parse_obj, parse_off, parse_ply, parse_stl
 from planner.argument_kinds import shown
 from planner.exceptions import RobotError
 from planner.robotcell.urdf import carry, check_pose

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from aspectgraph.solid import RayScene
+from aspectgraph.solid.ray_scene import RayScene
 from planner.argument_kinds import POSITIVE, check_number, shown
 from planner.exceptions import RobotError
 from planner.robotcell.bodies import Body, Box, Hull, Surface, hull_of, mesh_of, surface_of

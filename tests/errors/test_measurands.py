@@ -313,7 +313,7 @@ def test_a_new_kind_is_one_class():
             takes = (Circle,)
 
             def describe(self):
-                from errors.measurands.fitted import Frame
+                from errors.measurands.geometry import Frame
 
                 (circle,) = self.geometry
                 frame = Frame(circle.centre, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))

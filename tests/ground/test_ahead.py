@@ -17,8 +17,8 @@ import pytest
 
 from ground import ahead, leader
 from ground.ahead import AheadRun, list_entry, read_list, taken
+from ground.decorators import LoopCache
 from ground.leader import Agenda
-from ground.loop_cache import LoopCache
 from ground.loop_code import decoded, encoded, named, plain_function, reachable
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")

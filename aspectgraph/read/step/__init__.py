@@ -2,9 +2,3 @@
 
 Whatever a file does to that process, the caller gets a solid or an error, within the limits of time and memory.
 """
-
-from aspectgraph.read.step.step_file import read_step
-
-__all__ = [
-    "read_step",
-]

@@ -13,7 +13,7 @@ from planner.executors import Shared
 from planner.request.reach import cells_of
 
 if TYPE_CHECKING:
-    from aspectgraph.cells import Cell
+    from aspectgraph.cells.arrays import Cell
 
 
 # rows of a box of poses (4, 3): the middle point looked at and the half sizes, the middle turn and its spans

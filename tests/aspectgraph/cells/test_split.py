@@ -2,29 +2,45 @@
 
 import numpy as np
 import pytest
-from cut_boxes import HALF, cut_box, random_planes
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from solids import HALF, cut_box, random_planes
+from solids import cut_box as cut_cube
 
 from aspectgraph.cells.arrays import (
     CROSSED,
+    EDGE_CHILD,
     EDGE_LIST,
     ENDS,
     FACE_CHILD,
     FACE_FIRST,
+    FACE_LIST,
     FACE_PLANE,
     FACE_SIZE,
+    INSIDE,
     N_CELLS,
     N_FACES,
+    N_LIST,
     SIDES,
+    RoomFullError,
+    allocate,
     bytes_in_use,
     cell_centre,
     cell_sizes,
+    cell_triangles,
     cut_further,
     interfaces,
     with_room,
 )
-from aspectgraph.cells.split import cell_side, leaves, split_cell
+from aspectgraph.cells.split import (
+    _push_edge_leaves,
+    _push_face_leaves,
+    at_limits,
+    cell_side,
+    crop,
+    leaves,
+    split_cell,
+)
 from aspectgraph.exceptions import MemoryLimitError
 
 pytestmark = pytest.mark.uncompiled
@@ -182,3 +198,121 @@ def test_bytes_in_use_are_those_of_the_rows_in_use():
     assert bytes_in_use(cx) == of_rows + sum(
         row[:n].nbytes for row, n in zip(cx.lists, counts[5:], strict=True)
     )
+
+
+# Parts of split edges and faces: listed in the order of their tree, however deep, and as long as
+# there is room.
+
+
+KINDS = {
+    "edge": (_push_edge_leaves, EDGE_CHILD, EDGE_LIST),
+    "face": (_push_face_leaves, FACE_CHILD, FACE_LIST),
+}
+
+
+def split_at_random(table, column, n_splits, rng):
+    """Split row 0 of a table, and then parts of it; a negative choice always splits the newest part."""
+    table[:, column] = -1
+    parts = [0]
+    n_rows = 1
+    for _ in range(n_splits):
+        split = parts.pop(rng.integers(len(parts)) if rng else -1)
+        table[split, column : column + 2] = [n_rows, n_rows + 1]
+        parts += [n_rows, n_rows + 1]
+        n_rows += 2
+
+
+def leaves_of(table, column, row):
+    if table[row, column] < 0:
+        return [row]
+    first, second = (int(part) for part in table[row, column : column + 2])
+    return leaves_of(table, column, first) + leaves_of(table, column, second)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [None, 1, 2, 3])
+def test_parts_are_listed_as_their_tree_has_them_and_fill_the_room_exactly(kind, seed):
+    push, column, row = KINDS[kind]
+    n_splits = 60
+    whole = allocate(np.zeros((1, 4), np.int64), 64)
+    table = getattr(whole, kind)
+    split_at_random(table, column, n_splits, None if seed is None else np.random.default_rng(seed))
+    whole.face[0, 6] = whole.cell[0, 4] = 0
+    for room in (n_splits + 1, n_splits + 9):
+        cx = whole._replace(lists=np.full((3, room), -1, np.int32))
+        cx.count[:] = 0
+        push(cx, 0, 0)
+        assert cx.count[N_LIST + row] == n_splits + 1
+        assert cx.lists[row, : n_splits + 1].tolist() == leaves_of(table, column, 0)
+    cx = whole._replace(lists=np.full((3, n_splits), -1, np.int32))
+    cx.count[:] = 0
+    with pytest.raises(RoomFullError):
+        push(cx, 0, 0)
+
+
+# Cropping: cells inside the box stay and fill it, cells outside are flagged, cells at its sides
+# are known.
+
+
+# the box [-600, 500] x [-400, 300] x [-200, 700], and one turned about z by atan(3/4)
+STRAIGHT = np.array(
+    [
+        [1, 0, 0, -600],
+        [1, 0, 0, 500],
+        [0, 1, 0, -400],
+        [0, 1, 0, 300],
+        [0, 0, 1, -200],
+        [0, 0, 1, 700],
+    ]
+)
+TURNED = np.array(
+    [
+        [4, 3, 0, -3000],
+        [4, 3, 0, 2500],
+        [-3, 4, 0, -2000],
+        [-3, 4, 0, 1500],
+        [0, 0, 1, -200],
+        [0, 0, 1, 700],
+    ]
+)
+VOLUME = 1100 * 700 * 900
+
+
+def cropped(limits):
+    """Cut the cube by the first planes, label all cells with 1, and crop it by the limits, which have cut nothing."""
+    planes = random_planes(8, 2)
+    cx = cut_cube(planes)
+    table = np.concatenate([cx.planes, limits])
+    cx = cx._replace(planes=table)
+    cx.label[:] = 1
+    crop(cx, len(table) - 6)
+    return cx, len(table) - 6
+
+
+@pytest.mark.parametrize("limits", [STRAIGHT, TURNED], ids=["straight", "turned"])
+def test_cells_inside_fill_the_box_and_the_rest_is_flagged(limits):
+    cx, _ = cropped(limits)
+    present = leaves(cx)
+    inside = cx.label[present, 0] == 1
+    assert (cx.label[present[~inside], 0] == INSIDE).all()
+    sizes = cell_sizes(cx, present)[:, 0]
+    assert sizes[inside].sum() == pytest.approx(VOLUME, rel=1e-9)
+    assert sizes.sum() == pytest.approx((2 * HALF) ** 3, rel=1e-9)
+    for c, is_inside in zip(present, inside, strict=True):
+        heights = limits[:, :3] @ cell_centre(cx, c) - limits[:, 3]
+        assert is_inside == ((heights[::2] > 0).all() and (heights[1::2] < 0).all())
+
+
+@pytest.mark.parametrize("limits", [STRAIGHT, TURNED], ids=["straight", "turned"])
+def test_cells_at_the_sides_of_the_box(limits):
+    cx, first = cropped(limits)
+    on_limit = at_limits(cx, first)
+    for c in leaves(cx)[cx.label[leaves(cx), 0] == 1]:
+        corners = corners_of(cx, c)
+        heights = (corners @ limits[:, :3].T - limits[:, 3]) / np.linalg.norm(limits[:, :3], axis=1)
+        assert on_limit[c] == ((np.abs(heights) < 1e-6).sum(axis=0) >= 3).any()
+
+
+def corners_of(cx, c):
+
+    return np.unique(cell_triangles(cx, c).reshape(-1, 3).round(6), axis=0)

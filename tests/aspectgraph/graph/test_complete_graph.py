@@ -8,14 +8,14 @@ from generated_solids import CUBE, L_BLOCK, prism, pyramid, rotation
 from solids import STEP_ENTITIES
 
 from aspectgraph.exceptions import WorkspaceError
-from aspectgraph.graph.aspect_graph import build_aspect_graph
+from aspectgraph.graph.aspect_graph import read_graphml, write_graphml
+from aspectgraph.graph.build_graph import build_aspect_graph
 from aspectgraph.graph.complete_graph import (
     Drawing,
     complete_aspect_graph,
     describe_drawing,
     seen_whole,
 )
-from aspectgraph.graph.graphml import read_graphml, write_graphml
 
 BOX = ((-60, -60, -60), (61, 61, 61))
 

@@ -25,7 +25,7 @@ from generated_solids import (
 from scipy.spatial.transform import Rotation
 from solids import SLOT_ENTITIES, STEP_ENTITIES, TWO_POCKET_ENTITIES
 
-from aspectgraph.graph.aspect_graph import build_aspect_graph
+from aspectgraph.graph.build_graph import build_aspect_graph
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.visibility_regions import compute_regions
 

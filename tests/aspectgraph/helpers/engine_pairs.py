@@ -17,8 +17,7 @@ from exact_checker import ExactChecker, cross, dot, minus
 from generated_solids import Part, generated_solid
 
 from aspectgraph.entities.entity import Entity, Stretch, resolve_entities
-from aspectgraph.exact.grid import Grid, turned
-from aspectgraph.exact.predicates import POINT_BITS
+from aspectgraph.exact.grid import POINT_BITS, Grid, turned
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.visibility_regions import compute_regions
 

@@ -1,12 +1,20 @@
-"""Known solids shared by the tests: each function returns a new Solid, each *_ENTITIES names edges by end points."""
+"""Known solids and cut boxes shared by the tests: each function returns a new one."""
 
 from __future__ import annotations
 
+import itertools
+import math
 from itertools import product
 
 import numpy as np
 
 from aspectgraph import Solid
+from aspectgraph.cells.arrays import CROSSED, add_box, allocate
+from aspectgraph.cells.split import cell_side, leaves, split_cell
+
+# Known solids shared by the tests: each function returns a new Solid, each *_ENTITIES names edges
+# by end points.
+
 
 L_PROFILE = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2)]
 SLOT_PROFILE = [
@@ -223,3 +231,68 @@ TWO_POCKET_LISTS = [
     set(),
 ]
 """Table II of the paper."""
+
+
+# A block of 40 × 30 × 20 mm with a round hole of radius 5 mm, as a mesh knows it.
+
+
+HOLE_CHORDS = 32
+
+
+def drilled_block():
+    return with_hole([(5.0, 0.0), (5.0, 20.0)])
+
+
+def countersunk_block():
+    """Above 14 mm, the hole widens by 45°, to a radius of 11 mm."""
+    return with_hole([(5.0, 0.0), (5.0, 14.0), (11.0, 20.0)])
+
+
+def with_hole(rings):
+    """A block whose hole has these radii at these heights, from the lowest."""
+    outline = [(0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0)]
+    angles = -2 * math.pi * np.arange(HOLE_CHORDS) / HOLE_CHORDS
+    vertices = [(*p, z) for z in (0.0, 20.0) for p in outline]
+    loops = [list(range(4)), list(range(4, 8))]
+    holes = []
+    for radius, z in rings:
+        holes.append([len(vertices) + i for i in range(HOLE_CHORDS)])
+        vertices += [(20 + radius * math.cos(a), 15 + radius * math.sin(a), z) for a in angles]
+    faces = [(loops[1], [holes[-1]]), (loops[0][::-1], [holes[0][::-1]])]
+    for bottom, top in [tuple(loops), *itertools.pairwise(holes)]:
+        n = len(bottom)
+        for i in range(n):
+            j = (i + 1) % n
+            faces.append([bottom[i], bottom[j], top[j], top[i]])
+    return Solid(np.array(vertices), faces, name="block")
+
+
+# Boxes cut by random planes.
+
+
+HALF = 1000
+
+
+def random_planes(n, seed, degenerate=False):
+    rng = np.random.default_rng(seed)
+    if degenerate:
+        normals = rng.integers(-1, 2, (4 * n, 3))
+        normals = normals[normals.any(axis=1)][:n]
+        return np.column_stack([normals, rng.integers(-1, 2, len(normals)) * 300])
+    points = rng.integers(-HALF, HALF, (n, 3, 3))
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    return np.column_stack([normals, (normals * points[:, 0]).sum(axis=1)])
+
+
+def cut_box(planes, n_cells=4096):
+    box = np.zeros((6, 4), np.int64)
+    for axis, side in itertools.product(range(3), range(2)):
+        box[2 * axis + side, axis] = 1
+        box[2 * axis + side, 3] = HALF * (2 * side - 1)
+    cx = allocate(np.concatenate([box, planes]).astype(np.int64), n_cells)
+    add_box(cx, np.arange(6))
+    for h in range(6, 6 + len(planes)):
+        for c in leaves(cx):
+            if cell_side(cx, c, h) == CROSSED:
+                split_cell(cx, c, h)
+    return cx

@@ -15,8 +15,16 @@ from generated_solids import (
     prism,
     rotation,
 )
-from rational_cells import at, box_cell, reduced, split, volume
-from rational_twin import blocked_set, facets_by_brute_force, twin_graph
+from rational_twin import (
+    at,
+    blocked_set,
+    box_cell,
+    facets_by_brute_force,
+    reduced,
+    split,
+    twin_graph,
+    volume,
+)
 from solids import SLOT_ENTITIES, SLOT_LISTS, STEP_ENTITIES, TWO_POCKET_ENTITIES, TWO_POCKET_LISTS
 
 

@@ -1,6 +1,6 @@
 """The 256-bit instructions of the exact signs in Python's own integers: they stand in where nothing is compiled."""
 
-from aspectgraph.exact import predicates
+from aspectgraph.exact import grid as predicates
 
 _BITS = 64
 _ALL = predicates.LIMBS * _BITS

@@ -16,7 +16,7 @@ from solids import cube, hollow_box, plate, prism, ring, two_pocket_block
 
 from aspectgraph import EntityError, read_entities
 from aspectgraph.plot.picker import picker_html
-from aspectgraph.solid import Solid
+from aspectgraph.solid.solid import Solid
 
 NAME = 'lid "7" </script><b>'
 

@@ -27,8 +27,8 @@ from aspectgraph import (
     plot_domains,
     plot_solid,
 )
-from aspectgraph.plot import clip
-from aspectgraph.plot.clip import (
+from aspectgraph.plot import traces as clip
+from aspectgraph.plot.traces import (
     box_around,
     clip_polygons,
     clipped_facets,

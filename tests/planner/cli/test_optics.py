@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from one_kernel import one_kernel
+from step_kernels import one_kernel
 
 from planner import Camera, OpticsProposal, optics_table
 from planner.app.main import main

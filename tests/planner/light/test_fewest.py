@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from aspectgraph.cells.cell_set import Cell
+from aspectgraph.cells.arrays import Cell
 from planner.light import plan_light as fewest
 from planner.light.lamps import LampBox, LampDome
 from planner.light.plan_light import LampSearch

@@ -9,7 +9,7 @@ from plan_examples import plan, setting
 
 from aspectgraph import LightError, contrast, read_solid, resolve_entities
 from aspectgraph.light import compute_light, silhouettes_from
-from aspectgraph.solid import RayScene
+from aspectgraph.solid.ray_scene import RayScene
 from planner import RequestError, SphereRegion
 from planner.light.corner_light import LampSets, sites_of
 from planner.light.demands import demands_of, seen_as

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lit_parts import RIM, step
 
-from aspectgraph.solid import RayScene
+from aspectgraph.solid.ray_scene import RayScene
 from planner.light.corner_light import SeenLine, beside_lines
 
 EYE = np.array([45.0, 20.0, 400.0])

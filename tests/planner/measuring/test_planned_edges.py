@@ -7,8 +7,7 @@ import pytest
 import scipy.linalg
 
 from aspectgraph import Solid
-from errors.registration.known_pose_loops import _free_ways
-from errors.registration.posterior import posterior
+from errors.registration import _free_ways, posterior
 from planner import (
     Camera,
     Dimension,

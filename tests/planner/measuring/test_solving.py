@@ -5,8 +5,7 @@ import pytest
 from measured_plate import CAMERA, POSES, UNCERTAINTY, fine_plate, photograph, thick_plate
 from scipy.stats import multivariate_normal
 
-from errors.registration import Rows
-from errors.registration.posterior import posterior
+from errors.registration import Rows, posterior
 from planner.measuring.fit import CORRELATION_PX, TUKEY
 from planner.measuring.images import Picture
 from planner.measuring.register import MOST_HALVINGS, Scanner

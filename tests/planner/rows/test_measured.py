@@ -8,7 +8,7 @@ from plan_examples import CAMERA, LIGHT, UNCERTAINTY, plan, setting
 from scipy.spatial.transform import Rotation
 
 from errors.measurands import Line, Localisation
-from errors.measurands.measurand_model import SOURCES
+from errors.measurands.measurand import SOURCES
 from planner.request.planned import PlannedDimension
 from planner.rows import WarningKind, measured_rows
 from planner.verify.simulate_plan import SimulationResult

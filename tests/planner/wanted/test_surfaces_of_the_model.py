@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from aspectgraph import ModelDimension
-from aspectgraph.dimensions import SurfaceZone
+from aspectgraph.dimensions.features import SurfaceZone
 from errors.measurands import Localisation
 from planner import Dimension, RequestError, dimensions_to_plan
 from planner.request.dimension_files import SURFACES_MM, surfaces_of_zone, with_surfaces_of_call
