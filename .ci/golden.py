@@ -97,6 +97,9 @@ PLANS = {
 PROGRAMS = ("urscript", "rapid", "krl", "ros", "csv", "json")
 # an account of how, when and by which program a file was made, and digests of files that hold one
 ACCOUNT = ("request", "program", "version", "source", "made", "plan")
+# what a plan says of its request in fields of its own: their layout may change, what follows from them may not
+ASKED = ("part", "accuracy", "probability", "seed", "workspace", "requirements", "camera")
+ASKED += ("pose_uncertainty", "entities", "dimensions", "features", "units", "minimal")
 _ACCOUNT_IN_TEXT = re.compile(r"\b(?:[0-9a-f]{64}|\d{4}-\d\d-\d\d)\b")
 
 
@@ -143,7 +146,7 @@ def _digests(folder: Path) -> Iterator[tuple[str, str]]:
 
 
 def _of_plan(name: str, out: Path) -> Iterator[tuple[str, str]]:
-    yield f"{name}/plan.json", _of_json((out / "plan.json").read_text(encoding="utf-8"))
+    yield f"{name}/plan.json", _of_json((out / "plan.json").read_text(encoding="utf-8"), ASKED)
     for file in ("graph.graphml", "measurements.csv", "transforms.json"):
         path = out / file
         if path.exists():
@@ -179,9 +182,10 @@ def _run(command: str, *arguments: str) -> None:
         raise SystemExit(f"aspectgraph {command} {' '.join(arguments)}: exit code {code}")
 
 
-def _of_json(text: str) -> str:
+def _of_json(text: str, asked: tuple[str, ...] = ()) -> str:
     """Digest JSON without what is no decision: the request, the program, times and places."""
-    content = {key: value for key, value in json.loads(text).items() if key not in ACCOUNT}
+    apart = (*ACCOUNT, *asked)
+    content = {key: value for key, value in json.loads(text).items() if key not in apart}
     return _digest(json.dumps(content, sort_keys=True).encode())
 
 

@@ -60,10 +60,10 @@ from .request.constraints import Requirements as Requirements
 from .request.defaults import default_workspace as default_workspace
 from .request.dimension import Dimension as Dimension
 from .request.dimension_files import dimensions_to_plan as dimensions_to_plan
-from .request.planned import PlannedDimension as PlannedDimension
 from .request.reach import BoxRegion as BoxRegion
 from .request.reach import MeshRegion as MeshRegion
 from .request.reach import SphereRegion as SphereRegion
+from .request.targets import PlannedDimension as PlannedDimension
 from .robotcell import Box as Box
 from .robotcell import Cell as Cell
 from .robotcell import Fixturing as Fixturing

@@ -5,33 +5,44 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from errors.exceptions import InvalidParameterError, MeasurandError
 from errors.measurands.geometry import Circle, Geometry, Line, Localisation
+from errors.measurands.measurand import measurand
+from ground.convert import from_plain, to_plain
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError, PlannerError, RequestError
-from planner.light.lamps import RING, LampBox, LampDome
+from planner.light.lamps import LampBox, LampDome
 from planner.light.lighting import Lighting
-from planner.options import InspectionOptions
 from planner.plan_file import field_name, shown
 from planner.request.constraints import Requirements
-from planner.request.defaults import default_workspace
-from planner.request.dimension import Dimension, is_one_sided
-from planner.request.reach import BoxRegion, SphereRegion, reach_identity
-from planner.request.targets import DimensionTarget, RegistrationRecord, Target
+from planner.request.dimension import checked_tolerance, plain_tolerance
+from planner.request.models import Means
+from planner.request.reach import (
+    BoxRegion,
+    PoseRegion,
+    SphereRegion,
+    StatedRegion,
+    reach_identity,
+)
+from planner.request.registration import RegistrationRecord
+from planner.request.targets import (
+    EDGE,
+    EdgeTarget,
+    EntityRecord,
+    PlannedDimension,
+    Target,
+    Witness,
+)
 from planner.version import program_digest
-
-if TYPE_CHECKING:
-    from aspectgraph import Entity, Solid
-    from planner.plan import InspectionPlan
-
 
 # In what two requests differ, in the words of the caller.
 
@@ -180,48 +191,17 @@ def _entities_of(target: Mapping[str, Any]) -> str:
         f"{entity['kind']} of edges {entity['edges']}"
         if len(entity["edges"]) > 1
         else f"{entity['kind']} {''.join(map(str, entity['edges']))}"
-        for entity in target.get("entities", ())
+        for witness in target.get("witnesses", ())[:1]
+        for entity in witness["entities"]
     )
-
-
-# Requests as earlier programs stored them, in the words of this one.
-
-
-# a place of lamps that was all of them at once, before `Lighting` had a field for it
-_TOGETHER = "LampsTogether"
-
-
-def in_words_of_now(identity: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the stored identity of a request as this program stores it.
-
-    Parameters
-    ----------
-    identity : mapping
-        Of this program, or of an earlier one. What cannot be understood stays as it is.
-
-    Returns
-    -------
-    dict of str to value
-        A new mapping.
-    """
-    lighting = identity.get("lighting")
-    if not isinstance(lighting, Mapping) or "lamps" not in lighting:
-        return dict(identity)
-    return {**identity, "lighting": {**lighting, **_lamps_of_now(lighting["lamps"])}}
-
-
-def _lamps_of_now(lamps: Any) -> dict[str, Any]:
-    if lamps is None:
-        return {"lamps": RING}
-    if isinstance(lamps, Mapping) and lamps.get("kind") == _TOGETHER:
-        return {"lamps": lamps.get("lamps"), "together": True}
-    return {"lamps": lamps}
 
 
 # Values of a request as plain values: texts, numbers, lists and mappings, the same in every
 # process; and back.
 
 
+# relative difference of a nominal value and that of its geometry: both are computed
+_SAME_NOMINAL = 1e-6
 # fields that hold values of several kinds: the kind belongs to the value
 _OF_SEVERAL_KINDS = ("lamps",)
 _KINDS = {kind.__name__: kind for kind in (BoxRegion, SphereRegion, LampBox, LampDome)}
@@ -262,6 +242,8 @@ def plain_value(value: Any, name: str = "") -> Any:
     # what comes back from its values with nothing lost
     if hasattr(value, "to_dict") and hasattr(value, "from_dict"):
         return plain_value(value.to_dict())
+    if isinstance(value, Target):
+        return _target_values(value)
     if is_dataclass(value):
         kind = {"kind": type(value).__name__} if name in _OF_SEVERAL_KINDS else {}
         return kind | plain_fields(value)
@@ -278,25 +260,6 @@ def plain_fields(record: Any) -> dict[str, Any]:
         whole = isinstance(value, int) and not isinstance(value, bool)
         values[field.name] = float(value) if whole and "float" in str(field.type) else value
     return values
-
-
-def completed_value(kind: Any, value: Any) -> Any:
-    """Return plain values of a record with the fields they lack, which have their defaults.
-
-    Parameters
-    ----------
-    kind : type
-        What the field that holds them is declared as.
-    value
-        Plain values, such as an earlier program wrote: it did not know all fields.
-    """
-    kind = _without_none(kind)
-    if not (_is_record(kind) and isinstance(value, Mapping)):
-        return value
-    kinds = get_type_hints(kind)
-    known = {name: completed_value(kinds.get(name), item) for name, item in value.items()}
-    defaults = {name: plain_value(item, name) for name, item in _defaults(kind).items()}
-    return {**defaults, **known}
 
 
 def restored_value(kind: Any, value: Any) -> Any:
@@ -322,12 +285,15 @@ def restored_value(kind: Any, value: Any) -> Any:
     if kind is Any:
         if not isinstance(value, Mapping):
             return value
-        value = dict(value)
-        name = value.pop("kind", None)
-        if name not in _KINDS:
-            got = name or next(iter(value.values()), "nothing")
-            raise PlanFileError(f"reach must be a box or a ball to be in a file. Got {got}.")
-        kind = _KINDS[name]
+        known = _KINDS.get(value.get("kind", ""))
+        if known is None:
+            return StatedRegion(value)
+        value = {key: item for key, item in value.items() if key != "kind"}
+        kind = known
+    if kind is Target:
+        return _target_of(value)
+    if kind is PoseRegion:
+        return StatedRegion(value)
     if hasattr(kind, "from_dict"):
         return kind.from_dict(value)
     if _is_record(kind):
@@ -344,19 +310,6 @@ def _is_record(kind: Any) -> bool:
     return is_dataclass(kind) or hasattr(kind, "_asdict")
 
 
-def _defaults(kind: Any) -> dict[str, Any]:
-    """Return the defaults of a dataclass or a named tuple, by field."""
-    if not is_dataclass(kind):
-        return dict(kind._field_defaults)
-    made = {
-        field.name: field.default_factory()
-        for field in fields(kind)
-        if field.default_factory is not MISSING
-    }
-    given = {field.name: field.default for field in fields(kind) if field.default is not MISSING}
-    return {**made, **given}
-
-
 def _without_none(kind: Any) -> Any:
     """Return the type that a field has where it is given; Any if there are several."""
     if get_origin(kind) not in (Union, UnionType):
@@ -365,172 +318,11 @@ def _without_none(kind: Any) -> Any:
     return others[0] if len(others) == 1 else Any
 
 
-# Targets as a request keeps them: which entities of the part, and which error is permitted.
-
-
-EDGE = "edge"
-
-
-@dataclass(frozen=True)
-class EntityRecord:
-    """An entity of the part.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    kind : str
-        "edge", "rim" or "arc".
-    edges : tuple of int
-        Ids of its edges in the part.
-    part : str
-        What it is a part of an edge, rim or arc, such as ``17[0:1/4]``; empty if it is a whole one.
-    """
-
-    name: str
-    kind: str
-    edges: tuple[int, ...]
-    part: str = ""
-
-    @classmethod
-    def of(cls, name: str, entity: Any) -> EntityRecord:
-        """Return the record of an entity of a space."""
-        edges = tuple(int(edge) for edge in getattr(entity, "edge_ids", ()))
-        part = getattr(entity, "part", None)
-        return cls(name, getattr(entity, "kind", EDGE), edges, "" if part is None else str(part))
-
-    def entity_of(self, solid: Solid) -> Entity:
-        """Return the entity of the part under its name."""
-        from aspectgraph import resolve_entities
-
-        return resolve_entities(solid, {self.name: self._given(solid)})[self.name]
-
-    def _given(self, solid: Solid) -> Any:
-        from aspectgraph import Entity, parse_part
-
-        if self.part:
-            return parse_part(self.part)
-        if self.kind != EDGE:
-            curves = {curve.edge_ids: curve for curve in (*solid.rims(), *solid.arcs())}
-            return curves[self.edges]
-        if len(self.edges) == 1:
-            return self.edges[0]
-        first = solid.edge_points(self.edges[0])
-        last = solid.edge_points(self.edges[-1])
-        # of a chain of collinear edges the ends are farthest apart
-        apart = np.linalg.norm(first[:, None] - last, axis=-1)
-        begin, end = np.unravel_index(np.argmax(apart), apart.shape)
-        return Entity(self.name, np.array([first[begin], last[end]]), self.edges)
-
-
-@dataclass(frozen=True, eq=False)
-class TargetRecord:
-    """An edge or a dimension that is wanted.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    kind : str
-        "edge", whose length is measured as in the paper, or the kind of dimension.
-    ends : array (2, 3)
-        Two points of it, mm.
-    entities : tuple of EntityRecord
-        What must be seen.
-    permitted_error : float or None
-        Of a dimension, mm (angles: degrees).
-    tolerance : tuple of float or None
-        Lower and upper deviation that the drawing allows; one may be infinite.
-    share : float or None
-        Part of the tolerance's half width that is permitted as error.
-    direction : tuple of float or None
-        Of a distance.
-    alternatives : tuple of tuple of EntityRecord
-        Other sets of entities that give the value.
-    surfaces_mm : float or None
-        Standard deviation of the position of its faces, mm; None if it is that of the request.
-    surfaces_from : str
-        The tolerance of the model that this follows from.
-    """
-
-    name: str
-    kind: str
-    ends: np.ndarray
-    entities: tuple[EntityRecord, ...]
-    permitted_error: float | None = None
-    tolerance: tuple[float, float] | None = None
-    share: float | None = None
-    direction: tuple[float, float, float] | None = None
-    alternatives: tuple[tuple[EntityRecord, ...], ...] = ()
-    surfaces_mm: float | None = None
-    surfaces_from: str = ""
-
-    @classmethod
-    def of(cls, target: Target, entities: Mapping[str, Any]) -> TargetRecord:
-        """Return the record of a target whose entities are known by name."""
-        witness = target.witnesses[0]
-        seen, *others = (
-            tuple(EntityRecord.of(name, entities[name]) for name in one.entities)
-            for one in target.witnesses
-        )
-        if not isinstance(target, DimensionTarget):
-            return cls(target.name, EDGE, witness.ends, seen)
-        dimension = target.dimension
-        has_width = dimension.tolerance is not None and not is_one_sided(dimension.tolerance)
-        return cls(
-            target.name,
-            dimension.kind,
-            witness.ends,
-            seen,
-            float(target.max_error),
-            dimension.tolerance,
-            dimension.share if has_width else None,
-            dimension.direction,
-            tuple(others),
-            dimension.surfaces_mm,
-            dimension.surfaces_from,
-        )
-
-    def item_of(self, solid: Solid) -> Any:
-        """Return the target as `plan_inspection` takes it."""
-        entities, *others = (
-            tuple(record.entity_of(solid) for record in way)
-            for way in (self.entities, *self.alternatives)
-        )
-        if self.kind == EDGE:
-            return entities[0]
-        error: dict[str, Any] = {"tolerance": self.tolerance}
-        # what has no width has an error of its own
-        error |= (
-            {"max_error": self.permitted_error} if self.share is None else {"share": self.share}
-        )
-        return Dimension(
-            self.kind,
-            entities,
-            direction=self.direction,
-            alternatives=tuple(others),
-            surfaces_mm=self.surfaces_mm,
-            surfaces_from=self.surfaces_from,
-            **error,
-        )
-
-
-def target_records(
-    entities: Mapping[str, Any], targets: Sequence[Target]
-) -> tuple[TargetRecord, ...]:
-    """Return the records of targets whose entities are known by name."""
-    return tuple(TargetRecord.of(target, entities) for target in targets)
-
-
 # The request of a plan as one frozen value, which resume, ``--out``, batch, kept regions and plan
 # files compare.
 #
 # **Guarantee.** Every field distinguishes requests: `InspectionRequest.identity` goes through all
 # fields there are, so an option that is added to the request cannot be forgotten.
-
-
-# beside the request in a plan file: how the part's file was read
-SOURCE = "source"
 
 
 @dataclass(frozen=True)
@@ -586,8 +378,8 @@ class InspectionRequest:
     ----------
     part : PartRecord or None
         The part; None where the request is for any part, as in a batch.
-    targets : tuple of TargetRecord or None
-        Edges and dimensions, in order; None as for the part.
+    targets : tuple of Target
+        Edges and dimensions, in order; none as for the part.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -617,7 +409,7 @@ class InspectionRequest:
     """
 
     part: PartRecord | None
-    targets: tuple[TargetRecord, ...] | None
+    targets: tuple[Target, ...]
     camera: Camera
     pose_uncertainty: PoseUncertainty
     localisation: Localisation
@@ -668,7 +460,24 @@ class InspectionRequest:
             The first difference, such as ``seed was 5 and is now 6``; None if it is the same request.
         """
         known = before.identity() if isinstance(before, InspectionRequest) else before
-        return request_difference(self.identity(), known, words, tolerance)
+        return first_difference(self.identity(), known, words, tolerance)
+
+    def other_part(self, solid: Any) -> str:
+        """Return why a part is not the one of the request, in words that follow its name; empty if it is."""
+        if self.part is not None and self.part.digest == PartRecord.of(solid).digest:
+            return ""
+        return "which has another shape"
+
+    @property
+    def means(self) -> Means:
+        """What the targets are measured with, and how accurately."""
+        return Means(
+            self.camera,
+            self.pose_uncertainty,
+            self.accuracy,
+            self.localisation,
+            surfaces_mm=self.surfaces_mm,
+        )
 
     def check_lasting(self) -> None:
         """Refuse a request that another process could not recognise.
@@ -683,33 +492,6 @@ class InspectionRequest:
                 f"{owner} must have a name that lasts where a state is kept: give it an attribute state_name, a text "
                 f"that says what it permits, or plan without state. Got {reach}."
             )
-
-
-def request_difference(
-    now: Mapping[str, Any],
-    before: Mapping[str, Any],
-    words: Callable[[str], str] = str,
-    tolerance: float = 0.0,
-) -> str | None:
-    """Return the first difference of two identities; a field that is missing has its default.
-
-    Parameters
-    ----------
-    now, before, words, tolerance
-        See `planner.identity.first_difference`.
-
-    Returns
-    -------
-    str or None
-        None if they are of the same request.
-    """
-    return first_difference(_completed(now), _completed(before), words, tolerance)
-
-
-def _completed(identity: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an identity in this program's words: with all its fields, and without the source."""
-    known = {name: value for name, value in in_words_of_now(identity).items() if name != SOURCE}
-    return completed_value(InspectionRequest, known)
 
 
 def digest_of(*values: Any) -> str:
@@ -741,147 +523,143 @@ def restored_request(identity: Mapping[str, Any]) -> InspectionRequest:
     Raises
     ------
     PlanFileError
-        If a field is missing, wrong or unknown, or cannot be in a file; names it.
+        If a field is missing, wrong or unknown; names it.
     """
-    identity = in_words_of_now(identity)
     known = {field.name: field for field in fields(InspectionRequest)}
     kinds = get_type_hints(InspectionRequest)
     for name in identity:
-        if name not in known and name != SOURCE:
+        if name not in known:
             raise PlanFileError(
                 f"{field_name('request', name)} must be known to this program. Got an unknown field."
             )
     values = {}
-    for name, field in known.items():
-        if name not in identity and field.default is MISSING:
+    for name in known:
+        if name not in identity:
             raise PlanFileError(f"request.{name} must be given. Got none.")
-        value = identity.get(name, field.default)
+        value = identity[name]
         try:
             values[name] = restored_value(kinds[name], value)
+        except PlanFileError:
+            # names its field
+            raise
+        except PlannerError as error:
+            raise PlanFileError(f"request.{name}.{error}") from None
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            if isinstance(error, PlannerError):
-                raise PlanFileError(f"request.{name}: {error}") from None
             raise PlanFileError(
                 f"request.{name} must be as this program writes it. Got {shown(value)}."
-            ) from None
+            ) from error
     return InspectionRequest(**values)
 
 
-def restored_options(request: InspectionRequest) -> InspectionOptions:
-    """Return the options of `plan_inspection` that make a request again."""
-    need = request.requirements
-    values: dict[str, Any] = {
-        field.name: getattr(record, field.name)
-        for record in (need, request)
-        for field in fields(InspectionOptions)
-        if hasattr(record, field.name)
-    }
-    if need.focus_reserve.sigmas > 0:
-        # the reserve of each point stands for a margin that was not given
-        values["focus_margin_mm"] = None
-    if any(target.surfaces_from for target in request.targets or ()):
-        # tolerances of the model count only where no value was given
-        values["surfaces_mm"] = None
-    return InspectionOptions(**{**values, "lamps": request.lighting})
+def stored_request(request: InspectionRequest) -> dict[str, Any]:
+    """Return ``request`` and ``targets`` of a plan file: the request names its targets, which are stated once."""
+    identity = request.identity()
+    targets = {target.pop("name"): target for target in identity["targets"]}
+    return {"request": {**identity, "targets": list(targets)}, "targets": targets}
 
 
-# Whether a part is the one of a plan: by its digest, or by what a plan without one holds of its
-# part.
-
-
-_SAME_MM = 1e-3
-# of the longest chords, as a share of the radius: those of a circle in 6 pieces
-_SAG = 0.134
-# points of a planned edge or circle that must lie on edges of the part
-_SHARES = np.linspace(0.0, 1.0, 8)
-
-
-def other_part(plan: InspectionPlan, solid: Solid) -> str:
-    """Return why a part is not the plan's, in words that follow its name.
-
-    A plan of an early version has no digest of its part. Then its edges and
-    circles must lie on edges of the part.
+def request_from(request: Mapping[str, Any], targets: Mapping[str, Any]) -> InspectionRequest:
+    """Return the request of a plan file.
 
     Parameters
     ----------
-    plan : InspectionPlan
-        The plan.
-    solid : Solid
-        The part.
-
-    Returns
-    -------
-    str
-        Such as "which has another shape"; empty if it is the plan's.
+    request, targets : mapping
+        As `stored_request` returns them.
 
     Raises
     ------
-    RequestError
-        If the plan holds nothing that could be compared.
+    PlanFileError
+        If a target is missing, or as `restored_request`.
     """
-    planned = plan.request.get("part")
-    if planned is not None:
-        same = planned["digest"] == PartRecord.of(solid).digest
-        return "" if same else "which has another shape"
-    targets = plan.targets
-    if not targets:
-        rule = "must hold the digest of its part, or an edge to compare"
-        hint = "it is of an early version: plan the part again"
-        raise RequestError.of_rule("plan", rule, "neither", hint=hint)
-    starts, ends = _edges(solid)
-    for name, target in targets.items():
-        for one in target.geometry:
-            if not _is_on(one, starts, ends):
-                return f"which has no edge at {name!r}"
-    return ""
+    names = request["targets"]
+    if sorted(names) != sorted(targets):
+        got = next(
+            (name for name in (*targets, *names) if (name in names) != (name in targets)),
+            "one twice",
+        )
+        raise PlanFileError(f"request.targets must name every target once. Got {shown(got)}.")
+    known = [{"name": name, **targets[name]} for name in names]
+    return restored_request({**request, "targets": known})
 
 
-def part_note(plan: InspectionPlan, solid: Solid) -> str:
-    """Return what remains open about a part that `other_part` finds no fault with; empty if nothing does."""
-    if plan.request.get("part") is not None or _has_default_workspace(plan, solid):
-        return ""
-    return "the plan has no digest of its part, so only its edges were compared: plan it again."
+# Targets as files hold them: what they have from the request is stated there.
 
 
-def _has_default_workspace(plan: InspectionPlan, solid: Solid) -> bool:
-    """Return whether the plan's workspace is the one about this part, which tells the size of its box."""
-    default = default_workspace(solid, plan.camera)
-    return bool(np.allclose(plan.workspace, default, rtol=0.0, atol=_SAME_MM))
+def _target_values(target: Target) -> dict[str, Any]:
+    """Return a target as plain values."""
+    witnesses = [
+        {
+            "entities": [plain_fields(record) for record in witness.records],
+            "geometry": [to_plain(item) for item in witness.geometry],
+        }
+        for witness in target.witnesses
+    ]
+    values: dict[str, Any] = {"name": target.name, "kind": EDGE, "witnesses": witnesses}
+    if not isinstance(target, PlannedDimension):
+        return values
+    return values | {
+        "kind": target.kind,
+        "nominal": target.nominal,
+        "unit": target.unit,
+        "tolerance": plain_tolerance(target.tolerance),
+        "permitted_error": target.permitted_error,
+        "share": target.share,
+        "direction": None if target.direction is None else list(target.direction),
+        "n_features": target.n_features,
+        "surfaces_mm": target.stated_surfaces_mm,
+        "surfaces_from": target.surfaces_from,
+    }
 
 
-def _is_on(one: Geometry, starts: np.ndarray, ends: np.ndarray) -> bool:
-    """Return whether a line or circle lies on edges (n, 3) of a part; of circles these are the chords."""
-    if isinstance(one, Line):
-        points = one.p + _SHARES[:, None] * (one.q - one.p)
-        return bool((_distances(points, starts, ends) <= _SAME_MM).all())
-    chords = _is_near(one, starts) & _is_near(one, ends)
-    points = one.points(one.span_rad * _SHARES)
-    off = _distances(points, starts[chords], ends[chords])
-    return bool((off <= _SAME_MM + _SAG * one.radius_mm).all())
+def _geometry_of(values: Mapping[str, Any]) -> Geometry:
+    kind: type[Line] | type[Circle] = Line if "p" in values else Circle
+    return from_plain(kind, values, InvalidParameterError)
 
 
-def _is_near(circle: Circle, points: np.ndarray) -> np.ndarray:
-    """Return which points (n, 3) lie on a whole circle (n,)."""
-    apart = points - circle.centre
-    heights = apart @ circle.axis
-    across = apart - heights[:, None] * circle.axis
-    radial = np.sqrt((across**2).sum(axis=1)) - circle.radius_mm
-    return np.asarray(np.hypot(heights, radial) <= _SAME_MM)
-
-
-def _edges(solid: Solid) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of all edges of a part, (n, 3) each."""
-    pairs = np.array([edge.vertices for edge in solid.edges], dtype=np.int64).reshape(-1, 2)
-    return solid.vertices[pairs[:, 0]], solid.vertices[pairs[:, 1]]
-
-
-def _distances(points: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Return how far points (m, 3) are from the nearest of segments (n, 3), (m,)."""
-    ways = ends - starts
-    squares = np.maximum((ways**2).sum(axis=1), np.finfo(float).tiny)
-    found = []
-    for point in points:
-        shares = np.clip(((point - starts) * ways).sum(axis=1) / squares, 0.0, 1.0)
-        apart = starts + shares[:, None] * ways - point
-        found.append(np.sqrt((apart**2).sum(axis=1)).min(initial=np.inf))
-    return np.array(found)
+def _target_of(values: Mapping[str, Any]) -> Target:
+    """Return the target of plain values."""
+    name = values["name"]
+    kind = values["kind"]
+    direction = values.get("direction")
+    if direction is not None:
+        direction = tuple(direction)
+    try:
+        witnesses = tuple(
+            Witness(
+                tuple(
+                    EntityRecord(**{**record, "edges": tuple(record["edges"])})
+                    for record in witness["entities"]
+                ),
+                measurand(
+                    "length" if kind == EDGE else kind,
+                    tuple(map(_geometry_of, witness["geometry"])),
+                    direction,
+                ),
+            )
+            for witness in values["witnesses"]
+        )
+    except (MeasurandError, InvalidParameterError) as error:
+        raise PlanFileError(
+            f"{field_name('targets', name)} must be one that can be measured. Got: {error}"
+        ) from None
+    if kind == EDGE:
+        return EdgeTarget(name, witnesses)
+    tolerance = values["tolerance"]
+    target = PlannedDimension(
+        name,
+        witnesses,
+        kind,
+        values["permitted_error"],
+        None if tolerance is None else checked_tolerance(tolerance),
+        values["share"],
+        direction,
+        values["n_features"],
+        values["surfaces_mm"],
+        values["surfaces_from"],
+    )
+    if abs(target.nominal - values["nominal"]) > _SAME_NOMINAL * max(1.0, abs(target.nominal)):
+        raise PlanFileError(
+            f"{field_name('targets', name, 'nominal')} must be that of the geometry, {target.nominal:.9g}. "
+            f"Got {values['nominal']!r}."
+        )
+    return target

@@ -25,7 +25,7 @@ from planner.request.image_constraints import RESOLUTION, Lens, image_slacks
 from planner.request.models import Means
 from planner.request.reach import TargetSpace
 from planner.request.targets import Target
-from planner.resolve_request import Promise, resolve_targets
+from planner.resolve_request import resolve_targets
 from planner.text_table import Column, table_lines
 
 if TYPE_CHECKING:
@@ -294,10 +294,9 @@ def propose_optics(
     options = options or InspectionOptions()
     # only the preferred witness of each is looked at, and that is the same for every camera
     effort = replace(options.effort or NORMAL, witnesses=1)
-    options = replace(options, effort=effort)
-    entities, targets, found_by = resolve_targets(solid, wanted, _STAND_IN, accuracy, options)
-    options = replace(options, localisation=found_by)
-    promise = Promise(accuracy, probability)
+    options = replace(options, effort=effort, accuracy=accuracy, probability=probability)
+    entities, targets, localisation = resolve_targets(solid, wanted, _STAND_IN, options)
+    options = replace(options, localisation=localisation)
     space = _space(solid, entities, targets, max(distances), options)
     views = _views(space, targets, distances, _limits(options, pose_uncertainty))
     best: dict[tuple[str, str], OpticsProposal] = {}
@@ -305,7 +304,7 @@ def propose_optics(
         camera = _set(body, lens, distance)
         if camera is None:
             continue
-        proposal = _judged((body, lens), camera, views, (pose_uncertainty, promise, options))
+        proposal = _judged((body, lens), camera, views, pose_uncertainty, options)
         if (body, lens) not in best or _rank(proposal) < _rank(best[body, lens]):
             best[body, lens] = proposal
     return tuple(sorted(best.values(), key=_rank))
@@ -438,10 +437,10 @@ def _judged(
     names: tuple[str, str],
     camera: Camera,
     views: Sequence[_View],
-    required_of: tuple[PoseUncertainty, Promise, InspectionOptions],
+    pose_uncertainty: PoseUncertainty,
+    options: InspectionOptions,
 ) -> OpticsProposal:
-    pose_uncertainty, promise, options = required_of
-    required = promise.probability
+    required = options.probability
     near, far = camera.depth_of_field_mm
     margin = max(options.focus_margin_mm or 0.0, position_margin_mm(pose_uncertainty))
     if 2 * margin >= far - near:
@@ -460,7 +459,7 @@ def _judged(
     means = Means(
         camera,
         pose_uncertainty,
-        promise.accuracy,
+        options.accuracy,
         localisation=options.localisation,
         surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
     )

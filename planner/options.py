@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.geometry import Localisation as Localisation
@@ -15,7 +16,8 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
 from planner.effort.effort import Effort
-from planner.exceptions import RequestError
+from planner.exceptions import PlanFileError, RequestError
+from planner.identity import InspectionRequest
 from planner.plan import InspectionPlan
 from planner.request.camera_limits import NO_RESERVE, FocusReserve
 from planner.request.constraints import Requirements
@@ -25,8 +27,8 @@ from planner.request.defaults import (
     corner_margin_px,
     position_margin_mm,
 )
-from planner.request.reach import Reach, Space
-from planner.request.targets import GIVEN, RegistrationRecord
+from planner.request.reach import Reach, Space, StatedRegion
+from planner.request.registration import GIVEN, RegistrationRecord
 
 if TYPE_CHECKING:
     from planner.light.lighting import Lighting
@@ -34,64 +36,106 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class InspectionOptions:
-    """The options of `plan_inspection` as one value.
+class RunOptions:
+    """How a plan is computed, see `InspectionOptions`: what the plan itself does not depend on."""
 
-    `plan_inspection` takes them as keywords and describes them in full. `predict` and
-    `propose_optics` take this value. They judge a pose or a lens by the same constraints, workspace
-    and visibility as a plan.
+    time_limit_s: float | None = None
+    on_incumbent: Callable[[InspectionPlan], object] | None = None
+    state: str | os.PathLike[str] | None = None
+    executor: Executor | None = None
+    progress: Callable[..., Any] | None = None
+    space: Space | None = None
+
+
+@dataclass(frozen=True)
+class InspectionOptions(RunOptions):
+    """The options of `plan_inspection`, also as one value.
+
+    `predict` and `propose_optics` take this value. They judge a pose or a lens by the same
+    constraints, workspace and visibility as a plan.
 
     Parameters
     ----------
+    time_limit_s : float, optional
+        End the planning after this many seconds with the best plan so far, which is then
+        ``unfinished``. Visibility may take half of them. The plan omits a target whose visibility
+        is not complete by then, with the reason. Planning does not end before the first plan, nor
+        during a run of the genetic algorithm in this process. Default: no limit.
+    on_incumbent : callable, optional
+        The program calls ``on_incumbent(plan)`` with the best plan so far, whenever the plan or its
+        bound improves. The last call gets the plan that is returned. An exception it raises cancels
+        the work.
+    state : path, optional
+        File that stores results during the planning. If it exists, the planning resumes from it.
+        The file remains when the plan is done, and the same call then returns the plan at once.
+        Delete it after you have written the plan. If the program can no longer save it, it warns
+        and continues.
+    executor : concurrent.futures.Executor, optional
+        Runs the per-entity and per-column work.
+    progress : callable, optional
+        The program calls ``progress(done, total, label)``. An exception it raises cancels the work.
+    space : VisibilityRegions or EntityAspectGraph, optional
+        Visibility computed before, for these entities and this workspace. With a `RingSpace`, an
+        edge counts as observable only where a ring light on the camera makes it visible. Default:
+        the program computes the visibility.
+    accuracy : float
+        Required accuracy A in (0, 1).
+    probability : float
+        Required probability, in (0, 1), that a measurement is accurate.
+    rng : int or numpy.random.Generator
+        Seed. From a generator, the program draws a seed.
     workspace : array_like (2, 3), optional
         Opposite corners of the box the camera may be in, mm. Default: `default_workspace`, which
         extends around the part as far as the lens focuses.
-    stand_off_mm : float
-        Smallest distance between the front nodal point and the part, mm.
-    min_length_px : float
-        Smallest length of a measured edge in the image, px.
+    stand_off_mm, min_length_px : float
+        Constraints, see `Requirements`.
     field_margin_px : float, optional
         Width of the strip along the sensor's edges to keep free, px. Default: four standard
-        deviations of the image's motion.
+        deviations of an image point's motion under the pose uncertainty. They are those of the
+        corner where the motion is largest. The default is at most a quarter of the smaller side.
     visibility_radius_mm : float, optional
         Targets must also be observable from all points up to this distance from the camera, mm.
-        Default: three standard deviations.
+        Default: three standard deviations of its position, where it is least certain.
     focus_margin_mm : float, optional
-        Narrow both limits of the depth of field by this distance, mm. Default: three standard
-        deviations of each point's depth, see `plan_inspection`.
+        Narrow both limits of the depth of field by this distance, mm, so that a displaced camera is
+        still in focus. Default: three standard deviations of the depth of each end of an edge, as
+        the camera moves and turns. The default is at most an eighth of the depth of field, but
+        never less than 1.645 standard deviations.
     showing : Detectability
-        Conditions under which software can find edges in the image.
+        Conditions under which software can find edges in the image. With a corner condition, the
+        plan does not inspect edges that end in a tangent arc. ``Detectability(0, 0, 0)`` sets no
+        conditions, as in the paper. Default: ``Detectability()``.
     reach : ReachRegion or callable, optional
-        Region in which the front nodal point may be. Default: the whole workspace.
+        Region in which the front nodal point may be. Default: the whole workspace. With ``state``
+        it needs a permanent name. A lambda, a nested function or an object that cannot be pickled
+        needs an attribute ``state_name``, which describes what it permits.
     cell : Cell, optional
-        Robot that must reach every setting, and how the part lies before it. Default: no robot.
+        Robot that must reach every setting, and how the part lies before it. Each setting of the
+        plan then has a ``fixturing`` and ``joints``. The cell only forbids poses, so the lower
+        bound is proven without it, and holds.
     lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
-        Lamps that must light the targets. Default: no lamps.
-    space : VisibilityRegions or EntityAspectGraph, optional
-        Visibility computed before. Default: the program computes it.
+        Lamps that must light the targets, as in `plan_light`. The plan then has its ``light``. If
+        no lamp lights a target in any setting, the program searches for other poses. With "ring",
+        the search is restricted to viewpoints where the ring light makes edges visible.
     effort : Effort, optional
-        How long to search.
+        How long to search. Default: ``Effort()``, or ``Effort.for_dimensions()`` for dimensions.
     localisation : Localisation, optional
         Model of the errors of image points. Default: ``Localisation.gaussian()`` if there is a
-        `Dimension`, otherwise rounding to whole pixels.
+        `Dimension`, otherwise rounding to whole pixels, as in the paper.
     surfaces_mm : float, optional
         Standard deviation of the position of the part's faces along their normals, mm, for
-        dimensions. Default: what a `Dimension` states of its own, otherwise 0.02 mm; 0 if points are
-        rounded to whole pixels.
+        dimensions. Points of the image are carried back to these faces. Default: what a
+        `Dimension` states of its own, otherwise 0.02 mm; 0 if points are rounded to whole pixels.
     registration : Registration or PoseUncertainty, optional
-        How the poses of images are known when values are read. Default: no better than planned.
-    time_limit_s : float, optional
-        End the planning after this many seconds with the best plan so far. Default: no limit.
+        How the poses of images are known when values are read. With ``Registration.own_edges()``,
+        `measure` will register each image to the part's own edges, and P is that of these values.
+        The program predicts it from what each pose shows of the part. A `PoseUncertainty` is that
+        of poses that something else measures. Where the camera may be while it takes the images,
+        remains ``pose_uncertainty``. Default: values are read with the planned poses.
     gap : float
-        Stop at this gap between the plan and its bound, a share of the settings in [0, 1).
-    on_incumbent : callable, optional
-        The program calls ``on_incumbent(plan)`` with each better plan.
-    state : path, optional
-        File that stores results, and from which the planning resumes.
-    executor : concurrent.futures.Executor, optional
-        Runs the work in parallel.
-    progress : callable, optional
-        ``progress(done, total, label)``.
+        Stop improving the plan and its bound at this gap, in [0, 1). The gap is the share of the
+        settings that the bound does not prove to be needed. Default: improve both as far as the
+        effort allows.
 
     Examples
     --------
@@ -101,6 +145,9 @@ class InspectionOptions:
     (80.0, None)
     """
 
+    accuracy: float = 0.98
+    probability: float = 0.9
+    rng: int | np.random.Generator = 0
     workspace: ArrayLike | None = None
     stand_off_mm: float = 50.0
     min_length_px: float = 20.0
@@ -111,17 +158,47 @@ class InspectionOptions:
     reach: Reach | None = None
     cell: Cell | None = None
     lamps: Any = None
-    space: Space | None = None
     effort: Effort | None = None
     localisation: Localisation | None = None
     surfaces_mm: float | None = None
     registration: Any = None
-    time_limit_s: float | None = None
     gap: float = 0.0
-    on_incumbent: Callable[[InspectionPlan], object] | None = None
-    state: str | os.PathLike[str] | None = None
-    executor: Executor | None = None
-    progress: Callable[..., Any] | None = None
+
+    @classmethod
+    def of_request(cls, request: InspectionRequest) -> InspectionOptions:
+        """Return the options that make a request again.
+
+        Parameters
+        ----------
+        request : InspectionRequest
+            Such as that of a plan.
+
+        Returns
+        -------
+        InspectionOptions
+            For `plan_inspection`, with the camera, the pose uncertainty and the targets of the request.
+
+        Raises
+        ------
+        PlanFileError
+            If it has a reach that no file can hold.
+        """
+        need = request.requirements
+        if isinstance(need.reach, StatedRegion):
+            raise PlanFileError(f"request.requirements: {need.reach.rule}.")
+        values: dict[str, Any] = {
+            field.name: getattr(record, field.name)
+            for record in (need, request)
+            for field in fields(cls)
+            if hasattr(record, field.name)
+        }
+        if need.focus_reserve.sigmas > 0:
+            # the reserve of each point stands for a margin that was not given
+            values["focus_margin_mm"] = None
+        if any(getattr(target, "surfaces_from", "") for target in request.targets):
+            # tolerances of the model count only where no value was given
+            values["surfaces_mm"] = None
+        return cls(**{**values, "lamps": request.lighting, "rng": request.seed})
 
     @property
     def lighting(self) -> Lighting | None:

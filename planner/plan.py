@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,19 +15,20 @@ import numpy as np
 
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
-from planner.exceptions import PlanFileError, PlannerError
+from planner.exceptions import PlanFileError
 from planner.files import encoded, plan_file, read_json, write_text
-from planner.plan_file import FORMAT, check_format, check_plan, check_schema, field_name, version_of
+from planner.plan_file import FORMAT, VERSION, check_format, check_plan, check_schema
 from planner.plan_tables import PlanTables
 from planner.request.words import features_text
 from planner.sensor_setting import Reason, SensorSetting, kind_of, kinds_record, reasons_from
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
+    from planner.identity import InspectionRequest
     from planner.light.light_plan import LightPlan
     from planner.progress import Progress
     from planner.request.models import Means
-    from planner.request.planned import PlannedDimension
+    from planner.request.targets import PlannedDimension, Target
     from planner.verify.simulate_plan import SimulationResult
 
 
@@ -50,6 +51,9 @@ class InspectionPlan(PlanTables):
 
     Attributes
     ----------
+    request : InspectionRequest
+        The request: the part, the targets as they were found on it, camera, constraints, and
+        everything that the plan depends on.
     settings : tuple of SensorSetting
         In the order of the robot's travel.
     lower_bound : int
@@ -60,30 +64,6 @@ class InspectionPlan(PlanTables):
     uninspectable : mapping of str to Reason
         Name of each entity that is not inspected, and the reason. A `Reason` is text that also has
         a ``kind``.
-    entities : mapping of str to array (2, 3)
-        End points of every requested entity, mm, in the part's frame.
-    camera : Camera
-        The camera.
-    pose_uncertainty : PoseUncertainty
-        Uncertainty of its real pose about the planned one.
-    accuracy : float
-        Required accuracy A: the error of a measured image length may be at most (1 - A) of it.
-    probability : float
-        Required probability that a measurement is accurate.
-    workspace : array (2, 3)
-        Opposite corners of the box the camera may be in, mm.
-    part : str
-        Name of the part.
-    seed : int
-        Seed that reproduces the plan.
-    dimensions : mapping of str to PlannedDimension
-        The dimensions by name; ``entities`` holds two points of each. Other entities are lengths.
-    requirements : mapping of str to float
-        Further constraints, by names that end with the unit; see `Requirements`. Empty in plans of
-        program versions that did not store them.
-    request : mapping of str to value
-        Everything the plan depends on. From the command line, ``source`` says how it read the
-        part's file. Empty in plans of program versions that did not store it.
     cell : mapping of str to value
         In plans for a robot cell: its robot, its digest, and ``part2base`` of each fixturing.
     unfinished : bool
@@ -92,46 +72,98 @@ class InspectionPlan(PlanTables):
         Result of the simulation with displaced poses, in a plan that `simulated` returned.
     light : LightPlan or None
         Lamps for the settings. ``dataclasses.replace(plan, light=...)`` attaches another.
+    source : mapping of str to value
+        How the command line read the part: its ``file``, relative to the plan's, and its options.
     """
 
+    request: InspectionRequest
     settings: tuple[SensorSetting, ...]
     lower_bound: int
     uninspectable: Mapping[str, str]
-    entities: Mapping[str, np.ndarray]
-    camera: Camera
-    pose_uncertainty: PoseUncertainty
-    accuracy: float
-    probability: float
-    workspace: np.ndarray
-    part: str = ""
-    seed: int = 0
     bound_proof: str = ""
     simulation: SimulationResult | None = None
-    dimensions: Mapping[str, PlannedDimension] = field(default_factory=dict)
-    requirements: Mapping[str, float] = field(default_factory=dict)
-    request: Mapping[str, Any] = field(default_factory=dict)
     unfinished: bool = False
     light: LightPlan | None = None
     cell: Mapping[str, Any] = field(default_factory=dict)
+    source: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        entities = {name: _read_only(points, (2, 3)) for name, points in self.entities.items()}
         object.__setattr__(self, "settings", tuple(self.settings))
-        object.__setattr__(self, "entities", entities)
         object.__setattr__(self, "uninspectable", _reasons(self.uninspectable))
-        for name in ("dimensions", "requirements", "request", "cell"):
+        for name in ("cell", "source"):
             object.__setattr__(self, name, dict(getattr(self, name)))
-        object.__setattr__(self, "workspace", _read_only(self.workspace, (2, 3)))
         self._check_names()
+
+    @property
+    def camera(self) -> Camera:
+        """The camera."""
+        return self.request.camera
+
+    @property
+    def pose_uncertainty(self) -> PoseUncertainty:
+        """Uncertainty of the camera's real pose about the planned one."""
+        return self.request.pose_uncertainty
+
+    @property
+    def accuracy(self) -> float:
+        """Required accuracy A: the error of a measured image length may be at most (1 - A) of it."""
+        return self.request.accuracy
+
+    @property
+    def probability(self) -> float:
+        """Required probability that a measurement is accurate."""
+        return self.request.probability
+
+    @property
+    def seed(self) -> int:
+        """Seed that reproduces the plan."""
+        return self.request.seed
+
+    @property
+    def part(self) -> str:
+        """Name of the part."""
+        return "" if self.request.part is None else self.request.part.name
+
+    @property
+    def workspace(self) -> np.ndarray:
+        """Opposite corners of the box the camera may be in, (2, 3) mm."""
+        return np.asarray(self.request.workspace, dtype=np.float64)
+
+    @property
+    def requirements(self) -> dict[str, float]:
+        """Further constraints, by names that end with the unit; see `Requirements`."""
+        return self.request.requirements.to_dict()
+
+    @cached_property
+    def targets(self) -> dict[str, Target]:
+        """The targets by name: lengths of edges, and dimensions."""
+        means = self.request.means
+        return {target.name: target.measured_with(means) for target in self.request.targets}
+
+    @property
+    def entities(self) -> dict[str, np.ndarray]:
+        """Two points of every target, far apart: the ends of an edge; (2, 3) mm, in the part's frame."""
+        return {name: target.ends for name, target in self.targets.items()}
+
+    @property
+    def dimensions(self) -> dict[str, PlannedDimension]:
+        """The dimensions among the targets, by name. The others are lengths of edges."""
+        from planner.request.targets import PlannedDimension
+
+        return {
+            name: target
+            for name, target in self.targets.items()
+            if isinstance(target, PlannedDimension)
+        }
 
     def _check_names(self) -> None:
         inspected = {name for setting in self.settings for name in setting.entities}
         for name in [*inspected, *self.uninspectable]:
-            if name not in self.entities:
+            if name not in self.targets:
                 raise PlanFileError(
-                    f"entities must hold every name that the plan uses. Got no {name!r}."
+                    f"targets must hold every name that the plan uses. Got no {name!r}."
                 )
-        for name in self.entities:
+        for name in self.targets:
             if (name in inspected) == (name in self.uninspectable):
                 where = "both" if name in inspected else "neither"
                 raise PlanFileError(
@@ -150,7 +182,7 @@ class InspectionPlan(PlanTables):
             if inspected
             else ""
         )
-        shares = f"{len(inspected)} of {len(self.entities)} entities inspected"
+        shares = f"{len(inspected)} of {len(self.targets)} entities inspected"
         features = f", {self.features_text}" if self.features_text else ""
         return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{features}{worst}>"
 
@@ -179,10 +211,8 @@ class InspectionPlan(PlanTables):
 
     @property
     def means(self) -> Means:
-        """The camera, its pose uncertainty and the required accuracy, as one value."""
-        from planner.request.models import Means
-
-        return Means(self.camera, self.pose_uncertainty, self.accuracy)
+        """The camera, its pose uncertainty, the localisation and the required accuracy, as one value."""
+        return self.request.means
 
     @property
     def minimal(self) -> bool:
@@ -196,12 +226,12 @@ class InspectionPlan(PlanTables):
 
     @property
     def inspected(self) -> dict[str, float]:
-        """Name to the best promise, in the order of ``entities``: P_all, or P if it was not counted."""
+        """Name to the best promise, in the order of ``targets``: P_all, or P if it was not counted."""
         best = {
             name: max(
                 (s.promise[name] for s in self.settings if name in s.entities), default=math.nan
             )
-            for name in self.entities
+            for name in self.targets
         }
         return {name: p for name, p in best.items() if name not in self.uninspectable}
 
@@ -270,29 +300,18 @@ class InspectionPlan(PlanTables):
             The content that `write` writes, with format, version and units. Numbers that are not
             finite remain floats.
         """
+        from planner.identity import stored_request
         from planner.verify.setting_record import setting_dict
 
-        dimensions = {name: one.to_dict() for name, one in self.dimensions.items()}
         kinds = kinds_record(self.uninspectable)
-        features = {"n": self.n_features, "not_planned": self.n_features_not_planned}
         return {
             "format": FORMAT,
-            "version": version_of(bool(dimensions), bool(self.cell)),
+            "version": VERSION,
             "units": dict(_UNITS),
-            "part": self.part,
-            "accuracy": self.accuracy,
-            "probability": self.probability,
-            "seed": self.seed,
-            "lower_bound": self.lower_bound,
+            **stored_request(self.request),
+            **({"source": dict(self.source)} if self.source else {}),
+            "bound": self.lower_bound,
             "bound_proof": self.bound_proof,
-            "minimal": self.minimal,
-            "workspace": self.workspace.tolist(),
-            **({"requirements": dict(self.requirements)} if self.requirements else {}),
-            **({"request": dict(self.request)} if self.request else {}),
-            "camera": self.camera.to_dict(),
-            "pose_uncertainty": self.pose_uncertainty.to_dict(),
-            "entities": {name: points.tolist() for name, points in self.entities.items()},
-            **({"dimensions": dimensions, "features": features} if dimensions else {}),
             **({"cell": dict(self.cell)} if self.cell else {}),
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
@@ -376,16 +395,6 @@ class InspectionPlan(PlanTables):
     __hash__ = None  # type: ignore[assignment]
 
 
-_PLAIN_FIELDS = (
-    "lower_bound",
-    "bound_proof",
-    "entities",
-    "accuracy",
-    "probability",
-    "workspace",
-)
-
-
 def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
     """Read a plan written by `InspectionPlan.write`.
 
@@ -422,50 +431,27 @@ def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
 
 def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
     """Check the values of a plan file and build the plan."""
+    from planner.identity import request_from
     from planner.verify.setting_record import check_settings, own_fields
 
     check_format(data)
     check_schema(data, "plan")
+    request = request_from(data["request"], data["targets"])
     check_plan(data)
-    with _inside("camera"):
-        camera = Camera.from_dict(data["camera"])
-    with _inside("pose_uncertainty"):
-        pose_uncertainty = PoseUncertainty.from_dict(data["pose_uncertainty"])
-    found = cls(
+    plan = cls(
+        request=request,
         settings=tuple(SensorSetting.from_dict(own_fields(s)) for s in data["settings"]),
-        camera=camera,
-        pose_uncertainty=pose_uncertainty,
+        lower_bound=data["bound"],
+        bound_proof=data["bound_proof"],
         uninspectable=reasons_from(data["uninspectable"], data.get("uninspectable_kinds", {})),
         simulation=_simulation_from(data.get("simulation")),
-        dimensions=_dimensions_from(data.get("dimensions", {})),
         unfinished=data.get("unfinished", False),
         light=_light_from(data.get("light")),
-        **{name: data.get(name, {}) for name in ("requirements", "request", "cell")},
-        **{name: data[name] for name in (*_PLAIN_FIELDS, "part", "seed")},
+        cell=data.get("cell", {}),
+        source=data.get("source", {}),
     )
-    check_settings(found, data["settings"])
-    return found
-
-
-def _dimensions_from(data: Mapping[str, Any]) -> dict[str, PlannedDimension]:
-    if not data:
-        return {}
-    from planner.request.planned import PlannedDimension
-
-    found = {}
-    for name, fields in data.items():
-        with _inside(field_name("dimensions", name)):
-            found[name] = PlannedDimension.from_dict(fields)
-    return found
-
-
-@contextmanager
-def _inside(field: str) -> Iterator[None]:
-    """Put the path in front of what is said of a part of the plan."""
-    try:
-        yield
-    except PlannerError as error:
-        raise PlanFileError(f"{field}.{error}") from None
+    check_settings(plan, data["settings"])
+    return plan
 
 
 def _simulation_from(data: Any) -> SimulationResult | None:
@@ -487,11 +473,3 @@ def _light_from(data: Any) -> LightPlan | None:
 def _reasons(texts: Mapping[str, str]) -> dict[str, Reason]:
     """Return texts as reasons; plain ones state no kind."""
     return {name: Reason(text, kind_of(text)) for name, text in texts.items()}
-
-
-def _read_only(values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    array = np.array(values, dtype=np.float64)
-    if array.shape != shape:
-        raise PlanFileError(f"points must have the shape {shape}. Got {array.shape}.")
-    array.setflags(write=False)
-    return array

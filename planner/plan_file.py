@@ -142,17 +142,6 @@ def _is_integer(value: object) -> bool:
 
 FORMAT = "aspectgraph inspection plan"
 VERSION = 1
-# of plans that hold dimensions
-WITH_DIMENSIONS = 2
-# of plans for a robot cell
-WITH_CELL = 3
-
-
-def version_of(dimensions: bool, cell: bool) -> int:
-    """Return the version of a plan, by whether it holds dimensions and is for a robot cell."""
-    if cell:
-        return WITH_CELL
-    return WITH_DIMENSIONS if dimensions else VERSION
 
 
 def check_format(data: Any) -> None:
@@ -171,16 +160,9 @@ def check_format(data: Any) -> None:
     if not isinstance(data, Mapping) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, Mapping) else type(data).__name__
         raise PlanFileError(f"format must be {FORMAT!r}. Got {repr(found)[:60]}.")
-    known = (VERSION, WITH_DIMENSIONS, WITH_CELL)
-    if data.get("version") not in known or isinstance(data.get("version"), bool):
-        words = f"{VERSION}, {WITH_DIMENSIONS} or {WITH_CELL}"
-        raise PlanFileError(f"version must be {words}. Got {shown(data.get('version'))}.")
-    if "on_grid" in data:
-        # of earlier programs; what they counted is false of an edge that is a tenth of a pixel longer
-        raise PlanFileError(
-            "on_grid must not be in a plan: its probabilities hold for a part of exactly "
-            f"nominal size only. Plan again. Got {shown(data['on_grid'])}."
-        )
+    version = data.get("version")
+    if version != VERSION or isinstance(version, bool):
+        raise PlanFileError(f"version must be {VERSION}. Got {shown(version)}.")
 
 
 # What a schema cannot say of a plan or state file: names that agree, rigid poses, promises that
@@ -233,19 +215,19 @@ def check_plan(data: Mapping[str, Any]) -> None:
     PlanFileError
         Names the first wrong field by its path, the rule and the value.
     """
-    _check_geometry(data)
-    _check_dimensions(data)
+    request = data["request"]
+    targets = data["targets"]
+    dimensions = [name for name, target in targets.items() if target["kind"] != "edge"]
+    _check_workspace(request)
     for k, setting in enumerate(data["settings"]):
         check_setting(setting, "settings", k)
         if "measurements" in setting:
-            dimensions = [
-                name for name in setting["entities"] if name in data.get("dimensions", {})
-            ]
-            _check_keys(setting["measurements"], dimensions, "settings", k, "measurements")
+            names = [name for name in setting["entities"] if name in dimensions]
+            _check_keys(setting["measurements"], names, "settings", k, "measurements")
         _check_windows(setting, k)
-        _check_witnesses(setting, data.get("dimensions", {}), k)
-        _check_promises(setting, data, k)
-    _check_everyone_once(data)
+        _check_witnesses(setting, targets, k)
+        _check_promises(setting, request, targets, k)
+    _check_everyone_once(data, targets)
     _check_bound(data)
     if data.get("simulation") is not None:
         _check_simulation(data["simulation"], data["settings"])
@@ -369,57 +351,40 @@ def _off_rotation(turns: np.ndarray) -> float:
     return float(max(gram, np.abs(np.linalg.det(turns) - 1.0).max(initial=0.0)))
 
 
-def _check_geometry(data: Mapping[str, Any]) -> None:
-    low, high = np.array(data["workspace"], dtype=float)
+def _check_workspace(request: Mapping[str, Any]) -> None:
+    """Check that the workspace is a box."""
+    low, high = np.array(request["workspace"], dtype=float)
     if not (low < high).all():
-        _refuse("workspace", "must hold the lower corner, then the upper one", data["workspace"])
-    for name, (start, end) in data["entities"].items():
-        if start == end:
-            _refuse(field_name("entities", name), "must have two different ends", [start, end])
+        rule = "must hold the lower corner, then the upper one"
+        _refuse("request.workspace", rule, request["workspace"])
 
 
-def _check_witnesses(setting: Mapping[str, Any], dimensions: Mapping[str, Any], k: int) -> None:
-    """Check that a setting uses witnesses that its dimensions have."""
+def _check_witnesses(setting: Mapping[str, Any], targets: Mapping[str, Any], k: int) -> None:
+    """Check that a setting uses witnesses that its targets have."""
     for name, number in setting.get("witness", {}).items():
         where = field_name("settings", k, "witness", name)
         if name not in setting["entities"]:
             _refuse(where, "must be of an item of the setting", name)
-        n = len(dimensions.get(name, {}).get("witnesses", ()))
+        n = len(targets[name]["witnesses"]) if name in targets else 0
         if number >= n:
             _refuse(where, f"must be below {n}, the number of its witnesses", number)
 
 
-def _check_dimensions(data: Mapping[str, Any]) -> None:
-    """Check that dimensions are entities of the plan, and that its version says whether there are any."""
-    dimensions = data.get("dimensions", {})
-    if data["version"] != version_of(bool(dimensions), "cell" in data):
-        rule = "must be 3 in a plan for a robot cell, else 2 in one that holds dimensions, and 1 in another"
-        _refuse("version", rule, data["version"])
-    for name in dimensions:
-        if name not in data["entities"]:
-            _refuse(field_name("dimensions", name), "must be one of the plan's entities", name)
-    counts = [dimension.get("n_features", 1) for dimension in dimensions.values()]
-    expected = {"n": sum(counts), "not_planned": sum(counts) - len(counts)}
-    for key, value in data.get("features", {}).items():
-        if value != expected[key]:
-            rule = f"must be that of the dimensions, {expected[key]}"
-            _refuse(field_name("features", key), rule, value)
-
-
-def _check_promises(setting: Mapping[str, Any], data: Mapping[str, Any], k: int) -> None:
+def _check_promises(
+    setting: Mapping[str, Any], request: Mapping[str, Any], targets: Mapping[str, Any], k: int
+) -> None:
     """Check what the plan says of one setting: inside the workspace, all constraints met, probable enough."""
     position = np.array(setting["cam2world"], dtype=float)[:3, 3]
-    low, high = np.array(data["workspace"], dtype=float)
+    low, high = np.array(request["workspace"], dtype=float)
     if not ((position >= low - _SAME) & (position <= high + _SAME)).all():
         _refuse(
             field_name("settings", k, "cam2world"), "must be in the workspace", position.tolist()
         )
     for i, name in enumerate(setting["entities"]):
-        if name not in data["entities"]:
-            _refuse(
-                field_name("settings", k, "entities", i), "must be one of the plan's entities", name
-            )
-    required = data["probability"]
+        if name not in targets:
+            where = field_name("settings", k, "entities", i)
+            _refuse(where, "must be one of the plan's targets", name)
+    required = request["probability"]
     for name, value in setting["probability"].items():
         if value < required - _SAME:
             rule = f"must be at least the required probability, {required:g}"
@@ -464,37 +429,32 @@ def _check_windows(setting: Mapping[str, Any], k: int) -> None:
             _refuse(where, f"must be at most the search window, {windows[name]:g}", value)
 
 
-def _check_everyone_once(data: Mapping[str, Any]) -> None:
+def _check_everyone_once(data: Mapping[str, Any], targets: Mapping[str, Any]) -> None:
     inspected = {name for setting in data["settings"] for name in setting["entities"]}
     for name in data["uninspectable"]:
-        if name not in data["entities"]:
-            _refuse(field_name("uninspectable", name), "must be one of the plan's entities", name)
+        if name not in targets:
+            _refuse(field_name("uninspectable", name), "must be one of the plan's targets", name)
     for name in data.get("uninspectable_kinds", {}):
         if name not in data["uninspectable"]:
             path = field_name("uninspectable_kinds", name)
             _refuse(path, "must be a name that has a reason", name)
-    for name in data["entities"]:
+    for name in targets:
         if (name in inspected) == (name in data["uninspectable"]):
             place = "both" if name in inspected else "neither"
-            raise PlanFileError(
-                f"{field_name('entities', name)} must be in a setting or uninspectable. Got {place}."
-            )
+            where = field_name("targets", name)
+            raise PlanFileError(f"{where} must be in a setting or uninspectable. Got {place}.")
 
 
 def _check_bound(data: Mapping[str, Any]) -> None:
     n = len(data["settings"])
-    bound = data["lower_bound"]
+    bound = data["bound"]
     if not min(n, 1) <= bound <= n:
         rule = (
             f"must be 1 to {n}, the number of settings"
             if n
             else "must be 0, as there are no settings"
         )
-        _refuse("lower_bound", rule, bound)
-    # of a plan without settings, both have been written
-    if n and data.get("minimal", bound == n) != (bound == n):
-        rule = f"must be {shown(bound == n)} for {n} settings and the lower bound {bound}"
-        _refuse("minimal", rule, data["minimal"])
+        _refuse("bound", rule, bound)
 
 
 def _check_simulation(simulation: Mapping[str, Any], settings: Sequence[Any]) -> None:

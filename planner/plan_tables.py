@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -14,14 +13,13 @@ import numpy as np
 
 from planner.argument_kinds import check_kinds
 from planner.files import write_text
-from planner.request.words import features_text
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
     from aspectgraph import Solid
-    from planner.request.planned import PlannedTarget
     from planner.request.reach import Space
+    from planner.request.targets import Target
     from planner.rows import Row
 
 
@@ -32,25 +30,32 @@ _DEG = math.degrees(1.0)
 class PlanTables:
     """What an `InspectionPlan` shows of itself; it brings the fields."""
 
-    part: str
     settings: tuple[Any, ...]
-    entities: Mapping[str, np.ndarray]
-    dimensions: Mapping[str, Any]
     uninspectable: Mapping[str, str]
-    accuracy: float
-    probability: float
     lower_bound: int
     simulation: Any
 
-    @cached_property
-    def targets(self) -> dict[str, PlannedTarget]:
-        """The targets by name: the length of an edge, or the value of a dimension."""
-        from planner.request.planned import PlannedLength
+    if TYPE_CHECKING:
 
-        return {
-            name: self.dimensions.get(name) or PlannedLength.of(name, ends, self.accuracy)
-            for name, ends in self.entities.items()
-        }
+        @property
+        def part(self) -> str:
+            """Name of the part."""
+
+        @property
+        def targets(self) -> Mapping[str, Target]:
+            """What is measured, by name."""
+
+        @property
+        def accuracy(self) -> float:
+            """Required accuracy."""
+
+        @property
+        def probability(self) -> float:
+            """Required probability."""
+
+        @property
+        def features_text(self) -> str:
+            """Words on the characteristics that are left out."""
 
     def ends_of(self, setting: Any, name: str) -> np.ndarray:
         """Return two points far apart of what a setting measures a target from.
@@ -67,10 +72,10 @@ class PlanTables:
         array (2, 3)
             mm, in the part's frame.
         """
-        from planner.request.planned import targets_of
+        from planner.request.targets import targets_of
 
         if name not in getattr(setting, "witness", {}):
-            return np.asarray(self.entities[name])
+            return self.targets[name].ends
         points = targets_of(self.targets, setting)[name].points
         apart = np.linalg.norm(points[:, None] - points, axis=-1)
         return np.asarray(points[list(np.unravel_index(np.argmax(apart), apart.shape))])
@@ -228,14 +233,13 @@ class PlanTables:
                     )
                 )
             )
-        n = len(self.entities) - len(self.uninspectable)
-        total = len(self.entities)
+        total = len(self.targets)
+        n = total - len(self.uninspectable)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
-        features = features_text([one.n_features for one in self.dimensions.values()])
         caption = (
             f"{self.part or 'part'}: {n} of {total} inspected in {settings} (at least "
             f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
-            f"{'; ' if features else ''}{features}"
+            f"{'; ' if self.features_text else ''}{self.features_text}"
         )
         reasons = "".join(
             f"<li>{escape(name)}: {escape(why)}</li>" for name, why in self.uninspectable.items()

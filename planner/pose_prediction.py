@@ -15,12 +15,11 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
 from planner.options import InspectionOptions
-from planner.request.defaults import default_workspace
-from planner.request.dimension_files import surfaces_or_default
-from planner.request.reach import TargetSpace
+from planner.request.reach import Space
+from planner.request.registration import OWN_EDGES
 from planner.request.request import Request
-from planner.request.targets import OWN_EDGES, Target
-from planner.resolve_request import resolve_targets
+from planner.request.targets import Target
+from planner.resolve_request import request_on, resolve_request
 from planner.verify.p_all import DisplacedChecks
 
 if TYPE_CHECKING:
@@ -173,37 +172,20 @@ def predict(
     pose = np.asarray(cam2world, dtype=np.float64)
     if pose.shape != (4, 4):
         raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
-    how = options or InspectionOptions()
+    how = replace(options or InspectionOptions(), accuracy=accuracy)
     if localisation is not None:
         how = replace(how, localisation=localisation)
     known = _registered(how)
-    entities, targets, found_by = resolve_targets(solid, wanted, camera, accuracy, how)
-    box = (
-        default_workspace(solid, camera)
-        if how.workspace is None
-        else np.asarray(how.workspace, dtype=np.float64)
+    resolved = resolve_request(solid, wanted, camera, pose_uncertainty, how)
+    asked = resolved.request
+    regions = how.space or compute_regions(
+        solid, resolved.entities, workspace=asked.workspace, executor=how.executor
     )
-    regions = how.space or compute_regions(solid, entities, workspace=box, executor=how.executor)
-    space = TargetSpace.of(regions, targets)
-    need = how.requirements(camera, pose_uncertainty)
-    names = tuple(target.name for target in targets)
-    request = Request(
-        space,
-        names,
-        camera,
-        pose_uncertainty,
-        accuracy,
-        0.5,
-        need,
-        targets,
-        found_by,
-        surfaces_or_default(how.surfaces_mm, found_by),
-        known,
-    )
-    seen = _observable(space, pose[:3, 3])
+    request = request_on(asked, regions, asked.targets, known)
+    seen = _observable(request.space, pose[:3, 3])
     return {
         target.name: _prediction(request, target, pose, bool(observable))
-        for target, observable in zip(targets, seen, strict=True)
+        for target, observable in zip(request.targets, seen, strict=True)
     }
 
 
@@ -257,7 +239,7 @@ def _if_found(probability: float, target: Target, cam2world: np.ndarray) -> floa
     return probability if in_front.all() else math.nan
 
 
-def _observable(space: TargetSpace, position: np.ndarray) -> np.ndarray:
+def _observable(space: Space, position: np.ndarray) -> np.ndarray:
     """Return which targets are observable from a position; nothing is from outside of the workspace."""
     low, high = np.asarray(space.workspace, dtype=np.float64)
     if not ((position >= low) & (position <= high)).all():

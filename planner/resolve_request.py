@@ -14,7 +14,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort.effort import Effort
 from planner.exceptions import RequestError
-from planner.identity import InspectionRequest, PartRecord, RingRecord, target_records
+from planner.identity import InspectionRequest, PartRecord, RingRecord
 from planner.options import InspectionOptions
 from planner.request.defaults import check_seed, default_workspace
 from planner.request.dimension import Dimension
@@ -23,7 +23,8 @@ from planner.request.dimension_files import (
     surfaces_or_default,
     with_surfaces_of_call,
 )
-from planner.request.request import choice_for
+from planner.request.reach import Space, TargetSpace
+from planner.request.request import Request, choice_for
 from planner.request.targets import Target, check_is_edge, edge_targets
 
 if TYPE_CHECKING:
@@ -35,22 +36,6 @@ MOST_MM = 1e7
 """Largest coordinate of a part, mm: files hold distances of a hundred times that."""
 
 
-class Promise(NamedTuple):
-    """What is required of every measurement, and the seed that repeats the plan.
-
-    Attributes
-    ----------
-    accuracy, probability : float
-        In (0, 1).
-    rng : int or numpy.random.Generator
-        The seed; a generator is asked for one.
-    """
-
-    accuracy: float
-    probability: float
-    rng: int | np.random.Generator = 0
-
-
 class ResolvedRequest(NamedTuple):
     """A request, and what of the part it stands for.
 
@@ -60,13 +45,10 @@ class ResolvedRequest(NamedTuple):
         The request.
     entities : mapping of str to Entity
         What must be seen.
-    targets : tuple of Target
-        What is measured.
     """
 
     request: InspectionRequest
     entities: Mapping[str, Any]
-    targets: tuple[Target, ...]
 
 
 class ResolvedTargets(NamedTuple):
@@ -92,7 +74,6 @@ def resolve_request(
     wanted: Mapping[str, Any] | Sequence[Any],
     camera: Camera,
     pose_uncertainty: PoseUncertainty,
-    promise: Promise,
     options: InspectionOptions,
 ) -> ResolvedRequest:
     """Return the request that the arguments of `plan_inspection` make.
@@ -101,42 +82,37 @@ def resolve_request(
     ----------
     solid, wanted, camera, pose_uncertainty, options
         As `plan_inspection` takes them.
-    promise : Promise
-        Accuracy, probability and seed.
 
     Raises
     ------
     RequestError
         If an argument breaks its rule.
     """
-    lighting = options.lighting
-    accuracy = check_fraction("accuracy", promise.accuracy)
-    space = options.space
-    part = solid if space is None else space.solid
+    check_fraction("accuracy", options.accuracy)
+    part = solid if options.space is None else options.space.solid
     _check_extent(part)
-    entities, targets, found_by = resolve_targets(solid, wanted, camera, accuracy, options)
-    options = replace(options, localisation=found_by)
-    known = {
-        "part": PartRecord.of(part),
-        "targets": target_records(entities, targets),
-        "workspace": _workspace(solid, camera, options),
-        "ring": _ring(options, lighting),
-        **promised(camera, pose_uncertainty, promise, options),
-    }
+    entities, targets, localisation = resolve_targets(solid, wanted, camera, options)
+    options = replace(options, localisation=localisation)
+    if options.effort is None and not all(target.in_image for target in targets):
+        options = replace(options, effort=Effort.for_dimensions())
+    request = replace(
+        request_of_any_part(camera, pose_uncertainty, options),
+        part=PartRecord.of(part),
+        targets=targets,
+        workspace=_workspace(solid, camera, options),
+        ring=_ring(options, options.lighting),
+    )
     if options.cell is not None:
         check_kinds(cell=(options.cell, "Cell"))
-        need = known["requirements"]
-        known["requirements"] = replace(need, cell=options.cell.region(part))
-    if options.effort is None and not all(target.in_image for target in targets):
-        known["effort"] = Effort.for_dimensions()
-    return ResolvedRequest(InspectionRequest(**known), entities, targets)
+        need = replace(request.requirements, cell=options.cell.region(part))
+        request = replace(request, requirements=need)
+    return ResolvedRequest(request, entities)
 
 
 def resolve_targets(
     solid: Solid,
     wanted: Mapping[str, Any] | Sequence[Any],
     camera: Camera,
-    accuracy: float,
     options: InspectionOptions,
 ) -> ResolvedTargets:
     """Return what is measured on a part, and how well points are found, if that is not said.
@@ -145,8 +121,6 @@ def resolve_targets(
     ----------
     solid, wanted, camera, options
         As `plan_inspection` takes them.
-    accuracy : float
-        Required of what has no requirement of its own.
 
     Raises
     ------
@@ -154,12 +128,10 @@ def resolve_targets(
         If an argument breaks its rule.
     """
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
-    found_by = localisation_or_default(options.localisation, items.values())
-    items = with_surfaces_of_call(items, options.surfaces_mm, found_by)
-    entities, targets = _resolved(
-        solid, items, camera, accuracy, replace(options, localisation=found_by)
-    )
-    return ResolvedTargets(entities, targets, found_by)
+    localisation = localisation_or_default(options.localisation, items.values())
+    items = with_surfaces_of_call(items, options.surfaces_mm, localisation)
+    options = replace(options, localisation=localisation)
+    return ResolvedTargets(*_resolved(solid, items, camera, options), localisation)
 
 
 def _check_extent(part: Solid) -> None:
@@ -171,22 +143,33 @@ def _check_extent(part: Solid) -> None:
         raise RequestError.of_rule("", rule, f"one from {low} to {high} mm", hint=hint)
 
 
-def promised(
-    camera: Camera,
-    pose_uncertainty: PoseUncertainty,
-    promise: Promise,
-    options: InspectionOptions,
-) -> dict[str, Any]:
-    """Return the fields of a request that do not depend on the part, by name.
+def request_of_any_part(
+    camera: Camera, pose_uncertainty: PoseUncertainty, options: InspectionOptions
+) -> InspectionRequest:
+    """Return a request without what depends on the part: targets, workspace and ring light.
 
     A field that has the name of an option is that option; so is one that is added.
+
+    Parameters
+    ----------
+    camera, pose_uncertainty, options
+        As `plan_inspection` takes them.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
     """
-    known: dict[str, Any] = {
+    values: dict[str, Any] = {
+        "part": None,
+        "targets": (),
+        "workspace": None,
+        "ring": None,
         "camera": camera,
         "pose_uncertainty": pose_uncertainty,
-        "accuracy": check_fraction("accuracy", promise.accuracy),
-        "probability": check_fraction("probability", promise.probability),
-        "seed": check_seed(promise.rng),
+        "accuracy": check_fraction("accuracy", options.accuracy),
+        "probability": check_fraction("probability", options.probability),
+        "seed": check_seed(options.rng),
         "requirements": options.requirements(camera, pose_uncertainty),
         "localisation": options.localisation or Localisation.rounding(),
         "surfaces_mm": surfaces_or_default(options.surfaces_mm, options.localisation),
@@ -194,18 +177,51 @@ def promised(
         "lighting": options.lighting,
         "effort": options.effort or Effort(),
     }
-    apart = ("part", "targets", "workspace", "ring")
     for field in fields(InspectionRequest):
-        if field.name not in known and field.name not in apart and hasattr(options, field.name):
-            known[field.name] = getattr(options, field.name)
-    return known
+        if field.name not in values and hasattr(options, field.name):
+            values[field.name] = getattr(options, field.name)
+    return InspectionRequest(**values)
+
+
+def request_on(
+    request: InspectionRequest,
+    space: Space,
+    targets: Sequence[Target],
+    registered: PoseUncertainty | None = None,
+) -> Request:
+    """Return a request with where its targets are observable.
+
+    Parameters
+    ----------
+    request : InspectionRequest
+        What is asked.
+    space : VisibilityRegions or EntityAspectGraph
+        Tells from where which entities are observable.
+    targets : sequence of Target
+        Those of the request that are planned.
+    registered : PoseUncertainty, optional
+        How poses are known when values are read. Default: no better than planned.
+    """
+    joined = TargetSpace.of(space, targets)
+    return Request(
+        joined,
+        joined.entity_names,
+        request.camera,
+        request.pose_uncertainty,
+        request.accuracy,
+        request.probability,
+        request.requirements,
+        tuple(targets),
+        request.localisation,
+        request.surfaces_mm,
+        registered,
+    )
 
 
 def _resolved(
     solid: Solid,
     items: Mapping[str, Any],
     camera: Camera,
-    accuracy: float,
     options: InspectionOptions,
 ) -> tuple[Mapping[str, Any], tuple[Target, ...]]:
     """Return the entities and the targets."""
@@ -226,7 +242,7 @@ def _resolved(
         return entities, edge_targets(entities, tuple(entities))
     effort = options.effort or Effort.for_dimensions()
     choice = choice_for(camera, effort.witnesses)
-    return resolve_wanted(solid, items, accuracy, as_lengths=not rounded, choice=choice)
+    return resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded, choice=choice)
 
 
 def _named(solid: Solid, entities: Sequence[Any]) -> Mapping[str, Any]:

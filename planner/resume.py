@@ -26,7 +26,7 @@ from typing import Any
 
 from planner.exceptions import OutputError, PlanFileError
 from planner.files import encoded, make_folder, read_json, write_text
-from planner.identity import request_difference
+from planner.identity import first_difference
 from planner.plan import InspectionPlan
 from planner.plan_file import check_checkpoint, check_schema, check_state, packed, shown, unpacked
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting, kind_of
@@ -257,7 +257,7 @@ def state_difference(
     str or None
         The first difference; None if the state can be resumed.
     """
-    change = request_difference(identity, data["request"], words)
+    change = first_difference(identity, data["request"], words)
     if change is None and data["program"] != program_digest():
         return "the version of the program changed"
     return change

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 from errors.formatting import frequency_text, probability_text
 from errors.measurands.geometry import is_short
-from planner.request.planned import targets_of
-from planner.request.targets import means_at
+from planner.request.registration import means_at
+from planner.request.targets import targets_of
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,

@@ -12,7 +12,7 @@ import numpy as np
 
 from errors.formatting import probability_text
 from planner.files import number
-from planner.request.targets import PoseKnowledge
+from planner.request.registration import PoseKnowledge
 
 # Names of the images that the settings of a plan take.
 

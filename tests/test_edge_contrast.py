@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plan_examples import plan_with
 
 from aspectgraph import compute_regions, read_solid
 from planner import Camera, LampBox, PoseUncertainty, SensorSetting, look_at, plan_light
-from planner.plan import InspectionPlan
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "images"))
 from edge_contrast import lamps_of, steps_under, triples, weak
@@ -62,7 +62,15 @@ def drawn_plan(solid, n, seed):
             entities[name] = ends
     box = np.add(solid.bounds, [[-2000.0], [2000.0]])
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-    return InspectionPlan(tuple(settings), 1, {}, entities, camera, uncertainty, 0.98, 0.9, box)
+    return plan_with(
+        settings=tuple(settings),
+        lower_bound=1,
+        uninspectable={},
+        entities=entities,
+        camera=camera,
+        pose_uncertainty=uncertainty,
+        workspace=box,
+    )
 
 
 def test_what_is_planned_to_show_does():

@@ -14,7 +14,6 @@ CALLS = [
     (errors.simulate_success, 9),
     (errors.simulate_measurement, 10),
     (planner.plan_setting, 19),
-    (planner.plan_inspection, 28),
     (planner.simulate_setting, 9),
 ]
 
@@ -34,28 +33,28 @@ def test_an_unknown_keyword_is_refused_by_name(call, _):
         call(**dict.fromkeys(needed), colour="red")
 
 
-def test_options_of_a_plan_are_the_keywords_of_the_call_with_the_same_defaults():
-    shown = inspect.signature(planner.plan_inspection).parameters
-    own = fields(planner.InspectionOptions)
-    assert [one.name for one in own] == list(shown)[-len(own) :]
-    for one in own:
-        assert one.default is not MISSING
-        assert shown[one.name].default == one.default
-        assert shown[one.name].kind is inspect.Parameter.KEYWORD_ONLY
-        assert shown[one.name].annotation == one.type
+def test_the_options_of_a_plan_are_one_value_with_defaults():
+    (options,) = list(inspect.signature(planner.plan_inspection).parameters.values())[4:5]
+    assert (options.name, options.default) == ("options", None)
+    assert all(field.default is not MISSING for field in fields(planner.InspectionOptions))
 
 
 def test_every_option_of_a_plan_reaches_it(monkeypatch):
     """Each keyword becomes the field of its name."""
     seen = []
-    monkeypatch.setattr("planner.inspection.plan_by_options", lambda *given: seen.append(given))
-    # what is passed on is no part and no camera
-    monkeypatch.setattr("planner.inspection.check_kinds", lambda **given: None)
-    values = {one.name: object() for one in fields(planner.InspectionOptions)}
-    planner.plan_inspection(1, 2, 3, 4, accuracy=5, probability=6, rng=7, **values)
-    ((*others, promise, options),) = seen
-    assert (others, tuple(promise)) == ([1, 2, 3, 4], (5, 6, 7))
-    assert {name: getattr(options, name) for name in values} == values
+    monkeypatch.setattr("planner.inspection.resolve_request", lambda *given: seen.append(given))
+    monkeypatch.setattr("planner.inspection.plan_request", lambda *given: seen.append(given))
+    # what is passed on is no part, no camera and no limit
+    for name in ("check_kinds", "Deadline"):
+        monkeypatch.setattr(f"planner.inspection.{name}", lambda *given, **named: None)
+    monkeypatch.setattr(planner.InspectionOptions, "lighting", None)
+    values = {field.name: object() for field in fields(planner.InspectionOptions)}
+    planner.plan_inspection(1, 2, 3, 4, **values)
+    planner.plan_inspection(1, 2, 3, 4, planner.InspectionOptions(**values))
+    for *others, options in (seen[0], seen[2]):
+        assert others == [1, 2, 3, 4]
+        assert {name: getattr(options, name) for name in values} == values
+    assert seen[1] == (1, None, seen[0][-1])
 
 
 @pytest.mark.parametrize("call", [planner.predict, planner.propose_optics])

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -119,19 +120,11 @@ def test_plan_and_simulation(plan):
 
 
 def test_plan_without_settings(plan):
-    nothing = type(plan)(
-        settings=(),
-        lower_bound=0,
-        uninspectable={"top": "no view", "side": "no view"},
-        **{
-            name: getattr(plan, name)
-            for name in ("entities", "camera", "pose_uncertainty", "accuracy", "workspace")
-        },
-        probability=0.9,
-    )
+    reasons = {"top": "no view", "side": "no view"}
+    nothing = replace(plan, settings=(), lower_bound=0, uninspectable=reasons)
     assert (
         repr(nothing)
-        == "<InspectionPlan of '': 0 settings (at least 0 needed), 0 of 2 entities inspected>"
+        == "<InspectionPlan of 'box': 0 settings (at least 0 needed), 0 of 2 entities inspected>"
     )
     assert (
         repr(nothing.simulate(10))

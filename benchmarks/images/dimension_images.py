@@ -36,8 +36,8 @@ from aspectgraph import compute_regions, read_dimensions, read_solid
 from errors.measurands import Circle, Localisation, MeasurandModel
 from planner import Camera, PoseUncertainty, look_at
 from planner.request.dimension import Dimension
-from planner.request.planned import PlannedDimension, targets_of
 from planner.request.resolve import resolve_wanted
+from planner.request.targets import PlannedDimension, targets_of
 
 POINTS = 16
 WEAK = 5.0  # grey levels

@@ -44,11 +44,10 @@ from planners import PLANNERS
 from aspectgraph import compute_regions, read_entities, read_solid
 from planner import Camera, InspectionPlan, PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED
-from planner.inspection import plan_by_options
+from planner.inspection import plan_inspection
 from planner.options import InspectionOptions
 from planner.request.defaults import default_workspace
 from planner.request.request import Request
-from planner.resolve_request import Promise
 from planner.search.judge import Judge
 from planner.search.realise_column import joint_counts
 
@@ -156,13 +155,14 @@ def curve(case: Case, judge: Judge, limit_s: float | None) -> list[Point]:
         points.append(Point(seconds, *counts, plan.lower_bound, tuple(names for _, names in seen)))
         checking[0] = time.process_time() - start - seconds
 
-    plan_by_options(
+    plan_inspection(
         space.solid,
         {name: space.entities[name] for name in space.entity_names},
         judge.camera,
         UNCERTAINTY,
-        Promise(judge.accuracy, PROBABILITY),
         case.options(space=space, time_limit_s=limit_s, on_incumbent=take),
+        accuracy=judge.accuracy,
+        probability=PROBABILITY,
     )
     return points
 

@@ -22,8 +22,7 @@ from anytime import CASES, PROBABILITY, UNCERTAINTY, judge_of
 from witness_table import processor_seconds
 
 from planner import Effort
-from planner.inspection import plan_by_options
-from planner.resolve_request import Promise
+from planner.inspection import plan_inspection
 
 
 def planned(name: str, folder: Path, effort: str, jobs: int) -> str:
@@ -34,18 +33,19 @@ def planned(name: str, folder: Path, effort: str, jobs: int) -> str:
     processor = processor_seconds()
     wall = time.monotonic()
     with ProcessPoolExecutor(jobs) as executor:
-        plan = plan_by_options(
+        plan = plan_inspection(
             space.solid,
             {one: space.entities[one] for one in space.entity_names},
             judge.camera,
             UNCERTAINTY,
-            Promise(judge.accuracy, PROBABILITY),
             case.options(
                 space=space,
                 on_incumbent=lambda _: None,
                 executor=executor,
                 effort=Effort.named(effort),
             ),
+            accuracy=judge.accuracy,
+            probability=PROBABILITY,
         )
     wall = time.monotonic() - wall
     return (

@@ -23,7 +23,7 @@ from planner.app.job import read_job
 from planner.callbacks import Deadline
 from planner.executors import Shared
 from planner.inspection import _request
-from planner.resolve_request import Promise, resolve_request
+from planner.resolve_request import ResolvedRequest
 from planner.search.evolution import least_share
 from planner.search.judge import Judge
 from planner.search.realise_column import centre_setting
@@ -36,10 +36,7 @@ def request_of(path):
     options.typed = []
     job = read_job(options)
     asked = job.request
-    promise = Promise(asked.accuracy, asked.probability, asked.seed)
-    resolved = resolve_request(
-        job.solid, job.wanted.items, asked.camera, asked.pose_uncertainty, promise, job.options
-    )
+    resolved = ResolvedRequest(asked, job.wanted.entities)
     return _request(job.solid, resolved, job.options, Deadline()), asked.effort
 
 

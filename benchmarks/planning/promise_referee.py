@@ -39,7 +39,7 @@ from seen_lines import Lines
 from aspectgraph import read_solid
 from errors.measurands import Circle
 from planner import read_plan
-from planner.request.planned import targets_of
+from planner.request.targets import targets_of
 
 DENSE = 24
 # points of a line or circle that other lines are looked for at, in each twelfth the same number

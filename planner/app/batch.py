@@ -49,7 +49,7 @@ from planner.executors import leave_signals_to_the_parent
 from planner.files import absolute, check_set_place, name_text, output_folder, read_json, write_text
 from planner.identity import InspectionRequest, plain_fields
 from planner.identity import digest_of as digest_of_request
-from planner.inspection import plan_by_options, visible_regions
+from planner.inspection import plan_request, visible_regions
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.plan_file import check_schema
@@ -57,7 +57,7 @@ from planner.progress import Progress, report
 from planner.report.folder_lock import folder_lock
 from planner.report.plan_folder import PLAN_FILES, with_source, write_outputs
 from planner.request.defaults import MOST_SEED
-from planner.resolve_request import Promise, promised, resolve_request
+from planner.resolve_request import request_of_any_part, resolve_request
 from planner.verify.simulate_plan import simulate_in_time
 
 # What is asked for every part of a folder.
@@ -166,14 +166,18 @@ class PartRequest:
     def options(self) -> InspectionOptions:
         """The limits and the effort, as `plan_inspection` takes them."""
         limits = {name: value for name, value in self.limits.items() if value is not None}
-        return InspectionOptions(**{**limits, "effort": self.effort})
+        return InspectionOptions(
+            **limits,
+            effort=self.effort,
+            accuracy=self.accuracy,
+            probability=self.probability,
+            rng=self.seed,
+        )
 
     @cached_property
     def request(self) -> InspectionRequest:
         """The request that applies to every part, without part, targets and workspace."""
-        promise = Promise(self.accuracy, self.probability, self.seed)
-        terms = promised(self.camera, self.pose_uncertainty, promise, self.options)
-        return InspectionRequest(part=None, targets=None, workspace=None, ring=None, **terms)
+        return request_of_any_part(self.camera, self.pose_uncertainty, self.options)
 
     @property
     def fingerprint(self) -> str:
@@ -394,11 +398,9 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     else:
         entities = resolve_entities(solid, select_entities(solid, request.select))
     options = request.options
-    promise = Promise(request.accuracy, request.probability, request.seed)
-    terms = (request.camera, request.pose_uncertainty, promise)
     deadline = Deadline(options.time_limit_s, options.gap)
     # what cannot be measured is refused before the work
-    resolved = resolve_request(solid, entities, *terms, options)
+    resolved = resolve_request(solid, entities, request.camera, request.pose_uncertainty, options)
     state = folder / STATE
     store = KeptRegions(folder / REGIONS, resolved.request.identity())
     regions = visible_regions(
@@ -407,7 +409,7 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     options = replace(
         options, space=regions, state=state, time_limit_s=deadline.seconds_left(SEARCH_SHARE)
     )
-    plan = partial(plan_by_options, solid, entities, *terms, options)
+    plan = partial(plan_request, solid, resolved, options)
     with deadline.stated_whole():
         try:
             result = plan()

@@ -36,14 +36,8 @@ from planner.detectability.conditions import Detectability
 from planner.effort.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
-from planner.identity import (
-    SOURCE,
-    InspectionRequest,
-    other_part,
-    restored_options,
-    restored_request,
-)
-from planner.inspection import plan_by_options
+from planner.identity import InspectionRequest
+from planner.inspection import plan_request
 from planner.light.lamps import RING, LampBox, LampDome, check_lamps_given
 from planner.light.lighting import Lighting, check_step
 from planner.light.plan_light import chosen_lamps
@@ -54,7 +48,7 @@ from planner.report.wording import count
 from planner.request.defaults import default_workspace
 from planner.request.dimension_files import SURFACES_MM, dimensions_to_plan, read_wanted
 from planner.request.resolve import resolve_wanted, with_places
-from planner.resolve_request import Promise, resolve_request
+from planner.resolve_request import ResolvedRequest, resolve_request
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, ModelDimension, Solid
@@ -91,24 +85,19 @@ def cell_again(plan: InspectionPlan, path: str | None, plan_path: Path) -> Cell 
     RequestError
         If there is no file although the plan is for a cell, or it describes another one.
     """
-    stated = plan.request["requirements"].get("cell")
+    region = plan.request.requirements.cell
     cell = read_cell(path)
-    if stated is None and cell is None:
+    if region is None and cell is None:
         return None
-    if stated is None:
+    if region is None:
         rule = "must not be given with --again, which takes the request from the plan"
         raise RequestError.of_rule("cell", rule, f"{path!r}, and {plan_path} is for no cell")
     if cell is None:
         rule = "must be given for a plan of a robot cell, of which plan.json holds a digest only"
         raise RequestError.of_rule("cell", rule, "none")
-    if cell.state_name != stated.get("state_name"):
+    if region.state_name != cell.state_name:
         raise RequestError.of_rule("cell", "must be the cell of the plan", f"{path!r}, another one")
     return cell
-
-
-def without_cell(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the identity of a request without its cell, which no file can hold."""
-    return {**request, "requirements": {**request["requirements"], "cell": None}}
 
 
 # The lamps that the command line asks for: ``--light``, ``--contrast``, ``--grey-step`` and
@@ -439,16 +428,9 @@ class Job:
         return self.options.cell if isinstance(self.options.cell, Cell) else None
 
     def plan(self, **more: Any) -> InspectionPlan:
-        """Plan it; ``more`` replaces some of the options."""
-        request = self.request
-        return plan_by_options(
-            self.solid,
-            self.wanted.items,
-            request.camera,
-            request.pose_uncertainty,
-            Promise(request.accuracy, request.probability, request.seed),
-            replace(self.options, **more),
-        )
+        """Plan it; ``more`` replaces some of the options of the run."""
+        resolved = ResolvedRequest(self.request, self.wanted.entities)
+        return plan_request(self.solid, resolved, replace(self.options, **more))
 
 
 def read_job(options: argparse.Namespace) -> Job:
@@ -475,16 +457,12 @@ def read_job(options: argparse.Namespace) -> Job:
         workspace=default_workspace(solid, camera) if box is None else box,
         cell=read_cell(options.cell),
     )
-    promise = Promise(options.accuracy, options.probability, options.seed)
-    resolved = resolve_request(solid, targets.items, camera, uncertainty, promise, plan_options)
+    request, entities = resolve_request(solid, targets.items, camera, uncertainty, plan_options)
     if options.give_up is not None:
         # the usual effort depends on what is measured
-        plan_options = replace(
-            plan_options, effort=resolved.request.effort.giving_up(options.give_up)
-        )
-        resolved = resolve_request(solid, targets.items, camera, uncertainty, promise, plan_options)
-    targets = replace(targets, entities=resolved.entities)
-    return Job(resolved.request, solid, targets, plan_options, options.part, reading_of(options))
+        request = replace(request, effort=request.effort.giving_up(options.give_up))
+    targets = replace(targets, entities=entities)
+    return Job(request, solid, targets, plan_options, options.part, reading_of(options))
 
 
 def _lighting(options: argparse.Namespace) -> Lighting | None:
@@ -509,6 +487,7 @@ def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOp
         "effort": None if effort is None else Effort.named(effort),
         "workspace": None,
         "localisation": None,
+        "rng": getattr(options, "seed", 0),
     }
     return InspectionOptions(**{**same, **values, **more})
 
@@ -524,14 +503,11 @@ def _job_again(options: argparse.Namespace) -> Job:
     path = plan_file(options.again)
     with named_by("again", vars(options)):
         plan = read_plan(path)
-    if not plan.request:
-        raise PlanFileError(
-            f"{path}: plan file must hold its request. Got one of an earlier version. Plan the part again."
-        )
     cell = cell_again(plan, options.cell, path)
+    request = plan.request
     try:
-        request = restored_request(without_cell(plan.request))
-        part, reading = _part_again(options, path, plan.request)
+        plan_options = replace(InspectionOptions.of_request(request), cell=cell)
+        part, reading = _part_again(options, path, plan.source)
     except PlanFileError as error:
         raise PlanFileError(f"{path}: {error}") from None
     if options.part is None and not Path(part).exists():
@@ -539,14 +515,12 @@ def _job_again(options: argparse.Namespace) -> Job:
         raise RequestError.of_rule("part", "must be an existing file", repr(part), hint=hint)
     solid = _read(part, reading, options)
     check_same_part(solid, plan, part, hint="plan it from its options")
-    items = {record.name: record.item_of(solid) for record in request.targets or ()}
-    plan_options = replace(restored_options(request), cell=cell)
-    promise = Promise(request.accuracy, request.probability, request.seed)
-    resolved = resolve_request(
-        solid, items, request.camera, request.pose_uncertainty, promise, plan_options
+    items = {target.name: target.item_of(solid) for target in request.targets}
+    request, entities = resolve_request(
+        solid, items, request.camera, request.pose_uncertainty, plan_options
     )
-    targets = Wanted(items, resolved.entities, request.localisation)
-    return Job(resolved.request, solid, targets, plan_options, part, reading)
+    targets = Wanted(items, entities, request.localisation)
+    return Job(request, solid, targets, plan_options, part, reading)
 
 
 def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str = "") -> None:
@@ -568,7 +542,7 @@ def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str 
     RequestError
         If the part has another shape, or the plan holds nothing of its part to compare.
     """
-    why = other_part(plan, solid)
+    why = plan.request.other_part(solid)
     if why:
         got = f"{path!r}, {why}"
         raise RequestError.of_rule("part", "must be the one that was planned", got, hint=hint)
@@ -579,18 +553,17 @@ _READING = ("--units", "--solids", "--occluders", "--gap-mm")
 
 
 def _part_again(
-    options: argparse.Namespace, path: Path, stored: Mapping[str, Any]
+    options: argparse.Namespace, path: Path, source: Mapping[str, Any]
 ) -> tuple[str, dict[str, Any]]:
     """Return the part's file and how it is read: as given, or as the plan stores it."""
-    source = stored.get(SOURCE)
     if options.part is not None:
-        stored_reading = {} if source is None else {k: v for k, v in source.items() if k != "file"}
+        stored_reading = {name: value for name, value in source.items() if name != "file"}
         typed = {name: value for name, value in reading_of(options).items() if value is not None}
         return options.part, {**stored_reading, **typed}
     if any(name in options.typed for name in _READING):
         raise RequestError("the part must be given with options that say how to read it. Got none.")
-    if not isinstance(source, dict) or not isinstance(source.get("file"), str):
-        raise PlanFileError("request.source must name the part's file. Got none; give PART, too.")
+    if not source:
+        raise PlanFileError("source must name the part's file. Got none; give PART, too.")
     return str(path.parent / source["file"]), {k: v for k, v in source.items() if k != "file"}
 
 

@@ -64,7 +64,7 @@ from planner.effort.effort import Effort
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
 from planner.executors import leave_signals_to_the_parent, usable_cores
 from planner.files import absolute, check_set_place, output_folder, path_text, print_json
-from planner.identity import InspectionRequest, request_difference
+from planner.identity import InspectionRequest, first_difference
 from planner.inspection import space_of, visible_regions
 from planner.optics import DISTANCES_MM, OPTICS_COLUMNS, OpticsProposal, optics_rows, propose_optics
 from planner.options import InspectionOptions
@@ -204,8 +204,6 @@ def check_owner(
         stored = read_plan(path).request
     except PlanFileError as error:
         raise OutputError(f"{_RULE} Got {error}") from None
-    if not stored:
-        raise OutputError(f"{_RULE} Got {path} of an earlier version, without its request.")
     change = request.difference(stored, option, _SAME)
     if change is not None:
         raise OutputError(f"{_RULE} Got {path} of another request: {change}.")
@@ -315,7 +313,7 @@ class Leftovers:
         owner = self.regions.owner()
         if owner is None:
             return None
-        return request_difference(identity, owner, option)
+        return first_difference(identity, owner, option)
 
     def _discard(self) -> None:
         self.regions.remove()

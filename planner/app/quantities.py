@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
-from planner.request.targets import GIVEN, OWN_EDGES, RegistrationRecord
+from planner.request.registration import GIVEN, OWN_EDGES, RegistrationRecord
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf(?:inity)?|nan)"
 _QUANTITY = re.compile(rf"({_NUMBER})\s*(.*)", re.ASCII | re.IGNORECASE | re.DOTALL)

@@ -15,7 +15,6 @@ from planner.app.process import DONE, INCOMPLETE
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError, UncertaintyError
 from planner.files import PLAN, PROGRAM, check_file_place, print_json
-from planner.identity import part_note
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import terminal_progress, visible
 from planner.robotcell import Cell, Placement, Reachability
@@ -185,9 +184,6 @@ def reach(options: argparse.Namespace) -> int:
             print(text, file=sys.stderr)
         return DONE if reachability.complete else INCOMPLETE
     _print_reached(reachability, cell)
-    note = part_note(plan, solid)
-    if note:
-        print_text(f"note: {note}")
     changed = cell.difference(plan.cell)
     if changed:
         print_text(f"note: the cell of the plan differs from the cell given, in {changed}")

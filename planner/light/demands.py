@@ -15,12 +15,12 @@ from errors.measurands import Circle
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.light.background import Backdrop, backdrops
-from planner.request.planned import targets_of
+from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.solid.ray_scene import RayScene
-    from planner.request.planned import PlannedTarget
+    from planner.request.targets import Target
 
 
 Silhouettes = dict[int, int]
@@ -48,7 +48,7 @@ class PlanToLight(Protocol):
         """The settings, in order."""
 
     @property
-    def targets(self) -> Mapping[str, PlannedTarget]:
+    def targets(self) -> Mapping[str, Target]:
         """What is measured, by name."""
 
     @property
@@ -187,7 +187,7 @@ def seen_as(
         yield sure | open_ones
 
 
-def _parts(target: PlannedTarget, solid: Solid, name: str) -> tuple[Entity, ...]:
+def _parts(target: Target, solid: Solid, name: str) -> tuple[Entity, ...]:
     """Return the edges, rims and arcs that something measured consists of."""
     return tuple(
         _curve(solid, name, item)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, tangents_of
 from planner.camera.pose import world_to_cam
-from planner.request.planned import targets_of
+from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph.solid.ray_scene import RayScene

@@ -15,7 +15,7 @@ from ground.faces import project_version
 from planner.camera.calibration import check_white_level
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
-from planner.identity import PartRecord, other_part
+from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.reading import (
@@ -40,8 +40,8 @@ from planner.measuring.task import (
     distance_of,
 )
 from planner.request.dimension import is_one_sided
-from planner.request.planned import PlannedTarget, targets_of
-from planner.request.targets import GIVEN, LEAST_POSE, OWN_EDGES
+from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
+from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
 from planner.verify.setting_record import search_windows_px
 
@@ -281,7 +281,7 @@ class Measurer:
 
     def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
         self._digest = PartRecord.of(solid).digest
-        why = other_part(plan, solid)
+        why = plan.request.other_part(solid)
         if why:
             rule = "must be the one that was planned"
             raise RequestError.of_rule("part", rule, f"{solid.name!r}, {why}")
@@ -468,9 +468,9 @@ class Measurer:
     def _surfaces_mm(self, how: Registration) -> float:
         if how.surfaces_mm is not None:
             return how.surfaces_mm
-        planned = (self.plan.request.get("registration") or {}).get("surfaces_mm")
-        if planned is not None:
-            return float(planned)
+        planned = self.plan.request.registration
+        if planned is not None and planned.surfaces_mm is not None:
+            return planned.surfaces_mm
         return max((target.surfaces_mm for target in self.targets.values()), default=0.0)
 
     def _read(
@@ -532,7 +532,7 @@ class Measurer:
         windows = search_windows_px(self.plan, setting)
         return {name: windows[name] + more + _ROOM_PX for name, more in room.items()}
 
-    def _tolerance_px(self, target: PlannedTarget, registered: Registered) -> float:
+    def _tolerance_px(self, target: Target, registered: Registered) -> float:
         """Return the width of a target's tolerance in the image, px, so that a part outside it is found; at most 3.
 
         A tolerance with one limit does not say how far off a part may be: then it is 3.

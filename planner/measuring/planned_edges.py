@@ -26,9 +26,9 @@ from planner.measuring.registered import prior_covariance
 from planner.measuring.samples import APART_PX, END_PX, POSE, PartEdges, PartModel
 from planner.measuring.verdict import LEAST_SHARE
 from planner.request.models import Lifts, OwnEdges, key_of
-from planner.request.planned import PlannedTarget, sample_points
+from planner.request.registration import OWN_EDGES, RegistrationRecord
 from planner.request.request import Request
-from planner.request.targets import OWN_EDGES, DimensionTarget, RegistrationRecord
+from planner.request.targets import PlannedDimension, Target, sample_points
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def planned_edges(request: Request, surfaces_mm: float | None = None) -> OwnEdge
                 model, target.name, targets[target.name]
             )
             for target in single.targets
-            if isinstance(target, DimensionTarget)
+            if isinstance(target, PlannedDimension)
         },
     )
 
@@ -208,7 +208,7 @@ def _free(
     return free
 
 
-def _lifts(model: PartModel, name: str, target: PlannedTarget) -> Lifts:
+def _lifts(model: PartModel, name: str, target: Target) -> Lifts:
     """Return how surfaces move the entities of a target, as far as its value feels it."""
     measured = model.measured[name]
     motions = np.zeros((len(measured), 2, 3, 6))

@@ -17,7 +17,7 @@ from aspectgraph.solid.ray_scene import RayScene
 from ground.convert import NOT_STORED, Meta, NullIs, Shape
 from planner.camera.camera import Camera
 from planner.measuring.samples import POSE, PartEdge, PartModel
-from planner.request.targets import LEAST_POSE
+from planner.request.registration import LEAST_POSE
 
 # The lamp that fits an image: the one that makes the grey values beside the edges that were
 # found.

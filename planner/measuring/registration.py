@@ -40,7 +40,7 @@ from planner.measuring.task import (
     rigid_motion,
 )
 from planner.plan_file import shown
-from planner.request.targets import GIVEN, LEAST_POSE, OWN_EDGES, RegistrationRecord
+from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES, RegistrationRecord
 from planner.sensor_setting import setting_name
 
 Array = NDArray[np.float64]

@@ -28,7 +28,7 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.request.dimension import plain_tolerance
-from planner.request.planned import PlannedTarget
+from planner.request.targets import Target
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
 
@@ -110,7 +110,7 @@ class Result:
 
 def merged(
     name: str,
-    target: PlannedTarget,
+    target: Target,
     readings: Sequence[Reading],
     rule: DecisionRule,
     missing: str = "",
@@ -124,7 +124,7 @@ def merged(
     ----------
     name : str
         The target's name.
-    target : PlannedTarget
+    target : Target
         The target.
     readings : sequence of Reading
         Its readings.

@@ -22,7 +22,7 @@ from planner.camera.camera import Camera
 from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import RequestError
-from planner.request.planned import PlannedTarget
+from planner.request.targets import Target
 
 if TYPE_CHECKING:
     from aspectgraph import Arc, Solid
@@ -467,7 +467,7 @@ class PartModel:
     ----------
     solid : Solid
         The part.
-    targets : mapping of str to PlannedTarget
+    targets : mapping of str to Target
         What is measured, by name.
 
     Attributes
@@ -487,7 +487,7 @@ class PartModel:
         If the part lacks an entity of a target.
     """
 
-    def __init__(self, solid: Solid, targets: Mapping[str, PlannedTarget]) -> None:
+    def __init__(self, solid: Solid, targets: Mapping[str, Target]) -> None:
         self.solid = solid
         self.edges = PartEdges(solid)
         self.carriers = Carriers(solid)
@@ -591,7 +591,7 @@ class PartModel:
             "part", "must be the one that was planned", f"one without the rim or arc of {target!r}"
         )
 
-    def _free_surfaces(self, target: PlannedTarget, edges: tuple[PartEdge, ...]) -> None:
+    def _free_surfaces(self, target: Target, edges: tuple[PartEdge, ...]) -> None:
         frames = target.measurand.frames
         if target.measurand.in_image:
             self._free_ends(edges[0])

@@ -24,8 +24,8 @@ from errors.formatting import probability_text
 from errors.measurands import Circle, Geometry
 from planner.camera.pose import world_to_cam
 from planner.progress import TimeLeft
-from planner.request.planned import targets_of
 from planner.request.reach import TargetSpace
+from planner.request.targets import targets_of
 from planner.sensor_setting import SensorSetting
 
 if TYPE_CHECKING:

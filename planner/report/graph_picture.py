@@ -21,7 +21,7 @@ from scipy.spatial import ConvexHull
 from aspectgraph.plot.graph_plot import layout
 from aspectgraph.plot.traces import domain_facets, scene_figure
 from planner.progress import TimeLeft, report
-from planner.request.planned import targets_of
+from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

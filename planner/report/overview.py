@@ -27,7 +27,7 @@ from planner.camera.pose import look_at, world_to_cam
 from planner.report.figure import color_of, lines_of, polylines
 from planner.report.predicted_image import PictureMaker
 from planner.report.wording import count
-from planner.request.planned import PlannedDimension, words_of
+from planner.request.targets import PlannedDimension, words_of
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -91,9 +91,9 @@ def facts(plan: InspectionPlan, date: str | None = None) -> str:
 
 
 def _digest(plan: InspectionPlan) -> str:
-    """Return the first digits of the part's digest; nothing of plans that hold none."""
-    part = plan.request.get("part", {})
-    return str(part.get("digest", ""))[:_DIGEST_DIGITS]
+    """Return the first digits of the part's digest."""
+    part = plan.request.part
+    return "" if part is None else part.digest[:_DIGEST_DIGITS]
 
 
 def sigma_text(sigmas: np.ndarray) -> str:

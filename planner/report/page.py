@@ -52,7 +52,7 @@ from planner.report.wording import (
     unfinished_sentence,
     window_sentence,
 )
-from planner.request.planned import words_of
+from planner.request.targets import words_of
 from planner.rows import measured_rows
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 

@@ -19,7 +19,6 @@ from aspectgraph import OutputError as GraphOutputError
 from planner.callbacks import PICTURES_SHARE, Deadline
 from planner.exceptions import OutputError
 from planner.files import absolute, name_text, staged_folder
-from planner.identity import SOURCE
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, report
 from planner.report.overview import report_date
@@ -55,8 +54,6 @@ def with_source(
     reading : mapping
         Options of `aspectgraph.read_solid`; those that are None are left out.
     """
-    if not plan.request:
-        return plan
     path = absolute(part)
     try:
         name = Path(os.path.relpath(path, absolute(folder))).as_posix()
@@ -65,7 +62,7 @@ def with_source(
         name = str(path)
     given = {key: value for key, value in reading.items() if value is not None}
     # names of files need not be Unicode
-    return replace(plan, request={**plan.request, SOURCE: {"file": name_text(name), **given}})
+    return replace(plan, source={"file": name_text(name), **given})
 
 
 # the plan first: see `staged_folder`

@@ -40,7 +40,7 @@ from planner.report.wording import (
     surfaces_sources,
 )
 from planner.request.dimension import is_one_sided
-from planner.request.planned import words_of
+from planner.request.targets import words_of
 from planner.request.words import deviation_text, tolerance_text
 from planner.verify.setting_record import Measurement, measurements
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from aspectgraph import Solid
     from planner.plan import InspectionPlan
     from planner.progress import Progress
-    from planner.request.planned import PlannedDimension
+    from planner.request.targets import PlannedDimension
     from planner.rows import Row
 
 

@@ -30,7 +30,7 @@ from planner.request.camera_limits import (
     shares,
     sigmas_left,
 )
-from planner.request.planned import targets_of, words_of
+from planner.request.targets import targets_of, words_of
 from planner.request.words import TargetWords
 from planner.rows import Row
 from planner.sensor_setting import ReasonKind, kind_of
@@ -44,7 +44,7 @@ from planner.verify.simulate_setting import (
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
-    from planner.request.planned import PlannedTarget
+    from planner.request.targets import Target
     from planner.rows import WarningKind
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_setting import SuccessRate
@@ -211,7 +211,7 @@ def warned(row: Row) -> str:
     return "; ".join(warning.text for warning in row.warnings)
 
 
-def permitted(row: Row, target: PlannedTarget) -> str:
+def permitted(row: Row, target: Target) -> str:
     """Return the permitted error, its size in the image, and its share of the tolerance if there is one."""
     more = [] if row.permitted_error_px is None else [f"{row.permitted_error_px:.3g} px"]
     more += [target.share_text] if target.share_text else []
@@ -490,7 +490,7 @@ def _rows(plan: InspectionPlan, one: Row, words: TargetWords, promised: Promised
     return cells(values) + below
 
 
-def _by(one: Row, target: PlannedTarget) -> str:
+def _by(one: Row, target: Target) -> str:
     """Say by which entities a target is measured, where others could, too."""
     if len(target.ways) == 1:
         return ""

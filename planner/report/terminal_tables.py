@@ -30,14 +30,14 @@ from planner.report.wording import (
     verdict,
     window_texts,
 )
-from planner.request.planned import targets_of, words_of
+from planner.request.targets import targets_of, words_of
 from planner.request.words import tolerance_text
 from planner.text_table import Cell, Column, WholePieces, listed, print_table, print_text, words
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
     from aspectgraph import EdgeEnd
-    from planner.request.planned import PlannedTarget
+    from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
     from planner.verify.simulate_setting import SuccessRate
@@ -373,7 +373,7 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
         print_text(f"All intervals hold together with {percent(result.confidence)} confidence.")
 
 
-def _measured(target: PlannedTarget) -> Cell:
+def _measured(target: Target) -> Cell:
     """Return a cell that says what is measured and how wrong it may be."""
     nominal, error = target.requirement_texts
     texts = (f"{nominal},", *_split(error), features_cell(target) and f"({features_cell(target)})")

@@ -11,14 +11,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from errors.formatting import percent_text
-from planner.camera.pose import PoseUncertainty
 from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS
 from planner.request.defaults import corner_margin_px
 from planner.request.dimension_files import SURFACES_MM
-from planner.request.planned import words_of
-from planner.request.targets import OWN_EDGES
+from planner.request.targets import words_of
 from planner.rows import line_warning, unshown_warning
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
@@ -35,7 +33,7 @@ if TYPE_CHECKING:
     from planner.camera.camera import Camera
     from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
-    from planner.request.planned import PlannedDimension, PlannedTarget
+    from planner.request.targets import PlannedDimension, Target
     from planner.verify.simulate_plan import ShownImages, SimulationResult
 
 
@@ -51,7 +49,7 @@ def features_sentence(plan: InspectionPlan) -> str:
     return f"{plan.features_text}; the plan measures one feature of each dimension."
 
 
-def features_cell(target: PlannedTarget) -> str:
+def features_cell(target: Target) -> str:
     """Say that a target is measured on one feature of several; empty if it applies to one."""
     return f"1 of {target.n_features} features" if target.n_features > 1 else ""
 
@@ -135,12 +133,12 @@ def unfinished_sentence(plan: InspectionPlan) -> str:
 
 def registration_text(plan: InspectionPlan) -> str:
     """Say how poses are known when values are read; empty where they are as planned."""
-    how = plan.request.get("registration")
-    if not how:
+    registration = plan.request.registration
+    if registration is None:
         return ""
-    if how["method"] == OWN_EDGES:
+    if registration.pose_uncertainty is None:
         return "values are read from images registered to the part's own edges"
-    sigmas = PoseUncertainty.from_dict(how["pose_uncertainty"]).sigmas
+    sigmas = registration.pose_uncertainty.sigmas
     return f"poses are known to {sigmas[:3].max():g} mm and {sigmas[3:].max():g} rad when values are read"
 
 

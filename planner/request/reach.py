@@ -329,6 +329,40 @@ def check_reach(reach: Reach | None) -> Reach | None:
     raise RequestError.of_rule("reach", "must have a margin method or be callable", repr(reach))
 
 
+@dataclass(frozen=True)
+class StatedRegion:
+    """A region that a file can only name: its name or digest tells it from others, and no pose can be checked by it.
+
+    Attributes
+    ----------
+    values : mapping of str to value
+        As `reach_identity` returns them.
+    """
+
+    values: Mapping[str, Any]
+
+    @property
+    def state_name(self) -> str:
+        """What it permits, where that is known."""
+        return str(self.values.get("state_name", ""))
+
+    def margin(self, positions: np.ndarray) -> np.ndarray:
+        """Refuse to say whether positions are in it.
+
+        Raises
+        ------
+        RequestError
+            Always.
+        """
+        raise RequestError(f"{self.rule}.")
+
+    @property
+    def rule(self) -> str:
+        """What is wrong with it."""
+        got = self.values.get("kind") or next(iter(self.values.values()), "nothing")
+        return f"reach must be a box or a ball to be in a file. Got {got}"
+
+
 def reach_identity(reach: Reach | None) -> dict[str, Any] | None:
     """Return what tells a region from others as plain values, the same in every process.
 
@@ -346,6 +380,8 @@ def reach_identity(reach: Reach | None) -> dict[str, Any] | None:
     """
     if reach is None:
         return None
+    if isinstance(reach, StatedRegion):
+        return dict(reach.values)
     if hasattr(reach, "state_name"):
         return {"state_name": str(reach.state_name)}
     if type(reach) is BoxRegion:

@@ -19,9 +19,9 @@ from planner.request.camera_limits import widest_view_mm
 from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means, OwnEdges
 from planner.request.reach import Space, TargetSpace, entity_space
+from planner.request.registration import PoseKnowledge
 from planner.request.targets import (
     PREFERRED,
-    PoseKnowledge,
     Target,
     WitnessChoice,
     edge_target,
@@ -32,7 +32,6 @@ from planner.request.targets import (
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation
-    from planner.request.planned import PlannedTarget
 
 
 # The objective: how probable it is that every target is measured accurately from a pose.
@@ -443,8 +442,6 @@ class Request:
         return self.targets[self.names.index(name)]
 
     @cached_property
-    def measured(self) -> dict[str, PlannedTarget]:
-        """What is measured, by name, as plans keep it and simulation draws it."""
-        from planner.request.planned import planned
-
-        return {target.name: planned(target, self.means) for target in self.targets}
+    def measured(self) -> dict[str, Target]:
+        """What is measured, by name, with what plans and simulation need of the request."""
+        return {target.name: target.measured_with(self.means) for target in self.targets}

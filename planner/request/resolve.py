@@ -19,7 +19,8 @@ from planner.exceptions import RequestError
 from planner.request.dimension import Dimension, check_side
 from planner.request.targets import (
     PREFERRED,
-    DimensionTarget,
+    EntityRecord,
+    PlannedDimension,
     Target,
     Witness,
     WitnessChoice,
@@ -283,9 +284,6 @@ def _part(stretch: Any, edge: int, first: Fraction, last: Fraction) -> Any:
     return edge if last - first == 1 else stretch(edge, first, last)
 
 
-_DIAMETERS = 8
-"""Diameters of a circle that must be in the picture; a polygon of twice as many corners is drawn around the circle."""
-
 SAME_VALUE = 1e-3
 """Nominal values that differ by no more than this are the same, mm (angles: degrees)."""
 
@@ -359,7 +357,7 @@ def resolve_wanted(
                 f"Got {entity.part}."
             )
         if entity.kind == "edge" and not as_lengths:
-            targets.append(edge_target(name, entity.endpoints))
+            targets.append(edge_target(name, entity.endpoints, EntityRecord.of(entity, name)))
             continue
         dimension = Dimension(_MEASURED_OF[entity.kind], (name,), accuracy=accuracy)
         targets.append(_dimension_target(solid, name, dimension, [[entity]], accuracy, choice))
@@ -442,7 +440,7 @@ def _dimension_target(
     ways: list[list[Entity]],
     accuracy: float,
     choice: WitnessChoice,
-) -> DimensionTarget:
+) -> PlannedDimension:
     """Return the target that a dimension is, given the entities of each of its witnesses."""
     curves = {arc.edge_ids: arc for arc in (*solid.rims(), *solid.arcs())}
     try:
@@ -458,7 +456,7 @@ def _dimension_target(
     kept = kept_witnesses(witnesses, choice)
     for entity in {one.name: one for k in kept for one in ways[k]}.values():
         _check_chords(name, entity, curves, permitted)
-    return DimensionTarget(name, tuple(witnesses[k] for k in kept), dimension, permitted)
+    return PlannedDimension.of(name, tuple(witnesses[k] for k in kept), dimension, permitted)
 
 
 def _without_other_stretches(
@@ -487,14 +485,8 @@ def _value_of(
 
 def _witness(parts: list[Entity], value: Measurand) -> Witness:
     """Return entities that give a value together."""
-    pieces = [_segments(item) for item in value.geometry]
-    return Witness(
-        tuple(dict.fromkeys(entity.name for entity in parts)),
-        np.concatenate([segments for segments, _ in pieces]),
-        np.concatenate([resolved for _, resolved in pieces]),
-        _farthest(np.concatenate([_own_points(item) for item in value.geometry])),
-        value,
-    )
+    records = {entity.name: EntityRecord.of(entity) for entity in parts}
+    return Witness(tuple(records.values()), value)
 
 
 def _check_same_value(name: str, witnesses: list[Witness]) -> None:
@@ -549,38 +541,3 @@ def _check_chords(
         f"mesh does not state the true circle and {permitted:.4g} mm of error are permitted. "
         f"Got {n}, {arc.chord_mm:.4g} mm off the circle."
     )
-
-
-def _segments(geometry: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return pairs of points (s, 2, 3) that hold an entity in the picture, and which must be long enough; (s,)."""
-    if isinstance(geometry, Line):
-        return np.array([[geometry.p, geometry.q]]), np.ones(1, bool)
-    if geometry.is_closed:
-        points = geometry.points(np.arange(2 * _DIAMETERS) * (math.pi / _DIAMETERS))
-        outer = geometry.centre + (points - geometry.centre) / math.cos(math.pi / (2 * _DIAMETERS))
-        return np.stack([outer[:_DIAMETERS], outer[_DIAMETERS:]], axis=1), np.ones(_DIAMETERS, bool)
-    # the ends, and corners of a polygon around the arc in pairs, of which only the ends tell how long the image is
-    step = geometry.span_rad / (2 * _DIAMETERS)
-    middles = geometry.points((np.arange(2 * _DIAMETERS) + 0.5) * step)
-    outer = geometry.centre + (middles - geometry.centre) / math.cos(step / 2)
-    pairs = np.concatenate(
-        [
-            geometry.points(np.array([0.0, geometry.span_rad], dtype=np.float64))[None],
-            outer.reshape(-1, 2, 3),
-        ]
-    )
-    return pairs, np.arange(len(pairs)) == 0
-
-
-def _own_points(geometry: Line | Circle) -> NDArray[np.float64]:
-    """Return points that lie on an entity itself; (m, 3)."""
-    if isinstance(geometry, Line):
-        return np.array([geometry.p, geometry.q])
-    span = 2 * math.pi if geometry.is_closed else geometry.span_rad
-    return geometry.points(np.linspace(0.0, span, 2 * _DIAMETERS + 1))
-
-
-def _farthest(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the two points (2, 3) of several that are farthest apart."""
-    apart = np.linalg.norm(points[:, None] - points, axis=-1)
-    return points[list(np.unravel_index(np.argmax(apart), apart.shape))]

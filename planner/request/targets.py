@@ -12,130 +12,50 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.camera.pose import PoseUncertainty
-from planner.exceptions import RequestError
+from errors.formatting import percent_text
+from errors.measurands import Circle, Line, Localisation, Measurand
+from errors.measurands.geometry import Geometry
+from errors.measurands.measurand import measurand
+from planner.camera.camera import Camera
+from planner.camera.pose import world_to_cam
+from planner.exceptions import PlanFileError, RequestError
+from planner.request.dimension import Dimension, is_one_sided
+from planner.request.models import (
+    DimensionModels,
+    EdgeModels,
+    Means,
+    TargetModels,
+    key_of,
+    measurand_model,
+)
+from planner.request.registration import PoseKnowledge, symmetric
+from planner.request.words import (
+    CHARACTERISTICS,
+    DIMENSIONS,
+    EDGES,
+    MIXED,
+    TargetWords,
+    is_characteristic,
+    tolerance_text,
+)
 
 if TYPE_CHECKING:
     from typing import Self
 
-    from errors.measurands import Measurand, MeasurandModel
-    from planner.request.dimension import Dimension
-    from planner.request.models import DimensionModels, Means, TargetModels
+    from aspectgraph import Entity, Solid
+    from errors.measurands import MeasurandModel, Prediction
 
 
-# How the poses of images will be known when values are read, as a request states it.
-
-
-OWN_EDGES = "own edges"
-GIVEN = "given"
-
-
-@dataclass(frozen=True)
-class RegistrationRecord:
-    """How the poses of images will be known.
-
-    Attributes
-    ----------
-    method : str
-        "own edges": from the part's own edges in each image. "given": as surely as ``pose_uncertainty`` says.
-    surfaces_mm : float or None
-        Standard deviation of the position of faces along their normals. None is that of the targets.
-    pose_uncertainty : PoseUncertainty or None
-        Of given poses.
-    """
-
-    method: str
-    surfaces_mm: float | None = None
-    pose_uncertainty: PoseUncertainty | None = None
-
-
-# What is known of a setting's pose when its values are read.
-
-
-LEAST_POSE = np.array([1e-4] * 3 + [1e-6] * 3)
-"""Standard deviations of poses that are said to be exact, mm and rad."""
-
-
-@dataclass(frozen=True)
-class PoseKnowledge:
-    """What is known of a pose after registration.
-
-    Attributes
-    ----------
-    pose_uncertainty : PoseUncertainty
-        How far the camera may be from where registration puts it.
-    by_surfaces : mapping of str to float
-        Standard deviation of values by the deviations of surfaces, beside that by the pose; by target, in its unit.
-        A target without one has that of its own surfaces.
-    """
-
-    pose_uncertainty: PoseUncertainty
-    by_surfaces: Mapping[str, float] = field(default_factory=dict)
-
-    def of_target(self, means: Means, name: str) -> Means:
-        """Return what a target is measured with at this pose."""
-        return replace(
-            means,
-            pose_uncertainty=self.pose_uncertainty,
-            by_surfaces=self.by_surfaces.get(name),
-            own_edges=None,
-        )
-
-    def with_prior(self, before: NDArray[np.float64], now: NDArray[np.float64]) -> PoseKnowledge:
-        """Return what is known if another covariance was known before the image.
-
-        Parameters
-        ----------
-        before, now : array (6, 6)
-            The covariance of the camera's displacement that this is from, and the other one.
-        """
-        least = np.diag(LEAST_POSE**2)
-        root = np.sqrt(np.diag(now + least))
-        units = np.outer(root, root)
-        old, new, known = (
-            np.linalg.inv((one + least) / units)
-            for one in (before, now, self.pose_uncertainty.covariance)
-        )
-        # what the image tells is not negative
-        values, vectors = np.linalg.eigh(known - old)
-        image = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        covariance = np.linalg.inv(new + image) * units
-        return replace(self, pose_uncertainty=_symmetric(covariance))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, ready for JSON.
-
-        Returns
-        -------
-        dict
-            Lists, texts and numbers.
-        """
-        return {
-            **self.pose_uncertainty.to_dict(),
-            **({"by_surfaces": dict(self.by_surfaces)} if self.by_surfaces else {}),
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> PoseKnowledge:
-        """Build from the result of `to_dict`.
-
-        Parameters
-        ----------
-        data : mapping of str to value
-            The fields.
-
-        Returns
-        -------
-        PoseKnowledge
-            Equal to the one written.
-        """
-        covariance = np.asarray(data["covariance"], dtype=np.float64)
-        return cls(PoseUncertainty(covariance), dict(data.get("by_surfaces", {})))
+_DIAMETERS = 8
+"""Diameters of a circle that must be in the picture; a polygon of twice as many corners is drawn around the circle."""
+# of an entity, that tell where it is in the image
+_POINTS = 72
 
 
 def knowledge_of(
@@ -152,17 +72,14 @@ def knowledge_of(
     cam2world : array (4, 4)
         The pose.
     """
-    # a plan in a file needs no models
-    ...  # joined
-
     own_edges = means.own_edges
     if own_edges is None:
         raise ValueError("own_edges must be given. Got none.")
     inverse = np.linalg.inv(np.asarray(cam2world, dtype=np.float64))[None]
-    dimensions = [target for target in targets if isinstance(target, DimensionTarget)]
+    dimensions = [target for target in targets if isinstance(target, PlannedDimension)]
     if not dimensions:
-        return PoseKnowledge(_symmetric(own_edges.poses(inverse).covariance[0]))
-    models = DimensionTarget.models(dimensions, means)
+        return PoseKnowledge(symmetric(own_edges.poses(inverse).covariance[0]))
+    models = PlannedDimension.models(dimensions, means)
     columns = np.arange(len(dimensions))
     known = models.known(own_edges, inverse, np.zeros(len(columns), dtype=np.int64), columns)
     excess = np.sqrt(np.maximum(known.variance - known.by_pose, 0.0))
@@ -171,27 +88,62 @@ def knowledge_of(
         target.name: float(own / scale) if scale > 0 else 0.0
         for target, own, scale in zip(dimensions, excess, scales, strict=True)
     }
-    return PoseKnowledge(_symmetric(known.covariance[0]), by_surfaces)
+    return PoseKnowledge(symmetric(known.covariance[0]), by_surfaces)
 
 
-def _symmetric(covariance: NDArray[np.float64]) -> PoseUncertainty:
-    return PoseUncertainty((covariance + covariance.T) / 2)
+EDGE = "edge"
 
 
-def means_at(means: Means, setting: Any, name: str) -> Means:
-    """Return what a target of a setting is measured with.
+@dataclass(frozen=True)
+class EntityRecord:
+    """An entity of the part, as requests and plans state it.
 
-    Parameters
+    Attributes
     ----------
-    means : Means
-        Those of the plan.
-    setting : SensorSetting
-        With or without knowledge of its pose.
     name : str
-        The target.
+        Its name.
+    kind : str
+        "edge", "rim" or "arc".
+    edges : tuple of int
+        Ids of its edges in the part; empty of an edge that was given by its ends.
+    part : str
+        What it is a part of an edge, rim or arc, such as ``17[0:1/4]``; empty if it is a whole one.
     """
-    known = getattr(setting, "registered", None)
-    return means if known is None else known.of_target(means, name)
+
+    name: str
+    kind: str
+    edges: tuple[int, ...] = ()
+    part: str = ""
+
+    @classmethod
+    def of(cls, entity: Any, name: str = "") -> EntityRecord:
+        """Return the record of an entity of a space, under its own name or another one."""
+        edges = tuple(int(edge) for edge in getattr(entity, "edge_ids", ()))
+        part = getattr(entity, "part", None)
+        kind = getattr(entity, "kind", EDGE)
+        return cls(name or entity.name, kind, edges, "" if part is None else str(part))
+
+    def entity_of(self, solid: Solid) -> Entity:
+        """Return the entity of the part under its name."""
+        from aspectgraph import resolve_entities
+
+        return resolve_entities(solid, {self.name: self._item(solid)})[self.name]
+
+    def _item(self, solid: Solid) -> Any:
+        """Return what stands for it in a request."""
+        from aspectgraph import Entity, parse_part
+
+        if self.part:
+            return parse_part(self.part)
+        if self.kind != EDGE:
+            curves = {curve.edge_ids: curve for curve in (*solid.rims(), *solid.arcs())}
+            return curves[self.edges]
+        if len(self.edges) == 1:
+            return self.edges[0]
+        first = solid.edge_points(self.edges[0])
+        last = solid.edge_points(self.edges[-1])
+        # of a chain of collinear edges the ends are farthest apart
+        return Entity(self.name, _farthest(np.concatenate([first, last])), self.edges)
 
 
 @dataclass(frozen=True)
@@ -200,58 +152,190 @@ class Witness:
 
     Attributes
     ----------
-    entities : tuple of str
-        Names of the entities, which must be observable as a whole and together.
-    segments : array (s, 2, 3)
-        Pairs of points that must be in the picture and in focus, mm. Those of a circle are drawn around it, so the
-        whole circle is in the picture if they are.
-    resolved : array of bool (s,)
-        Whose images must be long enough.
-    ends : array (2, 3)
-        Two points of the entities, far apart, mm. What holds for every pose that inspects the target, holds for them;
-        the lower bound and the sampling of poses rest on them.
+    records : tuple of EntityRecord
+        The entities, which must be observable as a whole and together.
     measurand : Measurand
         The value and its geometry.
     """
 
-    entities: tuple[str, ...]
-    segments: NDArray[np.float64] = field(repr=False, compare=False)
-    resolved: NDArray[np.bool_] = field(repr=False, compare=False)
-    ends: NDArray[np.float64] = field(repr=False, compare=False)
+    records: tuple[EntityRecord, ...]
     measurand: Measurand = field(repr=False, compare=False)
+
+    @cached_property
+    def entities(self) -> tuple[str, ...]:
+        """Names of the entities."""
+        return tuple(record.name for record in self.records)
+
+    @property
+    def geometry(self) -> tuple[Geometry, ...]:
+        """Lines and circles, mm, in the part's frame."""
+        return self.measurand.geometry
+
+    @cached_property
+    def ends(self) -> NDArray[np.float64]:
+        """Two points (2, 3) of the entities, far apart, mm.
+
+        What holds for every pose that inspects the target, holds for them; the lower bound and the sampling of poses
+        rest on them.
+        """
+        return _farthest(np.concatenate([_points_on(item) for item in self.geometry]))
+
+    @property
+    def segments(self) -> NDArray[np.float64]:
+        """Pairs of points (s, 2, 3) that must be in the picture and in focus, mm.
+
+        Those of a circle are drawn around it, so the whole circle is in the picture if they are.
+        """
+        return self._picture[0]
+
+    @property
+    def resolved(self) -> NDArray[np.bool_]:
+        """Whose images must be long enough, (s,)."""
+        return self._picture[1]
+
+    @cached_property
+    def _picture(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        pieces = [_segments(item) for item in self.geometry]
+        segments, resolved = zip(*pieces, strict=True)
+        return np.concatenate(segments), np.concatenate(resolved)
 
 
 @dataclass(frozen=True)
 class Target(ABC):
-    """One named item of a request, resolved on the part.
+    """One named item of a request, resolved on the part: what requests hold, plans store, and reports speak of.
 
     Attributes
     ----------
     name : str
         Its name.
     witnesses : tuple of Witness
-        Any of them gives the value.
+        Any of them gives the value. The first is preferred.
+    localisation : Localisation
+        Model of the errors of image points; that of the request, once `measured_with` has stated it.
     """
 
     name: str
     witnesses: tuple[Witness, ...]
+    localisation: Localisation = field(
+        default_factory=Localisation.rounding, repr=False, kw_only=True
+    )
     in_image: ClassVar[bool] = False
     """Whether the value is a length in the image: then the ends must be found there, as `Detectability` says."""
+    words: ClassVar[TargetWords] = DIMENSIONS
+    """How pages and tables speak of it."""
+    n_features = 1
+    surfaces_mm = 0.0
+
+    if TYPE_CHECKING:
+        # fields of one kind, and properties of the other
+        @property
+        def kind(self) -> str:
+            """Kind of the value, see `Dimension`."""
+
+        @property
+        def permitted_error(self) -> float:
+            """Largest permitted error, mm (angles: degrees)."""
+
+    @property
+    def tolerance(self) -> tuple[float, float] | None:
+        """Lower and upper deviation that the drawing allows; None of a target without them."""
+        return None
 
     @property
     def witness(self) -> Witness:
-        """The only witness; a target that still has several is asked for one of them, by `choosing`."""
+        """The only witness. Of a target with several, `choosing` returns one with a single witness."""
         (witness,) = self.witnesses
         return witness
 
     def choosing(self, k: int, name: str | None = None) -> Self:
-        """Return the same target with one of its witnesses, under its own name or another one."""
+        """Return the same target with one of its witnesses, under its own name or another one.
+
+        Parameters
+        ----------
+        k : int
+            Number of the witness, from 0.
+        name : str, optional
+            The other name.
+
+        Returns
+        -------
+        Target
+            With that witness alone.
+
+        Raises
+        ------
+        PlanFileError
+            If it has no such witness.
+        """
+        if not 0 <= k < len(self.witnesses):
+            raise PlanFileError(
+                f"witness must be below {len(self.witnesses)}, the number of the target's witnesses. Got {k}."
+            )
         return replace(self, name=name or self.name, witnesses=(self.witnesses[k],))
+
+    @abstractmethod
+    def measured_with(self, means: Means) -> Self:
+        """Return the target with what it has from the request: localisation, surfaces and accuracy."""
+
+    @property
+    def entities(self) -> tuple[str, ...]:
+        """Names of the entities of the preferred witness."""
+        return self.witnesses[0].entities
+
+    @property
+    def geometry(self) -> tuple[Geometry, ...]:
+        """Their lines and circles, mm, in the part's frame."""
+        return self.witnesses[0].geometry
+
+    @property
+    def ends(self) -> NDArray[np.float64]:
+        """Two points (2, 3) of them, far apart, mm."""
+        return self.witnesses[0].ends
 
     @property
     def measurand(self) -> Measurand:
-        """The value and its geometry, as the only witness gives them."""
-        return self.witness.measurand
+        """The value and its geometry, as the preferred witness gives them."""
+        return self.witnesses[0].measurand
+
+    @property
+    def ways(self) -> tuple[tuple[str, ...], ...]:
+        """Sets of names of entities, any of which measures it."""
+        return tuple(witness.entities for witness in self.witnesses)
+
+    @property
+    def nominal(self) -> float:
+        """Nominal value, mm (angles: degrees)."""
+        return self.measurand.nominal
+
+    @property
+    def unit(self) -> str:
+        """Unit of its values, "mm" or "deg"."""
+        return self.measurand.unit
+
+    @property
+    @abstractmethod
+    def requirement_texts(self) -> tuple[str, str]:
+        """What is measured, its tolerance if it has one, and the permitted error."""
+
+    @property
+    def share_text(self) -> str:
+        """Share of its tolerance that the permitted error is; empty without a tolerance."""
+        return ""
+
+    @property
+    def value_text(self) -> str:
+        """Kind, nominal value and unit."""
+        return f"{self.kind.replace('_', ' ')} {self.nominal:.3f} {self.unit}"
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Points (n, 3) of its entities, among them the ends of lines; mm."""
+        ends = [np.array([item.p, item.q]) for item in self.geometry if isinstance(item, Line)]
+        return np.concatenate([*(sample_points(item, _POINTS) for item in self.geometry), *ends])
+
+    @abstractmethod
+    def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float | None:
+        """Return the permitted error in the image of a pose, px; None of an angle."""
 
     @classmethod
     @abstractmethod
@@ -259,7 +343,7 @@ class Target(ABC):
         """Return how probably targets of this kind are measured accurately."""
 
     @abstractmethod
-    def permitted_error(self, accuracy: float) -> float:
+    def error_at(self, accuracy: float) -> float:
         """Return the largest error that counts as accurate, mm (angles: degrees)."""
 
     @abstractmethod
@@ -277,82 +361,389 @@ class Target(ABC):
         """
 
     def probability(self, cam2world: NDArray[np.float64], means: Means) -> NDArray[np.float64]:
-        """Return how probably the value is accurate, of poses (n, 4, 4); (n,)."""
+        """Return how probably the value is accurate.
+
+        Parameters
+        ----------
+        cam2world : array (n, 4, 4)
+            Poses.
+        means : Means
+            Those of the request.
+
+        Returns
+        -------
+        array (n,)
+            P.
+        """
         wanted = np.ones((len(cam2world), 1), dtype=bool)
         return self.models([self], means).probability_where(cam2world, wanted)
 
     def description(self, means: Means) -> MeasurandModel:
         """Return the model that describes uncertainty and budget of the value at a pose."""
-        from planner.request.models import measurand_model
+        return measurand_model(self.measurand, self.error_at(means.accuracy), means)
 
-        return measurand_model(self.measurand, self.permitted_error(means.accuracy), means)
+    def describe(self, cam2world: NDArray[np.float64], means: Means) -> Prediction:
+        """Return how accurately a pose measures the target.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        means : Means
+            Gives the camera and the uncertainty of its pose.
+
+        Returns
+        -------
+        Prediction
+            Probability, uncertainty and its budget.
+        """
+        model = self.description(replace(means, localisation=self.localisation))
+        return model.describe(np.linalg.inv(cam2world))
+
+    def item_of(self, solid: Solid) -> Any:
+        """Return the target as `plan_inspection` takes it, on a part."""
+        return self.witnesses[0].records[0].entity_of(solid)
 
 
 @dataclass(frozen=True)
 class EdgeTarget(Target):
-    """An edge whose length is measured as in the paper, both ends on whole pixels, at the accuracy of the request."""
+    """An edge whose length is measured as in the paper, both ends on whole pixels, at the accuracy of the request.
 
+    Attributes
+    ----------
+    accuracy : float
+        Required accuracy A; that of the request, once `measured_with` has stated it.
+    """
+
+    accuracy: float = field(default=0.98, repr=False, kw_only=True)
     in_image = True
+    words = EDGES
 
     @classmethod
     def models(cls, targets: Sequence[Target], means: Means) -> TargetModels:
         """Return the paper's density for all edges together; it is evaluated for many at once."""
-        from planner.request.models import EdgeModels
-
         return EdgeModels(np.array([target.witness.ends for target in targets]), means)
 
-    def permitted_error(self, accuracy: float) -> float:
+    def measured_with(self, means: Means) -> Self:
+        """Return the edge with the accuracy of the request; its ends lie on whole pixels."""
+        return replace(self, accuracy=means.accuracy)
+
+    @property
+    def kind(self) -> str:
+        """Kind of the value."""
+        return "length"
+
+    @property
+    def permitted_error(self) -> float:
+        """Largest permitted error, mm."""
+        return self.error_at(self.accuracy)
+
+    def error_at(self, accuracy: float) -> float:
         """Return the same share of the length as of the image's length, mm."""
-        return (1.0 - accuracy) * self.measurand.nominal
+        return (1.0 - accuracy) * self.nominal
 
     def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
         """Return the length in which the quantization error is small enough, or the one that is asked for."""
         half_width = 0.5 * (math.log(2.0 - accuracy) - math.log(accuracy))
         return max(min_length_mm, quantile_mm / half_width)
 
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Both ends (2, 3), mm."""
+        return self.ends
+
+    @property
+    def requirement_texts(self) -> tuple[str, str]:
+        """What is measured, and the permitted error."""
+        return "length", f"error up to {percent_text(1 - self.accuracy)}"
+
+    def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float:
+        """Return the share of the length of its image, px."""
+        in_camera = world_to_cam(self.ends, cam2world)
+        pixels = (in_camera / in_camera[:, 2:] @ camera.matrix.T)[:, :2]
+        return (1 - self.accuracy) * float(np.linalg.norm(pixels[1] - pixels[0]))
+
 
 @dataclass(frozen=True)
-class DimensionTarget(Target):
-    """A dimension of the drawing, with its own permitted error.
+class PlannedDimension(Target):
+    """A dimension of the drawing, resolved on the part, with its own permitted error.
 
     Attributes
     ----------
-    dimension : Dimension
-        What is measured.
-    max_error : float
+    name : str
+        Its name.
+    witnesses : tuple of Witness
+        The sets of entities, each of which gives the value. The first is preferred.
+    kind : str
+        Kind of the dimension, see `Dimension`.
+    permitted_error : float
         Largest permitted error, mm (angles: degrees).
+    localisation : Localisation
+        Model of the errors of image points.
+    tolerance : (float, float) or None
+        Lower and upper deviation that the drawing allows, mm (angles: degrees); one may be infinite.
+    share : float or None
+        Part of the tolerance's half width that is permitted as error; None of one without a width.
+    direction : (float, float, float) or None
+        Direction of a distance.
+    n_features : int
+        Number of features that it stands for. The entities measure one of them.
+    stated_surfaces_mm : float or None
+        Standard deviation of the position of its faces along their normals, mm, where the dimension states its own.
+    surfaces_from : str
+        The tolerance of the model that this follows from; empty if it was given.
+    surfaces_mm : float
+        The same, or that of the request, once `measured_with` has stated it.
     """
 
-    dimension: Dimension
-    max_error: float
+    kind: str
+    permitted_error: float
+    tolerance: tuple[float, float] | None = None
+    share: float | None = None
+    direction: tuple[float, float, float] | None = None
+    n_features: int = 1
+    stated_surfaces_mm: float | None = None
+    surfaces_from: str = ""
+    surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
 
     @classmethod
-    def models(cls, targets: Sequence[DimensionTarget], means: Means) -> DimensionModels:
-        """Return the models of the measurands."""
-        from planner.request.models import DimensionModels, key_of
+    def of(
+        cls, name: str, witnesses: tuple[Witness, ...], dimension: Dimension, permitted_error: float
+    ) -> PlannedDimension:
+        """Return what a dimension is on the part.
 
+        Parameters
+        ----------
+        name : str
+            Its name.
+        witnesses : tuple of Witness
+            The sets of entities that give its value.
+        dimension : Dimension
+            The dimension as it was given; a tolerance class has become limits.
+        permitted_error : float
+            Largest permitted error, mm (angles: degrees).
+
+        Returns
+        -------
+        PlannedDimension
+            The dimension on the part.
+        """
+        has_width = dimension.tolerance is not None and not is_one_sided(dimension.tolerance)
+        return cls(
+            name,
+            witnesses,
+            dimension.kind,
+            float(permitted_error),
+            dimension.tolerance,
+            dimension.share if has_width else None,
+            dimension.direction,
+            dimension.n_features,
+            dimension.surfaces_mm,
+            dimension.surfaces_from,
+        )
+
+    @classmethod
+    def models(cls, targets: Sequence[PlannedDimension], means: Means) -> DimensionModels:
+        """Return the models of the measurands.
+
+        Parameters
+        ----------
+        targets : sequence of PlannedDimension
+            Each with one witness.
+        means : Means
+            Those of the request.
+
+        Returns
+        -------
+        DimensionModels
+            They give P of many poses at once.
+        """
         return DimensionModels(
             [target.description(means) for target in targets],
             means.own_edges,
             [key_of(target.name, target.witness.entities) for target in targets],
         )
 
-    def permitted_error(self, accuracy: float) -> float:
-        """Return the dimension's own, mm (angles: degrees)."""
-        return self.max_error
+    def measured_with(self, means: Means) -> Self:
+        """Return the dimension with the localisation of the request, and its surfaces where it states none.
 
-    def surfaces_mm(self, means: Means) -> float:
-        """Return how far its faces are off their place, one standard deviation, mm."""
-        own = self.dimension.surfaces_mm
-        return means.surfaces_mm if own is None else own
+        Parameters
+        ----------
+        means : Means
+            Those of the request.
+
+        Returns
+        -------
+        PlannedDimension
+            A new one.
+        """
+        return replace(
+            self,
+            localisation=means.localisation or Localisation.rounding(),
+            surfaces_mm=self.surfaces_with(means),
+        )
+
+    def surfaces_with(self, means: Means) -> float:
+        """Return the standard deviation of the position of its faces: its own, or that of the request.
+
+        Parameters
+        ----------
+        means : Means
+            Those of the request.
+
+        Returns
+        -------
+        float
+            mm.
+        """
+        return means.surfaces_mm if self.stated_surfaces_mm is None else self.stated_surfaces_mm
+
+    def error_at(self, accuracy: float) -> float:
+        """Return the permitted error, which the dimension states itself.
+
+        Parameters
+        ----------
+        accuracy : float
+            That of the request; it does not matter here.
+
+        Returns
+        -------
+        float
+            mm (angles: degrees).
+        """
+        return self.permitted_error
 
     def description(self, means: Means) -> MeasurandModel:
-        """Return the model of the value with the dimension's own faces."""
-        return super().description(replace(means, surfaces_mm=self.surfaces_mm(means)))
+        """Return the model of the value with the dimension's own faces.
+
+        Parameters
+        ----------
+        means : Means
+            Those of the request.
+
+        Returns
+        -------
+        MeasurandModel
+            It describes uncertainty and budget.
+        """
+        return super().description(replace(means, surfaces_mm=self.surfaces_with(means)))
+
+    def describe(self, cam2world: NDArray[np.float64], means: Means) -> Prediction:
+        """Return how accurately a pose measures the dimension, by the localisation and surfaces it states.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        means : Means
+            Gives the camera and the uncertainty of its pose.
+
+        Returns
+        -------
+        Prediction
+            Probability, uncertainty and its budget.
+        """
+        return super().describe(cam2world, replace(means, surfaces_mm=self.surfaces_mm))
 
     def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
-        """Return 0: how short an image of two of its points may be, follows from no constraint."""
+        """Return 0: how short an image of two of its points may be, follows from no constraint.
+
+        Parameters
+        ----------
+        accuracy, quantile_mm, min_length_mm : float
+            They do not matter here.
+
+        Returns
+        -------
+        float
+            0.
+        """
         return 0.0
+
+    def permitted_error_px(self, cam2world: NDArray[np.float64], camera: Camera) -> float | None:
+        """Return the permitted error in the image of a pose, px; None for an angle.
+
+        The scale is d / (z r). z is the mean depth of the entities, r the larger pixel pitch.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        camera : Camera
+            The camera.
+
+        Returns
+        -------
+        float or None
+            In px of the larger pitch.
+        """
+        if self.unit != "mm":
+            return None
+        depth = float(world_to_cam(self.points, cam2world)[:, 2].mean())
+        scale = camera.image_distance_mm / (depth * max(camera.pixel_pitch_mm))
+        return self.permitted_error * scale
+
+    @property
+    def requirement_texts(self) -> tuple[str, str]:
+        """The target, its tolerance if it has one, and the permitted error with its share of it."""
+        nominal = f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}"
+        error = f"error up to {self.permitted_error:.4g} {self.unit}"
+        if self.tolerance is None:
+            return nominal, error
+        if is_one_sided(self.tolerance):
+            return f"{nominal} {tolerance_text(self.tolerance)}", error
+        share = self._share(self.tolerance)
+        return f"{nominal} {tolerance_text(self.tolerance)}", f"{error} ({share})"
+
+    @property
+    def share_text(self) -> str:
+        """Share of its tolerance that the permitted error is, such as "25 % of ±0.05".
+
+        Of an uneven tolerance of width T "25 % of T/2"; empty without a tolerance, or if it has one limit.
+        """
+        if self.tolerance is None or is_one_sided(self.tolerance):
+            return ""
+        lower, upper = self.tolerance
+        width = f"±{upper:.4g}" if lower == -upper else "T/2"
+        return f"{self._share(self.tolerance)} of {width}"
+
+    def _share(self, tolerance: tuple[float, float]) -> str:
+        """Return the permitted error in percent of half the width of a tolerance."""
+        half = (tolerance[1] - tolerance[0]) / 2
+        return percent_text(self.permitted_error / half)
+
+    def item_of(self, solid: Solid) -> Dimension:
+        """Return the dimension as `plan_inspection` takes it, on a part.
+
+        Parameters
+        ----------
+        solid : Solid
+            The part.
+
+        Returns
+        -------
+        Dimension
+            With the entities of the part.
+        """
+        ways = [
+            tuple(record.entity_of(solid) for record in witness.records)
+            for witness in self.witnesses
+        ]
+        # what has no width has an error of its own
+        error: dict[str, Any] = {"max_error": self.permitted_error}
+        if self.share is not None:
+            error = {"share": self.share}
+        return Dimension(
+            self.kind,
+            ways[0],
+            tolerance=self.tolerance,
+            direction=self.direction,
+            n_features=self.n_features,
+            alternatives=tuple(ways[1:]),
+            surfaces_mm=self.stated_surfaces_mm,
+            surfaces_from=self.surfaces_from,
+            **error,
+        )
 
 
 def witness_name(target: Target, k: int) -> str:
@@ -371,19 +762,80 @@ def check_is_edge(name: str, entity: Any) -> None:
         )
 
 
-def edge_target(name: str, endpoints: ArrayLike) -> EdgeTarget:
+def edge_target(name: str, endpoints: ArrayLike, record: EntityRecord | None = None) -> EdgeTarget:
     """Return the target that an edge is: both ends (2, 3) in the picture, its length measured."""
-    from errors.measurands import Line
-    from errors.measurands.measurand import measurand
-
     ends = np.asarray(endpoints, dtype=np.float64)
     length = measurand("length", [Line(ends[0], ends[1])])
-    return EdgeTarget(name, (Witness((name,), ends[None], np.ones(1, dtype=bool), ends, length),))
+    return EdgeTarget(name, (Witness((record or EntityRecord(name, EDGE),), length),))
 
 
 def edge_targets(entities: Mapping[str, Any], names: Sequence[str]) -> tuple[Target, ...]:
     """Return the targets that edges of a space are, in the order of the names."""
-    return tuple(edge_target(name, entities[name].endpoints) for name in names)
+    return tuple(
+        edge_target(name, entities[name].endpoints, EntityRecord.of(entities[name], name))
+        for name in names
+    )
+
+
+def targets_of(targets: Mapping[str, Target], setting: Any) -> Mapping[str, Target]:
+    """Return targets of a plan, by name, as a setting measures them: each by the witness used there."""
+    chosen: Mapping[str, int] = getattr(setting, "witness", {})
+    if not chosen:
+        return targets
+    return {**targets, **{name: targets[name].choosing(k) for name, k in chosen.items()}}
+
+
+def words_of(targets: Mapping[str, Target]) -> TargetWords:
+    """Return the words for the targets of a plan, given by name."""
+    kinds = {target.words for target in targets.values()}
+    if len(kinds) > 1:
+        return MIXED
+    if DIMENSIONS in kinds and any(map(is_characteristic, targets)):
+        return CHARACTERISTICS
+    return kinds.pop() if kinds else EDGES
+
+
+def sample_points(geometry: Geometry, n: int) -> NDArray[np.float64]:
+    """Return n points at the middles of equal parts of a line or circle; (n, 3) mm."""
+    shares = (np.arange(n) + 0.5) / n
+    if isinstance(geometry, Circle):
+        return geometry.points(shares * geometry.span_rad)
+    return np.asarray(geometry.p + shares[:, None] * (geometry.q - geometry.p))
+
+
+def _segments(geometry: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return pairs of points (s, 2, 3) that hold an entity in the picture, and which must be long enough; (s,)."""
+    if isinstance(geometry, Line):
+        return np.array([[geometry.p, geometry.q]]), np.ones(1, bool)
+    if geometry.is_closed:
+        points = geometry.points(np.arange(2 * _DIAMETERS) * (math.pi / _DIAMETERS))
+        outer = geometry.centre + (points - geometry.centre) / math.cos(math.pi / (2 * _DIAMETERS))
+        return np.stack([outer[:_DIAMETERS], outer[_DIAMETERS:]], axis=1), np.ones(_DIAMETERS, bool)
+    # the ends, and corners of a polygon around the arc in pairs, of which only the ends tell how long the image is
+    step = geometry.span_rad / (2 * _DIAMETERS)
+    middles = geometry.points((np.arange(2 * _DIAMETERS) + 0.5) * step)
+    outer = geometry.centre + (middles - geometry.centre) / math.cos(step / 2)
+    pairs = np.concatenate(
+        [
+            geometry.points(np.array([0.0, geometry.span_rad], dtype=np.float64))[None],
+            outer.reshape(-1, 2, 3),
+        ]
+    )
+    return pairs, np.arange(len(pairs)) == 0
+
+
+def _points_on(geometry: Line | Circle) -> NDArray[np.float64]:
+    """Return points that lie on an entity itself; (m, 3)."""
+    if isinstance(geometry, Line):
+        return np.array([geometry.p, geometry.q])
+    span = 2 * math.pi if geometry.is_closed else geometry.span_rad
+    return geometry.points(np.linspace(0.0, span, 2 * _DIAMETERS + 1))
+
+
+def _farthest(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the two points (2, 3) of several that are farthest apart."""
+    apart = np.linalg.norm(points[:, None] - points, axis=-1)
+    return points[list(np.unravel_index(np.argmax(apart), apart.shape))]
 
 
 # Which of the witnesses that a model offers for a dimension are planned with.

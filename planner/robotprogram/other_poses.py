@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.argument_kinds import check_count, check_kinds
-from planner.exceptions import PlanFileError, RequestError
-from planner.identity import InspectionRequest, restored_options, restored_request
+from planner.exceptions import RequestError
+from planner.options import InspectionOptions
 from planner.progress import Progress, report
-from planner.request.reach import TargetSpace
+from planner.request.reach import StatedRegion
+from planner.request.registration import OWN_EDGES
 from planner.request.request import Request
-from planner.request.targets import OWN_EDGES
-from planner.resolve_request import Promise, resolve_request
+from planner.resolve_request import request_on, resolve_request
 from planner.robotcell.reachability import CellRegion, reachability_of
 from planner.robotprogram.program_record import (
     NEAR_LIMIT_RAD,
@@ -57,23 +57,14 @@ _MESSAGE = "another pose that inspects the same"
 
 def why_no_other_poses(plan: InspectionPlan) -> str:
     """Return why no other poses can be found for a plan, in words; empty if they can."""
-    if not plan.request:
-        return "the plan does not hold its request: plan again"
-    if plan.light is not None or plan.request.get("ring") is not None:
+    asked = plan.request
+    if plan.light is not None or asked.ring is not None:
         return "its lamps were chosen for its poses"
-    try:
-        asked = _asked(plan)
-    except PlanFileError:
+    if isinstance(asked.requirements.reach, StatedRegion):
         return "the plan's request cannot be made again"
     if asked.registration is not None and asked.registration.method == OWN_EDGES:
         return "its values are read from images registered to the part's own edges"
     return ""
-
-
-def _asked(plan: InspectionPlan) -> InspectionRequest:
-    """Return the request of a plan, without the robot: that is asked apart."""
-    stated: Mapping[str, Any] = plan.request
-    return restored_request({**stated, "requirements": {**stated["requirements"], "cell": None}})
 
 
 @dataclass(frozen=True)
@@ -104,7 +95,9 @@ class EquivalentPoses:
         self._plan = plan
         self._solid = solid
         self._seed = seed
-        self._asked = _asked(plan)
+        # the robot is asked apart
+        need = replace(plan.request.requirements, cell=None)
+        self._asked = replace(plan.request, requirements=need)
         self._known: dict[int, _Local] = {}
         self._poses: dict[int, np.ndarray] = {}
 
@@ -178,28 +171,14 @@ class EquivalentPoses:
 
         asked = self._asked
         setting = self._plan.settings[k]
-        records = {record.name: record for record in asked.targets or ()}
-        items = {name: records[name].item_of(self._solid) for name in setting.entities}
-        promise = Promise(asked.accuracy, asked.probability, asked.seed)
-        options = restored_options(asked)
+        items = {name: self._plan.targets[name].item_of(self._solid) for name in setting.entities}
+        options = InspectionOptions.of_request(asked)
         resolved = resolve_request(
-            self._solid, items, asked.camera, asked.pose_uncertainty, promise, options
+            self._solid, items, asked.camera, asked.pose_uncertainty, options
         )
         regions = compute_regions(self._solid, resolved.entities, workspace=self._box(setting))
-        space = TargetSpace.of(regions, resolved.targets)
-        return Request(
-            space,
-            space.entity_names,
-            asked.camera,
-            asked.pose_uncertainty,
-            asked.accuracy,
-            asked.probability,
-            resolved.request.requirements,
-            resolved.targets,
-            asked.localisation,
-            asked.surfaces_mm,
-            None if asked.registration is None else asked.registration.pose_uncertainty,
-        )
+        registered = None if asked.registration is None else asked.registration.pose_uncertainty
+        return request_on(resolved.request, regions, resolved.request.targets, registered)
 
     def _box(self, setting: SensorSetting) -> np.ndarray:
         """Return the workspace (2, 3) around a setting."""

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from planner.camera.pose import MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import UncertaintyError
 from planner.request.models import EdgeModels
-from planner.request.planned import PlannedLength, targets_of
-from planner.request.targets import OWN_EDGES, means_at
+from planner.request.registration import OWN_EDGES, means_at
+from planner.request.targets import EdgeTarget, targets_of
 from planner.verify.simulate_setting import SuccessRate, simulate_setting
 
 if TYPE_CHECKING:
@@ -222,8 +222,8 @@ def stated_probabilities(
 def _of_arm(plan: InspectionPlan, setting: SensorSetting, covariance: np.ndarray) -> SensorSetting:
     """Return a setting whose registration begins with the uncertainty of an arm."""
     known = setting.registered
-    asked = plan.request.get("registration") or {}
-    if known is None or asked.get("method") != OWN_EDGES:
+    registration = plan.request.registration
+    if known is None or registration is None or registration.method != OWN_EDGES:
         return setting
     return replace(
         setting, registered=known.with_prior(plan.pose_uncertainty.covariance, covariance)
@@ -239,7 +239,7 @@ def _probabilities(
     for name in setting.entities:
         target = targets[name]
         means = means_at(by_arm, setting, name)
-        if isinstance(target, PlannedLength):
+        if isinstance(target, EdgeTarget):
             own = replace(means, accuracy=target.accuracy)
             model = EdgeModels(target.ends[None], own)
             seen = model.probability_where(setting.cam2world[None], np.ones((1, 1), dtype=bool))

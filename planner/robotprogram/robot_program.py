@@ -12,7 +12,6 @@ import numpy as np
 
 from planner.argument_kinds import ABOVE_0_TO_1, NumberRule, check_count, check_kinds, check_number
 from planner.exceptions import InfeasibleError, RequestError
-from planner.identity import other_part, part_note
 from planner.progress import Progress, report
 from planner.robotcell.held_part_cell import HeldPartCell
 from planner.robotcell.reachability import reachability_of
@@ -314,15 +313,13 @@ def robot_program_with_other_poses(
     Examples
     --------
     >>> from aspectgraph import read_solid
-    >>> from planner import Cell, RequestError, read_plan, robot_program_with_other_poses
+    >>> from planner import Cell, read_plan, robot_program_with_other_poses
     >>> plan = read_plan("examples/two_pocket_block_plan.json")
     >>> block = read_solid("examples/two_pocket_block.off")
     >>> cell = Cell.from_toml("examples/cell.toml")
-    >>> try:
-    ...     program = robot_program_with_other_poses(plan, block, cell)
-    ... except RequestError as error:
-    ...     print(error)
-    plan must allow other poses. Got one without; the plan does not hold its request: plan again.
+    >>> program = robot_program_with_other_poses(plan, block, cell)
+    >>> program.complete, program.replaced
+    (True, {})
     """
     _check_asked(plan, solid, cell, speed=speed, simulate=simulate, seed=seed)
 
@@ -360,7 +357,7 @@ def _check_asked(
 
 def _check_part(plan: InspectionPlan, solid: Solid) -> None:
     """Refuse a part that is not the plan's."""
-    why = other_part(plan, solid)
+    why = plan.request.other_part(solid)
     if why:
         got = f"{solid.name!r}, {why}"
         raise RequestError.of_rule("solid", "must be the part of the plan", got)
@@ -401,7 +398,6 @@ class _ProgramMaker:
         self._plan = plan
         self._given = cell
         self._cell = cell.with_part(solid)
-        self._part_note = part_note(plan, solid)
         self._home = np.array(cell.home, dtype=np.float64)
         self._speed = speed
         self._rates = JointRates(robot.speeds, robot.accelerations).scaled(speed)
@@ -601,9 +597,9 @@ class _ProgramMaker:
 
     def _digests(self) -> dict[str, str]:
         digests = {"plan": plan_digest(self._plan)}
-        part = self._plan.request.get("part")
+        part = self._plan.request.part
         if part is not None:
-            digests["part"] = str(part["digest"])
+            digests["part"] = part.digest
         digests["cell"] = self._given.to_dict()["digest"]
         return digests
 
@@ -611,8 +607,6 @@ class _ProgramMaker:
         unchecked = self._given.robot.unchecked
         found = program_warnings(tours, self._plan.probability)
         found = (*((f"{unchecked}.",) if unchecked else ()), *found)
-        if self._part_note:
-            found = (self._part_note, *found)
         changed = self._given.difference(self._plan.cell)
         if changed:
             return (f"the cell of the plan differs from the cell given, in {changed}.", *found)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -23,8 +23,6 @@ from planner.callbacks import LEAST_SEARCH_S, Callbacks
 from planner.cover.few_columns import exchange_columns
 from planner.cover.set_cover import bound_columns, greedy_cover
 from planner.plan import InspectionPlan
-from planner.request.models import Means
-from planner.request.planned import PlannedDimension, planned
 from planner.request.reach import PoseRegion
 from planner.request.request import Request, witness_reasons
 from planner.request.targets import Target
@@ -201,26 +199,17 @@ def assembled(
     if not unfinished:
         settings = [with_passed_over(request, setting) for setting in settings]
     cell = request.requirements.cell
-    found = InspectionPlan(
+    late = _late_names(run)
+    plan = InspectionPlan(
+        request=run.asked,
         settings=tuple(_in_order(request, settings, unfinished)),
         lower_bound=bound,
         bound_proof=proof,
-        uninspectable=_reasons(run, unfinished, seen),
-        entities=dict(zip(request.names, request.ends, strict=True)),
-        camera=request.camera,
-        pose_uncertainty=request.pose_uncertainty,
-        accuracy=request.accuracy,
-        probability=request.probability,
-        workspace=np.asarray(request.space.workspace, dtype=float),
-        part=request.space.solid.name,
-        seed=run.seed,
-        dimensions={n: t for n, t in request.measured.items() if isinstance(t, PlannedDimension)},
-        requirements=request.requirements.to_dict(),
-        request=run.memo.identity,
-        unfinished=unfinished,
+        uninspectable={**_reasons(run, unfinished, seen), **dict.fromkeys(late, _LATE)},
+        unfinished=unfinished or bool(late),
         cell={} if cell is None else cell.to_dict(),
     )
-    return with_lines_in_windows(found, request)
+    return with_lines_in_windows(plan, request)
 
 
 def with_passed_over(request: Request, setting: SensorSetting) -> SensorSetting:
@@ -257,44 +246,17 @@ def needed(target: Target) -> set[str]:
     return {name for witness in target.witnesses for name in witness.entities}
 
 
-def with_late_targets(
-    plan: InspectionPlan, targets: Sequence[Target], means: Means
-) -> InspectionPlan:
-    """Return a plan with a reason for each target that it does not know, since its region was not complete in time.
-
-    Parameters
-    ----------
-    plan : InspectionPlan
-        A plan for some of the targets.
-    targets : sequence of Target
-        All targets of the request.
-    means : Means
-        What they are measured with.
-
-    Returns
-    -------
-    InspectionPlan
-        It is ``unfinished`` if a target was late; otherwise it is the plan itself.
-    """
-    late = [target.name for target in targets if target.name not in plan.entities]
-    if not late:
-        return plan
-    measured = {target.name: planned(target, means) for target in targets}
-    return replace(
-        plan,
-        unfinished=True,
-        uninspectable={**plan.uninspectable, **dict.fromkeys(late, _LATE)},
-        entities={target.name: target.witnesses[0].ends for target in targets},
-        dimensions={n: t for n, t in measured.items() if isinstance(t, PlannedDimension)},
-    )
-
-
-def _reasons(run: Run, unfinished: bool, seen: set[str]) -> Mapping[str, Reason]:
+def _reasons(run: Run, unfinished: bool, seen: set[str]) -> dict[str, Reason]:
     """Return why entities are not inspected, in the order in which that was found out."""
     reasons = dict(run.state.uninspectable)
     if unfinished:
         reasons = {name: reasons.get(name, _NOT_YET) for name in run.names}
     return {name: reason for name, reason in reasons.items() if name not in seen}
+
+
+def _late_names(run: Run) -> list[str]:
+    """Return the targets whose region was not complete in time."""
+    return [target.name for target in run.asked.targets if target.name not in run.names]
 
 
 # Covers by candidate poses of which simulation supports what is counted on.

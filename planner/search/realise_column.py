@@ -15,8 +15,8 @@ from planner.camera.pose import pose_between
 from planner.effort.poses import Centring
 from planner.exceptions import InfeasibleError
 from planner.executors import Shared
+from planner.request.registration import PoseKnowledge
 from planner.request.request import Request
-from planner.request.targets import PoseKnowledge
 from planner.search.evolution import centred, least_share
 from planner.search.infeasible import missing_corners
 from planner.search.judge import Judge, perturbed

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
-from planner.effort.effort import Effort
 from planner.executors import Shared, in_order
+from planner.identity import InspectionRequest
 from planner.plan import InspectionPlan
 from planner.request.request import Request
 from planner.resume import PlanningState
@@ -133,11 +133,9 @@ class Run:
     Parameters
     ----------
     request : Request
-        What is asked.
-    seed : int
-        The plan's seed.
-    effort : Effort
-        How long to search.
+        What is asked, with where its targets are observable.
+    asked : InspectionRequest
+        What the plan states as asked; it holds seed and effort.
     memo : PlanningState
         Outcomes and checkpoints.
     executor : concurrent.futures.Executor, optional
@@ -154,20 +152,20 @@ class Run:
     def __init__(
         self,
         request: Request,
-        seed: int,
-        effort: Effort,
+        asked: InspectionRequest,
         memo: PlanningState,
         *,
         executor: Executor | None = None,
         callbacks: Callbacks = NOBODY,
     ):
         self.request = request
-        self.judge = Judge(request, effort)
+        self.asked = asked
+        self.seed = asked.seed
+        self.effort = asked.effort
+        self.judge = Judge(request, asked.effort)
         self.names = request.names
         self.shared = Shared(self.judge)
-        self.promises = Promises(self.shared, seed)
-        self.seed = seed
-        self.effort = effort
+        self.promises = Promises(self.shared, asked.seed)
         self.memo = memo
         self.executor = executor
         self.callbacks = callbacks

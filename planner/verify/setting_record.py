@@ -17,8 +17,8 @@ from planner.detectability.conditions import asks_of_images
 from planner.exceptions import PlanFileError
 from planner.plan_file import field_name, shown
 from planner.request.camera_limits import NO_RESERVE, FocusReserve, probability_share, rooms, shares
-from planner.request.planned import targets_of
-from planner.request.targets import means_at
+from planner.request.registration import means_at
+from planner.request.targets import targets_of
 
 # How far from its prediction a line may be in the image: where a detector has to look for it.
 

@@ -17,7 +17,7 @@ from planner.detectability.conditions import Detectability
 from planner.detectability.image_check import ImageCheck, Scanned
 from planner.exceptions import RequestError
 from planner.progress import Progress, TimeIsUpError, TimeLeft, report
-from planner.request.planned import PlannedLength, PlannedTarget, targets_of
+from planner.request.targets import EdgeTarget, Target, targets_of
 from planner.verify.simulate_setting import (
     CONTRADICTED,
     UNSTATED,
@@ -137,7 +137,7 @@ def count_shown(
 
 def _image_check(
     solid: Solid,
-    targets: Mapping[str, PlannedTarget],
+    targets: Mapping[str, Target],
     names: list[str],
     camera: Camera,
     showing: Detectability,
@@ -148,7 +148,7 @@ def _image_check(
     scanned: list[list[Scanned]] = []
     for k, name in enumerate(names):
         target = targets[name]
-        if isinstance(target, PlannedLength):
+        if isinstance(target, EdgeTarget):
             ends[k] = target.ends
             edge_ids.append(_edges_of(solid, [target.ends]))
             scanned.append([])

@@ -26,8 +26,8 @@ from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
-from planner.request.planned import PlannedDimension, sample_points
-from planner.request.targets import PoseKnowledge
+from planner.request.registration import PoseKnowledge
+from planner.request.targets import PlannedDimension, sample_points
 from planner.verify.point_loops import carry_back, fit_circles, image_points
 
 # Dimensions measured as a program on the robot would: points found, carried back with the planned
@@ -272,7 +272,7 @@ class Planned(Protocol):
 
     @property
     def targets(self) -> Mapping[str, Any]:
-        """What is measured, by name, as `PlannedTarget`."""
+        """What is measured, by name, as `Target`."""
 
     @property
     def camera(self) -> Camera:
@@ -384,7 +384,7 @@ def simulate_setting(
         The planned pose, its entities and their predicted probabilities. With registration, also how well its pose is
         known when values are read.
     entities : mapping
-        Name to `Entity`, to its two ends (2, 3) in mm, or to a `PlannedTarget`, for at least the setting's entities.
+        Name to `Entity`, to its two ends (2, 3) in mm, or to a `Target`, for at least the setting's entities.
     camera : Camera
         The camera.
     pose_uncertainty : PoseUncertainty
@@ -550,7 +550,7 @@ def accurate_in(
 
     Parameters
     ----------
-    target : PlannedTarget
+    target : Target
         What is measured.
     planned : array (4, 4)
         The pose it is measured with.

@@ -1,5 +1,6 @@
 """A plan for a calibrated camera: what it promises, OpenCV's projection and a simulation confirm."""
 
+from dataclasses import replace
 from itertools import product
 
 import cv2
@@ -19,7 +20,6 @@ from planner import (
     read_plan,
 )
 from planner.options import InspectionOptions
-from planner.request.planned import PlannedDimension
 from planner.request.resolve import resolve_wanted
 from planner.verify.simulate_setting import displaced_poses, measured_errors
 
@@ -76,7 +76,7 @@ def test_what_is_half_outside_the_image_is_never_measured():
         "width": Dimension.distance(EDGES["top"], [[0, 30, 20], [40, 30, 20]], max_error_mm=0.1)
     }
     _, targets = resolve_wanted(BOX, wanted, 0.98, as_lengths=True)
-    planned = PlannedDimension.of(targets[0], Localisation.fit(0.1))
+    planned = replace(targets[0], localisation=Localisation.fit(0.1))
     # x = 0 is seen at the tangent 0.5, x = 40 at 0.63; the side is at 0.55
     pose = look_at([[-150.0, 15.0, 320.0]], [-150.0, 15.0, 20.0])[0]
     poses = np.repeat(pose[None], 10, axis=0)
@@ -100,7 +100,7 @@ def test_a_length_measured_near_the_corner_is_undistorted():
     told = predict(BOX, wanted, pose, CAMERA, SIGMA, options=box)["width"]
     _, targets = resolve_wanted(BOX, wanted, 0.98, as_lengths=True)
     rng = np.random.default_rng(5)
-    planned = PlannedDimension.of(targets[0], None)
+    planned = targets[0]
     error, outside = measured_errors(
         planned, pose, displaced_poses(pose, SIGMA, 4000, rng), CAMERA, rng
     )

@@ -78,49 +78,27 @@ def test_a_plan_comes_back_as_it_was_written(plan, tmp_path):
     plan.write(tmp_path / "plan.json")
     assert read_plan(tmp_path / "plan.json") == plan
     data = json.loads((tmp_path / "plan.json").read_text())
-    assert data["version"] == 2
-    found = data["dimensions"]
-    assert found["depth"]["unit"] == "mm"
+    stored = data["targets"]
+    assert stored["depth"]["unit"] == "mm"
     for change, message in (
-        ({"version": 1}, "version must be 3 in a plan for a robot cell, else 2 in one that holds"),
         (
-            {"dimensions": {**found, "depth": {**found["depth"], "nominal": 51.0}}},
-            "nominal must be that",
+            {"targets": {**stored, "depth": {**stored["depth"], "nominal": 51.0}}},
+            r"targets\.depth\.nominal must be that",
         ),
-        ({"dimensions": {**found, "width": found["depth"]}}, "must be one of the plan's entities"),
+        ({"targets": {**stored, "width": stored["depth"]}}, "must name every target once"),
     ):
         (tmp_path / "damaged.json").write_text(json.dumps({**data, **change}))
         with pytest.raises(PlanFileError, match=message):
             read_plan(tmp_path / "damaged.json")
 
 
-def test_a_plan_of_an_earlier_program_has_neither_floor_nor_surfaces(plan, tmp_path):
-    """It knew three sources of variance, and gaussian errors without a floor."""
+def test_a_source_of_variance_is_missed_in_a_file(plan):
     data = json.loads(json.dumps(plan.to_dict()))
-    for found in data["dimensions"].values():
-        del found["surfaces_mm"]
-        found["localisation"]["floor_px"] = 0.0
     for setting in data["settings"]:
-        del setting["measurements"]
-    read = type(plan).from_dict(data)
-    assert {one.surfaces_mm for one in read.dimensions.values()} == {0.0}
-    # as that program would have stored what follows from the plan
-    earlier = read.to_dict()
-    for found in earlier["dimensions"].values():
-        del found["surfaces_mm"]
-    for setting in earlier["settings"]:
-        for one in setting["measurements"].values():
-            assert one["budget"].pop("localisation_floor") == 0.0
-            assert one["budget"].pop("surfaces") == 0.0
-    (tmp_path / "plan.json").write_text(json.dumps(earlier))
-    assert read_plan(tmp_path / "plan.json") == read
-    # of a plan with a floor they are missed
-    now = json.loads(json.dumps(plan.to_dict()))
-    for setting in now["settings"]:
-        for one in setting["measurements"].values():
-            one["budget"].pop("localisation_floor")
+        for measurement in setting["measurements"].values():
+            measurement["budget"].pop("localisation_floor")
     with pytest.raises(PlanFileError, match=r"budget\.localisation_floor must be given"):
-        type(plan).from_dict(now)
+        type(plan).from_dict(data)
 
 
 def test_the_default_of_dimensions_is_that_of_sub_pixel_work(solid, wanted):
@@ -161,8 +139,8 @@ def test_the_bound_asks_no_length_of_an_image_whatever_its_errors(solid, wanted,
 
 def test_edges_alone_are_planned_as_before(solid):
     plan = plan_inspection(solid, {"front": FRONT}, CAMERA, UNCERTAINTY, effort=QUICK)
-    assert plan.to_dict()["version"] == 1
-    assert "dimensions" not in plan.to_dict()
+    assert plan.dimensions == {}
+    assert plan.to_dict()["targets"]["front"]["kind"] == "edge"
 
 
 def test_a_dimension_is_observable_where_all_its_entities_are(solid, wanted):

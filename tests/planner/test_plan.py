@@ -33,13 +33,15 @@ def test_an_entity_may_be_called_like_the_notation_of_numbers(tmp_path):
     assert read_plan(tmp_path / "plan.json") == original
 
 
+REQUEST = plan().to_dict()["request"]
+
+
 def test_file_is_strict_json_with_a_version(tmp_path):
     plan().write(tmp_path / "plan.json")
     data = json.loads((tmp_path / "plan.json").read_text(), parse_constant=pytest.fail)
     assert data["version"] == 1
     assert data["units"]["length"] == "mm"
-    assert data["lower_bound"] == 1
-    assert data["minimal"] is False
+    assert data["bound"] == 1
 
 
 def test_plan_knows_whether_it_is_complete_and_minimal():
@@ -71,18 +73,18 @@ def test_unknown_name_is_refused():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"version": 4}, "version must be 1, 2 or 3. Got 4"),
+        ({"version": 4}, "version must be 1. Got 4"),
         (
             {"format": "a shopping list"},
             "format must be 'aspectgraph inspection plan'. Got 'a shopping list'",
         ),
-        ({"camera": {}}, "focal_length_mm must be given"),
-        ({"pose_uncertainty": {"covariance": [[1.0]]}}, r"covariance must have the shape \(6, 6\)"),
-        ({"settings": [{"entities": []}]}, r"settings\[0\].cam2world must be given\. Got none"),
+        ({"request": {**REQUEST, "camera": {}}}, "focal_length_mm must be given"),
         (
-            {"entities": {"top front": [1, 2, 3]}},
-            r'entities\["top front"\] must have the shape \(2, 3\)\. Got \(3,\)',
+            {"request": {**REQUEST, "pose_uncertainty": {"covariance": [[1.0]]}}},
+            r"covariance must have the shape \(6, 6\)",
         ),
+        ({"settings": [{"entities": []}]}, r"settings\[0\].cam2world must be given\. Got none"),
+        ({"targets": {"top front": [1, 2, 3]}}, r'targets\["top front"\] must be a target'),
     ],
 )
 def test_wrong_content_is_named_with_the_file(tmp_path, change, message):
@@ -96,9 +98,9 @@ def test_wrong_content_is_named_with_the_file(tmp_path, change, message):
 
 def test_missing_field_is_named(tmp_path):
     data = plan().to_dict()
-    del data["lower_bound"]
+    del data["bound"]
     (tmp_path / "plan.json").write_text(json.dumps(data))
-    with pytest.raises(PlanFileError, match="lower_bound must be given"):
+    with pytest.raises(PlanFileError, match="bound must be given"):
         read_plan(tmp_path / "plan.json")
 
 

@@ -81,8 +81,8 @@ def test_what_a_plan_refuses_is_refused_in_the_same_words(wanted):
 def test_the_effort_says_how_many_witnesses_are_offered(most):
     # the pocket is 20 mm wide at its mouth (y = 60) and at its floor (y = 50)
     width = Dimension("distance", (25, 27), tolerance=(-0.1, 0.1), alternatives=((28, 30),))
-    options = InspectionOptions(effort=Effort(witnesses=most))
-    (target,) = resolve_targets(solid_of(BLOCK), {"width": width}, CAMERA, 0.95, options).targets
+    options = InspectionOptions(effort=Effort(witnesses=most), accuracy=0.95)
+    (target,) = resolve_targets(solid_of(BLOCK), {"width": width}, CAMERA, options).targets
     assert len(target.witnesses) == most
 
 

@@ -244,14 +244,14 @@ def test_the_time_limit_ends_the_visible_regions_of_a_part(parts, request_, tmp_
 def test_what_a_time_limit_ended_is_kept_for_a_longer_one(parts, request_, tmp_path, monkeypatch):
     (parts / "torn.stl").unlink()
     (parts / "more" / "a.off").unlink()
-    true_plan = batch.plan_by_options
+    true_plan = batch.plan_request
 
     def ended_early(*arguments):
         return replace(true_plan(*arguments), unfinished=True)
 
     regions = tmp_path / "out" / "a.off" / batch.REGIONS
     with ThreadPoolExecutor(1) as executor:
-        monkeypatch.setattr(batch, "plan_by_options", ended_early)
+        monkeypatch.setattr(batch, "plan_request", ended_early)
         plan_folder(parts, tmp_path / "out", request_, executor=executor)
         assert len(list(regions.glob("*.npz"))) == 2
         monkeypatch.undo()
@@ -364,8 +364,8 @@ def test_a_part_that_another_process_plans_is_tried_again(parts, request_, tmp_p
     assert "no other process writes to" in failed.reason
     (planned,) = plan_folder(parts, out, request_)
     assert planned.status == "planned"
-    stored = read_plan(out / "a.off" / "plan.json").request
-    assert stored["source"] == {"file": "../../parts/a.off"}
+    stored = read_plan(out / "a.off" / "plan.json").source
+    assert stored == {"file": "../../parts/a.off"}
 
 
 def test_files_of_somebody_else_stay(parts, request_, tmp_path):

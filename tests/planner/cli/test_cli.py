@@ -491,13 +491,10 @@ def test_skipped_graph_is_told_on_the_terminal_and_in_the_report(folder, quick, 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"probability": 2}, "plan.json: probability must be in (0, 1). Got 2."),
-        (
-            {"lower_bound": 99},
-            "plan.json: lower_bound must be 1 to 2, the number of settings. Got 99.",
-        ),
-        ({"lower_bound": "x"}, 'plan.json: lower_bound must be a non-negative integer. Got "x".'),
-        ({"entities": {}}, "plan.json: entities must map at least one name to two end points."),
+        ({"probability": 2}, "plan.json: probability must be one of format, version,"),
+        ({"bound": 99}, "plan.json: bound must be 1 to 2, the number of settings. Got 99."),
+        ({"bound": "x"}, 'plan.json: bound must be a non-negative integer. Got "x".'),
+        ({"targets": {}}, "plan.json: targets must map at least one name to a target."),
     ],
 )
 def test_plan_whose_promises_make_no_sense_is_not_confirmed(folder, capsys, change, message):

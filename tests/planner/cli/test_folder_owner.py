@@ -17,9 +17,10 @@ from planner.app.plan_commands import REGIONS_FOLDER, STATE_FILE, Leftovers, che
 from planner.camera.camera import Camera
 from planner.effort.effort import Effort
 from planner.exceptions import OutputError, PlanFileError
-from planner.identity import EntityRecord, InspectionRequest, PartRecord, TargetRecord, keyword
+from planner.identity import InspectionRequest, PartRecord, keyword
 from planner.light.lighting import Lighting
 from planner.request.constraints import Requirements
+from planner.request.targets import EntityRecord, edge_target
 from planner.resume import PlanningState
 from planner.sensor_setting import Outcome
 
@@ -34,7 +35,7 @@ def targets(**changes):
     edges = {name: (k, np.array(ends)) for k, (name, ends) in enumerate(ENTITIES.items())}
     edges |= changes
     return tuple(
-        TargetRecord(name, "edge", np.array(ends), (EntityRecord(name, "edge", (edge,)),))
+        edge_target(name, ends, EntityRecord(name, "edge", (edge,)))
         for name, (edge, ends) in edges.items()
     )
 
@@ -92,7 +93,7 @@ OTHERS = {
 
 
 def write_plan(folder, request, **changes):
-    plan(requirements=LIMITS, request=request.identity(), **changes).write(folder / "plan.json")
+    plan(request, **changes).write(folder / "plan.json")
 
 
 def test_the_same_request_and_an_empty_folder_are_welcome(tmp_path):
@@ -115,15 +116,6 @@ def test_another_request_needs_force_and_the_option_is_named(tmp_path, case):
         check_owner(tmp_path, request_(**changes), force=False)
     assert message in str(caught.value)
     check_owner(tmp_path, request_(**changes), force=True)
-
-
-def test_a_plan_of_an_earlier_program_is_not_replaced_unless_that_is_said(tmp_path):
-    """It does not store its request, so nothing says that it is the same."""
-    plan(requirements=LIMITS).write(tmp_path / "plan.json")
-    message = rf"--force replaces it\. Got {tmp_path}/plan\.json of an earlier version, without"
-    with pytest.raises(OutputError, match=message):
-        check_owner(tmp_path, request_(), force=False)
-    check_owner(tmp_path, request_(), force=True)
 
 
 def test_a_file_that_is_no_plan_is_not_replaced_either(tmp_path):

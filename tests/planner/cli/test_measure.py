@@ -9,7 +9,9 @@ import pytest
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 from PIL import Image
 
+from aspectgraph import read_solid
 from planner.app.main import main
+from planner.identity import PartRecord
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +23,7 @@ def folder(tmp_path_factory):
     lines += [" ".join(map(repr, vertex)) for vertex in solid.vertices.tolist()]
     lines += [f"3 {a} {b} {c}" for a, b, c in solid.triangles.tolist()]
     (root / "plate.off").write_text("\n".join(lines))
-    plan = measured_plan(solid, ["width"], request={})
+    plan = measured_plan(solid, ["width"], part=PartRecord.of(read_solid(root / "plate.off")))
     plan.write(root / "plan.json")
     for name, width in (("good", 0.0), ("wide", 0.5)):
         (root / name).mkdir()

@@ -46,7 +46,7 @@ def test_a_file_of_dimensions(tmp_path, capsys):
     assert plan.dimensions["step"].nominal == pytest.approx(10.0)
     step = plan.dimensions["step"]
     assert step.localisation == Localisation("gaussian", 0.1, floor_px=0.05)
-    assert step.surfaces_mm == plan.request["surfaces_mm"] == 0.02
+    assert step.surfaces_mm == plan.request.surfaces_mm == 0.02
     assert plan.dimensions["floor"].permitted_error == 0.2
     assert plan.simulation.confirmed
     assert (tmp_path / "out" / "graph.graphml").is_file()
@@ -120,8 +120,7 @@ def test_all_dimensions_of_a_pattern(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     names = [f"diameter 1 (solid {i}) [{k} of 3]" for i in (0, 1) for k in (1, 2, 3)]
     planned = [name for name in names if "[3 of" not in name]
-    assert list(found["plan"]["dimensions"]) == planned
-    assert found["plan"]["features"] == {"n": 4, "not_planned": 0}
+    assert list(found["plan"]["targets"]) == planned
     unread = "the file attaches it to an item of this feature that could not be read"
     assert found["not_planned"] == {name: unread for name in names if name not in planned}
     with open(tmp_path / "out" / "measurements.csv", newline="") as file:

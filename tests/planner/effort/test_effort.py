@@ -9,7 +9,7 @@ from planner import Effort, RequestError
 from planner.effort.bound import BoundEffort, BoxEffort, Division, Halving, Subdivision
 from planner.effort.effort import NORMAL, QUICK, THOROUGH, Improving, Pricing, StageEffort
 from planner.effort.poses import Repair, Search
-from planner.identity import completed_value, plain_fields, restored_value
+from planner.identity import plain_fields, restored_value
 
 OTHER_WORDS = {"selection": "sus", "scaling": "rank", "sampling": "workspace"}
 
@@ -54,27 +54,6 @@ def test_every_value_tells_requests_apart_and_comes_back_from_a_file():
     assert len(stored) == 1 + len(CHANGED)
     for effort in CHANGED.values():
         assert restored_value(Effort, json.loads(json.dumps(plain_fields(effort)))) == effort
-
-
-@pytest.mark.parametrize(
-    "path",
-    [
-        ("pricing",),
-        ("bound",),
-        ("bound", "boxes", "halving", "finest"),
-        ("search", "repair", "pool"),
-    ],
-)
-def test_what_an_earlier_program_did_not_store_has_its_default(path):
-    effort = Effort(viewpoints=10)
-    whole = plain_fields(effort)
-    earlier = json.loads(json.dumps(whole))
-    inner = earlier
-    for name in path[:-1]:
-        inner = inner[name]
-    del inner[path[-1]]
-    assert completed_value(Effort, earlier) == json.loads(json.dumps(whole))
-    assert restored_value(Effort, earlier) == effort
 
 
 @pytest.mark.parametrize(

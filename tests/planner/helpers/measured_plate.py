@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import holed_plate as plates
 import numpy as np
+from plan_examples import plan_with, planned_dimension
 
 from aspectgraph import Solid
 from errors.measurands import Circle, Line, Localisation
-from planner import Camera, PlannedDimension, PoseUncertainty, SensorSetting, look_at
+from planner import Camera, PoseUncertainty, SensorSetting, look_at
 from planner.identity import PartRecord
-from planner.plan import InspectionPlan
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks" / "images"))
 from part_images import Optics, PartImages
@@ -58,16 +59,7 @@ def fine_plate(left=0.0, right=0.0, height=0.0, width=0.0):
 
 
 def dimension(kind, entities, geometry, tolerance, direction=None):
-    return PlannedDimension(
-        kind,
-        entities,
-        geometry,
-        0.05,
-        Localisation.gaussian(0.1),
-        tolerance,
-        direction,
-        surfaces_mm=0.02,
-    )
+    return planned_dimension(kind, entities, geometry, 0.05, None, tolerance, direction=direction)
 
 
 def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, **changes):
@@ -86,28 +78,27 @@ def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, 
         "width": dimension("distance", ("front", "back"), tuple(sides), (-0.2, 0.2)),
         "long": dimension("length", ("front",), (sides[0],), (-0.5, 0.5)),
     }
-    dimensions = changes.get("dimensions") or {name: every[name] for name in names}
+    dimensions = changes.pop("dimensions", None) or {name: every[name] for name in names}
     planned = [
         SensorSetting(
             pose, tuple(names), dict.fromkeys(names, 0.95), {"focus_mm": 1.0}, 1.0, 1, 1, "by hand"
         )
         for pose in POSES[:settings]
     ]
-    fields = {
+    known = {
         "settings": planned,
         "lower_bound": 1,
         "uninspectable": {},
-        "entities": {name: np.asarray(one.points[[0, 40]]) for name, one in dimensions.items()},
         "camera": CAMERA,
         "pose_uncertainty": UNCERTAINTY,
         "accuracy": 0.99,
-        "probability": 0.9,
         "workspace": np.array([[-500.0] * 3, [500.0] * 3]),
-        "part": "plate",
-        "dimensions": dimensions,
-        "request": {"part": {"name": "plate", "digest": PartRecord.of(solid).digest}},
+        "localisation": Localisation.gaussian(0.1),
+        "surfaces_mm": 0.02,
+        "part": PartRecord("plate", PartRecord.of(solid).digest),
+        "targets": tuple(replace(one, name=name) for name, one in dimensions.items()),
     }
-    return InspectionPlan(**(fields | changes))
+    return plan_with(**(known | changes))
 
 
 def photograph(mesh, poses, seed=1, **optics):

@@ -3,7 +3,7 @@
 from functools import cache
 
 import numpy as np
-from plan_examples import CAMERA, UNCERTAINTY, setting
+from plan_examples import CAMERA, plan_with, setting
 from robot_cells import TABLE, made_cell, pose, views
 from scipy.spatial.transform import Rotation
 
@@ -11,11 +11,11 @@ from aspectgraph import Solid
 from planner import (
     ArmUncertainty,
     Fixturing,
-    InspectionPlan,
     PoseUncertainty,
     default_workspace,
     robot_program,
 )
+from planner.identity import PartRecord
 
 SIZE = np.array([200.0, 120.0, 80.0])
 HOME = (0.0, -1.9, 1.7, 0.0, 1.57, 0.0)
@@ -44,19 +44,15 @@ def plan_of(poses, **changes):
     for cam2world in poses:
         one = setting((0.0, 0.0, 1.0), list(ENTITIES))
         settings.append(type(one)(**{**one.__dict__, "cam2world": cam2world}))
-    fields = {
+    known = {
         "settings": tuple(settings),
         "lower_bound": 1,
         "uninspectable": {},
         "entities": ENTITIES,
-        "camera": CAMERA,
-        "pose_uncertainty": UNCERTAINTY,
-        "accuracy": 0.98,
-        "probability": 0.9,
         "workspace": default_workspace(block(), CAMERA),
-        "part": "block",
+        "part": PartRecord.of(block()),
     }
-    return InspectionPlan(**{**fields, **changes})
+    return plan_with(**(known | changes))
 
 
 @cache

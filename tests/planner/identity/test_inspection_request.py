@@ -28,12 +28,11 @@ from planner import (
 )
 from planner.effort.effort import Effort, Pricing
 from planner.exceptions import PlanFileError
-from planner.identity import InspectionRequest, plain_value, restored_options, restored_request
+from planner.identity import InspectionRequest, plain_value, restored_request
 from planner.options import InspectionOptions
 from planner.request.models import Means
-from planner.request.planned import planned
 from planner.request.reach import reach_identity
-from planner.resolve_request import Promise, resolve_request
+from planner.resolve_request import resolve_request
 
 CAMERA = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 300.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -51,11 +50,11 @@ def ids(solid):
     return [edge.id for edge in solid.straight_edges()]
 
 
-def request_of(solid, wanted=None, promise=(0.98, 0.9, 0), camera=CAMERA, **options):
+def request_of(solid, wanted=None, camera=CAMERA, **options):
     wanted = {"top": ids(solid)[0], "side": ids(solid)[3]} if wanted is None else wanted
     uncertainty = options.pop("uncertainty", UNCERTAINTY)
     given = InspectionOptions(**{"workspace": BOX, **options})
-    return resolve_request(solid, wanted, camera, uncertainty, Promise(*promise), given).request
+    return resolve_request(solid, wanted, camera, uncertainty, given).request
 
 
 def far_cell():
@@ -65,6 +64,9 @@ def far_cell():
 
 # every option of a plan, changed: and what is said of it
 CHANGES = {
+    "rng": ({"rng": 1}, "rng was 0 and is now 1"),
+    "accuracy": ({"accuracy": 0.97}, "accuracy was 0.98 and is now 0.97"),
+    "probability": ({"probability": 0.8}, "probability was 0.9 and is now 0.8"),
     "workspace": ({"workspace": [[-301.0] * 3, [300.0] * 3]}, "workspace changed"),
     "stand_off_mm": ({"stand_off_mm": 60}, "stand_off_mm was 50 and is now 60"),
     "min_length_px": ({"min_length_px": 21.0}, "min_length_px was 20 and is now 21"),
@@ -109,9 +111,6 @@ def test_what_else_is_asked_tells_requests_apart(block):
     top = some[0]
     side = some[3]
     cases = {
-        "rng was 0 and is now 1": request_of(block, promise=(0.98, 0.9, 1)),
-        "accuracy was 0.98 and is now 0.97": request_of(block, promise=(0.97, 0.9, 0)),
-        "probability was 0.9 and is now 0.8": request_of(block, promise=(0.98, 0.8, 0)),
         "camera changed: f number was 8 and is now 4": request_of(
             block, camera=replace(CAMERA, f_number=4.0)
         ),
@@ -171,13 +170,6 @@ def test_whole_numbers_are_floats_where_floats_are_meant(block):
     )
 
 
-def test_the_default_of_a_field_that_an_earlier_program_did_not_know_is_the_same(block):
-    earlier = request_of(block).identity()
-    del earlier["gap"]
-    assert request_of(block).difference(earlier) is None
-    assert "gap was 0" in request_of(block, gap=0.5).difference(earlier)
-
-
 def test_a_field_that_is_added_cannot_be_forgotten(block):
     wider = make_dataclass(
         "Wider", [("made_up", float, 1.0)], bases=(InspectionRequest,), frozen=True, eq=False
@@ -220,10 +212,8 @@ def test_a_request_comes_back_from_a_plan_file(block, lamps):
     assert again.fingerprint() == asked.fingerprint()
     # and from its targets and options the same request follows
     items = {record.name: record.item_of(block) for record in again.targets}
-    promise = Promise(again.accuracy, again.probability, again.seed)
-    made = resolve_request(
-        block, items, again.camera, again.pose_uncertainty, promise, restored_options(again)
-    ).request
+    options = InspectionOptions.of_request(again)
+    made = resolve_request(block, items, again.camera, again.pose_uncertainty, options).request
     assert made.difference(asked) is None
 
 
@@ -246,62 +236,19 @@ def test_faces_of_the_model_come_back_from_a_plan_file_unless_the_call_gives_its
     )
     fine = Localisation.gaussian()
     asked = request_of(block, {"edge": edge}, localisation=fine)
-    assert (asked.targets[0].surfaces_mm, asked.surfaces_mm) == (0.03, 0.02)
+    assert (asked.targets[0].stated_surfaces_mm, asked.surfaces_mm) == (0.03, 0.02)
     again = restored_request(json.loads(json.dumps(asked.identity())))
     items = {record.name: record.item_of(block) for record in again.targets}
-    promise = Promise(again.accuracy, again.probability, again.seed)
-    made = resolve_request(
-        block, items, again.camera, again.pose_uncertainty, promise, restored_options(again)
-    )
-    assert made.request.difference(asked) is None
+    options = InspectionOptions.of_request(again)
+    made = resolve_request(block, items, again.camera, again.pose_uncertainty, options).request
+    assert made.difference(asked) is None
     means = Means(CAMERA, UNCERTAINTY, localisation=fine, surfaces_mm=0.02)
     (target,) = made.targets
-    assert target.description(means).surfaces_mm == 0.03
-    assert planned(target, means).surfaces_from == "profile 0.1 mm"
+    assert target.description(means).surfaces_mm == target.measured_with(means).surfaces_mm == 0.03
+    assert target.surfaces_from == "profile 0.1 mm"
     given = request_of(block, {"edge": edge}, localisation=fine, surfaces_mm=0.02)
-    assert (given.targets[0].surfaces_mm, given.targets[0].surfaces_from) == (None, "")
+    assert (given.targets[0].stated_surfaces_mm, given.targets[0].surfaces_from) == (None, "")
     assert "edge" in asked.difference(given)
-
-
-def test_a_request_of_an_earlier_program_has_neither_floor_nor_surfaces(block):
-    how = Localisation.gaussian(0.1, floor_px=0.0)
-    earlier = request_of(block, localisation=how, surfaces_mm=0.0).identity()
-    del earlier["surfaces_mm"]
-    again = restored_request(json.loads(json.dumps(earlier)))
-    assert again.surfaces_mm == again.localisation.common_px == 0.0
-    now = request_of(block, localisation=Localisation.gaussian(0.1), surfaces_mm=0.0)
-    assert "floor px was 0 and is now 0.05" in now.difference(earlier)
-
-
-@pytest.mark.parametrize(
-    ("lamps", "stored"),
-    [
-        (LIGHTS[3], {"kind": "LampsTogether", "lamps": [[0.0, 0.0, 500.0], [0.0, 9.0, 500.0]]}),
-        (LIGHTS[0], None),
-    ],
-)
-def test_lamps_of_an_earlier_program_are_the_same_request(block, lamps, stored):
-    """It stored lamps that are on together as a place, and a ring light as none."""
-    asked = request_of(block, lamps=lamps)
-    earlier = json.loads(json.dumps(asked.identity()))
-    del earlier["lighting"]["together"]
-    earlier["lighting"]["lamps"] = stored
-    assert asked.difference(earlier) is None
-    assert restored_request(earlier).fingerprint() == asked.fingerprint()
-    other = request_of(block, lamps=replace(lamps, contrast=0.3))
-    assert "contrast" in other.difference(earlier)
-
-
-def test_a_field_of_a_part_of_the_request_that_an_earlier_program_did_not_know_has_its_default(
-    block,
-):
-    earlier = request_of(block).identity()
-    del earlier["effort"]["cover_nodes"]
-    assert request_of(block).difference(earlier) is None
-    del earlier["effort"]["bound"]
-    assert request_of(block).difference(earlier) is None
-    changed = request_of(block, effort=Effort(cover_nodes=7))
-    assert "cover nodes was 1000 and is now 7" in changed.difference(earlier)
 
 
 def test_a_number_that_steers_the_search_tells_requests_apart(block):
@@ -316,7 +263,7 @@ def test_a_number_that_steers_the_search_tells_requests_apart(block):
     [
         ({"colour": "red"}, r"request\.colour must be known to this program"),
         ({"camera": {}}, r"request\.camera"),
-        ({"effort": {"viewpoints": -1}}, r"request\.effort: viewpoints must be"),
+        ({"effort": {"viewpoints": -1}}, r"request\.effort\.viewpoints must be"),
         ({"seed": None, "targets": [{"name": "a"}]}, r"request\.targets must be as"),
         ({"part": 5}, r"request\.part must be as this program writes it\. Got 5\."),
     ],
@@ -330,8 +277,14 @@ def test_a_request_that_was_changed_is_refused_by_name(block, change, message):
 def test_a_reach_of_a_program_cannot_come_from_a_file(block):
     corners = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [0, 0, 9.0]])
     mesh = MeshRegion(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    asked = request_of(block, reach=mesh)
+    stored = restored_request(json.loads(json.dumps(asked.identity())))
+    # it is known as the same, and cannot be made again
+    assert stored.difference(asked) is None
     with pytest.raises(PlanFileError, match="reach must be a box or a ball to be in a file"):
-        restored_request(request_of(block, reach=mesh).identity())
+        InspectionOptions.of_request(stored)
+    with pytest.raises(RequestError, match="reach must be a box or a ball to be in a file"):
+        stored.requirements.reach.margin(np.zeros((1, 3)))
 
 
 # --- reaches that nobody can recognise ------------------------------------------------------------------------------

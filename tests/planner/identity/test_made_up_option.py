@@ -19,18 +19,16 @@ from planner.app import main as command_line
 from planner.app.plan_commands import REGIONS_FOLDER
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.exceptions import PlanFileError
-from planner.identity import InspectionRequest, restored_options, restored_request
+from planner.identity import InspectionRequest
 from planner.options import InspectionOptions
-from planner.resolve_request import Promise
 
 CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
-PROMISE = Promise(0.98, 0.9)
 # modules that hold the names of the two classes
 _REQUEST = ("planner.identity", "planner.resolve_request", "planner.app.batch")
 _OPTIONS = (
     *("planner.inspection", "planner.app.job", "planner.app.batch"),
-    *("planner.identity",),
+    *("planner.options",),
 )
 
 
@@ -78,10 +76,10 @@ def test_resuming_notices_it(tmp_path):
             progress=progress,
         )
         part = (space.solid, space.entities)
-        return inspection.plan_by_options(*part, CAMERA, UNCERTAINTY, PROMISE, options)
+        return inspection.plan_inspection(*part, CAMERA, UNCERTAINTY, options)
 
     found = plan("a")
-    assert found.request["made_up"] == "a"
+    assert found.request.made_up == "a"
     with pytest.raises(PlanFileError, match="made_up was 'a' and is now 'b'"):
         plan("b")
     assert plan("a", stop) == found
@@ -123,10 +121,10 @@ def test_the_output_folder_kept_regions_and_plan_files_notice_it(
     assert command_line.main([*plan, "a", "--resume"]) == DONE
     assert "plan.json of another request: --made-up was 'a' and is now 'b'." in refusal()
     stored = read_plan(out / "plan.json").request
-    assert stored["made_up"] == "a"
-    assert restored_options(restored_request(stored)).made_up == "a"
-    # a plan file that does not know it has its default
+    assert stored.made_up == "a"
+    assert import_module("planner.options").InspectionOptions.of_request(stored).made_up == "a"
+    # a plan file that does not state it is none
     data = json.loads((out / "plan.json").read_text())
     del data["request"]["made_up"]
     (out / "plan.json").write_text(json.dumps(data))
-    assert "--made-up was 'none' and is now 'b'" in refusal()
+    assert "request.made_up must be given. Got none" in refusal()

@@ -2,14 +2,13 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from holed_plate import FRONT, HEIGHT, HOLES, holed_plate
 
 from errors.measurands import Circle, Line
 from planner import RequestError
 from planner.light.demands import _parts
-from planner.request.planned import PlannedLength
+from planner.request.targets import edge_target
 
 PLATE = holed_plate()
 
@@ -26,7 +25,7 @@ def test_a_rim_and_an_edge_of_a_dimension_are_those_of_the_part(axis):
     assert rim.circle.centre == pytest.approx([*centre, HEIGHT])
     assert rim.circle.radius_mm == pytest.approx(radius)
     assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
-    (edge,) = _parts(PlannedLength.of("edge", np.array(FRONT), 0.98), PLATE, "edge")
+    (edge,) = _parts(edge_target("edge", FRONT), PLATE, "edge")
     assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
 
 

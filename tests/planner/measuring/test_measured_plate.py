@@ -20,6 +20,7 @@ from measured_plate import (
     photograph,
     thick_plate,
 )
+from plan_examples import changed, witness
 from scipy.ndimage import map_coordinates
 
 from errors.measurands import Decision, DecisionRule, Line
@@ -36,7 +37,6 @@ from planner import (
 from planner.camera.imaging import undistorted_px
 from planner.measuring.registered import displaced
 from planner.measuring.results import COLUMNS, results_schema
-from planner.request.planned import PlannedWitness
 
 MADE = {"left": 0.05, "right": 0.0, "width": 0.08}
 TRUE = {"left": 0.1, "right": 0.0, "apart": 0.0, "width": 0.08}
@@ -104,16 +104,10 @@ def test_a_setting_measures_by_its_own_witness(solid, images, exact):
     )
     circle = dataclasses.replace(upper.geometry[0], centre=rim.centre)
     lower = dataclasses.replace(
-        upper,
-        entities=(rim.id,),
-        geometry=(circle,),
-        witnesses=(
-            PlannedWitness((rim.id,), (circle,)),
-            PlannedWitness(upper.entities, upper.geometry),
-        ),
+        upper, witnesses=(witness("diameter", (rim.id,), (circle,)), *upper.witnesses)
     )
     settings = [dataclasses.replace(one, witness={"left": 1}) for one in plan.settings]
-    plan = dataclasses.replace(plan, settings=tuple(settings), dimensions={"left": lower})
+    plan = changed(plan, settings=tuple(settings), targets=(lower,))
     results = measure(plan, solid, images, registration=exact)
     assert results["left"].measured, results["left"].reason
     assert abs(results["left"].deviation - TRUE["left"]) < 0.012
@@ -344,9 +338,8 @@ def test_rules_and_coverage(solid, images, exact):
 
 def test_another_part_is_refused(solid, images):
     plan = measured_plan(solid)
-    request = {"part": {"name": "plate", "digest": "0" * 64}}
     with pytest.raises(RequestError, match="part must be the one that was planned"):
-        measure(dataclasses.replace(plan, request=request), solid, images)
+        measure(changed(plan, part="plate"), solid, images)
 
 
 ENDS = {
@@ -363,7 +356,7 @@ def lengths_plan(plan):
         for one in plan.settings
     ]
     ends = {name: np.array(points) for name, points in ENDS.items()}
-    return dataclasses.replace(plan, settings=settings, entities=ends, dimensions={})
+    return changed(plan, settings=settings, entities=ends)
 
 
 @pytest.mark.parametrize("poses", ["given", "own edges"])

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from measured_plate import measured_plan, thick_plate
+from plan_examples import witness
 
 from errors.measurands import Circle, Line
 from planner import RequestError
@@ -67,7 +68,12 @@ def test_a_target_may_be_on_a_part_of_an_edge():
     target = measured_plan(solid, ["width"]).targets["width"]
     first, second = target.geometry
     part = Line(first.p + 0.25 * (first.q - first.p), first.middle)
-    model = PartModel(solid, {"width": dataclasses.replace(target, geometry=(part, second))})
+
+    def along(first):
+        ways = (witness("distance", target.entities, (first, second)),)
+        return {"width": dataclasses.replace(target, witnesses=ways)}
+
+    model = PartModel(solid, along(part))
     found, _ = model.measured["width"]
     whole, _ = PartModel(solid, {"width": target}).measured["width"]
     assert found.edge_ids == whole.edge_ids
@@ -75,4 +81,4 @@ def test_a_target_may_be_on_a_part_of_an_edge():
     down = np.array([0.0, 0.0, -1.0])
     beside = Line(part.p + down, part.q + down)
     with pytest.raises(RequestError, match="must be the one that was planned"):
-        PartModel(solid, {"width": dataclasses.replace(target, geometry=(beside, second))})
+        PartModel(solid, along(beside))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
+from plan_examples import changed
 
 from aspectgraph import Solid
 from errors.registration import _free_ways, posterior
@@ -25,14 +26,13 @@ from planner import (
 from planner.bound.pose_space import least_images_mm
 from planner.callbacks import Deadline
 from planner.camera.pose import world_to_cam
-from planner.identity import restored_options, restored_request
 from planner.inspection import _request
 from planner.measuring import task as solving
 from planner.measuring.planned_edges import planned_edges
 from planner.measuring.registered import displaced, prior_covariance
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.task import registration_task
-from planner.resolve_request import Promise, resolve_request
+from planner.resolve_request import resolve_request
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_plan import simulate_plan
 
@@ -67,11 +67,10 @@ def registered(block):
 
 def requested(block, plan):
     """The request of a plan, without registration."""
-    asked = restored_request(plan.request)
-    items = {record.name: record.item_of(block) for record in asked.targets}
-    options = replace(restored_options(asked), registration=None)
-    promise = Promise(asked.accuracy, asked.probability, asked.seed)
-    resolved = resolve_request(block, items, asked.camera, asked.pose_uncertainty, promise, options)
+    asked = plan.request
+    items = {target.name: target.item_of(block) for target in asked.targets}
+    options = replace(InspectionOptions.of_request(asked), registration=None)
+    resolved = resolve_request(block, items, asked.camera, asked.pose_uncertainty, options)
     return _request(block, resolved, options, Deadline(None, 0.0))
 
 
@@ -109,8 +108,8 @@ def test_a_plan_in_a_file_is_the_same_and_plans_again(registered, tmp_path):
     again = read_plan(path)
     assert again == registered
     assert again.settings[0].registered.by_surfaces == registered.settings[0].registered.by_surfaces
-    asked = restored_request(again.request)
-    assert restored_options(asked).registration == asked.registration
+    asked = again.request
+    assert InspectionOptions.of_request(asked).registration == asked.registration
     assert (asked.registration.method, asked.registration.surfaces_mm) == ("own edges", 0.03)
 
 
@@ -236,9 +235,8 @@ def test_hidden_edges_do_not_count(block, registered):
 def edges_of_block(block):
     """A request for edges, whose lengths are measured on whole pixels."""
     ids = [edge.id for edge in block.straight_edges()][::4]
-    promise = Promise(0.98, 0.9, 0)
     options = InspectionOptions(effort=QUICK)
-    resolved = resolve_request(block, ids, CAMERA, ROBOT, promise, options)
+    resolved = resolve_request(block, ids, CAMERA, ROBOT, options)
     return _request(block, resolved, options, Deadline(None, 0.0))
 
 
@@ -286,7 +284,7 @@ def test_a_given_covariance_counts_for_values_alone(block):
             stated = plan.targets[name].describe(setting.cam2world, means).probability
             assert setting.probability[name] == pytest.approx(stated, abs=1e-9)
     windows = search_windows_px(plan, plan.settings[0])
-    shown = replace(plan, pose_uncertainty=exact)
+    shown = changed(plan, pose_uncertainty=exact)
     assert min(windows.values()) > 10 * max(search_windows_px(shown, plan.settings[0]).values())
 
 

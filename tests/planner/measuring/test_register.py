@@ -1,6 +1,5 @@
 """Registration to own edges: projected points, rendered images, and images of something else."""
 
-import dataclasses
 import re
 
 import numpy as np
@@ -14,6 +13,7 @@ from measured_plate import (
     photograph,
     thick_plate,
 )
+from plan_examples import changed
 
 from planner import Localisation, MeasureOptions, Measurer, PoseUncertainty, Registration, measure
 from planner.measuring import task as solving
@@ -110,7 +110,7 @@ def test_stated_poses_must_be_those_that_the_edges_show(solid, images, real):
     plan = measured_plan(solid, ["left"])
     # 3 px in the image
     off = {1: displaced(real[0], [0.5, 0, 0, 0, 0, 0])[0], 2: real[1]}
-    worse = dataclasses.replace(plan, pose_uncertainty=PoseUncertainty(9 * UNCERTAINTY.covariance))
+    worse = changed(plan, pose_uncertainty=PoseUncertainty(9 * UNCERTAINTY.covariance))
     sure = np.diag([0.01**2] * 3 + [1e-4**2] * 3)
     results = measure(worse, solid, images, registration=Registration.given(off, sure))
     assert list(results.failed) == ["setting_01"]
@@ -124,9 +124,7 @@ def test_planned_poses_must_be_those_that_the_edges_show(solid, images):
     """Real poses are about 2.4 standard deviations off; with a hundredth of the covariance they are about 24."""
     plan = measured_plan(solid, ["left"])
     assert not measure(plan, solid, images, registration=Registration.none()).failed
-    boast = dataclasses.replace(
-        plan, pose_uncertainty=PoseUncertainty(UNCERTAINTY.covariance / 100)
-    )
+    boast = changed(plan, pose_uncertainty=PoseUncertainty(UNCERTAINTY.covariance / 100))
     failed = measure(boast, solid, images, registration=Registration.none()).failed
     assert all("away from the planned one" in why for why in failed.values())
     assert failed
@@ -135,7 +133,7 @@ def test_planned_poses_must_be_those_that_the_edges_show(solid, images):
 def test_deviations_are_read_whatever_the_robot_says(solid, images):
     """A robot that is twice as bad gives the same values: they come from the image."""
     plan = measured_plan(solid, ["left", "right"])
-    worse = dataclasses.replace(plan, pose_uncertainty=PoseUncertainty(4 * UNCERTAINTY.covariance))
+    worse = changed(plan, pose_uncertainty=PoseUncertainty(4 * UNCERTAINTY.covariance))
     first = measure(plan, solid, images)
     second = measure(worse, solid, images)
     for name, true in (("left", 0.1), ("right", 0.0)):

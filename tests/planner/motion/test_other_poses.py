@@ -27,6 +27,7 @@ from planner import (
 )
 from planner.app.main import main
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
+from planner.request.reach import StatedRegion
 from planner.robotprogram.other_poses import EquivalentPoses, why_no_other_poses
 from planner.robotprogram.program_record import plan_digest
 
@@ -62,7 +63,7 @@ def reached(plan, block):
 
 def test_other_poses_inspect_the_same(plan, block):
     found = EquivalentPoses(plan, block)
-    need = plan.request["requirements"]
+    need = plan.requirements
     options = InspectionOptions(
         workspace=plan.workspace,
         field_margin_px=need["field_margin_px"],
@@ -163,9 +164,11 @@ def test_what_no_other_pose_reaches_says_why(plan, block):
     assert found.unreached == dict.fromkeys(range(len(plan.settings)), "beyond the arm's reach")
 
 
-def test_plans_without_their_request_have_no_other_poses():
+def test_plans_whose_request_cannot_be_made_again_have_no_other_poses():
     plan = plan_of(reached_poses()[:1])
-    assert why_no_other_poses(plan) == "the plan does not hold its request: plan again"
+    need = replace(plan.request.requirements, reach=StatedRegion({"state_name": "over the table"}))
+    plan = replace(plan, request=replace(plan.request, requirements=need))
+    assert why_no_other_poses(plan) == "the plan's request cannot be made again"
     far = made_cell(fixturings={"far": Fixturing(pose((4000.0, 0.0, 0.0)))}, home=HOME)
     found = with_reached_settings(plan, plain_block(), far)
     assert found.note == why_no_other_poses(plan)

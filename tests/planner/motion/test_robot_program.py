@@ -23,14 +23,12 @@ from planner import (
     Box,
     Fixturing,
     InfeasibleError,
-    InspectionPlan,
     PoseUncertainty,
     RequestError,
     program_text,
     robot_program,
     simulate_setting,
 )
-from planner.identity import other_part, part_note
 from planner.robotprogram.moves import Detours
 from planner.robotprogram.pose_knowledge import stated_probabilities
 from planner.robotprogram.tour import move_times
@@ -251,8 +249,7 @@ def test_bad_arguments(changes, message):
 
 
 def test_another_part_is_refused():
-    request = {"part": {"digest": "0" * 64}}
-    plan = InspectionPlan(**{**plan_of(reached_poses()[:1]).__dict__, "request": request})
+    plan = plan_of(reached_poses()[:1], part="block")
     with pytest.raises(RequestError, match="solid must be the part of the plan"):
         robot_program(plan, block(), cell())
 
@@ -331,35 +328,3 @@ def test_a_home_that_touches_nothing_only_if_no_joint_is_off_is_refused():
 def test_speeds_of_nothing_are_refused(speed):
     with pytest.raises(RequestError, match="speed must be "):
         robot_program(plan_of(reached_poses()[:1]), block(), cell(), speed=speed)
-
-
-def moved_block():
-    corners = block().vertices + np.array([0.0, 0.0, 1.0])
-    return type(block())(corners, [face.loops[0] for face in block().faces])
-
-
-def longer_block():
-    corners = block().vertices * [1.0, 1.0, 2.0] - [0.0, 0.0, 80.0]
-    return type(block())(corners, [face.loops[0] for face in block().faces])
-
-
-def test_without_a_digest_another_part_is_told_by_its_edges():
-    """The block moved up by 1 mm has no edge where the plan has one."""
-    plan = plan_of(reached_poses()[:1])
-    assert not plan.request
-    with pytest.raises(RequestError, match=r"solid must be the part of the plan. Got '.*', which"):
-        robot_program(plan, moved_block(), cell())
-
-
-def test_without_a_digest_an_equal_edge_leaves_a_doubt():
-    """A block twice as long has the same upper edges, but another box: so its workspace would differ."""
-    plan = plan_of(reached_poses()[:1])
-    assert other_part(plan, longer_block()) == ""
-    assert "only its edges were compared" in part_note(plan, longer_block())
-    assert part_note(plan, block()) == ""
-
-
-def test_nothing_to_compare_is_refused():
-    bare = plan_of([], entities={})
-    with pytest.raises(RequestError, match=r"plan must hold the digest .* plan the part again"):
-        other_part(bare, block())

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plan_examples import ENTITIES, plan, setting
+from plan_examples import ENTITIES, plan, planned_dimension, setting
 
 from errors.measurands import Line, Localisation
 from planner.report import terminal_tables
-from planner.request.planned import PlannedDimension
 from planner.text_table import (
     Column,
     WholePieces,
@@ -133,7 +132,7 @@ def test_a_dimension_says_which_share_of_its_tolerance_is_permitted(tolerance, e
     """A quarter of a half width of 0.05 is 0.0125."""
     edge = Line(np.zeros(3), np.array([40.0, 0.0, 0.0]))
     model = Localisation.gaussian(0.1)
-    one = PlannedDimension("length", ("e1",), (edge,), error, model, tolerance)
+    one = planned_dimension("length", ("e1",), (edge,), error, model, tolerance)
     nominal, text = one.requirement_texts
     assert nominal.endswith(texts[0])
     assert text == texts[1]

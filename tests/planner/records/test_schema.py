@@ -53,6 +53,7 @@ def test_every_rule_of_the_schema_has_words():
 
 
 FIRST = ("settings", 0)
+BOTTOM = ("targets", "bottom")
 LIT = ("light", "settings", 1)
 LIT_FIRST = ("light", "settings", 0, "images", 0)
 RATE = ("simulation", "rates", 0, "top front")
@@ -83,17 +84,12 @@ WRONG = {
         0.95,
         'must be of an entity of the setting. Got "x".',
     ),
-    "required 2": (("probability",), 2, "must be in (0, 1). Got 2."),
-    "accuracy true": (("accuracy",), True, "must be in (0, 1). Got true."),
-    "bound 99": (("lower_bound",), 99, "must be 1 to 2, the number of settings. Got 99."),
-    "bound 0": (("lower_bound",), 0, "must be 1 to 2, the number of settings. Got 0."),
-    "bound text": (("lower_bound",), "x", 'must be a non-negative integer. Got "x".'),
-    "bound 1.0": (("lower_bound",), 1.0, "must be a non-negative integer. Got 1.0."),
-    "minimal": (
-        ("minimal",),
-        True,
-        "must be false for 2 settings and the lower bound 1. Got true.",
-    ),
+    "required 2": (("request", "probability"), 2, "must be in (0, 1). Got 2."),
+    "accuracy true": (("request", "accuracy"), True, "must be in (0, 1). Got true."),
+    "bound 99": (("bound",), 99, "must be 1 to 2, the number of settings. Got 99."),
+    "bound 0": (("bound",), 0, "must be 1 to 2, the number of settings. Got 0."),
+    "bound text": (("bound",), "x", 'must be a non-negative integer. Got "x".'),
+    "bound 1.0": (("bound",), 1.0, "must be a non-negative integer. Got 1.0."),
     "unknown field": (("colour",), 1, "must be one of format, version,"),
     "huge": (("settings", 1, "fitness"), 10**400, "must be a number. Got an integer of 1329 bits."),
     "sheared": (
@@ -128,31 +124,39 @@ WRONG = {
         [],
         "must be an array of at least one name, all different. Got [].",
     ),
-    "no length": (("entities", "bottom", 1), [0, 0, 0], None),
-    "in neither": (
-        ("entities", "side"),
-        [[0, 0, 0], [1, 0, 0]],
-        "must be in a setting or uninspectable. Got neither.",
+    "no length": ((*BOTTOM, "witnesses", 0, "geometry", 0, "q"), [0, 0, 0], None),
+    "no entity of a target": (
+        (*BOTTOM, "witnesses", 0, "entities"),
+        [],
+        "must be an array of at least one entity. Got [].",
     ),
+    "an edge with an angle": ((*BOTTOM, "kind"), "angle", "must be given. Got none."),
+    "a target that is not named": (("request", "targets"), ["top front", "top right"], None),
+    "a name without a target": (("request", "targets", 2), "x", None),
+    "in neither": (("uninspectable",), {}, None),
     "in both": (("uninspectable", "top front"), "hidden", None),
     "reason for nobody": (
         ("uninspectable", "x"),
         "hidden",
-        'must be one of the plan\'s entities. Got "x".',
+        'must be one of the plan\'s targets. Got "x".',
     ),
     "kind for nobody": (
         ("uninspectable_kinds",),
         {"x": "too short"},
         None,
     ),
-    "workspace": (("workspace", 0, 0), 901.0, None),
-    "covariance": (("pose_uncertainty", "covariance", 0, 1), 0.1, None),
+    "workspace": (("request", "workspace", 0, 0), 901.0, None),
+    "covariance": (("request", "pose_uncertainty", "covariance", 0, 1), 0.1, None),
     "focus": (
-        ("camera", "focus_distance_mm"),
+        ("request", "camera", "focus_distance_mm"),
         20.0,
         "must exceed focal_length_mm (25), otherwise no real image forms.",
     ),
-    "f-number": (("camera", "f_number"), math.inf, "must be finite and positive. Got Infinity."),
+    "f-number": (
+        ("request", "camera", "f_number"),
+        math.inf,
+        "must be finite and positive. Got Infinity.",
+    ),
     "successes": ((*RATE, "successes"), 51, "must be at most n, 50. Got 51."),
     "interval": ((*RATE, "high"), 0.5, None),
     "predicted": ((*RATE, "predicted"), 0.99, "must be the setting's probability, 0.95. Got 0.99."),
@@ -222,10 +226,14 @@ SENTENCES = {
     "kind for nobody": 'uninspectable_kinds.x must be a name that has a reason. Got "x".',
     "lit twice": 'light.settings[1] must tell of each of the setting\'s entities once. Got ["top right", "top right"].',
     "unknown entity": "settings[0].probability.x must be given. Got none.",
-    "no length": "entities.bottom must have two different ends. Got [[0.0, 0.0, 0.0], [0, 0, 0]].",
-    "in both": 'entities["top front"] must be in a setting or uninspectable. Got both.',
-    "workspace": "workspace must hold the lower corner, then the upper one. Got [[901.0, ",
-    "covariance": "pose_uncertainty.covariance must be symmetric. Got a difference of 0.1.",
+    "no length": "targets.bottom must be one that can be measured. Got: a line must have two",
+    "an edge with an angle": "targets.bottom.nominal must be given. Got none.",
+    "in neither": "targets.bottom must be in a setting or uninspectable. Got neither.",
+    "in both": 'targets["top front"] must be in a setting or uninspectable. Got both.',
+    "a target that is not named": 'request.targets must name every target once. Got "bottom".',
+    "a name without a target": 'request.targets must name every target once. Got "bottom".',
+    "workspace": "request.workspace must hold the lower corner, then the upper one. Got [[901.0, ",
+    "covariance": "request.pose_uncertainty.covariance must be symmetric. Got a difference of 0.1.",
     "interval": 'simulation.rates[0]["top front"] must be an interval, low to high, that contains successes / n, ',
     "fewer rates": "simulation.rates must hold one object per setting, 2. Got 0.",
     "sheared": "settings[1].cam2world must hold a rotation",
@@ -248,21 +256,16 @@ def test_contradiction_is_named_by_its_path(tmp_path, case):
 
 def test_values_are_checked_as_the_file_is():
     assert InspectionPlan.from_dict(plan().to_dict()) == plan()
-    with pytest.raises(PlanFileError, match=r"^lower_bound must be 1 to 2"):
-        InspectionPlan.from_dict({**plan().to_dict(), "lower_bound": 3})
+    with pytest.raises(PlanFileError, match=r"^bound must be 1 to 2"):
+        InspectionPlan.from_dict({**plan().to_dict(), "bound": 3})
 
 
 def test_an_empty_plan_has_the_bound_0(tmp_path):
     empty = plan(settings=(), lower_bound=0, uninspectable=dict.fromkeys(plan().entities, "hidden"))
     empty.write(tmp_path / "plan.json")
     assert read_plan(tmp_path / "plan.json") == empty
-    # earlier programs called it minimal
-    (tmp_path / "plan.json").write_text(json.dumps({**empty.to_dict(), "minimal": True}))
-    assert read_plan(tmp_path / "plan.json") == empty
-    (tmp_path / "plan.json").write_text(json.dumps({**empty.to_dict(), "lower_bound": 1}))
-    with pytest.raises(
-        PlanFileError, match=r"lower_bound must be 0, as there are no settings\. Got 1\."
-    ):
+    (tmp_path / "plan.json").write_text(json.dumps({**empty.to_dict(), "bound": 1}))
+    with pytest.raises(PlanFileError, match=r"bound must be 0, as there are no settings\. Got 1\."):
         read_plan(tmp_path / "plan.json")
 
 
@@ -341,20 +344,12 @@ WRONG_STATE = {
     "digest": ({"digest": 7}, "digest must be 64 hexadecimal digits. Got 7."),
     "program": ({"program": 7}, "program must be 64 hexadecimal digits. Got 7."),
     "request": ({"request": "0" * 64}, "request must be an object that holds what was asked for."),
-    "targets": (
-        {
-            "request": {
-                "targets": [{"name": "a", "kind": "edge", "ends": [[0, 0, 0]], "entities": []}]
-            }
-        },
-        "request.targets[0].ends must have the shape (2, 3). Got (1, 3).",
-    ),
     "no plan": ({"plan": 7}, "plan must be an object or null. Got 7."),
     "plan's field": (
-        {"plan": changed(("accuracy",), 2)},
-        "plan.accuracy must be in (0, 1). Got 2.",
+        {"plan": changed(("request", "accuracy"), 2)},
+        "plan.request.accuracy must be in (0, 1). Got 2.",
     ),
-    "plan's bound": ({"plan": changed(("lower_bound",), 99)}, "plan.lower_bound must be 1 to 2"),
+    "plan's bound": ({"plan": changed(("bound",), 99)}, "plan.bound must be 1 to 2"),
 }
 
 

@@ -18,9 +18,11 @@ def limits(margins, requirements=None):
     one = setting((40.0, -180.0, 620.0), ["top front"])
     one = type(one)(**{**vars(one), "margins": margins})
     found = plan(
-        settings=(one,), entities={"top front": [[0, 0, 60], [80, 0, 60]]}, uninspectable={}
+        settings=(one,),
+        entities={"top front": [[0, 0, 60], [80, 0, 60]]},
+        uninspectable={},
+        requirements=requirements or {},
     )
-    found = type(found)(**{**vars(found), "requirements": requirements or {}})
     return {near.name: near.share for near in nearest_limits(found, one)}
 
 

@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
+from plan_examples import planned_dimension
 
 from errors.measurands import Circle, Localisation
 from planner import RequestError
@@ -16,7 +17,6 @@ from planner.report.setting_report import (
     budget_percents,
     localisation_text,
 )
-from planner.request.planned import PlannedDimension
 from planner.verify.setting_record import _check_same
 
 
@@ -35,12 +35,12 @@ def test_tolerances_are_told_with_their_signs():
 def test_the_permitted_error_is_a_share_of_the_tolerance():
     circle = Circle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0))
     given = ("diameter", ("r1",), (circle,), 0.0125, Localisation.gaussian())
-    assert PlannedDimension(*given, (-0.05, 0.05)).share_text == "25 % of ±0.05"
+    assert planned_dimension(*given, (-0.05, 0.05)).share_text == "25 % of ±0.05"
     # half the width of -0.1 to +0.0 is 0.05
-    uneven = PlannedDimension(*given, (-0.1, 0.0))
+    uneven = planned_dimension(*given, (-0.1, 0.0))
     assert uneven.share_text == "25 % of T/2"
     assert uneven.requirement_texts[0].endswith(" 0/-0.1")
-    assert PlannedDimension(*given).share_text == ""
+    assert planned_dimension(*given).share_text == ""
 
 
 def test_what_is_accepted_is_the_tolerance_less_the_uncertainty_on_both_sides():

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import planner
 from planner import LightPlan, LitImage, look_at
+from planner.identity import PartRecord
 from planner.plan import InspectionPlan
 from planner.report.figure import color_of, plan_figure
 from planner.report.overview import facts, report_date
@@ -142,7 +143,7 @@ def test_what_deserves_a_look_comes_first():
 
 
 def test_the_head_says_where_the_plan_comes_from():
-    made = box_plan(request={"part": {"digest": "0123456789abcdef" * 4}})
+    made = box_plan(part=PartRecord("block", "0123456789abcdef" * 4))
     values = re.findall(r"<div><dt>([^<]*)</dt><dd>([^<]*)</dd></div>", facts(made, "2026-03-01"))
     assert dict(values) == {
         "Part": "block",

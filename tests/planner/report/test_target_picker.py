@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plan_examples import plan, setting
+from plan_examples import plan, planned_dimension, setting, witness
 
-from errors.measurands import Line, Localisation
+from errors.measurands import Line
 from planner.report.overview import target_picker
-from planner.request.planned import PlannedDimension, PlannedWitness
 
 ENDS = np.array([[0.0, 0.0, 0.0], [30.0, 0.0, 0.0]])
 
@@ -21,19 +20,18 @@ def rail(y, names):
         Line(ENDS[0] + [0, y, 0], ENDS[1] + [0, y, 0]),
         Line(ENDS[0] + [0, y + 20, 0], ENDS[1] + [0, y + 20, 0]),
     )
-    return PlannedWitness(names, pair)
+    return witness("distance", names, pair)
 
 
 def picked():
     ways = rail(0.0, ("e1", "e2")), rail(50.0, ("e3[0:1/4]", "e4[3/4:1]"))
-    width = PlannedDimension(
+    width = planned_dimension(
         "distance",
         ways[0].entities,
         ways[0].geometry,
         0.1,
-        Localisation.gaussian(0.1),
-        witnesses=ways,
     )
+    width = replace(width, witnesses=ways)
     settings = (
         setting((0.0, 0.0, 500.0), ["width"]),
         replace(

@@ -9,7 +9,7 @@ import networkx as nx
 import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
-from plan_examples import ENTITIES, plan, setting
+from plan_examples import ENTITIES, changed, plan, setting
 
 from planner import Camera, LightPlan, LitImage, SimulationResult, SuccessRate
 from planner.bound.lower_bound import _proof, _proof_of_clique
@@ -265,7 +265,7 @@ def test_a_skipped_graph_is_told_with_what_to_do():
 
 def test_a_lens_that_focuses_up_to_infinity_is_told_without_a_number():
     made = box_plan(["+z-y"], None)
-    far = replace(made, camera=replace(made.camera, focus_distance_mm=1e5))
+    far = changed(made, camera=replace(made.camera, focus_distance_mm=1e5))
     assert "100000 mm; sharp from " in report_html(far, SPACE)
     assert not re.search(r"sharp from [^<]*inf", report_html(far, SPACE))
 

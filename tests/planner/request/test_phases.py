@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
 from aspectgraph import read_solid
-from planner import Camera, Effort, PlanFileError, PoseUncertainty, plan_inspection
+from planner import Camera, Effort, PoseUncertainty, plan_inspection
 from planner.request.models import Means
 from planner.request.request import Objective
 from planner.verify.simulate_setting import simulate_setting
@@ -122,10 +122,3 @@ def test_what_only_whole_pixels_of_the_nominal_part_would_promise_is_refused():
     plan = _planned(0.9985, 0.65)
     assert plan.inspected == {}
     assert all("probability too low" in reason for reason in plan.uninspectable.values())
-
-
-def test_a_plan_that_counted_on_the_nominal_part_is_not_read(fine_plan):
-    data = fine_plan.to_dict()
-    assert "on_grid" not in data
-    with pytest.raises(PlanFileError, match=r"on_grid must not be in a plan: .*Got \[\"e1\"\]\."):
-        type(fine_plan).from_dict({**data, "on_grid": ["e1"]})

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plan_examples import CAMERA, LIGHT, UNCERTAINTY, plan, setting
+from plan_examples import CAMERA, LIGHT, UNCERTAINTY, changed, plan, planned_dimension, setting
 from scipy.spatial.transform import Rotation
 
 from errors.measurands import Line, Localisation
 from errors.measurands.measurand import SOURCES
-from planner.request.planned import PlannedDimension
 from planner.rows import WarningKind, measured_rows
 from planner.verify.simulate_plan import SimulationResult
 from planner.verify.simulate_setting import SuccessRate
@@ -36,8 +35,8 @@ def with_dimension(how):
     """The same as a dimension, with a permitted error of a thousandth."""
     found = square_on()
     ends = found.entities["top front"]
-    one = PlannedDimension("length", ("top front",), (Line(*ends),), LENGTH_MM / 1000, how)
-    return type(found)(**{**vars(found), "dimensions": {"top front": one}})
+    one = planned_dimension("length", ("top front",), (Line(*ends),), LENGTH_MM / 1000)
+    return changed(found, entities={}, dimensions={"top front": one}, localisation=how)
 
 
 def rate(frequency, predicted, n=1000):
@@ -51,7 +50,7 @@ def rate(frequency, predicted, n=1000):
 def warnings_with(simulated, **changes):
     found = square_on(**changes)
     result = SimulationResult(({"top front": rate(simulated, 0.95)},), 1000, 0, 0.99)
-    (row,) = measured_rows(type(found)(**{**vars(found), "simulation": result}))[0]
+    (row,) = measured_rows(replace(found, simulation=result))[0]
     return tuple(warning.text for warning in row.warnings)
 
 

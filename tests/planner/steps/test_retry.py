@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from grid_box import EDGES, BoxSpace
+from plan_examples import request_with
 
 from planner import Camera, PoseUncertainty, look_at
 from planner.effort.effort import Effort, Support
@@ -29,7 +30,8 @@ BEFORE = look_at([[60.0, -390.0, 30.0]], [60.0, 0.0, 60.0])[0]
 def run_of(sigma_mm=0.05, sigma_rad=0.001, **support):
     uncertainty = PoseUncertainty.isotropic(translation_mm=sigma_mm, rotation_rad=sigma_rad)
     request = Request(SPACE, NAMES, CAMERA, uncertainty, 0.98, 0.9)
-    return Run(request, 0, Effort(support=Support(**support)), PlanningState({}))
+    asked = request_with(seed=0, effort=Effort(support=Support(**support)))
+    return Run(request, asked, PlanningState({}))
 
 
 def stated(run, pose, p_all):

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from grid_box import EDGES, BoxSpace
+from plan_examples import request_with
 
 from planner import Camera, PoseUncertainty, look_at
 from planner.callbacks import NOBODY
@@ -25,7 +26,8 @@ SPACE = BoxSpace((120.0, 80.0, 60.0), [[-900.0] * 3, [1100.0] * 3], NAMES)
 def run_with(columns):
     """A run whose pool has these sets of entities, each from some pose."""
     request = Request(SPACE, tuple(NAMES), CAMERA, UNCERTAINTY, 0.98, 0.9)
-    run = Run(request, 0, Effort(viewpoints=1, pricing_rounds=3, cover_nodes=50), PlanningState({}))
+    asked = request_with(seed=0, effort=Effort(viewpoints=1, pricing_rounds=3, cover_nodes=50))
+    run = Run(request, asked, PlanningState({}))
     membership = np.array(columns, dtype=bool)
     run.pool.add(membership, np.tile(np.eye(4), (len(columns), 1, 1)), np.ones(membership.shape))
     return run

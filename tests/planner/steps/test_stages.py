@@ -145,14 +145,13 @@ def test_callbacks_pass_everything_on_and_end_the_work():
 def test_every_stage_and_bound_is_passed_on(whole):
     from planner.inspection import _request
     from planner.options import InspectionOptions
-    from planner.resolve_request import Promise, resolve_request
+    from planner.resolve_request import resolve_request
     from planner.resume import PlanningState
     from planner.search.incumbents import Incumbents
     from planner.search.run import Run
 
     options = InspectionOptions(space=SPACE, effort=Effort(5, 2, 1, 300, 20))
-    promise = Promise(0.98, 0.9, 0)
-    resolved = resolve_request(SPACE.solid, SPACE.entities, CAMERA, UNCERTAINTY, promise, options)
+    resolved = resolve_request(SPACE.solid, SPACE.entities, CAMERA, UNCERTAINTY, options)
     names = []
     bounds = []
     callbacks = Callbacks(
@@ -160,7 +159,7 @@ def test_every_stage_and_bound_is_passed_on(whole):
     )
     request = _request(SPACE.solid, resolved, options, Deadline())
     memo = PlanningState(resolved.request.identity())
-    run = Run(request, 0, options.effort, memo, callbacks=callbacks)
+    run = Run(request, resolved.request, memo, callbacks=callbacks)
     found = stages.run_stages(run, Incumbents(callbacks))
     assert json.dumps(found.to_dict()) == whole
     assert names == [stage.name for stage in stages.STAGES]

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from plan_examples import planned_dimension
 
 from errors.measurands import Circle, Line, Localisation
 from planner import Camera, PoseUncertainty, look_at
 from planner.request.models import Means
-from planner.request.planned import PlannedDimension
 from planner.verify.simulate_setting import displaced_poses, measured_errors
 
 CAMERA = Camera(25.0, (0.004, 0.005), (2000, 1600), 8.0, 300.0)
@@ -31,7 +31,7 @@ KINDS = {
 
 
 def dimension(kind, how, surfaces_mm=0.0, direction=None):
-    return PlannedDimension(
+    return planned_dimension(
         kind, ("a",), KINDS[kind], 0.05, how, direction=direction, surfaces_mm=surfaces_mm
     )
 
@@ -46,7 +46,7 @@ def errors_of(one, pose, poses=None, seed=3):
 def test_the_floor_of_a_rim_is_that_of_its_whole_size():
     square = Camera(25.0, (0.005, 0.005), (2000, 1600), 8.0, 300.0)
     found, _ = measured_errors(
-        PlannedDimension("diameter", ("a",), (Circle((0, 0, 0), (0, 0, 1), 12.0),), 0.05, FLOOR),
+        planned_dimension("diameter", ("a",), (Circle((0, 0, 0), (0, 0, 1), 12.0),), 0.05, FLOOR),
         OVERHEAD,
         np.tile(OVERHEAD, (DRAWS, 1, 1)),
         square,

@@ -14,7 +14,7 @@ from planner.exceptions import PlanFileError, RequestError
 from planner.request.dimension_files import read_wanted
 from planner.request.request import choice_for
 from planner.request.resolve import resolve_wanted, stretch_ways
-from planner.request.targets import WitnessChoice, kept_witnesses
+from planner.request.targets import EntityRecord, WitnessChoice, kept_witnesses
 
 PLATE = holed_plate()
 KINDS = ("distance", "diameter", "length", "angle")
@@ -86,7 +86,7 @@ def test_a_set_that_contains_another_is_left_out():
     left, _ = rims_of(PLATE, HEIGHT)
     _, (one,) = resolve_wanted(PLATE, {"d": Dimension.diameter(left, max_error_mm=0.1)}, 0.98)
     small = one.witness
-    large = replace(small, entities=(*small.entities, "e5"))
+    large = replace(small, records=(*small.records, EntityRecord("e5", "edge")))
     assert kept_witnesses([large, small, small], EVERYTHING) == [1]
 
 

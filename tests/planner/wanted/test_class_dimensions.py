@@ -7,7 +7,6 @@ from holed_plate import holed_plate, upper_rims
 from solids import prism, ring
 
 from planner import Dimension, RequestError
-from planner.identity import TargetRecord
 from planner.request.resolve import resolve_wanted
 
 # holes of 16 and 12 mm, with chords up to 0.07 mm off the circle
@@ -21,13 +20,12 @@ def test_a_class_becomes_the_limits_of_the_feature_it_is_asked_of():
         "left": Dimension.diameter(LEFT, tolerance="H13", share=1.0),
         "right": Dimension.diameter(RIGHT, tolerance="E13", share=0.6),
     }
-    entities, (left, right) = resolve_wanted(PLATE, wanted, 0.98)
-    assert left.dimension.tolerance == (0.0, 0.27)
-    assert left.max_error == pytest.approx(0.135)
-    assert right.dimension.tolerance == (0.032, 0.302)
-    assert right.max_error == pytest.approx(0.6 * 0.135)
-    record = TargetRecord.of(right, entities)
-    assert (record.tolerance, record.share) == ((0.032, 0.302), 0.6)
+    _, (left, right) = resolve_wanted(PLATE, wanted, 0.98)
+    assert left.tolerance == (0.0, 0.27)
+    assert left.permitted_error == pytest.approx(0.135)
+    assert right.tolerance == (0.032, 0.302)
+    assert right.permitted_error == pytest.approx(0.6 * 0.135)
+    assert right.share == 0.6
 
 
 def test_the_class_of_a_shaft_is_refused_for_a_hole():
@@ -46,7 +44,7 @@ def test_the_class_of_a_hole_is_refused_for_a_shaft():
         pin, {"pin": Dimension.diameter(rim, tolerance="js14", share=1.0)}, 0.98
     )
     # IT14 is 430 µm over 10 to 18 mm
-    assert target.dimension.tolerance == (-0.215, 0.215)
+    assert target.tolerance == (-0.215, 0.215)
     with pytest.raises(
         RequestError,
         match=f"tolerance must be a class of shafts, in small letters, because {rim} is the rim of a shaft",
@@ -60,5 +58,5 @@ def test_a_distance_has_a_class_of_either_kind():
     for name, limits in (("H9", (0.0, 0.062)), ("h9", (-0.062, 0.0))):
         depth = Dimension.distance(*edges.values(), tolerance=name)
         _, (target,) = resolve_wanted(PLATE, {"depth": depth}, 0.98)
-        assert target.dimension.tolerance == limits
-        assert target.max_error == pytest.approx(0.062 / 8)
+        assert target.tolerance == limits
+        assert target.permitted_error == pytest.approx(0.062 / 8)

@@ -4,10 +4,12 @@ import json
 import math
 
 import pytest
+from plan_examples import planned_dimension
 
 from errors.measurands import Circle, Localisation
 from planner import Dimension, RequestError
-from planner.request.planned import PlannedDimension
+from planner.identity import plain_value, restored_value
+from planner.request.targets import Target
 
 
 def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_the_value():
@@ -128,11 +130,11 @@ def test_a_tolerance_has_a_limit(tolerance):
 )
 def test_plans_store_no_limit_as_null(tolerance, stored, text):
     circle = Circle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0))
-    planned = PlannedDimension(
+    planned = planned_dimension(
         "diameter", ("r1",), (circle,), 0.02, Localisation.gaussian(), tolerance
     )
-    data = json.loads(json.dumps(planned.to_dict(), allow_nan=False))
+    data = json.loads(json.dumps(plain_value(planned), allow_nan=False))
     assert data["tolerance"] == stored
-    assert PlannedDimension.from_dict(data).tolerance == tolerance
+    assert restored_value(Target, data).tolerance == tolerance
     assert planned.requirement_texts[0].endswith(text)
     assert planned.share_text == ""

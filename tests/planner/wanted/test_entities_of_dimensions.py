@@ -6,8 +6,9 @@ from holed_plate import BACK, FRONT, HOLES, LEFT, holed_plate
 
 from planner import Dimension, RequestError
 from planner.exceptions import PlanFileError
-from planner.request.planned import PlannedDimension
+from planner.identity import plain_value, restored_value
 from planner.request.resolve import resolve_wanted
+from planner.request.targets import Target
 
 PLATE = holed_plate()
 UPPER = [rim.id for rim in PLATE.rims() if rim.centre[2] == 10.0]
@@ -15,7 +16,7 @@ UPPER = [rim.id for rim in PLATE.rims() if rim.centre[2] == 10.0]
 
 def planned(dimension, name="it"):
     _, (target,) = resolve_wanted(PLATE, {name: dimension}, 0.98)
-    return PlannedDimension.of(target, None)
+    return target
 
 
 def test_an_item_with_the_name_of_an_id_is_not_taken_for_it():
@@ -65,18 +66,22 @@ def test_what_cannot_be_measured_is_named(dimension, message):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"nominal": 50.1}, r"nominal must be that of the geometry, 50\. Got 50\.1"),
-        ({"kind": "diameter"}, r"must be a dimension that can be measured\. Got: "),
-        ({"geometry": [{"p": [0, 0, 0], "q": [0, 0, 0]}] * 2}, r"a dimension that can be measured\. Got: .*twice"),
-        ({"direction": [1.0, 0.0, 0.0]}, r"must be a dimension that can be measured\. Got: direction must not run"),
+        ({"nominal": 50.1}, r"targets.it.nominal must be that of the geometry, 50\. Got 50\.1"),
+        ({"kind": "diameter"}, r"targets.it must be one that can be measured\. Got: "),
+        ({"geometry": [{"p": [0, 0, 0], "q": [0, 0, 0]}] * 2}, r"one that can be measured\. Got: .*twice"),
+        ({"direction": [1.0, 0.0, 0.0]}, r"must be one that can be measured\. Got: direction must not run"),
     ],
 )  # fmt: skip
 def test_a_plan_s_dimension_comes_back_unless_its_fields_contradict_each_other(changes, message):
     one = planned(Dimension.distance(FRONT, BACK, tolerance_mm=(-0.5, 0.5)))
-    data = one.to_dict()
-    assert PlannedDimension.from_dict(data) == one
+    data = plain_value(one)
+    again = restored_value(Target, data)
+    assert again == one
+    assert plain_value(again) == data
     assert one != planned(Dimension.distance(FRONT, BACK, tolerance_mm=(-0.5, 0.4)))
-    assert one != "a dimension"
     assert np.isclose(data["nominal"], 50.0)
+    changes = dict(changes)
+    if "geometry" in changes:
+        changes["witnesses"] = [{**data["witnesses"][0], "geometry": changes.pop("geometry")}]
     with pytest.raises(PlanFileError, match=message):
-        PlannedDimension.from_dict({**data, **changes})
+        restored_value(Target, {**data, **changes})

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from holed_plate import CAMERA, HEIGHT, QUICK, SIZE, UNCERTAINTY, holed_plate, upper_rims
-from plan_examples import plan
+from plan_examples import plan, planned_dimension
 
 from aspectgraph import ModelDimension
 from errors.measurands import Line, Localisation
@@ -26,7 +26,7 @@ from planner import (
 )
 from planner.report.page import _figures, _lead
 from planner.report.wording import verdict
-from planner.request.planned import PlannedDimension, words_of
+from planner.request.targets import words_of
 from planner.request.words import CHARACTERISTICS, DIMENSIONS, is_characteristic
 
 NO_RIM = "no sharp circular edge bounds this feature"
@@ -194,7 +194,6 @@ def test_every_output_counts_characteristics(planned):
     assert [(row["name"], row["n_features"]) for row in rows] == [
         (f"bore [{k} of 4]", 1) for k in (1, 2, 3, 4)
     ]
-    assert planned.to_dict()["features"] == {"n": 4, "not_planned": 0}
 
 
 def test_the_plan_comes_back_from_its_file(planned, tmp_path):
@@ -202,14 +201,14 @@ def test_the_plan_comes_back_from_its_file(planned, tmp_path):
     assert read_plan(tmp_path / "plan.json") == planned
 
 
-def test_a_plan_of_an_earlier_program_still_counts_one_feature_of_each():
-    """It planned a pattern once, under the name of the dimension."""
+def test_a_plan_of_one_feature_per_pattern_counts_the_others():
+    """It plans a pattern once, under the name of the dimension."""
     line = Line(*np.array(plan().entities["bottom"]))
     sort = {"kind": "length", "geometry": (line,), "permitted_error": 1.0}
     model = Localisation.gaussian(0.1)
     old = plan(
         dimensions={
-            "bottom": PlannedDimension(
+            "bottom": planned_dimension(
                 entities=("bottom",), localisation=model, n_features=30, **sort
             )
         }

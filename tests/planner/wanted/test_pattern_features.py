@@ -8,17 +8,13 @@ import json
 
 import numpy as np
 import pytest
-from plan_examples import plan
+from plan_examples import plan, planned_dimension
 
 from errors.measurands import Line, Localisation
 from planner import Dimension, RequestError, read_plan
-from planner.exceptions import PlanFileError
-from planner.plan import InspectionPlan
 from planner.report import terminal_tables
 from planner.report.page import _figures, _lead
-from planner.report.terminal_tables import plan_record
 from planner.report.wording import features_cell, verdict
-from planner.request.planned import PlannedDimension
 from planner.request.words import features_text, n_not_planned
 
 TEXT = "3 dimensions, 32 characteristics: 29 not planned"
@@ -26,7 +22,7 @@ TEXT = "3 dimensions, 32 characteristics: 29 not planned"
 
 def dimension(name, n_features):
     line = Line(*np.array(plan().entities[name]))
-    return PlannedDimension(
+    return planned_dimension(
         "length", (name,), (line,), 1.0, Localisation.gaussian(0.1), n_features=n_features
     )
 
@@ -90,24 +86,5 @@ def test_the_file_holds_them(patterns, tmp_path):
     path = tmp_path / "plan.json"
     patterns.write(path)
     stored = json.loads(path.read_text())
-    assert stored["features"] == {"n": 32, "not_planned": 29}
-    assert stored["dimensions"]["top front"]["n_features"] == 30
+    assert stored["targets"]["top front"]["n_features"] == 30
     assert read_plan(path) == patterns
-    assert plan_record(patterns, [], {})["plan"]["features"] == {"n": 32, "not_planned": 29}
-    assert "features" not in plan().to_dict()
-
-
-def test_a_file_of_an_earlier_program_is_read(patterns):
-    data = patterns.to_dict()
-    del data["features"]
-    for fields in data["dimensions"].values():
-        del fields["n_features"]
-    assert InspectionPlan.from_dict(data).n_features == 3
-
-
-@pytest.mark.parametrize("key", ["n", "not_planned"])
-def test_counts_that_are_not_those_of_the_dimensions_are_refused(patterns, key):
-    data = patterns.to_dict()
-    data["features"][key] = 7
-    with pytest.raises(PlanFileError, match=rf"features\.{key} must be that of the dimensions"):
-        InspectionPlan.from_dict(data)

@@ -88,11 +88,11 @@ def test_a_hole_with_its_tolerance_becomes_a_dimension(page, tmp_path):
     assert text_of(page, "fault") == ""
     wanted = read_wanted(saved(page, tmp_path), kinds())
     _, (hole, length) = resolve_wanted(solid, wanted, 0.98)
-    assert (hole.dimension.kind, length.dimension.kind) == ("diameter", "length")
-    assert hole.dimension.tolerance == (-0.1, 0.3)
-    assert length.dimension.tolerance == (-0.05, 0.05)
-    assert hole.permitted_error(0.98) == pytest.approx(0.05)
-    assert length.permitted_error(0.98) == pytest.approx(0.0125)
+    assert (hole.kind, length.kind) == ("diameter", "length")
+    assert hole.tolerance == (-0.1, 0.3)
+    assert length.tolerance == (-0.05, 0.05)
+    assert hole.error_at(0.98) == pytest.approx(0.05)
+    assert length.error_at(0.98) == pytest.approx(0.0125)
 
 
 FAULTS = {
@@ -129,4 +129,4 @@ def test_the_share_and_a_rim_without_tolerance(page, tmp_path):
     assert (hole.share, hole.tolerance) == (0.5, (-0.2, 0.2))
     assert edge.tolerance is None
     _, (target, _) = resolve_wanted(bored_block(), wanted, 0.98)
-    assert target.permitted_error(0.98) == pytest.approx(0.1)
+    assert target.error_at(0.98) == pytest.approx(0.1)

@@ -191,5 +191,5 @@ def test_a_plan_measures_each_place_on_its_own_stretch(plan, tmp_path):
     plan.write(path)
     assert InspectionPlan.read(path) == plan
     # it is asked for again from what the plan stores
-    stored = {record["name"]: record for record in plan.request["targets"]}
+    stored = InspectionPlan.read(path).targets
     assert list(stored) == NAMES

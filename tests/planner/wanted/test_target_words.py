@@ -1,14 +1,14 @@
 """How a plan's targets are called follows from their kinds alone."""
 
-import numpy as np
 import pytest
+from plan_examples import planned_dimension
 
 from errors.measurands import Line, Localisation
-from planner.request.planned import PlannedDimension, PlannedLength, words_of
+from planner.request.targets import edge_target, words_of
 from planner.request.words import DIMENSIONS, EDGES, MIXED
 
-EDGE = PlannedLength.of("top", np.array([[0.0, 0, 0], [10, 0, 0]]), 0.98)
-WIDTH = PlannedDimension(
+EDGE = edge_target("top", [[0.0, 0, 0], [10, 0, 0]])
+WIDTH = planned_dimension(
     "length", ("e1",), (Line([0, 0, 0], [0, 20, 0]),), 0.1, Localisation.rounding()
 )
 

@@ -11,10 +11,10 @@ from holed_plate import CAMERA, FRONT, HOLES, UNCERTAINTY, holed_plate, upper_ri
 from errors.measurands import Localisation
 from planner import Dimension, look_at
 from planner.request.models import Means
-from planner.request.planned import PlannedDimension, PlannedLength, planned
 from planner.request.reach import Seen, TargetSpace
 from planner.request.request import Objective
 from planner.request.resolve import resolve_wanted
+from planner.request.targets import EdgeTarget, PlannedDimension
 
 PLATE = holed_plate()
 MEANS = Means(CAMERA, UNCERTAINTY, 0.98, Localisation.gaussian(0.1))
@@ -80,8 +80,8 @@ def test_what_is_necessary_is_the_target_s_own():
 def test_a_plan_keeps_an_edge_as_it_keeps_a_dimension():
     wanted = {"front": FRONT, "bore": Dimension.diameter(BORE, max_error_mm=0.1)}
     _, targets = resolve_wanted(PLATE, wanted, 0.98)
-    edge, bore = (planned(target, MEANS) for target in targets)
-    assert isinstance(edge, PlannedLength)
+    edge, bore = (target.measured_with(MEANS) for target in targets)
+    assert isinstance(edge, EdgeTarget)
     assert isinstance(bore, PlannedDimension)
     assert (edge.kind, edge.unit, bore.kind, bore.unit) == ("length", "mm", "diameter", "mm")
     assert edge.nominal == pytest.approx(80.0)

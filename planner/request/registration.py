@@ -1,0 +1,143 @@
+"""How the poses of images will be known when values are read, and what that tells of a setting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.camera.pose import PoseUncertainty
+
+if TYPE_CHECKING:
+    from planner.request.models import Means
+
+
+OWN_EDGES = "own edges"
+GIVEN = "given"
+
+
+@dataclass(frozen=True)
+class RegistrationRecord:
+    """How the poses of images will be known.
+
+    Attributes
+    ----------
+    method : str
+        "own edges": from the part's own edges in each image. "given": as surely as ``pose_uncertainty`` says.
+    surfaces_mm : float or None
+        Standard deviation of the position of faces along their normals. None is that of the targets.
+    pose_uncertainty : PoseUncertainty or None
+        Of given poses.
+    """
+
+    method: str
+    surfaces_mm: float | None = None
+    pose_uncertainty: PoseUncertainty | None = None
+
+
+# What is known of a setting's pose when its values are read.
+
+
+LEAST_POSE = np.array([1e-4] * 3 + [1e-6] * 3)
+"""Standard deviations of poses that are said to be exact, mm and rad."""
+
+
+@dataclass(frozen=True)
+class PoseKnowledge:
+    """What is known of a pose after registration.
+
+    Attributes
+    ----------
+    pose_uncertainty : PoseUncertainty
+        How far the camera may be from where registration puts it.
+    by_surfaces : mapping of str to float
+        Standard deviation of values by the deviations of surfaces, beside that by the pose; by target, in its unit.
+        A target without one has that of its own surfaces.
+    """
+
+    pose_uncertainty: PoseUncertainty
+    by_surfaces: Mapping[str, float] = field(default_factory=dict)
+
+    def of_target(self, means: Means, name: str) -> Means:
+        """Return what a target is measured with at this pose."""
+        return replace(
+            means,
+            pose_uncertainty=self.pose_uncertainty,
+            by_surfaces=self.by_surfaces.get(name),
+            own_edges=None,
+        )
+
+    def with_prior(self, before: NDArray[np.float64], now: NDArray[np.float64]) -> PoseKnowledge:
+        """Return what is known if another covariance was known before the image.
+
+        Parameters
+        ----------
+        before, now : array (6, 6)
+            The covariance of the camera's displacement that this is from, and the other one.
+        """
+        least = np.diag(LEAST_POSE**2)
+        root = np.sqrt(np.diag(now + least))
+        units = np.outer(root, root)
+        old, new, known = (
+            np.linalg.inv((one + least) / units)
+            for one in (before, now, self.pose_uncertainty.covariance)
+        )
+        # what the image tells is not negative
+        values, vectors = np.linalg.eigh(known - old)
+        image = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        covariance = np.linalg.inv(new + image) * units
+        return replace(self, pose_uncertainty=symmetric(covariance))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain values, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lists, texts and numbers.
+        """
+        return {
+            **self.pose_uncertainty.to_dict(),
+            **({"by_surfaces": dict(self.by_surfaces)} if self.by_surfaces else {}),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> PoseKnowledge:
+        """Build from the result of `to_dict`.
+
+        Parameters
+        ----------
+        data : mapping of str to value
+            The fields.
+
+        Returns
+        -------
+        PoseKnowledge
+            Equal to the one written.
+        """
+        covariance = np.asarray(data["covariance"], dtype=np.float64)
+        return cls(PoseUncertainty(covariance), dict(data.get("by_surfaces", {})))
+
+
+def symmetric(covariance: NDArray[np.float64]) -> PoseUncertainty:
+    """Return a pose uncertainty from a covariance (6, 6) whose last digits may not be symmetric."""
+    return PoseUncertainty((covariance + covariance.T) / 2)
+
+
+def means_at(means: Means, setting: Any, name: str) -> Means:
+    """Return what a target of a setting is measured with.
+
+    Parameters
+    ----------
+    means : Means
+        Those of the plan.
+    setting : SensorSetting
+        With or without knowledge of its pose.
+    name : str
+        The target.
+    """
+    known = getattr(setting, "registered", None)
+    return means if known is None else known.of_target(means, name)
