@@ -372,7 +372,7 @@ class InspectionRequest:
     """All that a plan depends on, except the program.
 
     A new field needs nothing else to distinguish requests. If `plan_inspection` takes it under another name,
-    `planner.identity` holds that name, and `planner.app.parsing` the option of the command line.
+    `planner.identity` holds that name, and `planner.app.checks` the option of the command line.
 
     Attributes
     ----------

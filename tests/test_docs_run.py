@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from planner import read_plan
-from planner.app.definitions import build_parser
 from planner.app.main import main
+from planner.app.parsing import parse
 from planner.effort import effort
 
 ROOT = Path(__file__).parents[1]
@@ -60,7 +60,7 @@ def test_all_that_is_shown_is_known_here(page):
     indented = [line for line in outside.splitlines() if line.startswith("    ")]
     assert len(indented) == len(commands(page))
     for words in commands(page):
-        options = build_parser().parse_args(words)
+        options = parse(words)
         for name in ("part", "camera", "entities"):
             value = getattr(options, name, None)
             assert not str(value).startswith("examples/") or (ROOT / value).is_file()
@@ -95,7 +95,7 @@ def test_no_command_meets_the_plan_of_another_page():
     for page in [ROOT / "README.md", *PAGES]:
         for words in commands(page):
             if words[0] == "plan":
-                folders.setdefault(build_parser().parse_args(words).out, []).append(page.name)
+                folders.setdefault(parse(words).out, []).append(page.name)
     assert len(folders) > 8
     assert [pages for pages in folders.values() if len(pages) > 1] == []
 
@@ -103,7 +103,7 @@ def test_no_command_meets_the_plan_of_another_page():
 def test_commands_for_clusters_are_known():
     found = commands(CLUSTERS)
     assert len(found) == 2
-    assert {build_parser().parse_args(words).command for words in found} == {"batch"}
+    assert {parse(words).name() for words in found} == {"batch"}
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from aspectgraph import read_graphml
-from planner.app.definitions import build_parser
 from planner.app.main import main
+from planner.app.parsing import parse
 from planner.plan import read_plan
 
 ROOT = Path(__file__).parents[1]
@@ -111,7 +111,7 @@ def test_make_has_what_is_shown_and_its_demo_names_files_that_are_there():
     assert len(recipes) == 2
     outs = []
     for recipe in recipes:
-        options = build_parser().parse_args(words(recipe.replace("$(DEMO_OUT)", "demo-output")))
+        options = parse(words(recipe.replace("$(DEMO_OUT)", "demo-output")))
         for name in (options.part, options.entities, options.camera):
             assert name is None or (ROOT / name).is_file()
         outs.append(options.out)

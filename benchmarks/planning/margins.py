@@ -18,8 +18,8 @@ from dataclasses import replace
 import numpy as np
 
 from planner import read_plan
-from planner.app.definitions import build_parser
 from planner.app.job import read_job
+from planner.app.parsing import parse
 from planner.callbacks import Deadline
 from planner.executors import Shared
 from planner.inspection import _request
@@ -32,9 +32,7 @@ from planner.verify.p_all import DisplacedChecks
 
 def request_of(path):
     """Return the request of a plan file, with the regions of its targets."""
-    options = build_parser().parse_args(["plan", "--again", path])
-    options.typed = []
-    job = read_job(options)
+    job = read_job(parse(["plan", "--again", path]))
     asked = job.request
     resolved = ResolvedRequest(asked, job.wanted.entities)
     return _request(job.solid, resolved, job.options, Deadline()), asked.effort

@@ -201,7 +201,7 @@ def limits_of(options: InspectionOptions) -> dict[str, Any]:
 
 
 RECORD = "result.json"
-PLAN = "plan.json"
+PLAN_FILE = "plan.json"
 TABLES = ("results.json", "results.csv")
 PLANNED = "planned"
 INCOMPLETE = "incomplete"
@@ -267,7 +267,7 @@ def found_again(part: str, folder: Path, file_sha256: str, request: str) -> Part
         return None
     return (
         result
-        if result.status == REFUSED or digest_of(folder / PLAN) == result.plan_sha256
+        if result.status == REFUSED or digest_of(folder / PLAN_FILE) == result.plan_sha256
         else None
     )
 
@@ -321,8 +321,8 @@ def write_tables(results: Iterable[PartResult], out: Path) -> None:
 # One part of a folder, from its file to its plan: what a worker does.
 
 
-STATE = "planning-state.json"
-REGIONS = "planning-regions"
+STATE_FILE = "planning-state.json"
+REGIONS_FOLDER = "planning-regions"
 _OWN = (AspectGraphError, MeasurementModelError, GAError, PlannerError)
 # of ours, too, but not the fault of part or request: a disk that is full, a package that is not there
 _OUTER = (OSError, MemoryError, ImportError)
@@ -378,7 +378,7 @@ def check_part_place(folder: Path) -> None:
     OutputError
         Names the file that would be lost.
     """
-    names = (RECORD, *PLAN_FILES, STATE, REGIONS)
+    names = (RECORD, *PLAN_FILES, STATE_FILE, REGIONS_FOLDER)
     check_set_place(folder, names, lambda path: read_record(path) is not None, "out")
 
 
@@ -401,8 +401,8 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     deadline = Deadline(options.time_limit_s, options.gap)
     # what cannot be measured is refused before the work
     resolved = resolve_request(solid, entities, request.camera, request.pose_uncertainty, options)
-    state = folder / STATE
-    store = KeptRegions(folder / REGIONS, resolved.request.identity())
+    state = folder / STATE_FILE
+    store = KeptRegions(folder / REGIONS_FOLDER, resolved.request.identity())
     regions = visible_regions(
         solid, resolved.entities, resolved.request, kept=store, deadline=deadline.of_regions()
     )
@@ -449,7 +449,7 @@ def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartRes
         entities=len(plan.entities),
         settings=len(plan.settings),
         lower_bound=int(plan.lower_bound),
-        plan_sha256=digest_of(folder / PLAN),
+        plan_sha256=digest_of(folder / PLAN_FILE),
     )
 
 
@@ -546,10 +546,10 @@ def on_own_processes(tasks: Sequence[Task], jobs: int) -> Iterator[PartResult]:
     while waiting or suspects:
         if suspects:
             task = suspects.popleft()
-            with _pool(1) as pool:
+            with worker_processes(1) as pool:
                 yield _result(task, pool.submit(plan_part, *task))
         else:
-            with _pool(jobs) as pool:
+            with worker_processes(jobs) as pool:
                 suspects.extend((yield from _while_whole(pool, waiting, jobs)))
 
 
@@ -594,7 +594,7 @@ def _result(task: Task, future: Future[PartResult]) -> PartResult:
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+def worker_processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Provide processes; where the work is interrupted they are ended at once, for what they know is on the disk."""
     pool = ProcessPoolExecutor(
         jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),)
@@ -694,7 +694,7 @@ def plan_folder(
         for path in part_files(source, target):
             name = name_text(path.relative_to(source))
             task = Task(request, name, path, target / path.relative_to(source))
-            earlier_result = _known(task, replace or name in ours)
+            earlier_result = _earlier_result(task, replace or name in ours)
             if earlier_result is None:
                 waiting.append(task)
             else:
@@ -714,7 +714,7 @@ def plan_folder(
     return sorted(results.values(), key=lambda part_result: part_result.part)
 
 
-def _known(task: Task, may_replace: bool) -> PartResult | None:
+def _earlier_result(task: Task, may_replace: bool) -> PartResult | None:
     """Return the result of a part without planning it; None if it is to be planned."""
     if not task.path.is_file():
         kind = "a link that leads nowhere" if task.path.is_symlink() else "a pipe or a device"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from planner.app.parsing import command_parsers
+from cyclopts import Argument
+
+from planner.app.options import COMMANDS, Cameras, Completion, texts_of
+from planner.app.parsing import arguments_of, choices_of, first_line, takes_value
 from planner.app.process import DONE
 from planner.camera.camera import Camera
 from planner.camera.catalogue import camera_names, camera_parts
@@ -17,7 +19,7 @@ from planner.progress import visible
 from planner.text_table import Column, print_table, print_text, words
 
 
-def cameras(options: argparse.Namespace) -> int:
+def cameras(options: Cameras) -> int:
     """List the catalogue: its cameras, or where the facts on their parts were read."""
     if options.sources:
         parts = camera_parts()
@@ -139,19 +141,17 @@ end
 _ZSH = "autoload -U +X bashcompinit && bashcompinit\n"
 
 
-def completion(options: argparse.Namespace) -> int:
+def completion(options: Completion) -> int:
     """Print the script for a shell."""
-    print(completion_script(options.parser, camera_names(), options.shell), end="")
+    print(completion_script(camera_names(), options.shell), end="")
     return DONE
 
 
-def completion_script(parser: argparse.ArgumentParser, cameras: Sequence[str], shell: str) -> str:
+def completion_script(cameras: Sequence[str], shell: str) -> str:
     """Return a script that teaches a shell the commands, their options and the cameras.
 
     Parameters
     ----------
-    parser : argparse.ArgumentParser
-        Of the whole command line.
     cameras : sequence of str
         Names for ``--camera``.
     shell : {"bash", "zsh", "fish"}
@@ -162,54 +162,52 @@ def completion_script(parser: argparse.ArgumentParser, cameras: Sequence[str], s
     str
         To be evaluated when the shell starts.
     """
-    choices = command_parsers(parser)
     if shell == "fish":
-        return _fish_script(parser, cameras)
+        return _fish_script(cameras)
     cases = [
-        f"            {name}) words={_words(word for action in command._actions for word in action.option_strings)} ;;"
-        for name, command in choices.items()
+        f"            {command}) words={_words(_names(arguments_of(kind)))} ;;"
+        for command, kind in COMMANDS.items()
     ]
     script = _SCRIPT.format(
-        cameras=_words(cameras), commands=_words(choices), cases="\n".join(cases)
+        cameras=_words(cameras), commands=_words(COMMANDS), cases="\n".join(cases)
     )
     return (_ZSH if shell == "zsh" else "") + script
 
 
-def _fish_script(parser: argparse.ArgumentParser, cameras: Sequence[str]) -> str:
+def _names(arguments: Iterable[Argument]) -> list[str]:
+    """Return what options are typed as."""
+    return [name for argument in arguments for name in argument.names if name.startswith("-")]
+
+
+def _fish_script(cameras: Sequence[str]) -> str:
     """Return the script for fish: a line per command and option, with its help."""
     lines = []
-    helps = {choice.dest: choice.help for choice in _subparsers(parser)._choices_actions}
-    for name, command in command_parsers(parser).items():
+    for command, kind in COMMANDS.items():
         lines.append(
-            f"complete -c aspectgraph -f -n __aspectgraph_needs_command -a {name} "
-            f"-d {_fish_text(helps[name] or '')}"
+            f"complete -c aspectgraph -f -n __aspectgraph_needs_command -a {command} "
+            f"-d {_fish_text(first_line(kind))}"
         )
-        for action in command._actions:
-            lines.append(_fish_line(name, action, cameras))
+        texts = texts_of(kind)
+        for argument in arguments_of(kind):
+            text = texts[argument.field_info.name]
+            lines.append(_fish_line(command, argument, text, cameras))
     return _FISH + "\n".join(filter(None, lines)) + "\n"
 
 
-def _subparsers(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[Any]:
-    return next(
-        action for action in parser._actions if isinstance(action, argparse._SubParsersAction)
-    )
-
-
-def _fish_line(command: str, action: argparse.Action, cameras: Sequence[str]) -> str:
+def _fish_line(command: str, argument: Argument, text: str, cameras: Sequence[str]) -> str:
     """Return the line of an option, or of the words that an argument may be."""
     start = f"complete -c aspectgraph -n '__aspectgraph_in {command}'"
-    words = cameras if action.dest == "camera" else action.choices
-    offer = "" if words is None else f" -a {_fish_text(' '.join(map(str, words)))}"
-    if not action.option_strings:
+    words = cameras if argument.name == "--camera" else choices_of(argument)
+    offer = f" -a {_fish_text(' '.join(words))}" if words else ""
+    names = _names([argument])
+    if not names:
         return f"{start} -f{offer}" if offer else ""
-    names = "".join(
-        f" -l {name[2:]}" if name.startswith("--") else f" -s {name[1:]}"
-        for name in action.option_strings
+    flags = "".join(
+        f" -l {name[2:]}" if name.startswith("--") else f" -s {name[1:]}" for name in names
     )
     # -r: it takes a value, a file unless words are offered
-    value = "" if action.nargs == 0 else " -r"
-    text = (action.help or "").replace("%%", "%")
-    return f"{start}{names}{value}{offer} -d {_fish_text(text)}"
+    value = " -r" if takes_value(argument) else ""
+    return f"{start}{flags}{value}{offer} -d {_fish_text(text)}"
 
 
 def _fish_text(text: str) -> str:

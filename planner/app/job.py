@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -29,7 +28,8 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
 from errors.measurands.geometry import FLOOR_PX
 from errors.measurands.measurand import kinds
-from planner.app.parsing import in_words_of_shell, named_by, option, read_camera
+from planner.app.checks import in_words_of_shell, named_by, option, read_camera
+from planner.app.options import Batch, Entities, Light, Optics, Plan, Reading, Workspace
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
@@ -110,7 +110,7 @@ _RULE = (
 )
 
 
-def read_lighting(options: Any) -> Lighting | None:
+def read_lighting(options: Light) -> Lighting | None:
     """Return what is asked of lamps; None if nothing is.
 
     Raises
@@ -217,7 +217,7 @@ class Wanted:
     left_out: dict[str, str] = field(default_factory=dict)
 
 
-def read_request(options: Any, solid: Solid) -> Wanted:
+def read_request(options: Plan | Optics, solid: Solid) -> Wanted:
     """Return what the options of `plan` ask for.
 
     Raises
@@ -243,11 +243,11 @@ def read_request(options: Any, solid: Solid) -> Wanted:
         return _wanted_dimensions(options, solid, localisation)
 
 
-def _all_of_model(options: Any) -> bool:
+def _all_of_model(options: Plan | Optics) -> bool:
     return options.dimensions is not None and options.dimensions.strip().lower() == "all"
 
 
-def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -> Wanted:
+def _wanted_dimensions(options: Plan | Optics, solid: Solid, localisation: Localisation) -> Wanted:
     """Return the dimensions of the model, or those of a file."""
     left_out: dict[str, str] = {}
     items: Mapping[str, Any]
@@ -263,7 +263,9 @@ def _wanted_dimensions(options: Any, solid: Solid, localisation: Localisation) -
         if not items:
             raise _nothing_to_plan(stated, options.part)
     else:
-        items = with_places(solid, read_wanted(Path(options.dimensions), kinds(), options.share))
+        items = with_places(
+            solid, read_wanted(Path(str(options.dimensions)), kinds(), options.share)
+        )
     rounded = localisation.model == "rounding"
     entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
     return Wanted(items, entities, localisation, left_out)
@@ -284,7 +286,7 @@ def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestErro
     return error
 
 
-def chosen_entities(options: Any, solid: Solid) -> dict[str, Entity]:
+def chosen_entities(options: Entities, solid: Solid) -> dict[str, Entity]:
     """Return the entities that ``--entities`` or ``--select`` stand for.
 
     Raises
@@ -294,17 +296,17 @@ def chosen_entities(options: Any, solid: Solid) -> dict[str, Entity]:
     """
     with named_by("entities" if options.select is None else "select", vars(options)):
         if options.select is None:
-            return read_entities(options.entities, solid)
+            return read_entities(str(options.entities), solid)
         return resolve_entities(solid, select_entities(solid, options.select))
 
 
-def read_limits(options: Any) -> ReadLimits:
+def read_limits(options: Reading) -> ReadLimits:
     """Return what reading the part may take."""
     seconds = options.read_time_limit
     return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
 
 
-def _stated(options: Any, solid: Solid) -> tuple[ModelDimension, ...]:
+def _stated(options: Plan | Optics, solid: Solid) -> tuple[ModelDimension, ...]:
     part = options.part
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         stated = read_dimensions(part, solid, limits=read_limits(options))
@@ -316,7 +318,7 @@ def _stated(options: Any, solid: Solid) -> tuple[ModelDimension, ...]:
     return stated
 
 
-def localisation_text(options: Any, items: Mapping[str, Any]) -> str:
+def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
     """Say which error of points in the image was assumed, if it was not chosen.
 
     Edges of ``--entities`` are measured as in the paper, and dimensions with the error that edge
@@ -324,8 +326,8 @@ def localisation_text(options: Any, items: Mapping[str, Any]) -> str:
 
     Parameters
     ----------
-    options : argparse.Namespace
-        Those of `plan` or `optics`.
+    options : Plan or Optics
+        What was typed.
     items : mapping
         What is to be inspected.
 
@@ -433,7 +435,7 @@ class Job:
         return plan_request(self.solid, resolved, replace(self.options, **more))
 
 
-def read_job(options: argparse.Namespace) -> Job:
+def read_job(options: Plan) -> Job:
     """Return what the options of `plan` ask for.
 
     Raises
@@ -447,7 +449,7 @@ def read_job(options: argparse.Namespace) -> Job:
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     targets = read_request(options, solid)
     box = workspace_of(options)
     plan_options = inspection_options(
@@ -465,13 +467,13 @@ def read_job(options: argparse.Namespace) -> Job:
     return Job(request, solid, targets, plan_options, options.part, reading_of(options))
 
 
-def _lighting(options: argparse.Namespace) -> Lighting | None:
+def _lighting(options: Plan) -> Lighting | None:
     """Return what is asked of lamps; an error names the option."""
     with named_by("light", vars(options)):
         return read_lighting(options)
 
 
-def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOptions:
+def inspection_options(options: Plan | Optics | Batch, **more: Any) -> InspectionOptions:
     """Return the options of `plan_inspection` that the command line gives.
 
     An option that has the same name there is taken over as it is; ``more`` holds what is not.
@@ -492,7 +494,7 @@ def inspection_options(options: argparse.Namespace, **more: Any) -> InspectionOp
     return InspectionOptions(**{**same, **values, **more})
 
 
-def _job_again(options: argparse.Namespace) -> Job:
+def _job_again(options: Plan) -> Job:
     """Return the job whose plan a file holds."""
     for name in options.typed:
         if name not in _BESIDE_AGAIN and name not in _READING:
@@ -500,7 +502,7 @@ def _job_again(options: argparse.Namespace) -> Job:
                 f"{name} must not be given with --again, which takes the request from the plan. "
                 f"Got {name}."
             )
-    path = plan_file(options.again)
+    path = plan_file(str(options.again))
     with named_by("again", vars(options)):
         plan = read_plan(path)
     cell = cell_again(plan, options.cell, path)
@@ -552,9 +554,7 @@ def check_same_part(solid: Solid, plan: InspectionPlan, path: str, *, hint: str 
 _READING = ("--units", "--solids", "--occluders", "--gap-mm")
 
 
-def _part_again(
-    options: argparse.Namespace, path: Path, source: Mapping[str, Any]
-) -> tuple[str, dict[str, Any]]:
+def _part_again(options: Plan, path: Path, source: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return the part's file and how it is read: as given, or as the plan stores it."""
     if options.part is not None:
         stored_reading = {name: value for name, value in source.items() if name != "file"}
@@ -567,7 +567,7 @@ def _part_again(
     return str(path.parent / source["file"]), {k: v for k, v in source.items() if k != "file"}
 
 
-def reading_of(options: argparse.Namespace) -> dict[str, Any]:
+def reading_of(options: Reading) -> dict[str, Any]:
     """Return how the part is to be read, as `aspectgraph.read_solid` takes it, with ``occluders`` apart."""
     return {
         "units": options.units,
@@ -577,7 +577,7 @@ def reading_of(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def check_nothing_read(options: argparse.Namespace) -> None:
+def check_nothing_read(options: Reading) -> None:
     """Refuse options that say how a part is read where there is none.
 
     Raises
@@ -590,13 +590,13 @@ def check_nothing_read(options: argparse.Namespace) -> None:
             raise RequestError.of_rule(name, "must be given with a part", "none")
 
 
-def read_part(options: argparse.Namespace) -> Solid:
+def read_part(part: str, options: Reading) -> Solid:
     """Read the part; an error names the file."""
     with reading_shown(quiet=options.quiet, lines=options.verbose):
-        return _read(options.part, reading_of(options), options)
+        return _read(part, reading_of(options), options)
 
 
-def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> Solid:
+def _read(part: str, reading: dict[str, Any], options: Reading) -> Solid:
     arguments = dict(reading)
     occluders = arguments.pop("occluders", None)
     if occluders:
@@ -612,6 +612,6 @@ def _read(part: str, reading: dict[str, Any], options: argparse.Namespace) -> So
         raise type(error)(f"{part}: {words}") from None
 
 
-def workspace_of(options: argparse.Namespace) -> np.ndarray | None:
+def workspace_of(options: Workspace) -> np.ndarray | None:
     """Return the box the camera may be in, (2, 3), mm, if one is given."""
     return None if options.workspace is None else np.reshape(options.workspace, (2, 3))

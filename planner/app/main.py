@@ -9,7 +9,6 @@ take time happen inside the commands, so ``--help`` is immediate.
 from __future__ import annotations
 
 import _thread
-import argparse
 import os
 import signal
 import sys
@@ -22,15 +21,11 @@ from importlib import import_module
 from types import FrameType
 
 from ground.ahead import compiling_ahead
-from planner.app.definitions import build_parser
+from planner.app.checks import as_typed, check_inputs, check_numbers, in_words_of_shell
+from planner.app.options import Command
 from planner.app.parsing import (
     UsageError,
-    as_typed,
-    check_inputs,
-    check_names,
-    check_numbers,
-    command_parsers,
-    in_words_of_shell,
+    parse,
 )
 from planner.app.process import (
     BAD_INPUT,
@@ -132,21 +127,22 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(arguments: list[str] | None) -> int:
     """Run a command, and report an error in one line."""
-    options = argparse.Namespace()
+    options = Command()
     try:
         if sys.stdout is None:
             return _fail("standard output must be open. Got a closed one.", BAD_INPUT)
         begun = time.monotonic()
-        options = _parsed(sys.argv[1:] if arguments is None else arguments)
-        # a time limit counts from here
+        parsed = parse(sys.argv[1:] if arguments is None else arguments)
+        if isinstance(parsed, str):
+            print(parsed, flush=True)
+            return DONE
+        options = parsed
         options.begun = begun
-        if options.command == "help":
-            return _help(options)
         with termination_as_interruption():
             check_numbers(options)
             check_inputs(options)
             with _compiling(options):
-                code: int = _command_of(options.command)(options)
+                code: int = _command_of(options.name())(options)
             # what is held back would fail where nobody can catch it
             print(end="", flush=True)
             return code
@@ -164,47 +160,21 @@ def _run(arguments: list[str] | None) -> int:
         settle()
 
 
-def _compiling(options: argparse.Namespace) -> AbstractContextManager[None]:
+def _compiling(options: Command) -> AbstractContextManager[None]:
     """Begin to compile loops in other processes, for commands that need many of them."""
-    if options.command not in _COMPILING:
+    if options.name() not in _COMPILING:
         return nullcontext()
     return compiling_ahead(min(getattr(options, "jobs", usable_cores()), usable_cores()))
 
 
-def _command_of(name: str) -> Callable[[argparse.Namespace], int]:
+def _command_of(name: str) -> Callable[[Command], int]:
     """Return the function of a command; it is loaded only now."""
     module = import_module(_MODULES.get(name, "planner.app.plan_commands"))
-    command: Callable[[argparse.Namespace], int] = getattr(module, name)
+    command: Callable[[Command], int] = getattr(module, name)
     return command
 
 
-def _parsed(words: list[str]) -> argparse.Namespace:
-    """Return the options; help and version, which end the program, are written before it ends."""
-    parser = build_parser()
-    typed = check_names(parser, words)
-    try:
-        options, more = parser.parse_known_args(words, argparse.Namespace(typed=typed))
-    except SystemExit:
-        print(end="", flush=True)
-        raise
-    if more:
-        program = f"aspectgraph {options.command}"
-        raise UsageError(f"{program}: unknown argument {more[0]!r}; see {program} --help")
-    return options
-
-
-def _help(options: argparse.Namespace) -> int:
-    """Print the help of a command, or of the whole command line."""
-    parser = options.parser
-    if options.topic is not None:
-        check_names(parser, [options.topic])
-        parser = command_parsers(parser)[options.topic]
-    parser.print_help()
-    print(end="", flush=True)
-    return DONE
-
-
-def _ending(error: Exception, options: argparse.Namespace) -> tuple[str, int] | None:
+def _ending(error: Exception, options: Command) -> tuple[str, int] | None:
     """Return the line and the exit code of an error; None of one that nobody foresaw."""
     if isinstance(error, _loaded_errors()):
         if getattr(options, "verbose", False):
@@ -222,13 +192,13 @@ def _ending(error: Exception, options: argparse.Namespace) -> tuple[str, int] | 
         return f"standard output must be writable. Got: {error.strerror}.", BAD_INPUT
     if isinstance(error, OSError) and isinstance(error.filename, str):
         path = error.filename
-        shown = repr(path if len(path) <= 80 else f"{path[:77]}...")
-        line = f"{_known_as(path, options)} must be a path that can be used. Got {shown}: {error.strerror}."
+        name = repr(path if len(path) <= 80 else f"{path[:77]}...")
+        line = f"{_known_as(path, options)} must be a path that can be used. Got {name}: {error.strerror}."
         return line, BAD_INPUT
     return None
 
 
-def _known_as(name: str, options: argparse.Namespace) -> str:
+def _known_as(name: str, options: Command) -> str:
     """Return the option that a path was given by."""
     for key, value in vars(options).items():
         if isinstance(value, str) and os.path.abspath(value) == os.path.abspath(name):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,8 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from aspectgraph import AspectGraphError
 from errors.exceptions import MeasurementModelError
 from errors.measurands import DecisionRule, Localisation
+from planner.app.checks import in_words_of_shell
 from planner.app.job import check_same_part, read_part
-from planner.app.parsing import in_words_of_shell
+from planner.app.options import Measure
 from planner.app.process import (
     BAD_INPUT,
     DONE,
@@ -73,7 +73,7 @@ class _Images(NamedTuple):
 _SEVERITY = (DONE, INCOMPLETE, NOT_REGISTERED, BAD_INPUT, INTERNAL)
 
 
-def measure(options: argparse.Namespace) -> int:
+def measure(options: Measure) -> int:
     """Measure a part in images of a plan's settings."""
     plan = read_plan(options.plan)
     measure_options = MeasureOptions(
@@ -86,7 +86,7 @@ def measure(options: argparse.Namespace) -> int:
     out = absolute(options.out)
     parts = _parts(options, out)
     with output_folder(options.out, FILES, "--out"):
-        solid = read_part(options)
+        solid = read_part(options.part, options)
         check_same_part(solid, plan, options.part)
         if not options.force:
             _check_places(parts, solid)
@@ -129,7 +129,7 @@ class _Reason(NamedTuple):
 
 
 def _measured(
-    measurer: Measurer, part: _Images, measure_options: MeasureOptions, options: argparse.Namespace
+    measurer: Measurer, part: _Images, measure_options: MeasureOptions, options: Measure
 ) -> MeasurementResults | _Reason:
     """Measure a part, write and print its results; of many parts, what is wrong with one is its reason."""
     if options.parts and not options.json:
@@ -158,7 +158,7 @@ def _measured(
     return results
 
 
-def _reason_of(error: Exception, serial: str, options: argparse.Namespace) -> _Reason:
+def _reason_of(error: Exception, serial: str, options: Measure) -> _Reason:
     """Return an error as the reason of one part, in the words of the shell."""
     if isinstance(error, AspectGraphError | MeasurementModelError | PlannerError):
         return _Reason(serial, in_words_of_shell(error, vars(options)), BAD_INPUT)
@@ -168,7 +168,7 @@ def _reason_of(error: Exception, serial: str, options: argparse.Namespace) -> _R
     return _Reason(serial, f"the program has a fault: {type(error).__name__}", INTERNAL)
 
 
-def _parts(options: argparse.Namespace, out: Path) -> list[_Images]:
+def _parts(options: Measure, out: Path) -> list[_Images]:
     """Return name, images and folder of results of each part."""
     folder = Path(options.images)
     if not options.parts:
@@ -224,14 +224,14 @@ def _code(results: MeasurementResults, condition: str) -> int:
     return DONE if fine else INCOMPLETE
 
 
-def _localisation(options: argparse.Namespace) -> Localisation | None:
+def _localisation(options: Measure) -> Localisation | None:
     """Return a localisation with the floor that is asked for; of it, only this counts."""
     if options.floor_px is None:
         return None
     return Localisation.gaussian(floor_px=options.floor_px)
 
 
-def _registration(options: argparse.Namespace) -> Registration:
+def _registration(options: Measure) -> Registration:
     if options.register == "none":
         return Registration.none(options.surfaces_mm)
     if options.register == "edges":

@@ -1,356 +1,279 @@
-"""Rules of the command line that are checked before anything is loaded that takes long.
+"""The command line read into the record of a command, errors of it in one line, and the help.
 
-An error names the option as it was typed.
+cyclopts reads the words. Its errors hold as data what they are about, and are worded here: with the option as it was
+typed, the rule and the value, and the name that was meant.
 """
 
 from __future__ import annotations
 
-import argparse
-import math
-import os
 import re
+import shutil
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, get_args, get_origin
 
-from planner.app.quantities import localisation_words
-from planner.argument_kinds import (
-    ABOVE_0_TO_1,
-    BETWEEN_0_AND_1,
-    FROM_0_BELOW_1,
-    NOT_NEGATIVE,
-    POSITIVE_SECONDS,
-    NumberRule,
+from cyclopts import App, Argument, Parameter
+from cyclopts.exceptions import (
+    CoercionError,
+    CycloptsError,
+    MissingArgumentError,
 )
-from planner.camera.camera import Camera
-from planner.exceptions import CameraError, OutputError, RequestError
-from planner.files import GRAPHML, PICKER, PICTURE, Kind, check_file_place
 
-# The camera that ``--camera`` names; it loads nothing that takes long.
+from planner.app.options import COMMANDS, Command, Help, signature_of, texts_of
 
+PROGRAM = "aspectgraph"
+_DESCRIPTION = """\
+Plan camera poses that measure edges and holes of a part: from where each can be
+measured with the required accuracy, how probable that is, and how few poses
+suffice."""
+_EXAMPLES = """\
+examples:
+  aspectgraph info part.step --picture edges.html
+  aspectgraph plan part.step --entities edges.toml --camera camera.toml
+  aspectgraph plan part.step --select "length > 20" --camera camera.toml
+  aspectgraph plan part.stp --dimensions all --camera camera.toml -o plan
+  aspectgraph simulate plan
+  aspectgraph reach plan part.step --cell cell.toml
+  aspectgraph program plan part.step --cell cell.toml --format rapid
+  aspectgraph measure plan images --part part.stp --out results
+  aspectgraph optics part.step --select "length > 20" --write camera.toml
+  aspectgraph batch parts --camera camera.toml --out plans
+  aspectgraph graph part.step --entities 12,15,31 --graphml graph.graphml
 
-def read_camera(text: str) -> Camera:
-    """Return the camera of a TOML file, or the one with that name in the catalogue."""
-    path = Path(text)
-    if path.suffix.lower() == ".toml" or path.is_file():
-        try:
-            return Camera.from_toml(path)
-        except CameraError as error:
-            # begins with the file, and the line that breaks a rule
-            raise CameraError(f"--camera {error}") from None
-    try:
-        return Camera.named(text)
-    except CameraError as error:
-        if error.parameter != "camera":
-            raise
-        rule = "must be a TOML file, or a name that 'aspectgraph cameras' lists"
-        raise CameraError.of_rule("camera", rule, error.got, hint=error.hint) from None
+An entities file (TOML or JSON) maps names to edge ids, to ids of rims and arcs,
+or to two end points:
+  top = 17
+  bore = "r3"
+  slot = [[0, 0, 10], [25, 0, 10]]
 
+A dimensions file adds what is measured, and its tolerance:
+  bore = { diameter = "r3", tolerance = [-0.05, 0.05] }
 
-# What somebody at a shell knows the parameters of a call as, and errors in these words.
-
-
-# options that are not named like the parameters they give
-_OPTIONS = {
-    "part": "the part",
-    "plan": "the plan",
-    "images": "the images",
-    "folder": "the folder of parts",
-    "covariance": "--sigma-mm or --sigma-rad",
-    "pose_uncertainty": "--sigma-mm or --sigma-rad",
-    "translation_mm": "--sigma-mm",
-    "rotation_rad": "--sigma-rad",
-    "stand_off_mm": "--stand-off",
-    "lighting": "--light",
-    "lamps": "--light",
-    "ring": "--light",
-    "step": "--grey-step",
-    "registration": "--register",
-    "focus_reserve": "--focus-margin-mm",
-    "rng": "--seed",
-    "time_limit_s": "--time-limit",
-    "memory_limit_bytes": "--memory-limit",
-    "bodies": "--body",
-    "distances_mm": "--distances",
-    "joints_rad": "--sigma-joints",
-    "settle_s": "--settle",
-    "cell.home": "home_deg of the cell file",
-    "solid": "the part",
-}
-
-# fields that some commands have an option of another name for
-_FIELDS = {"time_s": "read_time_limit"}
-_LIMIT = re.compile(r"limits=ReadLimits\((\w+)=\.\.\.\)")
-
-# what helps at a shell, where that is not what helps in a call, of the error with this name
-_HINTS = {"MemoryLimitError": "Choose fewer entities: a plan needs no joint graph"}
-
-
-def option(name: str) -> str:
-    """Return the option that a user of the command line knows a parameter, or a field of a request, as.
-
-    Parameters
-    ----------
-    name : str
-        The parameter's name.
-    """
-    return _OPTIONS.get(name, f"--{name.replace('_', '-')}")
-
-
-def as_typed(name: str, options: Mapping[str, Any]) -> str:
-    """Return what the user of a command knows a parameter as.
-
-    Parameters
-    ----------
-    name : str
-        The parameter's name.
-    options : mapping of str to value
-        The command's options; ``typed`` holds those that were typed. Other parameters keep their
-        names.
-    """
-    if _FIELDS.get(name) in options:
-        return option(_FIELDS[name])
-    same = f"--{name.replace('_', '-')}"
-    if same in options.get("typed", ()):
-        return same
-    return option(name) if name in _OPTIONS or name in options else name
-
-
-def in_words_of_shell(error: Exception, options: Mapping[str, Any]) -> str:
-    """Return the text of an error of ours with its parameters named as options.
-
-    Parameters
-    ----------
-    error : Exception
-        Holds as data what it names.
-    options : mapping of str to value
-        The command's options, see `as_typed`.
-    """
-    # the exceptions of the packages have no base in common
-    data: Any = error
-    mentions = getattr(data, "mentions", ())
-    if data.rule:
-        parameter = data.parameter and as_typed(data.parameter, options)
-        rule = _worded(data.rule, mentions, options)
-        worded = type(data).of_rule(parameter, rule, data.got)
-    else:
-        worded = type(data)(*data.args)
-    if hint := getattr(data, "hint", ""):
-        hint = _worded(_HINTS.get(type(data).__name__, hint), mentions, options)
-        # an argument that no option gives helps nobody at a shell
-        worded.hint = "" if any(mention in hint for mention in mentions) else hint
-    return str(worded)
-
-
-@contextmanager
-def named_by(name: str, options: Mapping[str, Any]) -> Iterator[None]:
-    """Let an error in the block begin with the option whose value it is about, unless it does.
-
-    Parameters
-    ----------
-    name : str
-        The option's name in `options`. A value that is a file is named, too.
-    options : mapping of str to value
-        The command's options, see `as_typed`.
-    """
-    from aspectgraph.exceptions import AspectGraphError
-    from planner.exceptions import PlannerError
-
-    try:
-        yield
-    except (AspectGraphError, PlannerError) as error:
-        text = in_words_of_shell(error, options)
-        if text.startswith(("--", "the part")):
-            raise
-        typed = as_typed(name, options)
-        value = str(options[name])
-        named = f"{typed} {value}" if os.path.isfile(value) else typed
-        # of a file with the place of the error in it
-        if text.startswith(value):
-            raise type(error)(f"{typed} {text}") from error
-        raise type(error)(f"{named}: {text}") from error
-
-
-def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> str:
-    """Return a text with the arguments that it mentions as options, where the command has them."""
-    for mention in mentions:
-        limit = _LIMIT.fullmatch(mention)
-        name, _, value = (f"{limit[1]}=..." if limit else mention).partition("=")
-        option = as_typed(name, options)
-        if option != name:
-            value = "" if value == "..." else value.strip("[]").replace(", ", ",")
-            text = text.replace(mention, f"{option} {value}".rstrip())
-    return text
-
-
-# The parser of the command line: errors in one line, with the name that was meant.
-
-
-# a number with its unit, too, where argparse takes "-5mm" for an option
-_NEGATIVE = re.compile(r"-\.?\d")
-_ARGUMENT = re.compile(r"argument (?P<name>(?:--)?[\w-]+)(?:/-\w)?: (?P<text>.*)", re.DOTALL)
-_CHOICE = re.compile(r"invalid choice: (.*) \(choose from (.*)\)", re.DOTALL)
-# what argparse says of an argument, as a rule
-_TEXTS = {
-    "expected one argument": "must have a value. Got none",
-    "not allowed with argument ": "must not be given with ",
-}
-_REQUIRED = "the following arguments are required: "
-_ONE_OF = re.compile(r"one of the arguments (.*) is required")
+exit codes: 0 done, 1 plan incomplete, 2 bad input
+(1 also if the simulation contradicts the plan, a measured part does not
+conform, or the work was interrupted; 3 if an image cannot be registered;
+70 if the program has a fault: please report it;
+141 if a reader such as head closes the pipe early)"""
+# of the program itself, beside its commands
+_ROOT = {"--help": "show this help and exit", "--version": "show the version and exit"}
+_ROOT_SHORT = {"-h": "--help", "-V": "--version"}
+# words that begin with a minus and are values
+_NEGATIVE = re.compile(r"-(\.?\d|inf|nan)")
 
 
 class UsageError(Exception):
     """A command line that does not parse."""
 
 
-class Help(argparse.RawDescriptionHelpFormatter):
-    """Ends the help of an option with its default, unless the help states it."""
-
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        text = action.help or ""
-        is_plain = isinstance(action.default, int | float | str)
-        if not is_plain or isinstance(action.default, bool):
-            return text
-        if action.default == argparse.SUPPRESS or "default" in text:
-            return text
-        return f"{text} (default: {_shown(action)})"
-
-
-def _shown(action: argparse.Action) -> str:
-    """Return the default of an option with the unit in its name."""
-    value = action.default
-    text = f"{value:g}" if isinstance(value, float) else str(value)
-    unit = str(action.metavar).lower()
-    return f"{text} {unit}" if unit in ("mm", "px", "rad", "deg") else text
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser of one command, or of the whole command line."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        self._negative_number_matcher = _NEGATIVE
-
-    def print_help(self, file: Any = None) -> None:
-        """Print all of it, or raise: argparse itself passes over a full disk."""
-        print(self.format_help(), end="", file=file)
-
-    def error(self, message: str) -> NoReturn:
-        """Raise the error of a command line that does not parse, in one line."""
-        match = _ARGUMENT.fullmatch(message)
-        if match is not None:
-            message = f"{match['name']} {_rule(match['text'])}"
-        if message.startswith(_REQUIRED):
-            message = f"{message.removeprefix(_REQUIRED)} must be given"
-        if match := _ONE_OF.fullmatch(message):
-            message = f"one of {', '.join(match[1].split())} must be given"
-        raise UsageError(f"{self.prog}: {message.rstrip('.')}; see {self.prog} --help")
-
-
-def _rule(text: str) -> str:
-    """Return what argparse says of an argument as a rule."""
-    if match := _CHOICE.fullmatch(text):
-        return f"must be one of {match[2].replace(chr(39), '')}. Got {match[1]}"
-    if match := re.fullmatch(r"expected (\d+) arguments", text):
-        return f"must have {match[1]} values"
-    for start, words in _TEXTS.items():
-        if text.startswith(start):
-            return (words + text.removeprefix(start)).split("/")[0]
-    return text
-
-
-def command_parsers(parser: argparse.ArgumentParser) -> Mapping[str, argparse.ArgumentParser]:
-    """Return the parser of each command.
+def parse(words: Sequence[str]) -> Command | str:
+    """Return the record of the command that was typed, or the help or version that was asked for.
 
     Parameters
     ----------
-    parser : argparse.ArgumentParser
-        Of the whole command line.
-    """
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            return action.choices
-    return {}
-
-
-def check_names(parser: argparse.ArgumentParser, words: Sequence[str]) -> set[str]:
-    """Refuse a command or an option that does not exist, and say which one may be meant.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Of the whole command line.
     words : sequence of str
         The command line, without the program.
-
-    Returns
-    -------
-    set of str
-        The options that were typed, each by its long name.
 
     Raises
     ------
     UsageError
-        Names the command or option.
+        If it does not parse.
     """
-    commands = command_parsers(parser)
-    place = next((k for k, word in enumerate(words) if not word.startswith("-")), None)
-    if place is not None and words[place] not in commands:
-        text = f"aspectgraph: unknown command {words[place]!r}"
-        raise UsageError(_with_guess(text, nearest(words[place], commands), "aspectgraph --help"))
-    typed = set()
-    for k, word in enumerate(words):
-        if word == "--":
-            break
-        if len(word) < 2 or not word.startswith("-") or _NEGATIVE.match(word) or " " in word:
-            continue
-        is_of_command = place is not None and k > place
-        owner = commands[words[place]] if place is not None and is_of_command else parser
-        name = _option(owner, word)
-        if name is None:
-            raise UsageError(_unknown_option(owner, word.partition("=")[0], commands))
-        typed |= name
-    return typed
+    place = next((k for k, word in enumerate(words) if not word.startswith("-")), len(words))
+    for word in words[:place]:
+        name = _ROOT_SHORT.get(word, word)
+        if name == "--help":
+            return program_help()
+        if name == "--version":
+            import planner
+
+            return f"{PROGRAM} {planner.__version__}"
+        raise UsageError(_unknown_option(PROGRAM, word, _ROOT))
+    if place == len(words):
+        raise _usage_error(PROGRAM, "COMMAND must be given")
+    record = _record(_known_command(words[place]), words[place + 1 :])
+    if not isinstance(record, Help):
+        return record
+    return program_help() if record.topic is None else command_help(_known_command(record.topic))
 
 
-def _option(parser: argparse.ArgumentParser, word: str) -> set[str] | None:
-    """Return the long names of the options in a word; None if one is unknown."""
-    actions = parser._option_string_actions
-    if word.startswith("--"):
-        action = actions.get(word.partition("=")[0])
-        return None if action is None else {_long_name(action)}
-    names = set()
-    for letter in word[1:]:
-        action = actions.get(f"-{letter}")
-        if action is None:
-            return None
-        names.add(_long_name(action))
-        if action.nargs != 0:
-            # the rest is its value
-            break
-    return names
+def _known_command(name: str) -> type[Command]:
+    """Return the record of a command by its name, or say which one may be meant."""
+    if name not in COMMANDS:
+        text = f"{PROGRAM}: unknown command {name!r}"
+        raise UsageError(_with_guess(text, nearest(name, COMMANDS), PROGRAM))
+    return COMMANDS[name]
 
 
-def _long_name(action: argparse.Action) -> str:
-    return next(text for text in action.option_strings if text.startswith("--"))
+def _record(kind: type[Command], words: Sequence[str]) -> Command | str:
+    """Return the record of a command and the words behind it, or its help."""
+    program = _program(kind)
+    # what cyclopts has read once it has looked at all options, also where it refuses a value then
+    arguments: list[Argument] = []
+    app = _app(kind, config=lambda _, __, collection: arguments.extend(collection))
+    failure = None
+    bound = None
+    unused: Sequence[str] = ()
+    try:
+        _, bound, unused, _ = app.parse_known_args(list(words))
+    except CycloptsError as error:
+        failure = error
+        unused = error.unused_tokens or () if arguments else ()
+    end = words.index("--") if "--" in words else len(words)
+    options = {word for word in words[:end] if _is_option_word(word)}
+    places = [argument for argument in arguments if not is_option(argument)]
+    taken = [token.value for argument in places for token in argument.tokens]
+    for word in (*taken, *unused):
+        # what is left of several letters behind a minus is no word
+        if word in options or word not in words:
+            raise UsageError(_unknown_option(program, word, _names(kind)))
+    typed = _typed(arguments, words)
+    if "--help" in typed:
+        return command_help(kind)
+    for argument in arguments:
+        if any(token.value in options for token in argument.tokens):
+            raise _usage_error(program, _without_value(argument))
+    if unused:
+        raise _usage_error(program, f"unknown argument {unused[0]!r}")
+    if arguments:
+        _check_together(kind, arguments, typed)
+    if failure is not None or bound is None:
+        raise _usage_error(program, _worded(failure))
+    record = kind(*bound.args, **bound.kwargs)
+    record.typed = frozenset(typed)
+    return record
 
 
-def _unknown_option(
-    parser: argparse.ArgumentParser, name: str, commands: Mapping[str, argparse.ArgumentParser]
-) -> str:
-    text = f"{parser.prog}: unknown option {name}"
-    owners = [key for key, command in commands.items() if name in command._option_string_actions]
-    guess = nearest(name, parser._option_string_actions)
-    if owners and not guess:
-        text += f"; it is an option of {', '.join(owners)}"
-    return _with_guess(text, guess, f"{parser.prog} --help")
+def _program(kind: type[Command]) -> str:
+    return f"{PROGRAM} {kind.name()}"
 
 
-def _with_guess(text: str, guess: str, help_command: str) -> str:
+def _names(kind: type[Command]) -> list[str]:
+    return [name for argument in arguments_of(kind) for name in argument.names]
+
+
+def _is_option_word(word: str) -> bool:
+    """Return whether a word is an option, unless it is behind an equals sign."""
+    is_value = len(word) == 1 or " " in word or _NEGATIVE.match(word)
+    return word.startswith("-") and not is_value
+
+
+def _without_value(argument: Argument) -> str:
+    count, _ = argument.token_count()
+    rule = "must have a value. Got none" if count == 1 else f"must have {count} values"
+    return f"{argument.name} {rule}"
+
+
+def _typed(arguments: Sequence[Argument], words: Sequence[str]) -> list[str]:
+    """Return the options that were typed, by their long names, in their order."""
+    heads = [word.partition("=")[0] for word in words]
+
+    def place(argument: Argument) -> int:
+        return min((heads.index(name) for name in argument.names if name in heads), default=0)
+
+    typed = [argument for argument in arguments if argument.tokens and is_option(argument)]
+    return [argument.name for argument in sorted(typed, key=place)]
+
+
+def _check_together(
+    kind: type[Command], arguments: Sequence[Argument], typed: Sequence[str]
+) -> None:
+    """Refuse options that exclude each other, and the lack of those that are needed."""
+    program = _program(kind)
+    alternatives = [vars(base).get("at_most_one", ()) for base in kind.__mro__]
+    for names in (kind.exactly_one, *alternatives):
+        together = [name for name in typed if name in names]
+        if len(together) > 1:
+            raise _usage_error(program, f"{together[1]} must not be given with {together[0]}")
+    if kind.instead in typed:
+        return
+    missing = [
+        argument.name
+        for argument in arguments
+        if (argument.required or argument.name in kind.needed) and not argument.tokens
+    ]
+    if missing:
+        raise _usage_error(program, f"{', '.join(missing)} must be given")
+    if kind.exactly_one and not set(kind.exactly_one) & set(typed):
+        raise _usage_error(program, f"one of {', '.join(kind.exactly_one)} must be given")
+
+
+def _worded(error: CycloptsError | None) -> str:
+    """Return an error of cyclopts as the rule of an option."""
+    argument = None if error is None else error.argument
+    if argument is None:
+        return " ".join(str(error).split())
+    if isinstance(error, MissingArgumentError):
+        return _without_value(argument)
+    token = getattr(error, "token", None)
+    value = "none" if token is None else repr(token.value)
+    if choices := choices_of(argument):
+        return f"{argument.name} must be one of {', '.join(choices)}. Got {value}"
+    if isinstance(error, CoercionError) and error.msg is not None:
+        return f"{argument.name} {error.msg}"
+    return f"{argument.name} must have no value. Got {value}"
+
+
+def _app(kind: type[Command], config: Any = None) -> App:
+    """Return what reads the options of one command."""
+    kind.__signature__ = signature_of(kind)  # type: ignore[attr-defined]
+    plain = Parameter(
+        negative=(),
+        allow_repeating=True,
+        allow_leading_hyphen=True,
+        json_dict=False,
+        json_list=False,
+    )
+    app = App(
+        default_parameter=plain, config=config, help_flags=(), version_flags=(), version="unknown"
+    )
+    app.default(kind)
+    return app
+
+
+def arguments_of(kind: type[Command]) -> list[Argument]:
+    """Return arguments and options of a command."""
+    app = _app(kind)
+    plain = app.default_parameter
+    return list(app.assemble_argument_collection(default_parameter=plain, parse_docstring=False))
+
+
+def choices_of(argument: Argument) -> list[str]:
+    """Return the words that an argument may be; empty if it may be any."""
+    kind = argument.resolved_hint
+    return list(get_args(kind)) if get_origin(kind) is Literal else []
+
+
+def is_option(argument: Argument) -> bool:
+    """Return whether an argument is typed behind its name."""
+    return argument.name.startswith("-")
+
+
+def takes_value(argument: Argument) -> bool:
+    """Return whether a value follows an option."""
+    return argument.hint is not bool
+
+
+def _usage_error(program: str, message: str) -> UsageError:
+    return UsageError(f"{program}: {message.rstrip('.')}; see {program} --help")
+
+
+def _unknown_option(program: str, word: str, names: Iterable[str]) -> str:
+    """Return the line about an option that a command does not have."""
+    name = word.partition("=")[0]
+    text = f"{program}: unknown option {name}"
+    guess = nearest(name, names)
+    if not guess:
+        owners = [key for key, kind in COMMANDS.items() if name in _names(kind)]
+        # every command has those
+        if owners and len(owners) < len(COMMANDS):
+            text += f"; it is an option of {', '.join(owners)}"
+    return _with_guess(text, guess, program)
+
+
+def _with_guess(text: str, guess: str, program: str) -> str:
     if guess:
-        return f"{text}; did you mean {guess}? See {help_command}"
-    return f"{text}; see {help_command}"
+        return f"{text}; did you mean {guess}? See {program} --help"
+    return f"{text}; see {program} --help"
 
 
 def nearest(word: str, names: Iterable[str]) -> str:
@@ -375,216 +298,106 @@ def nearest(word: str, names: Iterable[str]) -> str:
     return lower[close[0]] if close else ""
 
 
-_COUNTS = {"seed": 0, "simulate": 1, "jobs": 1, "poses": 1, "draws": 1, "graph_limit": 0, "rows": 1}
-# of what is counted
-_MOST = 10**9
-# as `planner.request.defaults.MOST_SEED`, which takes a second to load
-_MOST_SEED = 10**300
-_PROMISES = ("accuracy", "probability")
-# a share close to 1 needs all its digits
-_IN_FULL = (*_PROMISES, "contrast", "share")
-_RULES = {
-    **dict.fromkeys(
-        (
-            "sigma_mm",
-            "sigma_rad",
-            "stand_off",
-            "min_length",
-            "min_length_px",
-            "field_margin_px",
-            "focus_margin_mm",
-            "visibility_radius_mm",
-            "separation_px",
-            "surround_px",
-            "min_corner_deg",
-            "surfaces_mm",
-        ),
-        NOT_NEGATIVE,
-    ),
-    **dict.fromkeys(_PROMISES, BETWEEN_0_AND_1),
-    "contrast": NumberRule("must lie strictly between 0 and 1", BETWEEN_0_AND_1.holds),
-    "share": ABOVE_0_TO_1,
-    "speed": ABOVE_0_TO_1,
-    "settle": NOT_NEGATIVE,
-    "sigma_joints": NOT_NEGATIVE,
-    "coverage": ABOVE_0_TO_1,
-    "time_limit": POSITIVE_SECONDS,
-    "read_time_limit": POSITIVE_SECONDS,
-    "gap": FROM_0_BELOW_1,
-    "give_up": FROM_0_BELOW_1,
-}
-# options that say nothing without --light
-_OF_LIGHT = ("contrast", "grey-step", "ground")
+# The help: texts of the docstrings, in the groups of the records.
 
 
-def check_numbers(options: Any) -> None:
-    """Refuse numbers that break the rule of their option, before any work.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-        Those of one command; options it does not have are passed over.
-
-    Raises
-    ------
-    RequestError
-        If a number breaks its rule; names the option.
-    """
-    values = vars(options)
-    for name, minimum in _COUNTS.items():
-        value = values.get(name)
-        if value is None:
-            continue
-        if value < minimum:
-            raise RequestError.of_rule(name, f"must be at least {minimum}", str(value))
-        maximum = _MOST_SEED if name == "seed" else _MOST
-        if value > maximum:
-            got = f"a number of {len(str(value))} digits"
-            raise RequestError.of_rule(name, f"must be at most {maximum:g}", got)
-    for name, rule in _RULES.items():
-        value = values.get(name)
-        if value is None or rule.accepts(value):
-            continue
-        hint = f"write {value:g}%" if name in _PROMISES and 2 <= value < 100 else ""
-        got = repr(value) if name in _IN_FULL else f"{value:g}"
-        raise RequestError.of_rule(name, rule.text, got, hint=hint)
+def program_help() -> str:
+    """Return the help of the whole command line."""
+    width = _width()
+    rows = [(f"  {name}", first_line(kind)) for name, kind in COMMANDS.items()]
+    flags = [(f"  {name}, {short}", _ROOT[name]) for short, name in _ROOT_SHORT.items()]
+    parts = [
+        f"usage: {PROGRAM} COMMAND [options]",
+        _DESCRIPTION,
+        "\n".join(["commands:", *_table(rows, width)]),
+        "\n".join(["options:", *_table(flags, width)]),
+        _EXAMPLES,
+    ]
+    return "\n\n".join(parts)
 
 
-def check_inputs(options: Any) -> None:
-    """Refuse empty texts, files and names that are not there, and values that break a rule, before the part is read.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-        Those of one command; options it does not have are passed over.
-
-    Raises
-    ------
-    CameraError, OutputError, RequestError
-        Names the option.
-    """
-    values = vars(options)
-    for name, value in values.items():
-        if isinstance(value, str) and not value.strip():
-            raise RequestError.of_rule(name, "must not be empty", repr(value))
-    _check_files(values)
-    if values.get("write") is not None:
-        _check_new_camera(values["write"])
-    if values.get("localisation") is not None:
-        localisation_words(values["localisation"])
-    _check_box("workspace", values.get("workspace"))
-    _check_box("within", values.get("within"), flat=True)
-    _check_optics(values)
-    _check_image(values)
-    for name, other in (("contrast", "lamps"), *((option, "light") for option in _OF_LIGHT)):
-        if f"--{name}" in values["typed"] and other in values and not values[other]:
-            raise RequestError.of_rule(name, f"must be given with --{other}", "none")
-    camera = values.get("camera")
-    if camera is not None:
-        # here, because it loads numpy
-        ...  # joined
-
-        read_camera(camera)
-    # last, because a file that can be written takes a second to check
-    for name in ("picture", "graphml", "write"):
-        if values.get(name):
-            check_file_place(values[name], f"--{name}", _kind(name, values[name]))
+def command_help(kind: type[Command]) -> str:
+    """Return the help of a command."""
+    width = _width()
+    starts = ("usage: ", *["       "] * len(kind.usage))
+    usage = [
+        f"{start}{_program(kind)} {text}" for start, text in zip(starts, kind.usage, strict=False)
+    ]
+    parts = ["\n".join(usage), textwrap.fill(_described(kind), width)]
+    texts = texts_of(kind)
+    for title, arguments in _in_groups(kind).items():
+        rows = [(f"  {_spelling(argument)}", _meaning(argument, texts)) for argument in arguments]
+        parts.append("\n".join([*textwrap.wrap(title, width), *_table(rows, width)]))
+    return "\n\n".join(filter(None, [*parts, kind.epilog]))
 
 
-def _kind(name: str, path: str) -> Kind | None:
-    """Return what kind of file an option writes; None of a camera, which replaces nothing."""
-    if name == "picture":
-        return PICKER if Path(path).suffix.lower() == ".html" else PICTURE
-    return GRAPHML if name == "graphml" else None
+def first_line(kind: type[Command]) -> str:
+    """Return what a command does, as a list of commands says it."""
+    text = _described(kind).rstrip(".")
+    return f"{text[0].lower()}{text[1:]}"
 
 
-def _check_files(values: Mapping[str, Any]) -> None:
-    """Refuse a part, a plan, a folder, and a file of what is measured, that is not there."""
-    part = values.get("part")
-    if part is not None and (Path(part).is_dir() or not Path(part).exists()):
-        rule = "must be an existing file"
-        raise RequestError.of_rule("part", rule, _place(part))
-    for name in ("plan", "again"):
-        if values.get(name) is not None:
-            _check_plan(name, values[name])
-    cell = values.get("cell")
-    if cell is not None and not Path(cell).is_file():
-        raise RequestError.of_rule("cell", "must be an existing file", _place(cell))
-    images = values.get("images")
-    if images is not None and not Path(images).is_dir():
-        raise RequestError.of_rule("images", "must be an existing folder", _place(images))
-    register = values.get("register")
-    if (
-        register not in (None, "none", "edges")
-        and not Path(register.removeprefix("edges+")).is_file()
-    ):
-        rule = "must be edges, none or name an existing file"
-        raise RequestError.of_rule("register", rule, repr(register))
-    folder = values.get("folder")
-    if folder is not None and not Path(folder).is_dir():
-        raise RequestError.of_rule("folder", "must be an existing folder", _place(folder))
-    entities = (values.get("entities") or "").strip()
-    is_file = Path(entities).suffix.lower() in (".toml", ".json", ".csv")
-    if is_file and not Path(entities).exists():
-        raise RequestError.of_rule("entities", "must name an existing file", repr(entities))
-    dimensions = values.get("dimensions") or "all"
-    if dimensions.strip().lower() != "all" and not Path(dimensions).exists():
-        rule = "must be 'all' or name an existing file"
-        raise RequestError.of_rule("dimensions", rule, repr(dimensions))
+def _described(kind: type) -> str:
+    return " ".join((kind.__doc__ or "").partition("\n\n")[0].split())
 
 
-def _check_plan(name: str, path: str) -> None:
-    """Refuse a plan that is not there."""
-    place = Path(path)
-    if place.is_dir() and not (place / "plan.json").exists():
-        rule = "must be a plan file, or the folder it is in"
-        raise RequestError.of_rule(name, rule, f"{path!r}, a folder without plan.json")
-    if not place.exists():
-        rule = "must be an existing plan file, or its folder"
-        raise RequestError.of_rule(name, rule, repr(path))
+def _in_groups(kind: type[Command]) -> dict[str, list[Argument]]:
+    """Return arguments, and options by the titles of their groups, in the order of the records."""
+    arguments = {argument.field_info.name: argument for argument in arguments_of(kind)}
+    places = [key for key, argument in arguments.items() if not is_option(argument)]
+    groups = {"arguments:": [arguments.pop(key) for key in places]}
+    titles = {record: _title(record) for record in kind.__mro__}
+    titles[kind] = "options:"
+    groups |= {title: [] for title in titles.values()}
+    for record in reversed(kind.__mro__):
+        for key in vars(record).get("__annotations__", ()):
+            if key in arguments:
+                groups[titles[record]].append(arguments.pop(key))
+    return {title: group for title, group in groups.items() if group}
 
 
-def _place(path: str) -> str:
-    """Return a path, and say if it is a file or a folder."""
-    if Path(path).is_dir():
-        return f"{path!r}, a folder"
-    return f"{path!r}, a file" if Path(path).is_file() else repr(path)
+def _title(record: type) -> str:
+    text = _described(record).rstrip(".")
+    return f"{text[:1].lower()}{text[1:]}:"
 
 
-def _check_new_camera(path: str) -> None:
-    """Refuse the place of a camera's file; a file that is there is kept."""
-    if Path(path).suffix.lower() != ".toml":
-        raise RequestError.of_rule("write", "must end in .toml", repr(path))
-    if Path(path).exists():
-        raise OutputError(f"--write must be a new file. Got {path!r}, which exists.")
+def _spelling(argument: Argument) -> str:
+    names = ", ".join(argument.names)
+    if not is_option(argument) or not takes_value(argument):
+        return names
+    choices = choices_of(argument)
+    metavar = f"{{{','.join(choices)}}}" if choices else argument.parameter.metavar
+    return f"{names} {metavar}"
 
 
-def _check_box(name: str, numbers: Sequence[float] | None, *, flat: bool = False) -> None:
-    """Refuse what is no box, which may be flat or not; whether it is around the part is known later."""
-    if numbers is None:
-        return
-    corners = [list(numbers[:3]), list(numbers[3:])]
-    ordered = all(low < high or (flat and low == high) for low, high in zip(*corners, strict=True))
-    if not (ordered and all(map(math.isfinite, numbers))):
-        rule = "must be finite, lower corner first"
-        raise RequestError.of_rule(name, rule, str(corners))
+def _meaning(argument: Argument, texts: Mapping[str, str]) -> str:
+    """Return the help of an argument; it ends with the default, unless the text states it."""
+    text = texts[argument.field_info.name]
+    default = argument.field_info.default
+    if isinstance(default, bool) or not isinstance(default, int | float | str) or "default" in text:
+        return text
+    value = f"{default:g}" if isinstance(default, float) else str(default)
+    unit = str(argument.parameter.metavar).lower()
+    if unit in ("mm", "px", "rad", "deg"):
+        value = f"{value} {unit}"
+    return f"{text} (default: {value})"
 
 
-def _check_optics(values: Mapping[str, Any]) -> None:
-    """Refuse bodies and working distances that `optics` cannot try."""
-    distances = values.get("distances")
-    if distances is not None and not all(0 < distance < math.inf for distance in distances):
-        rule = "must be finite and positive, at least one"
-        raise RequestError.of_rule("distances", rule, repr(distances))
-    if values.get("body"):
-        # here, because it loads the catalogue
-        from planner.camera.catalogue import check_bodies
-
-        check_bodies(values["body"])
+_COLUMN = 24
 
 
-def _check_image(values: Mapping[str, Any]) -> None:
-    """Refuse an angle that no corner has."""
-    corner = values.get("min_corner_deg")
-    if corner is not None and corner >= 90:
-        raise RequestError.of_rule("min_corner_deg", "must be below 90", repr(corner))
+def _table(rows: Iterable[tuple[str, str]], width: int) -> Iterator[str]:
+    """Yield lines of names, and of texts beside or below them."""
+    for name, text in rows:
+        lines = textwrap.wrap(text, max(width - _COLUMN, 20)) or [""]
+        if len(name) > _COLUMN - 2:
+            yield name
+        else:
+            lines[0] = f"{name:{_COLUMN}}{lines[0]}"
+            yield lines.pop(0).rstrip()
+        for line in lines:
+            yield f"{'':{_COLUMN}}{line}"
+
+
+def _width() -> int:
+    return shutil.get_terminal_size().columns - 2

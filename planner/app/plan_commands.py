@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
 import warnings
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager, nullcontext, suppress
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,14 +32,19 @@ from aspectgraph import (
 from aspectgraph.read.part_file import MESH_SUFFIXES
 from aspectgraph.visibility.visibility_regions import KeptRegions
 from planner.app.batch import (
+    PLAN_FILE,
     PLANNED,
+    REGIONS_FOLDER,
+    STATE_FILE,
     TABLES,
     PartRequest,
     dask_executor,
     is_table,
     limits_of,
     plan_folder,
+    worker_processes,
 )
+from planner.app.checks import option, read_camera
 from planner.app.job import (
     Job,
     Wanted,
@@ -56,13 +60,13 @@ from planner.app.job import (
     with_light,
     workspace_of,
 )
-from planner.app.parsing import option, read_camera
+from planner.app.options import Batch, Dimensions, Graph, Info, Optics, Plan, Simulate
 from planner.app.process import DONE, INCOMPLETE
 from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
 from planner.camera.pose import PoseUncertainty
 from planner.effort.effort import Effort
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
-from planner.executors import leave_signals_to_the_parent, usable_cores
+from planner.executors import usable_cores
 from planner.files import absolute, check_set_place, output_folder, path_text, print_json
 from planner.identity import InspectionRequest, first_difference
 from planner.inspection import space_of, visible_regions
@@ -162,9 +166,6 @@ def _line(plan: InspectionPlan) -> str:
 # discarded with ``--force``.
 
 
-STATE_FILE = "planning-state.json"
-REGIONS_FOLDER = "planning-regions"
-PLAN_FILE = "plan.json"
 # numbers computed on another machine may differ in their last digits
 _SAME = 1e-9
 _RULE = "--out must be a folder without another plan; --force replaces it."
@@ -332,7 +333,7 @@ class Leftovers:
             self.state.unlink(missing_ok=True)
 
     @contextmanager
-    def told(self) -> Iterator[None]:
+    def with_advice(self) -> Iterator[None]:
         """Tell how to go on when the work is interrupted, if there is something to go on from then."""
         try:
             with warnings.catch_warnings():
@@ -360,7 +361,7 @@ class Leftovers:
 
 
 def rank_optics(
-    options: argparse.Namespace, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
+    options: Optics, solid: Solid, items: Mapping[str, Any], limits: InspectionOptions
 ) -> int:
     """Print bodies and lenses, ranked by how well they measure what is wanted; return the exit code."""
     proposals = propose_optics(
@@ -376,8 +377,8 @@ def rank_optics(
     counts = [item.n_features for item in items.values() if isinstance(item, Dimension)]
     features = {"n": sum(counts), "not_planned": n_not_planned(counts)}
     if options.json:
-        shown = [proposal.to_dict() for proposal in proposals[: options.rows]]
-        print_json([{**record, "features": features} if counts else record for record in shown])
+        records = [proposal.to_dict() for proposal in proposals[: options.rows]]
+        print_json([{**record, "features": features} if counts else record for record in records])
     else:
         print_table(OPTICS_COLUMNS, optics_rows(proposals, options.rows))
         if features_text(counts):
@@ -446,9 +447,9 @@ def listed(names: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(quoted[:-1]), *quoted[-1:]]))
 
 
-def info(options: argparse.Namespace) -> int:
+def info(options: Info) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         edges = solid.straight_edges(min_length_mm=options.min_length)
         curves = (*solid.rims(), *solid.arcs())
@@ -484,9 +485,9 @@ def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list
         raise type(error).of_rule("picture", error.rule, error.got) from None
 
 
-def graph(options: argparse.Namespace) -> int:
+def graph(options: Graph) -> int:
     """Build the entity-based aspect graph and write it."""
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     entities = chosen_entities(options, solid)
     box = workspace_of(options)
     if box is None and options.camera is not None:
@@ -504,25 +505,25 @@ def graph(options: argparse.Namespace) -> int:
 
 
 def _graph(
-    options: argparse.Namespace, solid: Solid, entities: Any, box: Any, progress: Any
+    options: Graph, solid: Solid, entities: Any, box: Any, progress: Any
 ) -> EntityAspectGraph:
     """Return the graph of viewpoints, or of lamp positions."""
-    shown = labelled(progress, "visible regions")
+    labels = labelled(progress, "visible regions")
     limit = options.memory_limit
     if options.lamps:
-        lit = compute_light(solid, entities, options.contrast, box, progress=shown)
+        lit = compute_light(solid, entities, options.contrast, box, progress=labels)
         note(progress, cost_sentence(estimate_graph(lit), len(entities)))
         return light_graph_of(lit, memory_limit_bytes=limit, progress=progress)
     regions = compute_regions(
-        solid, entities, workspace=box, progress=shown, kept=JointForecast(limit)
+        solid, entities, workspace=box, progress=labels, kept=JointForecast(limit)
     )
     note(progress, cost_sentence(estimate_graph(regions), len(entities)))
     return graph_of(regions, memory_limit_bytes=limit, progress=progress)
 
 
-def dimensions(options: argparse.Namespace) -> int:
+def dimensions(options: Dimensions) -> int:
     """Show the dimensions an AP242 file states, and the entities that measure them."""
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         stated = read_dimensions(options.part, solid, limits=read_limits(options))
     if not stated:
@@ -536,13 +537,13 @@ def dimensions(options: argparse.Namespace) -> int:
     return DONE
 
 
-def plan(options: argparse.Namespace) -> int:
+def plan(options: Plan) -> int:
     """Plan an inspection and write everything about it."""
     names = (*PLAN_FILES, STATE_FILE)
     with (
         output_folder(options.out, names, "--out") as folder,
         folder_lock(folder, "--out"),
-        (leftovers := Leftovers(folder)).told(),
+        (leftovers := Leftovers(folder)).with_advice(),
     ):
         job = read_job(options)
         lighting = job.request.lighting
@@ -564,7 +565,7 @@ def plan(options: argparse.Namespace) -> int:
 
 
 def _print_planned(
-    options: argparse.Namespace,
+    options: Plan,
     result: InspectionPlan,
     job: Job,
     written: Written,
@@ -596,9 +597,7 @@ def _print_left_out(targets: Wanted) -> None:
         print_text(words(f"{name} is not planned: {reason}", [name]))
 
 
-def _planned(
-    options: argparse.Namespace, job: Job, leftovers: Leftovers
-) -> tuple[InspectionPlan, Written, bool]:
+def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
     """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
     solid = job.solid
     with (
@@ -672,7 +671,7 @@ def _searched(
     return plan, regions
 
 
-def batch(options: argparse.Namespace) -> int:
+def batch(options: Batch) -> int:
     """Plan every part of a folder."""
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
@@ -721,14 +720,14 @@ def batch(options: argparse.Namespace) -> int:
     return DONE if all(part_result.status == PLANNED for part_result in results) else INCOMPLETE
 
 
-def simulate(options: argparse.Namespace) -> int:
+def simulate(options: Simulate) -> int:
     """Check a plan by simulation."""
     if options.part is None:
         check_nothing_read(options)
     loaded = read_plan(options.plan)
-    solid = None if options.part is None else read_part(options)
+    solid = None if options.part is None else read_part(options.part, options)
     if solid is not None:
-        check_same_part(solid, loaded, options.part)
+        check_same_part(solid, loaded, str(options.part))
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         result = simulate_plan(
             loaded, options.poses, rng=options.seed, progress=progress, solid=solid
@@ -740,9 +739,9 @@ def simulate(options: argparse.Namespace) -> int:
     return DONE if loaded.complete and result.confirmed else INCOMPLETE
 
 
-def optics(options: argparse.Namespace) -> int:
+def optics(options: Optics) -> int:
     """Rank bodies and lenses of the catalogue by how well they measure what is wanted."""
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     targets = read_request(options, solid)
     plan_options = inspection_options(
         options, workspace=workspace_of(options), localisation=targets.localisation
@@ -769,18 +768,8 @@ def _unit_note(part: str, units: str | None) -> str:
     return ""
 
 
-@contextmanager
-def _executor(jobs: int) -> Iterator[Executor | None]:
-    """Provide a process pool, or none for one process; work not begun is dropped at the end."""
+def _executor(jobs: int) -> AbstractContextManager[Executor | None]:
+    """Return a process pool, or none for one process."""
     # more processes than cores cost memory and gain nothing, and no result depends on their number
     jobs = min(jobs, usable_cores())
-    if jobs == 1:
-        yield None
-        return
-    executor = ProcessPoolExecutor(
-        jobs, initializer=leave_signals_to_the_parent, initargs=(os.getpid(),)
-    )
-    try:
-        yield executor
-    finally:
-        executor.shutdown(cancel_futures=True)
+    return nullcontext() if jobs == 1 else worker_processes(jobs)

@@ -143,10 +143,10 @@ def write_fault(error: BaseException, words: list[str] | None = None) -> None:
     if verbose:
         write_error("".join(traceback.format_exception(error)).rstrip())
     text = " ".join(f"{type(error).__name__}: {error}".split())
-    shown = visible(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}...")
+    line = visible(text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}...")
     advice = "Please report it with the command and its files"
     ending = advice if verbose else f"{advice}; --verbose shows its origin"
-    write_error(f"aspectgraph: the program has a fault. Got {shown}. {ending}.")
+    write_error(f"aspectgraph: the program has a fault. Got {line}. {ending}.")
 
 
 @contextmanager
@@ -167,13 +167,13 @@ def quiet_libraries(words: list[str] | None = None) -> Iterator[None]:
         if verbose:
             write_error(f"aspectgraph: {category.__name__}: {' '.join(str(message).split())}")
 
-    shown = warnings.showwarning
+    before_show = warnings.showwarning
     warnings.showwarning = show
     try:
         os.environ.setdefault("PYTHONWARNINGS", "ignore")
         yield
     finally:
-        warnings.showwarning = shown
+        warnings.showwarning = before_show
         if before is None:
             os.environ.pop("PYTHONWARNINGS", None)
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from planner.camera.pose import PoseUncertainty
+from cyclopts import Parameter
+
 from planner.exceptions import PlannerError, RequestError
-from planner.request.registration import GIVEN, OWN_EDGES, RegistrationRecord
+
+if TYPE_CHECKING:
+    from planner.request.registration import RegistrationRecord
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf(?:inity)?|nan)"
 _QUANTITY = re.compile(rf"({_NUMBER})\s*(.*)", re.ASCII | re.IGNORECASE | re.DOTALL)
@@ -21,7 +24,7 @@ _LENGTHS = {
 
 
 class Quantity:
-    """Reads numbers of one kind; it is the ``type`` of an option.
+    """Reads numbers of one kind.
 
     Parameters
     ----------
@@ -40,13 +43,13 @@ class Quantity:
 
         Raises
         ------
-        argparse.ArgumentTypeError
+        ValueError
             If it is no number, or has another unit.
         """
         match = _QUANTITY.fullmatch(text.strip())
         unit = "" if match is None else match[2].strip()
         if match is None or (unit and unit not in self._units):
-            raise argparse.ArgumentTypeError(f"must be {self._what}. Got {text!r}.")
+            raise ValueError(f"must be {self._what}. Got {text!r}.")
         factor = self._units[unit] if unit else "1"
         if isinstance(factor, float):
             return float(match[1]) * factor
@@ -56,6 +59,43 @@ class Quantity:
 
         # 99.9% is the number 0.999 then, not its neighbour
         return float(Decimal(match[1]) * Decimal(factor))
+
+
+class Count(NamedTuple):
+    """The range of a whole number, both ends included."""
+
+    minimum: int
+    maximum: int = 10**9
+
+
+BOX = tuple[float, float, float, float, float, float]
+
+
+def value(kind: Callable[[str], Any], metavar: str, *names: str, count: int = 1) -> Parameter:
+    """Return how the value of an option is read.
+
+    Parameters
+    ----------
+    kind : callable
+        Returns the value of a text.
+    metavar : str
+        The value in the help.
+    *names : str
+        The option, if it is not named like its field.
+    count : int
+        How many values belong together.
+    """
+
+    def read(_: Any, tokens: Any) -> Any:
+        values = [kind(token.value) for token in tokens[-count:]]
+        return tuple(values) if count > 1 else values[0]
+
+    return Parameter(
+        name=names or None,
+        metavar=metavar,
+        converter=read,
+        n_tokens=count,
+    )
 
 
 SHARE = Quantity("a number like 0.98, or a percentage like 98%", {"%": "0.01"})
@@ -88,13 +128,13 @@ def lengths(text: str) -> list[float]:
 
     Raises
     ------
-    argparse.ArgumentTypeError
+    ValueError
         If one of them is no length.
     """
     try:
         return [MM(number) for number in text.split(",")]
-    except argparse.ArgumentTypeError:
-        raise argparse.ArgumentTypeError(f"must be numbers like 250,400. Got {text!r}.") from None
+    except ValueError:
+        raise ValueError(f"must be numbers like 250,400. Got {text!r}.") from None
 
 
 def sigma_pair(text: str) -> tuple[float, float]:
@@ -107,17 +147,17 @@ def sigma_pair(text: str) -> tuple[float, float]:
 
     Raises
     ------
-    argparse.ArgumentTypeError
+    ValueError
         If it is no such pair.
     """
     words = text.split(",")
     try:
         sigmas = (MM(words[0]), RAD(words[1])) if len(words) == 2 else (-1.0, -1.0)
-    except argparse.ArgumentTypeError:
+    except ValueError:
         sigmas = (-1.0, -1.0)
     if min(sigmas) >= 0:
         return sigmas
-    raise argparse.ArgumentTypeError(
+    raise ValueError(
         f"must be a length and an angle like 0.05mm,0.5mrad, not negative. Got {text!r}."
     )
 
@@ -132,9 +172,13 @@ def registration(text: str) -> RegistrationRecord | None:
 
     Raises
     ------
-    argparse.ArgumentTypeError
+    ValueError
         If it is none of these.
     """
+    # here, because they load numpy
+    from planner.camera.pose import PoseUncertainty
+    from planner.request.registration import GIVEN, OWN_EDGES, RegistrationRecord
+
     if text == "none":
         return None
     if text == "edges":
@@ -142,8 +186,8 @@ def registration(text: str) -> RegistrationRecord | None:
     try:
         length, angle = sigma_pair(text)
         uncertainty = PoseUncertainty.isotropic(translation_mm=length, rotation_rad=angle)
-    except (argparse.ArgumentTypeError, PlannerError):
-        raise argparse.ArgumentTypeError(
+    except (ValueError, PlannerError):
+        raise ValueError(
             f"must be edges, none, or a length and an angle like 0.02mm,0.1mrad. Got {text!r}."
         ) from None
     return RegistrationRecord(GIVEN, None, uncertainty)
@@ -164,12 +208,12 @@ def whole(text: str) -> int:
 
     Raises
     ------
-    argparse.ArgumentTypeError
+    ValueError
         If it is none.
     """
     if not _WHOLE.fullmatch(text.strip()):
-        shown = text if len(text) <= 40 else f"{text[:37]}..."
-        raise argparse.ArgumentTypeError(f"must be a whole number. Got {shown!r}.")
+        start = text if len(text) <= 40 else f"{text[:37]}..."
+        raise ValueError(f"must be a whole number. Got {start!r}.")
     return int(text)
 
 
@@ -183,12 +227,12 @@ def indices(text: str) -> list[int]:
 
     Raises
     ------
-    argparse.ArgumentTypeError
+    ValueError
         If one of them is none.
     """
     numbers = text.split(",")
     if not all(_INDEX.fullmatch(number.strip()) for number in numbers):
-        raise argparse.ArgumentTypeError(f"must be whole numbers like 0,2. Got {text!r}.")
+        raise ValueError(f"must be whole numbers like 0,2. Got {text!r}.")
     return [int(number) for number in numbers]
 
 
@@ -248,12 +292,10 @@ def memory(text: str) -> float:
 
     Raises
     ------
-    argparse.ArgumentTypeError
+    ValueError
         If it is none.
     """
     match = _MEMORY.fullmatch(text.strip())
     if match is None or not float(match[1]) > 0:
-        raise argparse.ArgumentTypeError(
-            f"must be a positive number of GiB, or like 8GB or 500MB. Got {text!r}."
-        )
+        raise ValueError(f"must be a positive number of GiB, or like 8GB or 500MB. Got {text!r}.")
     return float(match[1]) * _BYTES[(match[2] or "gib").lower()]

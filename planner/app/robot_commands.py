@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from errors.formatting import probability_text
 from planner.app.job import check_same_part, read_part
+from planner.app.options import Program, Reach
 from planner.app.process import DONE, INCOMPLETE
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError, UncertaintyError
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 # The command ``program``: a robot program that takes the images of a plan.
 
 
-def program(options: argparse.Namespace) -> int:
+def program(options: Program) -> int:
     """Write a robot program, and print its rounds."""
     out = FORMATS[options.format] if options.out is None else options.out
     check_file_place(out, "--out", PROGRAM)
@@ -54,7 +55,7 @@ def program(options: argparse.Namespace) -> int:
     )
     uncertainty = _uncertainty(options)
     plan = read_plan(options.plan)
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
     cell = Cell.from_toml(options.cell)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
@@ -70,7 +71,7 @@ def program(options: argparse.Namespace) -> int:
             progress=progress,
         )
     if made.plan is not None:
-        made.plan.write(options.plan_out)
+        made.plan.write(str(options.plan_out))
     path = write_program(made, out, format=options.format, signals=signals)
     if options.json:
         print_json(made.to_dict())
@@ -82,7 +83,7 @@ def program(options: argparse.Namespace) -> int:
     return DONE if made.complete else INCOMPLETE
 
 
-def _uncertainty(options: argparse.Namespace) -> ArmUncertainty | None:
+def _uncertainty(options: Program) -> ArmUncertainty | None:
     """Return the uncertainty of the arm, if any of it is given."""
     joints = options.sigma_joints
     hand_eye = _isotropic("sigma_hand_eye", options.sigma_hand_eye)
@@ -165,14 +166,14 @@ _SIDEWAYS = 0.5
 _FARTHEST = 0.9
 
 
-def reach(options: argparse.Namespace) -> int:
+def reach(options: Reach) -> int:
     """Print which settings of a plan a robot reaches."""
     if options.within is not None and not options.place:
         raise RequestError.of_rule("within", "must be given with --place", "none")
     _check_plan_out(options)
     _check_cell_out(options)
     plan = read_plan(options.plan)
-    solid = read_part(options)
+    solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
     cell = Cell.from_toml(options.cell)
     if options.place:
@@ -192,7 +193,7 @@ def reach(options: argparse.Namespace) -> int:
     return _other_poses(options, plan, solid, cell)
 
 
-def _check_plan_out(options: argparse.Namespace) -> None:
+def _check_plan_out(options: Reach) -> None:
     if options.plan_out is None:
         return
     if options.place or options.json:
@@ -201,7 +202,7 @@ def _check_plan_out(options: argparse.Namespace) -> None:
     check_file_place(options.plan_out, "--plan-out", PLAN)
 
 
-def _check_cell_out(options: argparse.Namespace) -> None:
+def _check_cell_out(options: Reach) -> None:
     if options.cell_out is None:
         return
     if not options.place:
@@ -212,9 +213,7 @@ def _check_cell_out(options: argparse.Namespace) -> None:
         raise RequestError.of_rule("cell_out", rule, repr(options.cell_out))
 
 
-def _other_poses(
-    options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cell: Cell
-) -> int:
+def _other_poses(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
     """Print which settings are reached from other poses, and write the plan with these where that is asked."""
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         outcome = with_reached_settings(plan, solid, cell, seed=options.seed, progress=progress)
@@ -270,15 +269,15 @@ def _print_first_flange(reachability: Reachability, cell: Cell) -> None:
         for name, poses in reachability.poses.items():
             if poses[number].reached:
                 place = cell.robot.forward(poses[number].joints[0])[:3, 3]
-                shown = " ".join(f"{x:.1f}" for x in place)
+                position = " ".join(f"{x:.1f}" for x in place)
                 print_text(
-                    f"{setting} in {name!r}: {cell.robot.tip} at ({shown}) mm in the base, to compare "
+                    f"{setting} in {name!r}: {cell.robot.tip} at ({position}) mm in the base, to compare "
                     "with the pendant"
                 )
                 return
 
 
-def _placed(options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
+def _placed(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
     """Print positions of the part."""
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         search = PlacementSearch(plan, solid, cell, _ranges(options.within, cell))
@@ -292,9 +291,9 @@ def _placed(options: argparse.Namespace, plan: InspectionPlan, solid: Solid, cel
     return DONE if placements and placements[0].n_reached == len(plan.settings) else INCOMPLETE
 
 
-def _write_cell(options: argparse.Namespace, best: Placement) -> None:
+def _write_cell(options: Reach, best: Placement) -> None:
     """Write the cell with the part where it was evaluated."""
-    out = Path(options.cell_out)
+    out = Path(str(options.cell_out))
     lines = toml_lines(moved_cell(options.cell, best.motion, out.parent))
     x, y, z = best.centre_mm
     head = (
@@ -350,7 +349,7 @@ def _print_places(placements: tuple[Placement, ...], count: int, cell: Cell, fil
         print(line)
 
 
-def _ranges(corners: list[float] | None, cell: Cell) -> list[tuple[float, float] | None]:
+def _ranges(corners: Sequence[float] | None, cell: Cell) -> list[tuple[float, float] | None]:
     """Return the ranges of positions along x, y and z; None: the height of the cell file."""
     if corners is not None:
         return [(corners[k], corners[k + 3]) for k in range(3)]

@@ -19,6 +19,7 @@ from aspectgraph import (
 from aspectgraph.files import DEEPEST, check_plain, code_digest, is_device, replacing
 from planner import Camera, CameraError
 from planner.app.job import read_lighting
+from planner.app.options import Light
 from planner.exceptions import RequestError
 from planner.request.dimension_files import read_wanted
 
@@ -163,13 +164,9 @@ def test_entities_dimensions_cameras_and_lamps_refuse_them(tmp_path, block, text
 
 @pytest.mark.parametrize("text", [DEEP, "lamps = " + "[" * 20_000 + "]" * 20_000, LONG])
 def test_a_file_of_lamps_refuses_them(tmp_path, text):
-    from argparse import Namespace
-
     path = tmp_path / "lamps.toml"
     path.write_text(text)
-    options = Namespace(
-        light=str(path), contrast=0.1, grey_step=0.02, together=False, ground="dark"
-    )
+    options = Light(light=str(path), grey_step=0.02)
     with pytest.raises(RequestError, match=r"nested too deep|too many digits"):
         read_lighting(options)
 

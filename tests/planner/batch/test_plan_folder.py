@@ -249,7 +249,7 @@ def test_what_a_time_limit_ended_is_kept_for_a_longer_one(parts, request_, tmp_p
     def ended_early(*arguments):
         return replace(true_plan(*arguments), unfinished=True)
 
-    regions = tmp_path / "out" / "a.off" / batch.REGIONS
+    regions = tmp_path / "out" / "a.off" / batch.REGIONS_FOLDER
     with ThreadPoolExecutor(1) as executor:
         monkeypatch.setattr(batch, "plan_request", ended_early)
         plan_folder(parts, tmp_path / "out", request_, executor=executor)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
-
 import pytest
 from plan_examples import plan
 
-from planner.app.definitions import build_parser
 from planner.app.main import main
+from planner.app.options import COMMANDS
+from planner.app.parsing import arguments_of, takes_value
 
 BOX = """OFF
 8 6 0
@@ -105,20 +104,11 @@ BAD = {
 }
 
 
-def _commands():
-    (commands,) = (
-        action
-        for action in build_parser()._actions
-        if isinstance(action, argparse._SubParsersAction)
-    )
-    return commands.choices
-
-
 OPTIONS = [
-    (command, action.option_strings[0])
-    for command, parser in _commands().items()
-    for action in parser._actions
-    if action.option_strings and action.nargs != 0
+    (command, argument.name)
+    for command, kind in COMMANDS.items()
+    for argument in arguments_of(kind)
+    if argument.name.startswith("-") and takes_value(argument)
 ]
 
 

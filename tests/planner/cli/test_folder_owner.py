@@ -10,9 +10,9 @@ import pytest
 from plan_examples import CAMERA, ENTITIES, UNCERTAINTY, plan
 
 from errors.measurands import Localisation
-from planner.app.arguments import add_asked, add_light, add_registration, add_wanted, add_workspace
-from planner.app.definitions import add_plan_cell
-from planner.app.parsing import option
+from planner.app.checks import option
+from planner.app.options import Plan
+from planner.app.parsing import arguments_of
 from planner.app.plan_commands import REGIONS_FOLDER, STATE_FILE, Leftovers, check_owner
 from planner.camera.camera import Camera
 from planner.effort.effort import Effort
@@ -126,11 +126,7 @@ def test_a_file_that_is_no_plan_is_not_replaced_either(tmp_path):
 
 def test_every_field_of_a_request_is_named_as_an_option_that_there_is():
     """So is one that is added, if its option has its name."""
-    import argparse
-
-    parser = argparse.ArgumentParser()
-    for add in (add_wanted, add_asked, add_light, add_workspace, add_plan_cell, add_registration):
-        add(parser)
+    options = {argument.name for argument in arguments_of(Plan)}
     names = [one.name for kind in (InspectionRequest, Lighting) for one in fields(kind)]
     names += [one.name for one in fields(Requirements)]
     # what the command line cannot ask for, and what is no word of an error
@@ -141,7 +137,7 @@ def test_every_field_of_a_request_is_named_as_an_option_that_there_is():
         "ring",
     }
     for name in map(keyword, names):
-        assert option(name) in parser._option_string_actions, name
+        assert option(name) in options, name
 
 
 # --- what an interrupted planning left ------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ import pytest
 from aspectgraph import AspectGraphError, PartFileNotFoundError, ReadError, SolidError, read_solid
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
+from planner.app.checks import in_words_of_shell
 from planner.app.main import main
-from planner.app.parsing import in_words_of_shell
 from planner.exceptions import PlannerError, RequestError
 
 # parameter, rule, got, hint, arguments that rule and hint mention; text of a call, text at a shell

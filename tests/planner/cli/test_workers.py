@@ -60,7 +60,7 @@ def test_there_are_no_more_workers_than_cores(monkeypatch):
         def shutdown(self, **_):
             pass
 
-    monkeypatch.setattr(commands, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr("planner.app.batch.ProcessPoolExecutor", Pool)
     monkeypatch.setattr(commands, "usable_cores", lambda: 3)
     with commands._executor(200):
         pass

@@ -14,8 +14,8 @@ from grid_box import EDGES, BoxSpace
 
 from planner import Camera, Effort, PartRequest, PoseUncertainty, inspection, read_plan
 from planner.app import batch as part_request
-from planner.app import definitions
 from planner.app import main as command_line
+from planner.app import options as command_options
 from planner.app.plan_commands import REGIONS_FOLDER
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.exceptions import PlanFileError
@@ -47,13 +47,10 @@ def made_up(monkeypatch):
     for name in _OPTIONS:
         monkeypatch.setattr(import_module(name), "InspectionOptions", options)
     monkeypatch.setattr(part_request, "_LIMITS", (*part_request._LIMITS, "made_up"))
-    add_asked = definitions.add_asked
-
-    def add_more(parser, out=None):
-        add_asked(parser, out)
-        parser.add_argument("--made-up", default="none")
-
-    monkeypatch.setattr(definitions, "add_asked", add_more)
+    plan = command_options.Plan
+    added = [("made_up", str, field(default="none", kw_only=True))]
+    wider_plan = make_dataclass(plan.__name__, added, bases=(plan,))
+    monkeypatch.setitem(command_options.COMMANDS, "plan", wider_plan)
 
 
 class Stop(Exception):

@@ -101,7 +101,7 @@ def test_an_interruption_while_the_program_loads_is_one_line():
         "import sys\n"
         "class Pressed:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'planner.app.arguments':\n"
+        "        if name == 'planner.app.options':\n"
         "            raise KeyboardInterrupt\n"
         "sys.meta_path.insert(0, Pressed())\n"
         "from planner.app import start\n"
