@@ -192,14 +192,14 @@ def _name_of(source: Path) -> str:
 
 def _user_cache() -> Path | None:
     """Return the user's cache folder; None for a user without a home."""
-    if sys.platform == "win32":
-        named = os.environ.get("LOCALAPPDATA", "")
-    elif sys.platform == "darwin":
-        named = os.path.expanduser("~/Library/Caches")
-    else:
-        named = os.environ.get("XDG_CACHE_HOME", "") or os.path.expanduser("~/.cache")
-    # an unknown user's ~ stays as it is, and would be a folder of the current one
-    return Path(named) if os.path.isabs(named) else None
+    from platformdirs import user_cache_dir
+
+    try:
+        folder = Path(user_cache_dir())
+    except RuntimeError:
+        return None
+    # earlier versions keep an unknown user's ~, which would be a folder of the current one
+    return folder if folder.is_absolute() else None
 
 
 def _is_private(folder: Path) -> bool:

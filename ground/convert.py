@@ -77,6 +77,9 @@ class NullIs(float):
 NOT_STORED = object()
 """Mark of a field that files do not hold; it needs a default."""
 
+FROM_ONE = object()
+"""Mark of an index, or of a mapping by index: files count from 1."""
+
 ROW = object()
 """Mark of a record that a file has as an array of its fields."""
 
@@ -589,6 +592,30 @@ class _Named(_Kind):
         return self._worded({**schema, **({"minProperties": self.least} if self.least else {})})
 
 
+class _FromOne(_Kind):
+    """An index or a mapping by index that files count from 1."""
+
+    def __init__(self, counted: _Kind) -> None:
+        super().__init__(counted.metas, counted.rule)
+        self.counted = counted
+
+    def read(self, value: Any, path: Path) -> Any:
+        counted = self.counted.read(value, path)
+        if isinstance(counted, int):
+            return counted - 1
+        for key in counted:
+            self._refuse_unless(key >= 1, path, str(key), "must have whole numbers from 1 as keys")
+        return {key - 1: item for key, item in counted.items()}
+
+    def plain(self, value: Any, defaults: bool) -> Any:
+        if not isinstance(value, Mapping):
+            return self.counted.plain(value + 1, defaults)
+        return self.counted.plain({key + 1: item for key, item in value.items()}, defaults)
+
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
+        return self.counted.schema(definitions)
+
+
 class _Array(_Kind):
     """Numbers in an array of a shape."""
 
@@ -835,6 +862,9 @@ def _kind(annotation: Any) -> _Kind:
     if typing.get_origin(annotation) is Annotated:
         annotation, *marks_given = typing.get_args(annotation)
         marks = tuple(marks_given)
+    if FROM_ONE in marks:
+        others = tuple(mark for mark in marks if mark is not FROM_ONE)
+        return _FromOne(_kind(Annotated[(annotation, *others)] if others else annotation))
     metas = [mark for mark in marks if isinstance(mark, Meta)]
     nulls = [mark for mark in marks if isinstance(mark, NullIs)]
     if nulls or SPELLED in marks:

@@ -74,12 +74,12 @@ from .robotcell import Robot as Robot
 from .robotcell import propose_placements as propose_placements
 from .robotprogram.other_poses import ReachedPlan as ReachedPlan
 from .robotprogram.other_poses import with_reached_settings as with_reached_settings
-from .robotprogram.pose_knowledge import ArmUncertainty as ArmUncertainty
-from .robotprogram.program_file import read_program as read_program
-from .robotprogram.program_record import RobotProgram as RobotProgram
+from .robotprogram.program import RobotProgram as RobotProgram
+from .robotprogram.program import read_program as read_program
 from .robotprogram.program_texts import CameraSignals as CameraSignals
 from .robotprogram.program_texts import program_text as program_text
 from .robotprogram.program_texts import write_program as write_program
+from .robotprogram.robot_program import ArmUncertainty as ArmUncertainty
 from .robotprogram.robot_program import robot_program as robot_program
 from .robotprogram.robot_program import (
     robot_program_with_other_poses as robot_program_with_other_poses,

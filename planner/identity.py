@@ -611,9 +611,13 @@ def _target_values(target: Target) -> dict[str, Any]:
     }
 
 
-def _geometry_of(values: Mapping[str, Any]) -> Geometry:
-    kind: type[Line] | type[Circle] = Line if "p" in values else Circle
-    return from_plain(kind, values, InvalidParameterError)
+def _geometry_of(witness: Mapping[str, Any]) -> tuple[Geometry, ...]:
+    """Return the lines and circles that plain values hold."""
+    shapes: list[Geometry] = []
+    for item in witness["geometry"]:
+        kind: type[Line] | type[Circle] = Line if "p" in item else Circle
+        shapes.append(from_plain(kind, item, InvalidParameterError))
+    return tuple(shapes)
 
 
 def _target_of(values: Mapping[str, Any]) -> Target:
@@ -632,13 +636,13 @@ def _target_of(values: Mapping[str, Any]) -> Target:
                 ),
                 measurand(
                     "length" if kind == EDGE else kind,
-                    tuple(map(_geometry_of, witness["geometry"])),
+                    _geometry_of(witness),
                     direction,
                 ),
             )
             for witness in values["witnesses"]
         )
-    except (MeasurandError, InvalidParameterError) as error:
+    except (MeasurandError, InvalidParameterError, PlanFileError) as error:
         raise PlanFileError(
             f"{field_name('targets', name)} must be one that can be measured. Got: {error}"
         ) from None

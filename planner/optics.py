@@ -26,7 +26,7 @@ from planner.request.models import Means
 from planner.request.reach import TargetSpace
 from planner.request.targets import Target
 from planner.resolve_request import resolve_targets
-from planner.text_table import Column, table_lines
+from planner.text_table import Column, Table
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -138,7 +138,7 @@ def optics_table(proposals: Sequence[OpticsProposal], most: int = 10) -> str:
     >>> print(row)
     a body  a lens   8    300 mm  266 to 343   308 x 258      1/1           80 %
     """
-    return "\n".join(table_lines(OPTICS_COLUMNS, optics_rows(proposals, most), None))
+    return "\n".join(Table(OPTICS_COLUMNS, optics_rows(proposals, most)).lines(None))
 
 
 OPTICS_COLUMNS = (

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ground.templates import render
 from planner.argument_kinds import check_kinds
 from planner.files import write_text
+from planner.text_table import Column, Table
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from planner.rows import Row
 
 
-_STYLE = "text-align:left;padding:2px 10px"
 _DEG = math.degrees(1.0)
 
 
@@ -107,17 +107,21 @@ class PlanTables:
             of the setting. Rows of entities that are not inspected follow, with their reason.
             Unknown values are None. All rows have the same keys.
         """
+        return self._table().records()
+
+    def _table(self) -> Table:
+        """Return all measurements, and then what is not inspected; an empty plan has two columns."""
         from planner.rows import measured_rows
 
-        found = [
+        rows = [
             {**_values(row, self.targets[row.name].n_features), "reason": None, **_pose(setting)}
             for setting, rows in zip(self.settings, measured_rows(self), strict=True)
             for row in rows
         ]
         for name, reason in self.uninspectable.items():
-            found.append({"setting": None, **self._wanted(name), "reason": reason})
-        keys = dict.fromkeys(key for row in found for key in row)
-        return [{**keys, **row} for row in found]
+            rows.append({"setting": None, **self._target_values(name), "reason": reason})
+        keys = list(dict.fromkeys(key for row in rows for key in row)) or ["setting", "name"]
+        return Table(list(map(Column, keys)), [[row.get(key) for key in keys] for row in rows])
 
     def to_dataframe(self) -> Any:
         """Return `rows` as a data frame of pandas.
@@ -202,10 +206,7 @@ class PlanTables:
         OutputError
             If it cannot be written.
         """
-        from aspectgraph.entities.entity_files import csv_text
-
-        rows = self.rows()
-        text = csv_text(list(rows[0]) if rows else ["setting", "name"], rows)
+        text = self._table().csv()
         if path is not None:
             write_text(path, text)
         return text
@@ -214,41 +215,36 @@ class PlanTables:
         """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""
         from errors.formatting import frequency_text, probability_text
 
-        head = ("", "camera at (mm)", "entities", "smallest P", "simulated")
-        lines = [_line(head, "th")]
-        for k, setting in enumerate(self.settings):
-            place = ", ".join(f"{c:.1f}" for c in setting.position)
-            rates = self.simulation.rates[k].values() if self.simulation is not None else ()
+        rows = []
+        for number, setting in enumerate(self.settings, start=1):
+            rates = self.simulation.rates[number - 1].values() if self.simulation else ()
             worst = min(rates, key=lambda rate: rate.frequency, default=None)
-            least = min(setting.promise[name] for name in setting.entities)
+            smallest = min(setting.promise[name] for name in setting.entities)
             simulated = "not yet" if worst is None else frequency_text(worst.successes, worst.n)
-            lines.append(
-                _line(
-                    (
-                        str(k + 1),
-                        place,
-                        ", ".join(setting.entities),
-                        probability_text(least),
-                        simulated,
-                    )
-                )
+            place = ", ".join(f"{c:.1f}" for c in setting.position)
+            names = ", ".join(setting.entities)
+            rows.append((number, place, names, probability_text(smallest), simulated))
+        titles = ("", "camera at (mm)", "entities", "smallest P", "simulated")
+        return str(
+            render(
+                "planner",
+                "plan.html",
+                table=Table(list(map(Column, titles)), rows),
+                caption=self._caption(),
+                reasons=self.uninspectable,
             )
+        )
+
+    def _caption(self) -> str:
         total = len(self.targets)
-        n = total - len(self.uninspectable)
         settings = "1 setting" if len(self.settings) == 1 else f"{len(self.settings)} settings"
-        caption = (
-            f"{self.part or 'part'}: {n} of {total} inspected in {settings} (at least "
+        return (
+            f"{self.part or 'part'}: {total - len(self.uninspectable)} of {total} inspected in {settings} (at least "
             f"{self.lower_bound} needed), A = {self.accuracy:g}, P ≥ {self.probability:g}"
             f"{'; ' if self.features_text else ''}{self.features_text}"
         )
-        reasons = "".join(
-            f"<li>{escape(name)}: {escape(why)}</li>" for name, why in self.uninspectable.items()
-        )
-        missing = f"<p>Not inspected:</p><ul>{reasons}</ul>" if reasons else ""
-        caption = f'<caption style="text-align:left">{escape(caption)}</caption>'
-        return f"<div><table>{caption}{''.join(lines)}</table>{missing}</div>"
 
-    def _wanted(self, name: str) -> dict[str, Any]:
+    def _target_values(self, name: str) -> dict[str, Any]:
         """Return what is to be measured, and how well."""
         target = self.targets[name]
         return {
@@ -304,8 +300,3 @@ def _pose(setting: Any) -> dict[str, Any]:
         **turns,
         **{f"margin_{name}": float(value) for name, value in setting.margins.items()},
     }
-
-
-def _line(cells: Sequence[str], tag: str = "td") -> str:
-    inside = "".join(f'<{tag} style="{_STYLE}">{escape(cell)}</{tag}>' for cell in cells)
-    return f"<tr>{inside}</tr>"

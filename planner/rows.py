@@ -224,19 +224,19 @@ def few_pixels_warning(permitted_px: float) -> str:
 
 
 def _warnings(px: float | None, probability: float, rate: SuccessRate | None) -> tuple[Warned, ...]:
-    found = []
+    warnings = []
     if px is not None and px < WARN_BELOW_PX:
-        found.append(Warned(WarningKind.FEW_PIXELS, few_pixels_warning(px)))
+        warnings.append(Warned(WarningKind.FEW_PIXELS, few_pixels_warning(px)))
     if rate is not None:
         off = rate.frequency - probability
         drawn = frequency_text(rate.successes, rate.n)
         if rate.verdict in (CONTRADICTED, TOLERATED, UNSTATED):
-            told = f"simulation gives {drawn} instead of {probability_text(probability)}: {rate.verdict}"
-            found.append(Warned(WarningKind.DIFFERS, told))
+            text = f"simulation gives {drawn} instead of {probability_text(probability)}: {rate.verdict}"
+            warnings.append(Warned(WarningKind.DIFFERS, text))
         elif rate.verdict != CONFIRMED and abs(off) > LARGE_DIFFERENCE:
-            found.append(
+            warnings.append(
                 Warned(
                     WarningKind.BETTER, f"simulation gives {drawn}, {off:.2g} better than stated"
                 )
             )
-    return tuple(found)
+    return tuple(warnings)

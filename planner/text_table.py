@@ -1,6 +1,6 @@
-"""Text for a terminal of any width: tables and sentences whose names are never broken.
+"""Tables for every reader, and sentences for a terminal of any width; names are never broken there.
 
-A table is printed as it is where it fits. Otherwise its texts are wrapped between words. Where that
+On a terminal a table is printed as it is where it fits. Otherwise its texts are wrapped between words. Where that
 is not enough, the first column, which holds names, gets lines of its own; at last, each value does.
 """
 
@@ -9,28 +9,59 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ground.templates import render_macro
 from planner.progress import visible
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
 
 _GAP = "  "
 _INDENT = "  "
 
 
-class Column(NamedTuple):
-    """A column of a table.
+@dataclass(frozen=True)
+class Column:
+    """A column of a table: what its values are, and how they are shown.
 
     Attributes
     ----------
     title : str
-        Its heading.
+        Its name: the key of a value in records and CSV.
     right : bool
         Whether its cells are aligned on the right, as numbers are.
+    unit : str
+        Stands in brackets behind the title of a shown column.
+    spec : str
+        Format of its numbers, such as ``".3f"``.
+    kind : str
+        What a page makes of its values: a macro of ``table.html``.
     """
 
     title: str
     right: bool = False
+    unit: str = ""
+    spec: str = ""
+    kind: str = "text"
+
+    @property
+    def heading(self) -> str:
+        """Title and unit."""
+        return f"{self.title} ({self.unit})" if self.unit else self.title
+
+    def cell(self, value: Any) -> Cell:
+        """Return a value as text: numbers in their format, those of a vector next to each other."""
+        if value is None:
+            return ""
+        if isinstance(value, str | WholePieces):
+            return value
+        if isinstance(value, Iterable):
+            return " ".join(format(number, self.spec) for number in value)
+        return format(value, self.spec)
 
 
 class WholePieces(NamedTuple):
@@ -116,60 +147,103 @@ def print_text(text: Cell, indent: str = "") -> None:
     print(f"\n{indent}".join(visible(line) for line in lines))
 
 
-def print_table(columns: Sequence[Column], rows: Sequence[Sequence[Cell]]) -> None:
+def print_table(columns: Sequence[Column], rows: Sequence[Sequence[Any]]) -> None:
     """Print a table; nothing of one without rows.
 
     Parameters
     ----------
-    columns : sequence of Column
-        The first holds what names a row.
-    rows : sequence of sequence of str or WholePieces
-        A cell per column. A `str` is never broken.
+    columns, rows
+        See `Table`.
     """
     if rows:
-        print("\n".join(table_lines(columns, rows, terminal_width())))
+        print("\n".join(Table(columns, rows).lines(terminal_width())))
 
 
-def table_lines(
+@dataclass(frozen=True)
+class Table:
+    """A table, for a terminal, a page, a spreadsheet or another program.
+
+    Attributes
+    ----------
+    columns : sequence of Column
+        The first holds what names a row.
+    rows : sequence of sequence
+        A value per column. A `str` is never broken.
+    name, style : str
+        Identifier and class in a page.
+    below : mapping of int to str
+        In a page, what is said below a row, by its number from 0.
+    notes : sequence of str
+        In a page, what is said below the table.
+    """
+
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Any]]
+    name: str = ""
+    style: str = ""
+    below: Mapping[int, str] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return its values by title, a mapping per row: for JSON and data frames."""
+        titles = [column.title for column in self.columns]
+        return [dict(zip(titles, row, strict=True)) for row in self.rows]
+
+    def csv(self) -> str:
+        """Return its values as CSV with a heading (RFC 4180), without loss."""
+        from aspectgraph.entities.entity_files import table_text
+
+        return table_text([column.title for column in self.columns], self.rows)
+
+    def html(self) -> Markup:
+        """Return it as a part of a page."""
+        return render_macro("planner", "table.html", "draw", self)
+
+    def lines(self, width: int | None) -> list[str]:
+        """Return its lines on a terminal.
+
+        Parameters
+        ----------
+        width : int or None
+            Columns of the terminal; None: no limit.
+
+        Returns
+        -------
+        list of str
+            Escaped for a terminal, without blanks at their ends. A line is longer than the width
+            only where a single name is.
+        """
+        columns = self.columns
+        rows = [[c.cell(value) for c, value in zip(columns, row, strict=True)] for row in self.rows]
+        sizes = _sizes(columns, rows, width)
+        if sizes is not None:
+            return [
+                *_heading(columns, sizes),
+                *(line for row in rows for line in _lines(columns, row, sizes)),
+            ]
+        if len(columns) < 2:
+            return [line for row in rows for line in _wrapped(row[0], width)]
+        return _named_lines(columns, rows, None if width is None else width - len(_INDENT))
+
+
+def _named_lines(
     columns: Sequence[Column], rows: Sequence[Sequence[Cell]], width: int | None
 ) -> list[str]:
-    """Return the lines of a table.
-
-    Parameters
-    ----------
-    columns, rows
-        See `print_table`.
-    width : int or None
-        Columns of the terminal; None: no limit.
-
-    Returns
-    -------
-    list of str
-        Escaped for a terminal, without blanks at their ends. A line is longer than the width only
-        where a single name is.
-    """
-    sizes = _sizes(columns, rows, width)
-    if sizes is not None:
-        return [
-            *_heading(columns, sizes),
-            *(line for row in rows for line in _lines(columns, row, sizes)),
-        ]
-    if len(columns) < 2:
-        return [line for row in rows for line in _wrapped(row[0], width)]
-    inner = None if width is None else width - len(_INDENT)
-    rest = columns[1:]
-    sizes = _sizes(rest, [row[1:] for row in rows], inner)
+    """Return a table whose first column has lines of its own, with so much room beside an indent."""
+    values = columns[1:]
+    sizes = _sizes(values, [row[1:] for row in rows], width)
     lines = []
     if sizes is not None:
-        lines = [visible(columns[0].title)]
-        lines += [f"{_INDENT}{line}" for line in _heading(rest, sizes)]
+        lines = [visible(columns[0].heading)]
+        lines += [f"{_INDENT}{line}" for line in _heading(values, sizes)]
     for row in rows:
-        lines += [visible(line) for line in _wrapped(row[0], width) if line]
+        name_width = None if width is None else width + len(_INDENT)
+        lines += [visible(line) for line in _wrapped(row[0], name_width) if line]
         if sizes is not None:
-            lines += [f"{_INDENT}{line}" for line in _lines(rest, row[1:], sizes)]
+            lines += [f"{_INDENT}{line}" for line in _lines(values, row[1:], sizes)]
             continue
-        for column, cell in zip(rest, row[1:], strict=True):
-            lines += _value_lines(column, cell, inner)
+        for column, cell in zip(values, row[1:], strict=True):
+            lines += _value_lines(column, cell, width)
     return lines
 
 
@@ -177,7 +251,7 @@ def _value_lines(column: Column, cell: Cell, width: int | None) -> list[str]:
     """Return the lines of one value under its name: title and value."""
     if not str(cell):
         return []
-    title = f"{column.title}: " if column.title else ""
+    title = f"{column.heading}: " if column.title else ""
     pieces = cell if isinstance(cell, WholePieces) else WholePieces((cell,))
     if width is None or _cells(title) + _least(pieces) <= width:
         lines = _wrapped(pieces, None if width is None else width - _cells(title))
@@ -194,21 +268,21 @@ def _sizes(
 ) -> list[int] | None:
     """Return the width of each column; None if no wrapping makes them fit."""
     natural = []
-    least = []
+    narrowest = []
     for k, column in enumerate(columns):
         cells = [row[k] for row in rows]
-        title = max(map(_cells, column.title.split()), default=0)
-        natural.append(max(_cells(column.title), *map(_natural, cells)))
-        least.append(max(title, *map(_least, cells)))
+        title = max(map(_cells, column.heading.split()), default=0)
+        natural.append(max(_cells(column.heading), *map(_natural, cells)))
+        narrowest.append(max(title, *map(_least, cells)))
     if width is None:
         return natural
-    free = width - len(_GAP) * (len(columns) - 1) - sum(least)
+    free = width - len(_GAP) * (len(columns) - 1) - sum(narrowest)
     if free < 0:
         return None
-    sizes = list(least)
+    sizes = list(narrowest)
     # what is nearest to its own width gets it first, so that as few cells as possible are wrapped
-    for k in sorted(range(len(columns)), key=lambda k: natural[k] - least[k]):
-        more = min(natural[k] - least[k], free)
+    for k in sorted(range(len(columns)), key=lambda k: natural[k] - narrowest[k]):
+        more = min(natural[k] - narrowest[k], free)
         sizes[k] += more
         free -= more
     return sizes
@@ -217,7 +291,7 @@ def _sizes(
 def _heading(columns: Sequence[Column], sizes: Sequence[int]) -> list[str]:
     if not any(column.title for column in columns):
         return []
-    titles = _lines(columns, [words(column.title) for column in columns], sizes)
+    titles = _lines(columns, [words(column.heading) for column in columns], sizes)
     rule = "-" * (sum(sizes) + len(_GAP) * (len(sizes) - 1))
     return [*titles, rule]
 

@@ -1,4 +1,10 @@
-"""The order in which the robot visits the settings: a shortest open path through poses.
+"""The order in which places are visited: the shortest round from home, or the shortest open path.
+
+The round begins and ends at home. Costs are an array (n + 1, n + 1, b, b): entry [i, j, a, c] is the
+time from place i in branch a to place j in branch c. Place 0 is home, which has branch 0 only; inf
+stands for branches that a place does not have. Times are symmetric: [i, j, a, c] = [j, i, c, a].
+An open path is a round whose home is as near as can be to every place.
+Only sums and comparisons decide, so every processor finds the same round.
 
 The distance between two poses is ``|translation| + radian_mm * |rotation angle|``, a metric on rigid motions: a turn of
 one radian counts as much as ``radian_mm`` of travel.
@@ -6,15 +12,25 @@ one radian counts as much as ``radian_mm`` of travel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import itertools
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 RADIAN_MM = 200.0
-_EXACT_UP_TO = 12
-# of so many paths, each improved, the shortest is taken
-_STARTS = 16
+EXACT_UP_TO = 10
+"""Up to this many settings a round is the shortest of all."""
+
+# an open path has one branch a place, so its exact solution goes farther
+_EXACT_PATH_UP_TO = 12
+
+KICKS = 24
+"""How often the best round is disturbed and improved again."""
+
+_LONGEST_PIECE = 3
+# an improvement must be more than rounding, s
+_LEAST_S = 1e-9
 
 
 def pose_distances(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> np.ndarray:
@@ -41,12 +57,6 @@ def pose_distances(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> np.n
     distances = moves + radian_mm * turns
     np.fill_diagonal(distances, 0.0)
     return np.minimum(distances, distances.T)
-
-
-def path_length(distances: np.ndarray, order: Sequence[int]) -> float:
-    """Add up the distances along an open path."""
-    path = np.asarray(order, dtype=int)
-    return float(np.asarray(distances)[path[:-1], path[1:]].sum())
 
 
 def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[int, ...]:
@@ -78,86 +88,337 @@ def travel_order(cam2worlds: np.ndarray, radian_mm: float = RADIAN_MM) -> tuple[
     return order_by(pose_distances(cam2worlds, radian_mm))
 
 
-def order_by(distances: np.ndarray, starts: int = _STARTS) -> tuple[int, ...]:
-    """Return `travel_order` for distances (n, n); beyond 12 poses, paths from so many of them are improved."""
+def order_by(distances: np.ndarray, kicks: int = KICKS) -> tuple[int, ...]:
+    """Return `travel_order` for distances (n, n); beyond 12 poses, the path is disturbed so many times."""
     n = len(distances)
     if n < 3:
         return tuple(range(n))
-    order = shortest_path(distances) if n <= _EXACT_UP_TO else improved_path(distances, starts)
-    return tuple(order if order[0] < order[-1] else order[::-1])
+    costs = np.zeros((n + 1, n + 1, 1, 1))
+    costs[1:, 1:, 0, 0] = distances
+    order = exact_order(costs) if n <= _EXACT_PATH_UP_TO else improved_order(costs, kicks)
+    return tuple(place - 1 for place in order)
 
 
-def shortest_path(distances: np.ndarray) -> list[int]:
-    """Find the shortest open path through all points by dynamic programming over subsets (Held and Karp 1962)."""
-    distances = np.asarray(distances, dtype=float)
-    n = len(distances)
-    # length[s, j]: shortest path through the points of subset s that ends in j
-    length = np.full((1 << n, n), np.inf)
-    length[1 << np.arange(n), np.arange(n)] = 0.0
-    before = np.full((1 << n, n), -1)
-    for subset in range(1, 1 << n):
-        outside = np.flatnonzero(~(subset >> np.arange(n)) & 1)
-        if outside.size == 0:
-            continue
-        via = length[subset][:, None] + distances[:, outside]
-        best = via.argmin(axis=0)
-        grown = subset | (1 << outside)
-        found = via[best, np.arange(outside.size)]
-        better = found < length[grown, outside]
-        length[grown[better], outside[better]] = found[better]
-        before[grown[better], outside[better]] = best[better]
+class Tour(NamedTuple):
+    """A round through all settings.
+
+    Attributes
+    ----------
+    order : tuple of int
+        The settings, from 0, in the order of the visits.
+    branches : tuple of int
+        The branch in each of them, in the same order.
+    seconds : float
+        Time of all moves, from home to home.
+    """
+
+    order: tuple[int, ...]
+    branches: tuple[int, ...]
+    seconds: float
+
+
+def shortest_tour(costs: np.ndarray, kicks: int = KICKS, start: list[int] | None = None) -> Tour:
+    """Find a short round.
+
+    **Guarantee.** Up to 10 settings it is the shortest over all orders and branches. Beyond, no
+    reversal and no relocation of up to three settings, with branches chosen anew, shortens it.
+
+    Parameters
+    ----------
+    costs : array (n + 1, n + 1, b, b)
+        Seconds, see the module.
+    kicks : int
+        Beyond 10 settings, how often the best round is disturbed and improved again.
+    start : list of int, optional
+        Beyond 10 settings, an order of places 1 to n to begin with.
+
+    Returns
+    -------
+    Tour
+        Of all settings; its seconds are inf if a setting cannot be reached.
+    """
+    n = len(costs) - 1
+    if n == 0:
+        return Tour((), (), 0.0)
+    order = exact_order(costs) if n <= EXACT_UP_TO else improved_order(costs, kicks, start)
+    return best_branches(costs, order)
+
+
+def exact_order(costs: np.ndarray) -> list[int]:
+    """Return the order of the shortest round by dynamic programming (Held and Karp 1962).
+
+    Parameters
+    ----------
+    costs : array (n + 1, n + 1, b, b)
+        Seconds.
+
+    Returns
+    -------
+    list of int
+        Places 1 to n. Of two directions it is the one that begins with the smaller number.
+    """
+    n = len(costs) - 1
+    b = costs.shape[2]
+    # into a place and branch: from every (place, branch), which stands last to be contiguous
+    into = costs[1:, 1:].transpose(1, 3, 0, 2).reshape(n, b, n * b).copy()
+    # best[s, (i, a)]: shortest way from home through the subset s that ends in place i, branch a
+    best = np.full((1 << n, n * b), np.inf)
+    for i in range(n):
+        best[1 << i, i * b : (i + 1) * b] = costs[0, i + 1, 0]
+    subsets = np.arange(1 << n)
+    sizes = ((subsets[:, None] >> np.arange(n)) & 1).sum(axis=1)
+    # a way through a subset has only one way without its last place, so all of one size are independent
+    for size in range(1, n):
+        layer = subsets[sizes == size]
+        for i in range(n):
+            without = layer[(layer >> i) & 1 == 0]
+            ways = best[without, None] + into[i]
+            best[without | (1 << i), i * b : (i + 1) * b] = ways.min(axis=-1)
+    end = int((best[-1] + costs[1:, 0, :, 0].reshape(-1)).argmin())
+    if np.isinf(best[-1, end]):
+        # a setting is out of reach: any order will do
+        return list(range(1, n + 1))
+    return _followed_back(best, into, end)
+
+
+def _followed_back(best: np.ndarray, into: np.ndarray, end: int) -> list[int]:
+    """Return the places on the way that ends in (place, branch) number ``end``."""
+    n, b, _ = into.shape
     subset = (1 << n) - 1
-    last = int(length[-1].argmin())
-    order = [last]
-    while before[subset, last] >= 0:
-        subset, last = subset & ~(1 << last), int(before[subset, last])
-        order.append(last)
-    return order[::-1]
+    order = []
+    while subset:
+        place, branch = divmod(end, b)
+        order.append(place + 1)
+        subset &= ~(1 << place)
+        end = int((best[subset] + into[place, branch]).argmin())
+    return order if order[0] < order[-1] else order[::-1]
 
 
-def improved_path(distances: np.ndarray, starts: int = _STARTS) -> list[int]:
-    """Improve nearest-neighbour paths by reversing and relocating pieces until neither helps (2-opt, or-opt)."""
-    distances = np.asarray(distances, dtype=float)
-    paths = (
-        _improve(distances, _nearest_neighbour(distances, start))
-        for start in range(min(len(distances), starts))
-    )
-    return min(paths, key=lambda order: path_length(distances, order))
+def best_branches(costs: np.ndarray, order: list[int]) -> Tour:
+    """Choose the branch of each place for a given order, by dynamic programming.
+
+    Parameters
+    ----------
+    costs : array (n + 1, n + 1, b, b)
+        Seconds.
+    order : list of int
+        Places 1 to n.
+
+    Returns
+    -------
+    Tour
+        The shortest with this order.
+    """
+    length = costs[0, order[0], 0]
+    origins = []
+    for i, j in itertools.pairwise(order):
+        via = length[:, None] + costs[i, j]
+        origins.append(via.argmin(axis=0))
+        length = via.min(axis=0)
+    home = length + costs[order[-1], 0, :, 0]
+    branches = [int(home.argmin())]
+    for origin in reversed(origins):
+        branches.append(int(origin[branches[-1]]))
+    settings = tuple(place - 1 for place in order)
+    return Tour(settings, tuple(branches[::-1]), float(home.min()))
 
 
-def _nearest_neighbour(distances: np.ndarray, start: int) -> list[int]:
-    order = [start]
-    left = set(range(len(distances))) - {start}
-    while left:
-        order.append(min(left, key=lambda j: (distances[order[-1], j], j)))
-        left.remove(order[-1])
+# Local search for long rounds: reversals and relocations, each judged with branches chosen anew.
+#
+# For the present order, ``way[i, j]`` (b, b) holds the shortest way from the i-th to the j-th
+# place by branches at both ends. Any reversal or relocation is then a chain of at most six such
+# matrices, so that all of them are judged together with sums and minima of arrays.
+
+
+def improved_order(
+    costs: np.ndarray, kicks: int = KICKS, start: list[int] | None = None
+) -> list[int]:
+    """Return a short order that no reversal or relocation shortens.
+
+    Parameters
+    ----------
+    costs : array (n + 1, n + 1, b, b)
+        Seconds, as for `shortest_tour`.
+    kicks : int
+        How often the best order is disturbed and improved again.
+    start : list of int, optional
+        An order of the places to begin with. Default: always on to the nearest place.
+
+    Returns
+    -------
+    list of int
+        Places 1 to n.
+    """
+    n = len(costs) - 1
+    finite = np.where(np.isfinite(costs), costs, 1e9)
+    order = _improved(finite, _nearest_first(finite) if start is None else start)
+    best = _length(finite, order)
+    rng = np.random.default_rng(n)
+    for _ in range(kicks):
+        candidate = _improved(finite, _disturbed(order, rng))
+        length = _length(finite, candidate)
+        if length < best - _LEAST_S:
+            best = length
+            order = candidate
+    return order if order[0] < order[-1] else order[::-1]
+
+
+def quick_length(costs: np.ndarray) -> float:
+    """Return about the length of the shortest round: of one that no reversal shortens, s.
+
+    Parameters
+    ----------
+    costs : array (n + 1, n + 1, b, b)
+        Seconds.
+    """
+    finite = np.where(np.isfinite(costs), costs, 1e9)
+    order = _improved(finite, _nearest_first(finite), longest_piece=0)
+    return _length(finite, order)
+
+
+def _nearest_first(costs: np.ndarray) -> list[int]:
+    """Go to the nearest place that is left, in its nearest branch."""
+    here = 0
+    branch = 0
+    unvisited = list(range(1, len(costs)))
+    order = []
+    while unvisited:
+        options = costs[here, unvisited, branch]
+        nearest, branch = divmod(int(options.argmin()), options.shape[1])
+        here = unvisited.pop(nearest)
+        order.append(here)
     return order
 
 
-def _improve(distances: np.ndarray, order: list[int]) -> list[int]:
-    length = path_length(distances, order)
-    improved = True
-    while improved:
-        improved = False
-        for candidate in _variations(order):
-            candidate_length = path_length(distances, candidate)
-            if candidate_length < length - 1e-9:
-                order = candidate
-                length = candidate_length
-                improved = True
+def _disturbed(order: list[int], rng: np.random.Generator) -> list[int]:
+    """Exchange two pieces in the middle, which no reversal undoes (a double bridge)."""
+    first, second, third = sorted(rng.choice(np.arange(1, len(order)), 3, replace=False).tolist())
+    return order[:first] + order[second:third] + order[first:second] + order[third:]
+
+
+def _length(costs: np.ndarray, order: list[int]) -> float:
+    length = costs[0, order[0], 0]
+    for i, j in itertools.pairwise(order):
+        length = (length[:, None] + costs[i, j]).min(axis=0)
+    return float((length + costs[order[-1], 0, :, 0]).min())
+
+
+def _improved(
+    costs: np.ndarray, order: list[int], longest_piece: int = _LONGEST_PIECE
+) -> list[int]:
+    """Improve until no reversal and no relocation of a piece helps."""
+    length = _length(costs, order)
+    while True:
+        candidate = _best_neighbour(costs, order, longest_piece)
+        candidate_length = _length(costs, candidate)
+        if candidate_length >= length - _LEAST_S:
+            return order
+        order = candidate
+        length = candidate_length
+
+
+def _best_neighbour(costs: np.ndarray, order: list[int], longest_piece: int) -> list[int]:
+    path = np.array([0, *order, 0])
+    ways = _Ways(costs, path)
+    neighbours = [ways.best_reversal()]
+    back = _Ways(costs, path[::-1].copy()) if longest_piece else ways
+    for size in range(1, longest_piece + 1):
+        neighbours.append(ways.best_relocation(size))
+        length, path_back = back.best_relocation(size)
+        neighbours.append((length, path_back[::-1]))
+    _, path = min(neighbours, key=lambda one: one[0])
+    return [int(place) for place in path[1:-1]]
+
+
+class _Ways:
+    """The shortest ways between all places of a path, home at both ends.
+
+    Attributes
+    ----------
+    path : array (m,)
+        Places; the first and the last are home.
+    leg : array (m, m, b, b)
+        Time of the direct move between two positions of the path.
+    way : array (m, m, b, b)
+        Time along the path from one position to a later one.
+    """
+
+    def __init__(self, costs: np.ndarray, path: np.ndarray):
+        m = len(path)
+        b = costs.shape[2]
+        self.path = path
+        self.leg = costs[path[:, None], path[None, :]]
+        self.way = np.full((m, m, b, b), np.inf)
+        places = np.arange(m)
+        self.way[places, places] = np.where(np.eye(b, dtype=bool), 0.0, np.inf)
+        for gap in range(1, m):
+            first = np.arange(m - gap)
+            legs = self.leg[first + gap - 1, first + gap]
+            self.way[first, first + gap] = _chained(self.way[first, first + gap - 1], legs)
+
+    def best_reversal(self) -> tuple[float, np.ndarray]:
+        """Return length and path of the best reversal of a piece."""
+        m = len(self.path)
+        first, last = np.triu_indices(m - 2, 1)
+        first = first + 1
+        last = last + 1
+        start = _onward(self.way[0, first - 1, 0], self.leg[first - 1, last])
+        start = _onward(start, self.way[first, last].transpose(0, 2, 1))
+        start = _onward(start, self.leg[first, last + 1])
+        lengths = (start + self.way[last + 1, m - 1, :, 0]).min(axis=-1)
+        k = int(lengths.argmin())
+        i = int(first[k])
+        j = int(last[k]) + 1
+        path = np.concatenate([self.path[:i], self.path[i:j][::-1], self.path[j:]])
+        return float(lengths[k]), path
+
+    def best_relocation(self, size: int) -> tuple[float, np.ndarray]:
+        """Return length and path of the best move of a piece of so many places to a later position."""
+        m = len(self.path)
+        first, target = np.nonzero(np.tri(m, m, -size, dtype=bool).T)
+        inside = (first >= 1) & (target <= m - 2)
+        first = first[inside]
+        target = target[inside]
+        if len(first) == 0:
+            return np.inf, self.path
+        last = first + size - 1
+        # the way to `target` without the piece
+        start = _onward(self.way[0, first - 1, 0], self.leg[first - 1, last + 1])
+        start = _onward(start, self.way[last + 1, target])
+        home = self.way[target + 1, m - 1, :, 0]
+        relocations = []
+        for entry, leaving in ((first, last), (last, first)):
+            piece = self.way[first, last]
+            if entry is last:
+                piece = piece.transpose(0, 2, 1)
+            end = _onward(_onward(start, self.leg[target, entry]), piece)
+            end = _onward(end, self.leg[leaving, target + 1])
+            lengths = (end + home).min(axis=-1)
+            k = int(lengths.argmin())
+            relocations.append((float(lengths[k]), k, entry is last))
+            if size == 1:
                 break
-    return order
+        length, k, reverse = min(relocations)
+        i = int(first[k])
+        stop = i + size
+        after = int(target[k]) + 1
+        piece_path = self.path[i:stop]
+        moved = piece_path[::-1] if reverse else piece_path
+        path = np.concatenate([self.path[:i], self.path[stop:after], moved, self.path[after:]])
+        return length, path
 
 
-def _variations(order: list[int]) -> Iterator[list[int]]:
-    """Yield every path that differs by one reversed or one relocated piece (of up to three points)."""
-    n = len(order)
-    for i in range(n):
-        for j in range(i + 2, n + 1):
-            yield order[:i] + order[i:j][::-1] + order[j:]
-    for i in range(n):
-        for size in (1, 2, 3):
-            piece = order[i : i + size]
-            rest = order[:i] + order[i + size :]
-            for k in range(len(rest) + 1):
-                yield rest[:k] + piece + rest[k:]
+def _chained(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the shortest ways (n, b, b) by any branch in the middle."""
+    shortest = first[:, :, 0, None] + second[:, 0, None, :]
+    for middle in range(1, first.shape[2]):
+        np.minimum(shortest, first[:, :, middle, None] + second[:, middle, None, :], out=shortest)
+    return shortest
+
+
+def _onward(length: np.ndarray, legs: np.ndarray) -> np.ndarray:
+    """Return the shortest ways (n, b) to the end of legs (n, b, b)."""
+    shortest = length[..., 0, None] + legs[:, 0]
+    for branch in range(1, legs.shape[1]):
+        np.minimum(shortest, length[..., branch, None] + legs[:, branch], out=shortest)
+    return shortest

@@ -7,13 +7,9 @@ depth buffer of the browser decides which edges are visible; this serves looking
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Iterable, Sequence
-from html import escape
-from importlib import resources
 from itertools import pairwise, product
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,8 +22,10 @@ from aspectgraph.plot.traces import is_feature, line_trace, part_traces, scene_f
 from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.rims import Arc, Rim
 from aspectgraph.solid.solid import Solid
+from ground.templates import asset, render
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.axes import Axes
     from plotly.graph_objects import Figure, Scatter3d
 
@@ -508,21 +506,21 @@ def picker_html(
     """
     items = named_items(solid, edge_ids, curve_ids)
     name = solid.name or "part"
-    return Template(_asset("picker.html")).substitute(
-        title=escape(f"{name}: edges"),
-        part=escape(name),
-        counts=escape(counts_text(items)),
-        file=escape(f"{_stem(name)}_entities.toml"),
-        dimensions=escape(f"{_stem(name)}_dimensions.toml"),
+    page = render(
+        "aspectgraph",
+        "plot/page/picker.html",
+        part=name,
+        counts=counts_text(items),
+        stem=_stem(name),
+        data=_data(solid, items, name),
         style=_asset("picker.css"),
-        # a script element ends at the first </
-        data=json.dumps(_data(solid, items, name), allow_nan=False).replace("<", "\\u003c"),
-        script="\n".join(map(_asset, _SCRIPTS)),
+        scripts=list(map(_asset, _SCRIPTS)),
     )
+    return str(page)
 
 
-def _asset(name: str) -> str:
-    return resources.files("aspectgraph.plot").joinpath("page", name).read_text(encoding="utf-8")
+def _asset(name: str) -> Markup:
+    return asset("aspectgraph.plot", f"page/{name}")
 
 
 def _stem(name: str) -> str:

@@ -22,15 +22,18 @@ from planner.robotcell import Cell, Placement, Reachability
 from planner.robotcell.cell_file import moved_cell, toml_lines
 from planner.robotcell.placement import PlacementSearch
 from planner.robotprogram.other_poses import with_reached_settings
-from planner.robotprogram.pose_knowledge import ArmUncertainty
-from planner.robotprogram.program_record import FixturedTour, RobotProgram, Stop
+from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
 from planner.robotprogram.program_texts import (
     FORMATS,
     CameraSignals,
     check_program_speed,
     write_program,
 )
-from planner.robotprogram.robot_program import robot_program, robot_program_with_other_poses
+from planner.robotprogram.robot_program import (
+    ArmUncertainty,
+    robot_program,
+    robot_program_with_other_poses,
+)
 from planner.sensor_setting import image_name
 from planner.text_table import Column, print_table, print_text
 

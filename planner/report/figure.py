@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,7 @@ from planner.sensor_setting import SensorSetting
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
+    from markupsafe import Markup
 
     from aspectgraph import Arc, Solid
     from planner.camera.camera import Camera
@@ -172,13 +173,28 @@ def box_around(points: _Array, limits: _Array, air: float = 0.08) -> _Array:
     )
 
 
-def view_buttons(views: Mapping[str, Any]) -> str:
-    """Return a button for each view."""
-    labels = {"everything": "Everything", "part": "Part"}
-    return "".join(
-        f'<button data-view="{name}">{labels.get(name, name.replace("setting-", "As setting ") + " sees it")}</button>'
-        for name in views
+def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> Markup:
+    """Return a figure for a page that has plotly.
+
+    Parameters
+    ----------
+    figure : plotly.graph_objects.Figure
+        The figure.
+    name, height : str
+        Identifier and height of its element.
+    **config : object
+        Further configuration of plotly.
+    """
+    from markupsafe import Markup
+
+    html = figure.to_html(
+        full_html=False,
+        include_plotlyjs=False,
+        div_id=name,
+        default_height=height,
+        config={"displaylogo": False, "responsive": True, **config},
     )
+    return Markup(html)
 
 
 # Lines of pictures: edges of the part, its circles, and the lines and circles that a plan
@@ -208,7 +224,7 @@ def polylines(
         Two points of a line, a fine polygon of a circle or arc.
     """
     if setting is None:
-        setting = next((one for one in plan.settings if name in one.entities), None)
+        setting = next((view for view in plan.settings if name in view.entities), None)
     targets = plan.targets if setting is None else targets_of(plan.targets, setting)
     return lines_of(targets[name].geometry)
 
@@ -221,14 +237,14 @@ def lines_of(geometry: Iterable[Geometry]) -> list[NDArray[np.float64]]:
     geometry : iterable of Line or Circle
         What is measured.
     """
-    found = []
-    for one in geometry:
-        if isinstance(one, Circle):
-            n = max(2, round(_PARTS_OF_CIRCLE * one.span_rad / (2 * np.pi)))
-            found.append(one.points(np.linspace(0.0, one.span_rad, n + 1)))
+    polygons = []
+    for curve in geometry:
+        if isinstance(curve, Circle):
+            n = max(2, round(_PARTS_OF_CIRCLE * curve.span_rad / (2 * np.pi)))
+            polygons.append(curve.points(np.linspace(0.0, curve.span_rad, n + 1)))
         else:
-            found.append(np.array([one.p, one.q]))
-    return found
+            polygons.append(np.array([curve.p, curve.q]))
+    return polygons
 
 
 def drawn(
@@ -250,13 +266,13 @@ def drawn(
     dict of str to array
         In the order given.
     """
-    found = {}
+    pieces = {}
     for name in names:
         lines = polylines(plan, name, setting)
         pairs = [np.stack([line[:-1], line[1:]], axis=1) for line in lines]
         # the ends of an edge are marked
-        found[name] = lines[0] if plan.targets[name].in_image else np.concatenate(pairs)
-    return found
+        pieces[name] = lines[0] if plan.targets[name].in_image else np.concatenate(pairs)
+    return pieces
 
 
 def chord_circles(solid: Solid) -> dict[int, Arc]:
@@ -368,8 +384,8 @@ def plan_figure(
         for k, setting in enumerate(plan.settings):
             if not time_left.fits_another():
                 break
-            own = space.choosing(setting.witness) if isinstance(space, TargetSpace) else space
-            facets = domain_facets(own.covering_cells(list(setting.entities)), solid, frame.box)
+            chosen = space.choosing(setting.witness) if isinstance(space, TargetSpace) else space
+            facets = domain_facets(chosen.covering_cells(list(setting.entities)), solid, frame.box)
             name = f"domains of setting {k + 1}"
             traces.append(
                 surface_trace(
@@ -472,8 +488,8 @@ def _lamp_trace(light: LightPlan) -> go.Scatter3d:
         text=[f"lamp {lamp + 1}" for lamp in range(len(light.lamps))],
         textposition="top center",
         hovertext=[
-            f"lamp at {point_text(place)} mm<br>{told}"
-            for place, told in zip(light.lamps, shown, strict=True)
+            f"lamp at {point_text(place)} mm<br>{text}"
+            for place, text in zip(light.lamps, shown, strict=True)
         ],
         hoverinfo="text",
         name="lamps",

@@ -6,11 +6,9 @@ Of a large graph the domains that matter most to the plan are drawn, never more 
 from __future__ import annotations
 
 import heapq
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import networkx as nx
@@ -20,11 +18,14 @@ from scipy.spatial import ConvexHull
 
 from aspectgraph.plot.graph_plot import layout
 from aspectgraph.plot.traces import domain_facets, scene_figure
+from ground.templates import render
 from planner.progress import TimeLeft, report
+from planner.report.figure import figure_html
 from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
+    from markupsafe import Markup
 
     from aspectgraph import EntityAspectGraph, Solid
     from planner.plan import InspectionPlan
@@ -54,19 +55,19 @@ class GraphPicture(NamedTuple):
 
     Attributes
     ----------
-    svg : str
+    svg : Markup
         The picture; its circles are in groups with the attribute ``data-domain``.
-    note : str
-        What it shows.
-    domains : str
-        What is shown of a domain that is clicked on, as JSON that is safe inside a page: by number of the domain its
-        ``text``, its ``color`` and its surface: coordinates ``x``, ``y``, ``z`` in mm of the corners of triangles
-        ``i``, ``j``, ``k``.
+    n_drawn, n : int
+        Number of its circles, and of all domains.
+    domains : dict
+        What is shown of a domain that is clicked on: by number of the domain its ``text``, its ``color`` and its
+        surface: coordinates ``x``, ``y``, ``z`` in mm of the corners of triangles ``i``, ``j``, ``k``.
     """
 
-    svg: str
-    note: str
-    domains: str
+    svg: Markup
+    n_drawn: int
+    n: int
+    domains: dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def graph_picture(
     """
     shown = _chosen(plan, graph, box)
     surfaces, unseen = _surfaces(graph, shown, box, progress, TimeLeft(until))
-    told = {
+    domains = {
         str(node): {
             "text": _text(plan, graph, node, shown) + unseen.get(node, ""),
             "color": _color(shown, node, colors),
@@ -123,21 +124,7 @@ def graph_picture(
         }
         for node in shown.nodes
     }
-    domains = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
-    return GraphPicture(
-        _svg(graph, shown, colors), _note(len(shown.nodes), len(graph.graph)), domains
-    )
-
-
-def _note(drawn: int, n: int) -> str:
-    of = f"All {n} viewing domains"
-    if drawn < n:
-        of = f"{drawn} of {n} viewing domains: those with a camera, paths between them, and the largest neighbours"
-    return (
-        f"The aspect graph. {of}. A line joins neighbours. Domains that see more tend to be higher. A number names the "
-        "camera in a domain. A colour names a setting whose targets are all visible from the domain. Click on a domain "
-        "to show it in 3-D. Click again to hide it."
-    )
+    return GraphPicture(_svg(graph, shown, colors), len(shown.nodes), len(graph.graph), domains)
 
 
 def needed_entities(plan: InspectionPlan, setting: SensorSetting) -> list[str]:
@@ -152,7 +139,7 @@ def needed_entities(plan: InspectionPlan, setting: SensorSetting) -> list[str]:
     """
     targets = targets_of(plan.targets, setting)
     lists = (targets[name].entities for name in setting.entities)
-    return list(dict.fromkeys(entity for one in lists for entity in one))
+    return list(dict.fromkeys(entity for names in lists for entity in names))
 
 
 def _chosen(plan: InspectionPlan, graph: EntityAspectGraph, box: NDArray[np.float64]) -> _Shown:
@@ -175,25 +162,25 @@ def _chosen(plan: InspectionPlan, graph: EntityAspectGraph, box: NDArray[np.floa
 
 def _ways(graph: nx.Graph, ends: Sequence[int]) -> list[int]:
     """Return nodes, and those on a shortest way from the first to each of the others; the nodes first."""
-    found = dict.fromkeys(ends)
+    nodes = dict.fromkeys(ends)
     for node in ends[1:]:
         if nx.has_path(graph, ends[0], node):
-            found.update(dict.fromkeys(nx.shortest_path(graph, ends[0], node)))
-    return list(found)
+            nodes.update(dict.fromkeys(nx.shortest_path(graph, ends[0], node)))
+    return list(nodes)
 
 
-def _grown(graph: nx.Graph, nodes: Sequence[int], most: int) -> list[int]:
+def _grown(graph: nx.Graph, nodes: Sequence[int], limit: int) -> list[int]:
     """Return nodes and their neighbours, the largest first, and the neighbours of these, up to a number."""
-    found = dict.fromkeys(nodes)
+    grown = dict.fromkeys(nodes)
     waiting = [(-graph.nodes[other]["volume"], other) for node in nodes for other in graph[node]]
     heapq.heapify(waiting)
-    while waiting and len(found) < most:
+    while waiting and len(grown) < limit:
         _, node = heapq.heappop(waiting)
-        if node not in found:
-            found[node] = None
+        if node not in grown:
+            grown[node] = None
             for other in graph[node]:
                 heapq.heappush(waiting, (-graph.nodes[other]["volume"], other))
-    return list(found)
+    return list(grown)
 
 
 def _is_inside(data: dict[str, Any], box: NDArray[np.float64]) -> bool:
@@ -212,7 +199,7 @@ def _surfaces(
 ) -> tuple[dict[int, dict[str, Any]], dict[int, str]]:
     """Return surfaces by domain, simple ones and those with cameras first, and why nothing is shown of a domain."""
     cells = dict(graph.graph.nodes(data="n_cells"))
-    found: dict[int, dict[str, Any]] = {}
+    surfaces: dict[int, dict[str, Any]] = {}
     unseen: dict[int, str] = {}
     taken = 0
     order = sorted(shown.nodes, key=lambda node: (node not in shown.standing, cells[node], node))
@@ -224,11 +211,11 @@ def _surfaces(
         elif not time_left.fits_another():
             unseen[node] = " It is not drawn: the time limit ended."
         else:
-            found[node] = _surface(graph, node, box)
-            if not found[node]["i"]:
+            surfaces[node] = _surface(graph, node, box)
+            if not surfaces[node]["i"]:
                 unseen[node] = " It lies outside the picture."
     report(progress, len(order), len(order), "picture of the graph")
-    return found, unseen
+    return surfaces, unseen
 
 
 def _surface(graph: EntityAspectGraph, node: int, box: NDArray[np.float64]) -> dict[str, Any]:
@@ -283,22 +270,38 @@ def _color(shown: _Shown, node: int, colors: Sequence[str]) -> str:
     return _PLAIN if k is None else colors[k]
 
 
-def _svg(graph: EntityAspectGraph, shown: _Shown, colors: Sequence[str]) -> str:
+class _Circle(NamedTuple):
+    """A domain in the picture, and the numbers of the cameras in it."""
+
+    node: int
+    x: float
+    y: float
+    radius: float
+    color: str
+    title: str
+    cameras: str
+
+
+def _svg(graph: EntityAspectGraph, shown: _Shown, colors: Sequence[str]) -> Markup:
     drawn = graph.graph.subgraph(shown.nodes)
     places = _places(drawn)
-    lines = "".join(
-        f'<line x1="{places[a][0]:.1f}" y1="{places[a][1]:.1f}" x2="{places[b][0]:.1f}" y2="{places[b][1]:.1f}"/>'
-        for a, b in sorted(map(sorted, drawn.edges))
-    )
     radius = _radii(drawn)
+    circles = []
     # small ones are not covered by large ones
-    order = sorted(shown.nodes, key=lambda node: (-radius[node], node))
-    circles = "".join(
-        _circle(graph, shown, node, places[node], radius[node], colors) for node in order
-    )
-    return (
-        f'<svg class="graph" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="group" aria-label="aspect graph">'
-        f"<g>{lines}</g>{circles}</svg>"
+    for node in sorted(shown.nodes, key=lambda node: (-radius[node], node)):
+        x, y = places[node]
+        cameras = _numbers(shown.standing.get(node, []))
+        room = 5 + 2.6 * len(cameras) if cameras else 0.0
+        listed = ", ".join(graph.graph.nodes[node][graph.regions.listed_as])
+        title = f"domain {node}: {listed or 'nothing'}"
+        color = _color(shown, node, colors)
+        circles.append(_Circle(node, x, y, max(radius[node], room), color, title, cameras))
+    return render(
+        "planner",
+        "report/templates/graph.svg",
+        size=(_WIDTH, _HEIGHT),
+        lines=[(places[a], places[b]) for a, b in sorted(map(sorted, drawn.edges))],
+        circles=circles,
     )
 
 
@@ -306,8 +309,8 @@ def _places(drawn: nx.Graph) -> dict[int, NDArray[np.float64]]:
     """Return where the circles are in the picture, y down, filling it."""
     if not len(drawn):
         return {}
-    found = layout(drawn)
-    points = np.array([found[node] for node in drawn]) * [1, -1]
+    layout_places = layout(drawn)
+    points = np.array([layout_places[node] for node in drawn]) * [1, -1]
     low = points.min(axis=0)
     size = np.ptp(points, axis=0)
     share = np.where(size > 1e-9, (points - low) / np.where(size > 1e-9, size, 1.0), 0.5)
@@ -323,30 +326,6 @@ def _radii(drawn: nx.Graph) -> dict[int, float]:
         node: _RADII[0] + (_RADII[1] - _RADII[0]) * (value - low) / span
         for node, value in logs.items()
     }
-
-
-def _circle(
-    graph: EntityAspectGraph,
-    shown: _Shown,
-    node: int,
-    place: NDArray[np.float64],
-    radius: float,
-    colors: Sequence[str],
-) -> str:
-    x, y = place
-    cameras = shown.standing.get(node, [])
-    radius = max(radius, 5 + 2.6 * len(_numbers(cameras))) if cameras else radius
-    listed = graph.graph.nodes[node][graph.regions.listed_as]
-    title = escape(f"domain {node}: {', '.join(listed) or 'nothing'}")
-    number = (
-        f'<text x="{x:.1f}" y="{y:.1f}" dy="0.36em">{_numbers(cameras)}</text>' if cameras else ""
-    )
-    kind = ' class="stands"' if cameras else ""
-    return (
-        f'<g data-domain="{node}" tabindex="0" role="button" aria-label="{title}"{kind}><title>{title}</title>'
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" '
-        f'fill="{_color(shown, node, colors)}"/>{number}</g>'
-    )
 
 
 # The robot at each setting as an interactive 3-D figure (plotly): one slider, no moves in
@@ -418,9 +397,9 @@ def arm_figure(stands: Sequence[Stand], solid: Solid, cell: Cell) -> go.Figure:
     for number, stand in enumerate(stands):
         shapes = cell.shapes(np.asarray(stand.joints), stand.fixturing)
         moving += [corners for _, is_moving, corners, _ in shapes if is_moving]
-        own = _traces(shapes, visible=number == 0)
-        traces += own
-        shown += [{number}] * len(own)
+        meshes = _traces(shapes, visible=number == 0)
+        traces += meshes
+        shown += [{number}] * len(meshes)
     lies = [cell.part_at(np.asarray(stand.joints), stand.fixturing) for stand in stands]
     for key in dict.fromkeys(place.tobytes() for place in lies):
         own_stands = {k for k, place in enumerate(lies) if place.tobytes() == key}
@@ -459,14 +438,7 @@ def arm_section(plan: InspectionPlan, solid: Solid, cell: Cell | None) -> str:
     stands = stands_of(plan)
     if cell is None or not stands:
         return ""
-    figure = arm_figure(stands, solid, cell)
-    return figure.to_html(
-        full_html=False,
-        include_plotlyjs=False,
-        div_id="arm3d",
-        default_height="560px",
-        config={"displaylogo": False, "responsive": True},
-    )
+    return figure_html(arm_figure(stands, solid, cell), "arm3d", "560px")
 
 
 def _slider(stands: Sequence[Stand], shown: Sequence[set[int]]) -> dict[str, Any]:
@@ -508,8 +480,7 @@ def _coarse(corners: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _hull(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    found = ConvexHull(points)
-    used, triangles = np.unique(found.simplices, return_inverse=True)
+    used, triangles = np.unique(ConvexHull(points).simplices, return_inverse=True)
     return points[used], triangles.reshape(-1, 3)
 
 

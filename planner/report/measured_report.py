@@ -6,22 +6,22 @@ import base64
 import io
 import math
 from collections.abc import Iterable, Sequence
-from html import escape
-from importlib import resources
-from string import Template
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import Decision, DecisionRule
+from ground.templates import asset, render, render_macro
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import Registered
 from planner.measuring.results import MeasurementResults, Result
 from planner.measuring.scans import STATE_TEXTS, State
+from planner.report.tables import Line
 from planner.report.wording import count
 from planner.request.words import tolerance_text
-from planner.text_table import Column, print_table, print_text, words
+from planner.text_table import Column, Table, print_table, print_text, words
 
 # The table of measured values for the terminal.
 
@@ -36,13 +36,13 @@ def print_results(results: MeasurementResults) -> None:
         Column("found", right=True),
         Column("decision"),
     )
-    print_table(columns, [_row(one) for one in results])
-    names = [one.name for one in results]
-    for one in results:
-        if one.reason:
-            print_text(words(f"not measured: {one.name}: {one.reason}", names))
-        for note in one.notes:
-            print_text(words(f"{one.name}: {note}", names))
+    print_table(columns, [_row(result) for result in results])
+    names = [result.name for result in results]
+    for result in results:
+        if result.reason:
+            print_text(words(f"not measured: {result.name}: {result.reason}", names))
+        for note in result.notes:
+            print_text(words(f"{result.name}: {note}", names))
     for note in image_notes(results):
         print_text(note)
     print_text(verdict(results))
@@ -62,7 +62,7 @@ _SEVERAL = {"conforms": "conform", "does not conform": "do not conform"}
 
 def verdict(results: MeasurementResults) -> str:
     """Say in a sentence or two what was measured."""
-    measured = sum(one.measured for one in results)
+    measured = sum(result.measured for result in results)
     parts = [
         f"{n} {name if n == 1 else _SEVERAL.get(name, name)}" for name, n in results.counts.items()
     ]
@@ -82,18 +82,29 @@ def number_text(value: float, uncertainty: float) -> str:
     return f"{value:.{decimals}f}"
 
 
-def _row(one: Result) -> tuple[str, ...]:
-    tolerance = "" if one.tolerance is None else f" {tolerance_text(one.tolerance)}"
-    nominal = f"{one.nominal:.6g} {one.unit}{tolerance}"
-    readings = [reading for reading in one.readings if reading.measured] or list(one.readings)
-    found = f"{100 * max((r.found_share for r in readings), default=0.0):.0f} %"
-    if not one.measured:
-        return one.name, nominal, "", "", found, one.decision.value
-    u = one.expanded_uncertainty
+def _row(result: Result) -> tuple[str, ...]:
+    readings = [reading for reading in result.readings if reading.measured] or result.readings
+    share = max((reading.found_share for reading in readings), default=0.0)
     return (
-        *(one.name, nominal, number_text(one.value, u), number_text(u, u), found),
-        one.decision.value,
+        result.name,
+        _nominal_text(result),
+        *_value_texts(result),
+        f"{100 * share:.0f} %",
+        result.decision.value,
     )
+
+
+def _nominal_text(result: Result) -> str:
+    tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
+    return f"{result.nominal:.6g} {result.unit}{tolerance}"
+
+
+def _value_texts(result: Result) -> tuple[str, str]:
+    """Return a value and its U; nothing of what was not measured."""
+    if not result.measured:
+        return "", ""
+    u = result.expanded_uncertainty
+    return number_text(result.value, u), number_text(u, u)
 
 
 # Pictures of what was measured, as SVG: found points on the image, residuals as whiskers, values
@@ -149,37 +160,76 @@ def image_data(picture: Picture, window: tuple[int, int, int, int], width: int) 
     return "data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
-def image_svg(picture: Picture, points: NDArray[np.void], title: str) -> str:
+class Stroke(NamedTuple):
+    """A path of a picture: its data, the width of its stroke, and its colour."""
+
+    d: str
+    size: float
+    color: str = ""
+
+
+class DrawnImage(NamedTuple):
+    """A part of an image (left, top, width, height, px) with what is drawn on it."""
+
+    title: str
+    window: tuple[int, int, int, int]
+    jpeg: str
+    dots: list[Stroke]
+    outlines: Sequence[Stroke] = ()
+    whiskers: Sequence[Stroke] = ()
+
+
+class Residuals(NamedTuple):
+    """Residuals of an entity along it; what was not found as marks at the bottom. `reach` is half the height, px."""
+
+    title: str
+    reach: float
+    dots: list[Stroke]
+    size: tuple[int, int] = _PLOT
+
+
+class ValueBar(NamedTuple):
+    """A value with its U in the tolerance, whose guard bands are shaded; places in px of the picture."""
+
+    title: str
+    bands: list[tuple[str, float, float]]
+    zero: float
+    low: float
+    middle: float
+    high: float
+    limits: list[tuple[str, float, float]]
+    size: tuple[int, int] = _BAR
+
+
+def whole_image(picture: Picture, points: NDArray[np.void], title: str) -> DrawnImage:
     """Return a whole image with the samples of its registration, and the planned and the registered outline."""
     height, width = picture.grey.shape
     window = (0, 0, width, height)
-    lines = ""
+    outlines = []
     if "edge" in (points.dtype.names or ()):
         size = 0.0011 * width
-        lines = outline_path(points, ("planned_u", "planned_v"), PLANNED, size)
-        lines += outline_path(points, ("u", "v"), REGISTERED, size)
-    dots = _dots(points[::2], 0.0026 * width)
-    return _svg(window, image_data(picture, window, _WIDE_PX), lines + dots, title)
+        outlines = [
+            Stroke(_outline(points, ("planned_u", "planned_v")), size, PLANNED),
+            Stroke(_outline(points, ("u", "v")), size, REGISTERED),
+        ]
+    jpeg = image_data(picture, window, _WIDE_PX)
+    return DrawnImage(title, window, jpeg, _dots(points[::2], 0.0026 * width), outlines)
 
 
-def outline_path(
-    points: NDArray[np.void], fields: tuple[str, str], colour: str, size: float
-) -> str:
+def _outline(points: NDArray[np.void], fields: tuple[str, str]) -> str:
     """Return lines through the samples (edge, and two fields of places) of each edge."""
     places = np.stack([points[name] for name in fields], axis=1)
     marks = []
     for k in np.unique(points["edge"]):
-        own = places[points["edge"] == k]
-        steps = np.linalg.norm(np.diff(own, axis=0), axis=1)
-        for part in np.split(own, np.flatnonzero(~(steps <= LONG_PX)) + 1):
+        samples = places[points["edge"] == k]
+        steps = np.linalg.norm(np.diff(samples, axis=0), axis=1)
+        for part in np.split(samples, np.flatnonzero(~(steps <= LONG_PX)) + 1):
             if len(part) > 1 and np.isfinite(part).all():
                 marks.append("M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in part.tolist()))
-    return (
-        f'<path class="outline" stroke="{colour}" stroke-width="{size:.2f}" d="{"".join(marks)}"/>'
-    )
+    return "".join(marks)
 
 
-def entity_svg(picture: Picture, entities: Sequence[NDArray[np.void]], title: str) -> str:
+def entity_image(picture: Picture, entities: Sequence[NDArray[np.void]], title: str) -> DrawnImage:
     """Return the part of an image around the entities of a target, with their points and residuals as whiskers."""
     places = np.concatenate([np.c_[points["u"], points["v"]] for points in entities])
     places = places[np.isfinite(places).all(axis=1)]
@@ -189,86 +239,69 @@ def entity_svg(picture: Picture, entities: Sequence[NDArray[np.void]], title: st
     left, top = low.tolist()
     window = (left, top, int(high[0] - left), int(high[1] - top))
     size = max(window[2], window[3])
-    drawn = "".join(_whiskers(points, size) + _dots(points, size / 150) for points in entities)
-    return _svg(window, image_data(picture, window, _CROP_PX), drawn, title)
+    dots = [path for points in entities for path in _dots(points, size / 150)]
+    whiskers = [Stroke(_whiskers(points), size / 500) for points in entities]
+    return DrawnImage(title, window, image_data(picture, window, _CROP_PX), dots, whiskers=whiskers)
 
 
-def residual_svg(points: NDArray[np.void], title: str) -> str:
-    """Return the residuals of an entity along it, px; what was not found as marks at the bottom."""
+def residual_plot(points: NDArray[np.void], title: str) -> Residuals:
+    """Return the residuals of an entity along it, px."""
     width, height = _PLOT
-    kept = np.isfinite(points["residual_px"])
-    found = points[kept]
-    inner = found[found["state"] == State.FOUND]["residual_px"]
+    is_found = np.isfinite(points["residual_px"])
+    inner = points[is_found & (points["state"] == State.FOUND)]["residual_px"]
     reach = max(0.1, 1.2 * float(np.abs(inner).max())) if len(inner) else 0.1
     middle = height / 2
-    parts = [
-        f'<path class="zero" d="M0 {middle}H{width}"/>',
-        f'<text x="4" y="14">+{reach:.2g} px</text><text x="4" y="{height - 14}">−{reach:.2g} px</text>',
-    ]
+    dots = []
     for state in State:
-        own = found[found["state"] == state]
-        if len(own):
-            y = middle - np.clip(own["residual_px"] / reach, -1, 1) * (middle - 4)
-            parts.append(_path(np.c_[own["share"] * width, y], COLOURS[state], 3.2))
-        own = points[~kept & (points["state"] == state)]
-        if len(own):
-            places = np.c_[own["share"] * width, np.full(len(own), height - 3.0)]
-            parts.append(_path(places, COLOURS[state], 4.0))
-    return (
-        f'<svg class="plot" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">'
-        f"<title>{escape(title)}</title>{''.join(parts)}</svg>"
-    )
+        samples = points[is_found & (points["state"] == state)]
+        if len(samples):
+            y = middle - np.clip(samples["residual_px"] / reach, -1, 1) * (middle - 4)
+            dots.append(_dot_path(np.c_[samples["share"] * width, y], COLOURS[state], 3.2))
+        samples = points[~is_found & (points["state"] == state)]
+        if len(samples):
+            places = np.c_[samples["share"] * width, np.full(len(samples), height - 3.0)]
+            dots.append(_dot_path(places, COLOURS[state], 4.0))
+    return Residuals(title, reach, dots)
 
 
-def value_svg(result: Result, rule: DecisionRule) -> str:
-    """Return a value with its U in the tolerance, whose guard bands are shaded; empty without both."""
+def value_bar(result: Result, rule: DecisionRule) -> ValueBar | None:
+    """Return a value with its U in the tolerance; None without both."""
     if not result.measured or result.tolerance is None:
-        return ""
+        return None
     lower, upper = result.tolerance
     expanded = result.expanded_uncertainty
     limits = [limit for limit in (lower, upper) if math.isfinite(limit)]
     low = min(*limits, 0.0, result.deviation - expanded)
     high = max(*limits, 0.0, result.deviation + expanded)
     room = 0.12 * (high - low)
-    width, height = _BAR
 
     def at(value: float) -> float:
         # what has no limit ends with the picture
         share = (value - low + room) / (high - low + 2 * room)
-        return round(min(max(share, 0.0), 1.0) * width, 2)
+        return round(min(max(share, 0.0), 1.0) * _BAR[0], 2)
 
     guard = _guard(rule, result.standard_uncertainty)
-    bands = "".join(
-        _rectangle("band", at(limit - guard), at(limit + guard)) for limit in limits if guard > 0
-    )
-    texts = "".join(
-        f'<text{kind} x="{at(limit)}" y="44">{limit:+.4g}</text>'
-        for kind, limit in (("", lower), (' class="end"', upper))
-        if math.isfinite(limit)
-    )
-    words = f"{result.name}: deviation {result.deviation:+.4g} ± {expanded:.2g}"
-    return (
-        f'<svg class="bar" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(words)}">'
-        f"<title>{escape(words)}</title>"
-        f"{_rectangle('tolerance', at(lower), at(upper))}{bands}"
-        f'<path class="zero" d="M{at(0.0)} 8V34"/>'
-        f'<path class="value" d="M{at(result.deviation - expanded)} 21H{at(result.deviation + expanded)}"/>'
-        f'<circle class="value" cx="{at(result.deviation)}" cy="21" r="4.5"/>'
-        f"{texts}</svg>"
+    bands = [("tolerance", at(lower), at(upper))]
+    if guard > 0:
+        bands += [("band", at(limit - guard), at(limit + guard)) for limit in limits]
+    return ValueBar(
+        f"{result.name}: deviation {result.deviation:+.4g} ± {expanded:.2g}",
+        bands,
+        at(0.0),
+        at(result.deviation - expanded),
+        at(result.deviation),
+        at(result.deviation + expanded),
+        [
+            (kind, at(limit), limit)
+            for kind, limit in (("", lower), ("end", upper))
+            if math.isfinite(limit)
+        ],
     )
 
 
-def _rectangle(kind: str, left: float, right: float) -> str:
-    return f'<rect class="{kind}" x="{left}" y="10" width="{right - left:.2f}" height="22"/>'
-
-
-def legend(states: Iterable[int]) -> str:
-    """Return the colours of some states with their words."""
-    return " ".join(
-        f'<span class="state"><i style="background:{COLOURS[State(k)]}"></i>'
-        f"{escape(STATE_TEXTS[State(k)])}</span>"
-        for k in sorted(set(states))
-    )
+def _legend(states: Iterable[int]) -> list[tuple[str, str]]:
+    """Return the colours of states with their words."""
+    return [(COLOURS[State(k)], STATE_TEXTS[State(k)]) for k in sorted(set(states))]
 
 
 def _guard(rule: DecisionRule, u: float) -> float:
@@ -282,43 +315,31 @@ def _guard(rule: DecisionRule, u: float) -> float:
     return float(norm.ppf(rule.level)) * u
 
 
-def _svg(window: tuple[int, int, int, int], data: str, drawn: str, title: str) -> str:
-    left, top, wide, high = window
-    # pixel centres are whole numbers
-    box = f"{left - 0.5} {top - 0.5} {wide} {high}"
-    return (
-        f'<svg class="image" viewBox="{box}" role="img" aria-label="{escape(title)}">'
-        f"<title>{escape(title)}</title>"
-        f'<image href="{data}" x="{left - 0.5}" y="{top - 0.5}" width="{wide}" height="{high}"/>'
-        f"{drawn}</svg>"
-    )
-
-
-def _dots(points: NDArray[np.void], size: float) -> str:
-    return "".join(
-        _path(np.c_[own["u"], own["v"]], COLOURS[state], size)
+def _dots(points: NDArray[np.void], size: float) -> list[Stroke]:
+    return [
+        _dot_path(np.c_[samples["u"], samples["v"]], COLOURS[state], size)
         for state in State
-        if len(own := points[points["state"] == state])
-    )
+        if len(samples := points[points["state"] == state])
+    ]
 
 
-def _path(places: Array, colour: str, size: float) -> str:
+def _dot_path(places: Array, color: str, size: float) -> Stroke:
     """Return dots as one path of strokes without length."""
     finite = places[np.isfinite(places).all(axis=1)]
-    marks = "".join(f"M{u:.1f} {v:.1f}h0" for u, v in finite.tolist())
-    return f'<path class="dots" stroke="{colour}" stroke-width="{size:.2f}" d="{marks}"/>'
+    return Stroke("".join(f"M{u:.1f} {v:.1f}h0" for u, v in finite.tolist()), size, color)
 
 
-def _whiskers(points: NDArray[np.void], size: float) -> str:
-    found = points[np.isfinite(points["residual_px"]) & (points["state"] == State.FOUND)]
-    rows = np.c_[found["u"], found["v"], found["nu"], found["nv"], found["residual_px"]]
-    marks = "".join(
+def _whiskers(points: NDArray[np.void]) -> str:
+    """Return the residuals of found points as lines across their entity."""
+    fit = points[np.isfinite(points["residual_px"]) & (points["state"] == State.FOUND)]
+    rows = np.c_[fit["u"], fit["v"], fit["nu"], fit["nv"], fit["residual_px"]]
+    return "".join(
         f"M{u:.1f} {v:.1f}l{nu * WHISKER * r:.1f} {nv * WHISKER * r:.1f}"
         for u, v, nu, nv, r in rows.tolist()
     )
-    return f'<path class="whisker" stroke-width="{size / 500:.2f}" d="{marks}"/>'
 
 
+_PICTURES = "report/templates/measured_pictures.svg"
 _ORDER = (
     Decision.NOT_MEASURED,
     Decision.DOES_NOT_CONFORM,
@@ -360,23 +381,25 @@ def measured_html(results: MeasurementResults) -> str:
     >>> "cannot be registered" in measured_html(measure(plan, solid, dark)).lower()
     True
     """
-    ordered = sorted(results, key=lambda one: _ORDER.index(one.decision))
+    ordered = sorted(results, key=lambda result: _ORDER.index(result.decision))
     heading = results.source.part or "part"
     if results.serial:
         heading += f", {results.serial}"
-    page = resources.files("planner.report").joinpath("measured_report.html").read_text("utf-8")
-    notes = "".join(f'<p class="note">{escape(note)}</p>' for note in image_notes(results))
-    return Template(page).substitute(
-        title=escape(f"{heading}: measurement"),
-        heading=escape(heading),
-        verdict=escape(verdict(results)),
-        notes=notes,
-        explanation=escape(_explanation(results)),
-        rows="\n".join(_row_of_measured_report(one, results) for one in ordered),
+    page = render(
+        "planner",
+        "report/templates/measured.html",
+        base_style=asset("planner.report", "templates/base.css"),
+        style=asset("planner.report", "templates/measured.css"),
+        heading=heading,
+        verdict=verdict(results),
+        notes=list(image_notes(results)),
+        explanation=_explanation(results),
         whisker=f"{WHISKER:g}",
-        targets="\n".join(_target(one, results) for one in ordered),
-        images="\n".join(_image(name, results) for name in results.pictures),
+        values=_values(ordered, results),
+        targets=[_target(result, results) for result in ordered],
+        images=[_image(name, results) for name in results.pictures],
     )
+    return str(page)
 
 
 def _explanation(results: MeasurementResults) -> str:
@@ -387,104 +410,118 @@ def _explanation(results: MeasurementResults) -> str:
     )
 
 
-def _row_of_measured_report(one: Result, results: MeasurementResults) -> str:
-    u = one.expanded_uncertainty
-    value = number_text(one.value, u) if one.measured else ""
-    tolerance = "" if one.tolerance is None else f" {tolerance_text(one.tolerance)}"
-    bar = value_svg(one, results.rule)
-    reason = f'<br><span class="note">{escape(one.reason)}</span>' if one.reason else ""
-    return (
-        f'<tr><td><a href="#{_anchor(one.name, results)}">{escape(one.name)}</a></td>'
-        f'<td class="n">{one.nominal:.6g} {one.unit}{escape(tolerance)}</td>'
-        f'<td class="n">{value}</td><td class="n">{number_text(u, u) if one.measured else ""}</td>'
-        f"<td>{bar}{reason}</td>"
-        f'<td class="{_CLASSES[one.decision]}">{one.decision.value}</td></tr>'
+def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
+    """Return the values, each with a picture of its tolerance or the reason why there is none."""
+    columns = (
+        Column("target", kind="link"),
+        Column("nominal", right=True),
+        Column("value", right=True),
+        Column("U (k = 2)", right=True),
+        Column("tolerance, guard bands, value ± U", kind="lines"),
+        Column("decision", kind="lines"),
     )
+    rows = []
+    for result in ordered:
+        bar = value_bar(result, results.rule)
+        lines = [] if bar is None else [Line(render_macro("planner", _PICTURES, "value", bar))]
+        if result.reason:
+            lines.append(Line(result.reason, "note"))
+        decision = Line(result.decision.value, _CLASSES[result.decision])
+        link = (_anchor(result, results), result.name)
+        rows.append((link, _nominal_text(result), *_value_texts(result), lines, [decision]))
+    return Table(columns, rows, style="stack")
 
 
-def _anchor(name: str, results: MeasurementResults) -> str:
-    return f"target-{list(results.results).index(name) + 1}"
+def _anchor(result: Result, results: MeasurementResults) -> str:
+    return f"target-{list(results.results).index(result.name) + 1}"
 
 
-def _target(one: Result, results: MeasurementResults) -> str:
-    readings = "".join(_reading(one, reading, results) for reading in one.readings)
-    notes = "".join(f'<p class="note">{escape(note)}</p>' for note in one.notes)
-    return (
-        f'<section class="target" id="{_anchor(one.name, results)}">'
-        f'<h3>{escape(one.name)} <span class="{_CLASSES[one.decision]}">{one.decision.value}</span></h3>'
-        f"<p>{escape(_sentence(one))}</p>{notes}{readings}</section>"
+def _target(result: Result, results: MeasurementResults) -> dict[str, Any]:
+    """Return what the page says of a target."""
+    readings = [_reading(result, reading, results) for reading in result.readings]
+    return {
+        "anchor": _anchor(result, results),
+        "name": result.name,
+        "decision": result.decision.value,
+        "style": _CLASSES[result.decision],
+        "sentence": _sentence(result),
+        "notes": result.notes,
+        "readings": [reading for reading in readings if reading is not None],
+    }
+
+
+def _sentence(result: Result) -> str:
+    if not result.measured:
+        return f"Not measured: {result.reason}."
+    value, uncertainty = _value_texts(result)
+    text = (
+        f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
+        f"deviation {result.deviation:+.4f}, U = {uncertainty}."
     )
+    if math.isfinite(result.conformance_probability):
+        text += f" It is within its tolerance with P = {result.conformance_probability:.4f}."
+    return text
 
 
-def _sentence(one: Result) -> str:
-    if not one.measured:
-        return f"Not measured: {one.reason}."
-    u = one.expanded_uncertainty
-    parts = [
-        f"{one.kind.replace('_', ' ').capitalize()} {number_text(one.value, u)} {one.unit}, "
-        f"deviation {one.deviation:+.4f}, U = {number_text(u, u)}."
-    ]
-    if math.isfinite(one.conformance_probability):
-        parts.append(f"It is within its tolerance with P = {one.conformance_probability:.4f}.")
-    return " ".join(parts)
-
-
-def _reading(one: Result, reading: Reading, results: MeasurementResults) -> str:
+def _reading(
+    result: Result, reading: Reading, results: MeasurementResults
+) -> dict[str, Any] | None:
+    """Return what the page says of a target in an image; None without a picture or points."""
     picture = results.pictures.get(reading.image)
-    if picture is None or not any(len(points) for points in reading.points):
-        return ""
-    states = np.concatenate([points["state"] for points in reading.points]).tolist()
-    title = f"{one.name} in {reading.image}"
-    plots = "".join(
-        residual_svg(points, f"residuals of entity {k + 1} of {title}")
-        for k, points in enumerate(reading.points)
-        if len(points)
-    )
-    own = [points for points in reading.points if len(points)]
-    return (
-        f'<p class="note">{escape(reading.image)}: {escape(_reading_words(reading, one.unit))}</p>'
-        f'<div class="pair"><div>{entity_svg(picture, own, title)}</div>'
-        f"<div>{plots}<p>{legend(states)}</p>{_budget(reading, one.unit)}</div></div>"
-    )
+    entities = {k: points for k, points in enumerate(reading.points, 1) if len(points)}
+    if picture is None or not entities:
+        return None
+    title = f"{result.name} in {reading.image}"
+    return {
+        "sentence": f"{reading.image}: {_reading_words(reading, result.unit)}",
+        "picture": entity_image(picture, list(entities.values()), title),
+        "plots": [
+            residual_plot(points, f"residuals of entity {k} of {title}")
+            for k, points in entities.items()
+        ],
+        "states": _legend(state for points in entities.values() for state in points["state"]),
+        "budget": _budget(reading, result.unit),
+    }
 
 
 def _reading_words(reading: Reading, unit: str) -> str:
-    found = f"{100 * reading.found_share:.0f} % found"
+    share = f"{100 * reading.found_share:.0f} % found"
     if not reading.measured:
-        return f"{found}; {reading.reason}"
+        return f"{share}; {reading.reason}"
     u = reading.standard_uncertainty
     return (
-        f"{reading.value:.4f} {unit}, u = {u:.4f}, {found}, "
+        f"{reading.value:.4f} {unit}, u = {u:.4f}, {share}, "
         f"points {reading.rms_px:.3f} px from the fit"
     )
 
 
-def _budget(reading: Reading, unit: str) -> str:
+def _budget(reading: Reading, unit: str) -> Table | None:
+    """Return the parts of u, in thousandths of the unit; a part that lowers u is negative."""
     if not reading.measured:
-        return ""
-    scale = 1000
+        return None
     small = "µm" if unit == "mm" else "mdeg"
-    cells = "".join(
-        f"<tr><td>{escape(source)}</td><td class=n>"
-        f"{math.copysign(math.sqrt(abs(v)), v) * scale:.1f} {small}</td></tr>"
-        for source in SOURCES
-        if (v := reading.budget[source])
-    )
-    return f"<table><tr><th>part of u</th><th class=n>size</th></tr>{cells}</table>"
+    parts = {source: reading.budget[source] for source in SOURCES if reading.budget[source]}
+    rows = [
+        (source, f"{1000 * math.copysign(math.sqrt(abs(part)), part):.1f} {small}")
+        for source, part in parts.items()
+    ]
+    return Table((Column("part of u"), Column("size", right=True)), rows)
 
 
-def _image(name: str, results: MeasurementResults) -> str:
+def _image(name: str, results: MeasurementResults) -> dict[str, Any]:
+    """Return what the page says of an image."""
     picture = results.pictures[name]
     if name in results.failed:
-        words = f"Cannot be registered: {results.failed[name]}."
+        sentence = f"Cannot be registered: {results.failed[name]}."
     else:
-        words = _image_words(results.images[name], picture.clipped_share)
+        sentence = _image_words(results.images[name], picture.clipped_share)
     samples = _samples(name, results)
-    key = legend(samples["state"].tolist()) if len(samples) else ""
-    return (
-        f'<section class="picture" id="{escape(name)}"><h3>{escape(name)}</h3>'
-        f"<p>{escape(words)}</p>{image_svg(picture, samples, name)}<p>{key}</p></section>"
-    )
+    return {
+        "name": name,
+        "sentence": sentence,
+        "picture": whole_image(picture, samples, name),
+        "states": _legend(samples["state"].tolist()),
+    }
 
 
 def _samples(name: str, results: MeasurementResults) -> np.ndarray:
@@ -492,25 +529,24 @@ def _samples(name: str, results: MeasurementResults) -> np.ndarray:
     kind = np.dtype([("u", float), ("v", float), ("state", np.int64)])
     if name in results.images and len(results.images[name].samples):
         return results.images[name].samples
-    own: Sequence[np.ndarray] = [
-        points
-        for one in results
-        for reading in one.readings
-        if reading.image == name
-        for points in reading.points
+    readings = [reading for result in results for reading in result.readings]
+    entities = [
+        points for reading in readings if reading.image == name for points in reading.points
     ]
-    joined = np.zeros(sum(map(len, own)), dtype=kind)
+    joined = np.zeros(sum(map(len, entities)), dtype=kind)
     for field in ("u", "v", "state"):
-        joined[field] = np.concatenate([points[field] for points in own]) if own else []
+        parts = (points[field] for points in entities)
+        joined[field] = np.concatenate([joined[field][:0], *parts])
     return joined
 
 
-def _image_words(one: Registered, clipped: float) -> str:
+def _image_words(registered: Registered, clipped: float) -> str:
     bright = f" {100 * clipped:.1f} % of the image is overexposed." if clipped >= 0.001 else ""
-    if one.method != "own edges":
-        return f"The pose is {one.method}.{bright}"
-    notes = "".join(f" {note[0].upper()}{note[1:]}." for note in one.notes)
+    if registered.method != "own edges":
+        return f"The pose is {registered.method}.{bright}"
+    notes = "".join(f" {note[0].upper()}{note[1:]}." for note in registered.notes)
     return (
-        f"Registered to own edges: the image was {one.shift_px:.1f} px off its prediction, "
-        f"{one.misfit_px:.3f} px after it; {one.used} of {one.offered} samples agree.{bright}{notes}"
+        f"Registered to own edges: the image was {registered.shift_px:.1f} px off its prediction, "
+        f"{registered.misfit_px:.3f} px after it; {registered.used} of {registered.offered} "
+        f"samples agree.{bright}{notes}"
     )

@@ -9,12 +9,10 @@ for a phone.
 from __future__ import annotations
 
 import datetime
-import json
 import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,14 +20,17 @@ from numpy.typing import NDArray
 
 from aspectgraph.plot.picker import LabelLayout, Spot, label_layout
 from ground.faces import project_version
+from ground.templates import render
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.report.figure import color_of, lines_of, polylines
-from planner.report.predicted_image import PictureMaker
+from planner.report.predicted_image import PictureMaker, png_data
 from planner.report.wording import count
-from planner.request.targets import PlannedDimension, words_of
+from planner.request.targets import PlannedDimension
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
+
     from aspectgraph import Solid
     from planner.plan import InspectionPlan
     from planner.sensor_setting import SensorSetting
@@ -63,8 +64,8 @@ def report_date(environment: Mapping[str, str] | None = None) -> str:
     return datetime.datetime.fromtimestamp(seconds, datetime.UTC).date().isoformat()
 
 
-def facts(plan: InspectionPlan, date: str | None = None) -> str:
-    """Return the list of facts at the head of a report as HTML.
+def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
+    """Return the facts at the head of a report by their names.
 
     Parameters
     ----------
@@ -83,11 +84,7 @@ def facts(plan: InspectionPlan, date: str | None = None) -> str:
         "Program": f"aspectgraph {project_version()}",
         "Date": date or "",
     }
-    return "".join(
-        f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>"
-        for name, value in rows.items()
-        if value
-    )
+    return {name: value for name, value in rows.items() if value}
 
 
 def _digest(plan: InspectionPlan) -> str:
@@ -155,7 +152,7 @@ class _Target:
     span: _Array | None = None
 
 
-def overview(plan: InspectionPlan, solid: Solid) -> str:
+def overview(plan: InspectionPlan, solid: Solid) -> Markup | str:
     """Return the part with all targets called out, as HTML; nothing of a plan without targets.
 
     Parameters
@@ -169,18 +166,21 @@ def overview(plan: InspectionPlan, solid: Solid) -> str:
         return ""
     targets = {name: _target(polylines(plan, name)) for name in plan.entities}
     maker = PictureMaker(solid, _eye_camera(solid))
-    views = choose_views(maker, {name: one.samples for name, one in targets.items()})
+    views = choose_views(maker, {name: target.samples for name, target in targets.items()})
     colors = target_colors(plan)
     seen = {name for view in views for name in view.names}
     pictures = []
     for k, view in enumerate(views):
         hidden = [name for name in targets if name not in seen] if k == 0 else []
         drawing = _drawing(maker, view, hidden, targets, colors)
-        pictures.append(_pictures(maker, drawing, k, len(targets) <= MOST_NAMES))
-    figures = "".join(f"<div>{picture}</div>" for picture in pictures)
-    return (
-        f'<figure id="targets">{figures}'
-        f"<figcaption>{escape(_caption(plan, len(seen) < len(targets)))}</figcaption></figure>"
+        pictures.append(_picture(maker, drawing, k, len(targets) <= MOST_NAMES))
+    return render(
+        "planner",
+        "report/templates/overview.html",
+        views=pictures,
+        plan=plan,
+        any_hidden=len(seen) < len(targets),
+        most_names=MOST_NAMES,
     )
 
 
@@ -216,7 +216,7 @@ def choose_views(maker: PictureMaker, samples: Mapping[str, _Array]) -> list[Ove
     distance = _DISTANCE * float(np.linalg.norm(bounds[1] - bounds[0]))
     names = list(samples)
     points = np.concatenate(list(samples.values()))
-    owner = np.repeat(np.arange(len(names)), [len(one) for one in samples.values()])
+    owner = np.repeat(np.arange(len(names)), list(map(len, samples.values())))
     total = np.bincount(owner, minlength=len(names))
     poses = []
     shows = []
@@ -227,10 +227,10 @@ def choose_views(maker: PictureMaker, samples: Mapping[str, _Array]) -> list[Ove
         n_visible = np.bincount(owner, weights=visible, minlength=len(names))
         poses.append(_upright(pose))
         shows.append(n_visible >= _VISIBLE * total)
-    first = int(np.argmax([one.sum() for one in shows]))
+    first = int(np.argmax([visible.sum() for visible in shows]))
     views = [_view(poses[first], names, shows[first])]
-    more = [one & ~shows[first] for one in shows]
-    second = int(np.argmax([one.sum() for one in more]))
+    more = [visible & ~shows[first] for visible in shows]
+    second = int(np.argmax([visible.sum() for visible in more]))
     if more[second].any():
         views.append(_view(poses[second], names, more[second]))
     return views
@@ -238,7 +238,7 @@ def choose_views(maker: PictureMaker, samples: Mapping[str, _Array]) -> list[Ove
 
 def _view(pose: _Array, names: Sequence[str], shown: NDArray[np.bool_]) -> OverviewView:
     return OverviewView(
-        pose, tuple(name for name, one in zip(names, shown.tolist(), strict=True) if one)
+        pose, tuple(name for name, is_shown in zip(names, shown.tolist(), strict=True) if is_shown)
     )
 
 
@@ -278,13 +278,22 @@ def _along(line: _Array) -> _Array:
     return np.asarray((1 - share) * line[0] + share * line[1])
 
 
+class _Stroke(NamedTuple):
+    """A line of a picture: its class, its colour, the data of its SVG path."""
+
+    kind: str
+    color: str
+    path: str
+    dashed: bool = False
+
+
 class _Drawing(NamedTuple):
     """What a view shows: pose (4, 4), corners of the part in the image, targets and their spots."""
 
     pose: _Array
     low: _Array
     high: _Array
-    paths: str
+    lines: list[_Stroke]
     spots: list[Spot]
 
 
@@ -303,19 +312,18 @@ def _drawing(
 
     corners = seen(maker.solid.vertices)
     spots = []
-    paths = []
+    lines = []
     for name in [*view.names, *hidden]:
-        one = targets[name]
-        colour = colors[name]
-        dash = ' stroke-dasharray="4 8"' if name in hidden else ""
-        d = _path([seen(line) for line in one.lines])
-        paths.append(f'<path class="entity" stroke="{colour}"{dash} d="{d}"/>')
-        if one.span is None:
-            spots.append(Spot(name, colour, seen(one.samples)))
+        target = targets[name]
+        color = colors[name]
+        path = _path([seen(line) for line in target.lines])
+        lines.append(_Stroke("entity", color, path, name in hidden))
+        if target.span is None:
+            spots.append(Spot(name, color, seen(target.samples)))
             continue
-        paths.append(f'<path class="leader" stroke="{colour}" d="{_path([seen(one.span)])}"/>')
-        spots.append(Spot(name, colour, seen(_along(one.span))))
-    return _Drawing(pose, corners.min(axis=0), corners.max(axis=0), "".join(paths), spots)
+        lines.append(_Stroke("leader", color, _path([seen(target.span)])))
+        spots.append(Spot(name, color, seen(_along(target.span))))
+    return _Drawing(pose, corners.min(axis=0), corners.max(axis=0), lines, spots)
 
 
 def _path(lines: Sequence[_Array]) -> str:
@@ -323,7 +331,26 @@ def _path(lines: Sequence[_Array]) -> str:
     return "".join("M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in line) for line in lines)
 
 
-def _pictures(maker: PictureMaker, drawing: _Drawing, number: int, is_named: bool) -> str:
+class _Label(NamedTuple):
+    """A name on its target, beside it or at the frame; a leader joins it with the target's middle."""
+
+    text: str
+    color: str
+    place: tuple[float, ...]
+    middle: tuple[float, ...]
+    leader: bool
+
+
+class _Names(NamedTuple):
+    """The names of a picture: left, top, width and height of it, units of it to the pt, size of the font."""
+
+    box: tuple[int, ...]
+    unit: float
+    font: float
+    labels: list[_Label]
+
+
+def _picture(maker: PictureMaker, drawing: _Drawing, number: int, is_named: bool) -> dict[str, Any]:
     """Return a view for a desktop, and for a phone with the same drawing and names of its own."""
     extent = (drawing.high - drawing.low) / (drawing.high - drawing.low).max()
     spots = drawing.spots if is_named else []
@@ -334,51 +361,28 @@ def _pictures(maker: PictureMaker, drawing: _Drawing, number: int, is_named: boo
     low = np.floor(np.minimum(wide.low, narrow.low)).astype(int).tolist()
     high = np.ceil(np.maximum(wide.high, narrow.high)).astype(int).tolist()
     window = (low[0], low[1], high[0] - low[0], high[1] - low[1])
-    shades, edges = maker.background(drawing.pose, window)
-    name = f"targets-{number + 1}"
-    drawn = f'<g id="{name}">{shades}{edges}{drawing.paths}</g>'
-    used = f'<use href="#{name}"/>'
-    return _svg("wide", drawn, wide, spots, _SIZES_PT[number]) + _svg(
-        "narrow", used, narrow, spots, _PHONE_PT
-    )
+    return {
+        "name": f"targets-{number + 1}",
+        "window": window,
+        "png": png_data(maker.shaded(drawing.pose, window=window)),
+        "edges": maker.edge_path(drawing.pose),
+        "lines": drawing.lines,
+        "wide": _names(wide, spots, _SIZES_PT[number]),
+        "narrow": _names(narrow, spots, _PHONE_PT),
+    }
 
 
-def _svg(kind: str, drawn: str, layout: LabelLayout, spots: Sequence[Spot], size_pt: float) -> str:
-    """Return a picture with its names; they lie on their targets, beside them or at the frame."""
+def _names(layout: LabelLayout, spots: Sequence[Spot], size_pt: float) -> _Names:
     unit = float((layout.high - layout.low).max() / size_pt)
-    font = layout.font_pt * unit
     labels = []
-    for n, (x, y) in layout.places.items():
+    for n, place in layout.places.items():
         spot = spots[n]
-        if n not in layout.carried:
-            u, v = spot.middle
-            labels.append(
-                f'<path class="leader" stroke="{spot.colour}" '
-                f'd="M{u:.1f} {v:.1f}L{x:.1f} {y:.1f}"/>'
-                f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{2 * unit:.1f}" fill="{spot.colour}"/>'
-            )
-        labels.append(
-            f'<text x="{x:.1f}" y="{y:.1f}" dy="0.35em" font-size="{font:.1f}" '
-            f'text-anchor="middle" style="stroke-width:{0.3 * font:.1f}px" '
-            f'fill="{spot.colour}">{escape(spot.text)}</text>'
-        )
-    x0, y0 = np.floor(layout.low).astype(int).tolist()
-    width, height = np.ceil(layout.high - layout.low).astype(int).tolist()
-    return (
-        f'<svg class="shot overview {kind}" viewBox="{x0} {y0} {width} {height}" role="img" '
-        f'aria-label="the part with its targets">{drawn}{"".join(labels)}</svg>'
-    )
-
-
-def _caption(plan: InspectionPlan, any_hidden: bool) -> str:
-    sentences = ["Each target has the colour of the setting that measures it."]
-    if plan.uninspectable:
-        sentences.append("Red targets are not inspected.")
-    if any_hidden:
-        sentences.append("Dashed targets lie behind the part.")
-    if len(plan.entities) > MOST_NAMES:
-        sentences.append(f"Names are left out because there are more than {MOST_NAMES} targets.")
-    return " ".join(sentences)
+        middle = tuple(spot.middle.tolist())
+        leader = n not in layout.carried
+        labels.append(_Label(spot.text, spot.colour, tuple(place.tolist()), middle, leader))
+    corner = np.floor(layout.low).astype(int).tolist()
+    size = np.ceil(layout.high - layout.low).astype(int).tolist()
+    return _Names((*corner, *size), unit, layout.font_pt * unit, labels)
 
 
 # Choosing a target in the 3-D view: what each setting measures of it, and by which witness.
@@ -393,14 +397,14 @@ class TargetPicker(NamedTuple):
 
     Attributes
     ----------
-    html : str
-        The list to choose from; empty if nothing is measured.
-    data : str
-        JSON of what each entry shows, by its value in the list.
+    groups : dict
+        The list to choose from: names of targets by their values, in groups with labels.
+    data : dict
+        What each entry shows, by its value in the list.
     """
 
-    html: str
-    data: str
+    groups: dict[str, dict[str, str]]
+    data: dict[str, dict[str, Any]]
 
 
 def target_picker(plan: InspectionPlan) -> TargetPicker:
@@ -412,32 +416,16 @@ def target_picker(plan: InspectionPlan) -> TargetPicker:
         The plan.
     """
     shown: dict[str, dict[str, Any]] = {}
-    groups = []
+    groups = {}
     for k, setting in enumerate(plan.settings):
         values = {f"{k + 1}:{i}": name for i, name in enumerate(setting.entities)}
         shown |= {value: _shown(plan, k, name) for value, name in values.items()}
-        groups.append(_group(f"Setting {k + 1}", values))
+        groups[f"Setting {k + 1}"] = values
     if plan.uninspectable:
         missing = {f"none:{i}": name for i, name in enumerate(plan.uninspectable)}
         shown |= {value: _not_inspected(plan, name) for value, name in missing.items()}
-        groups.append(_group("Not inspected", missing))
-    if not groups:
-        return TargetPicker("", "{}")
-    one, several = words_of(plan.targets).nouns
-    html = (
-        f'<p class="pick"><label for="target">{escape(one.capitalize())} to show</label> '
-        f'<select id="target"><option value="">All {escape(several)}</option>{"".join(groups)}</select></p>'
-        '<p id="ways" class="note" aria-live="polite"></p>'
-    )
-    # no text of a plan may end the script
-    return TargetPicker(html, json.dumps(shown, sort_keys=True).replace("<", "\\u003c"))
-
-
-def _group(label: str, names: dict[str, str]) -> str:
-    options = "".join(
-        f'<option value="{value}">{escape(name)}</option>' for value, name in names.items()
-    )
-    return f'<optgroup label="{label}">{options}</optgroup>'
+        groups["Not inspected"] = missing
+    return TargetPicker(groups, shown)
 
 
 def _shown(plan: InspectionPlan, k: int, name: str) -> dict[str, Any]:
@@ -482,7 +470,9 @@ def _text(plan: InspectionPlan, k: int, name: str) -> str:
         text += f" by {' and '.join(used.entities)}"
         if len(target.ways) > 1:
             text += f", one of {count(len(target.ways), 'way')}{_passed_over(setting, name)}"
-    others = [str(i + 1) for i, one in enumerate(plan.settings) if i != k and name in one.entities]
+    others = [
+        str(i + 1) for i, other in enumerate(plan.settings) if i != k and name in other.entities
+    ]
     too = f" Measured in setting {' and '.join(others)}, too." if others else ""
     return f"{text}.{too}"
 

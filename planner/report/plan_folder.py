@@ -22,7 +22,7 @@ from planner.files import absolute, name_text, staged_folder
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, report
 from planner.report.overview import report_date
-from planner.report.page import add_graph, add_notes, left_out_of, report_html
+from planner.report.page import make_report
 from planner.report.pose_files import POSE_FILES, write_poses
 from planner.report.wording import graph_sentence, regions_sentence
 from planner.request.reach import Seen, TargetSpace
@@ -60,9 +60,9 @@ def with_source(
     except (OSError, ValueError):
         # on another drive
         name = str(path)
-    given = {key: value for key, value in reading.items() if value is not None}
+    options = {key: value for key, value in reading.items() if value is not None}
     # names of files need not be Unicode
-    return replace(plan, source={"file": name_text(name), **given})
+    return replace(plan, source={"file": name_text(name), **options})
 
 
 # the plan first: see `staged_folder`
@@ -124,7 +124,7 @@ def write_outputs(
     deadline = deadline or Deadline()
     with staged_folder(folder, PLAN_FILES, "--out") as staging:
         plan.write(staging / "plan.json")
-        page = report_html(
+        page = make_report(
             plan,
             _space(plan, regions),
             progress,
@@ -133,20 +133,20 @@ def write_outputs(
             until=deadline.time_left(PICTURES_SHARE).until,
             cell=cell,
         )
-        (staging / "report.html").write_text(page, encoding="utf-8")
+        (staging / "report.html").write_text(page.html(), encoding="utf-8")
         # lines end as the format says, on every system
         (staging / "measurements.csv").write_bytes(plan.to_csv().encode())
         written = ["plan.json", "report.html", "measurements.csv"]
         poses = [str(path.relative_to(staging)) for path in write_poses(plan, staging)]
     graph, without = _joint_graph(regions, graph_limit, _ended_at(deadline.at(), progress))
-    page = add_notes(page, without)
+    page.notes += without
     with staged_folder(folder, ("report.html", "graph.graphml"), "--out") as staging:
         if graph is not None:
-            page = add_graph(page, plan, graph, progress, until=deadline.at())
+            page.draw_graph(graph, progress, until=deadline.at())
             write_graphml(graph, staging / "graph.graphml")
             written.append("graph.graphml")
-        (staging / "report.html").write_text(page, encoding="utf-8")
-    left_out = [*notes, *left_out_of(page), *without]
+        (staging / "report.html").write_text(page.html(), encoding="utf-8")
+    left_out = [*notes, *page.left_out, *without]
     return Written([folder / name for name in (*written, *poses)], left_out)
 
 
@@ -207,13 +207,13 @@ def _observable_shares(regions: VisibilityRegions) -> tuple[dict[str, float], in
 
 def _space(plan: InspectionPlan, regions: Space) -> Space:
     """Return where the targets of a plan are observable from, without those whose regions were late."""
-    known = set(regions.entity_names)
+    names = set(regions.entity_names)
     return TargetSpace(
         regions,
         {
             name: Seen(target.ways, plan.entities[name])
             for name, target in plan.targets.items()
-            if all(known.issuperset(way) for way in target.ways)
+            if all(names.issuperset(way) for way in target.ways)
         },
     )
 
@@ -222,7 +222,7 @@ def rescue(plan: InspectionPlan, state: Path) -> str:
     """See that a plan that cannot be written is not lost; return where it is, in one sentence."""
     if holds_plan(state):
         return f"The plan is saved in {state}. The same command with --resume writes it without planning again."
-    return _kept_elsewhere("plan", plan.write, "plan.json")
+    return _saved_elsewhere("plan", plan.write, "plan.json")
 
 
 def write_graph(graph: EntityAspectGraph, path: str, parameter: str) -> None:
@@ -236,11 +236,13 @@ def write_graph(graph: EntityAspectGraph, path: str, parameter: str) -> None:
     try:
         write_graphml(graph, path)
     except GraphOutputError as error:
-        kept = _kept_elsewhere("graph", lambda place: write_graphml(graph, place), "graph.graphml")
-        raise OutputError(f"{parameter} {error.rule}. Got {error.got}. {kept}") from None
+        rescue = _saved_elsewhere(
+            "graph", lambda place: write_graphml(graph, place), "graph.graphml"
+        )
+        raise OutputError(f"{parameter} {error.rule}. Got {error.got}. {rescue}") from None
 
 
-def _kept_elsewhere(what: str, write: Callable[[Path], object], name: str) -> str:
+def _saved_elsewhere(noun: str, write: Callable[[Path], object], name: str) -> str:
     """Write to the system's, the current or the user's folder, whichever takes it; return a sentence with the place."""
     reason = ""
     # each is tried on its own: the current folder may be deleted, and a user may have no home
@@ -259,5 +261,5 @@ def _kept_elsewhere(what: str, write: Callable[[Path], object], name: str) -> st
             with suppress(OSError):
                 folder.rmdir()
         else:
-            return f"The {what} is in {folder / name} instead."
-    return f"The {what} cannot be saved elsewhere either: {reason}"
+            return f"The {noun} is in {folder / name} instead."
+    return f"The {noun} cannot be saved elsewhere either: {reason}"

@@ -157,12 +157,12 @@ def colmap_cameras(plan: InspectionPlan) -> str:
     k1, k2, p1, p2, k3 = _coefficients(plan)
     model = "OPENCV"
     names = "K1 K2 P1 P2"
-    rest = [k1, k2, p1, p2]
+    coefficients = [k1, k2, p1, p2]
     if k3:
         model = "FULL_OPENCV"
         names = "K1 K2 P1 P2 K3 K4 K5 K6"
-        rest = [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
-    parameters = " ".join([parameters, *map(repr, rest)])
+        coefficients = [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
+    parameters = " ".join([parameters, *map(repr, coefficients)])
     return f"# CAMERA_ID MODEL WIDTH HEIGHT FX FY CX CY {names}\n1 {model} {width} {height} {parameters}\n"
 
 

@@ -7,24 +7,25 @@ observable was decided exactly, by the regions.
 from __future__ import annotations
 
 import base64
-import struct
-import zlib
+import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.plot.traces import is_feature
 from aspectgraph.solid.ray_scene import RayScene
+from ground.templates import render
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.report.figure import chord_circles, on_circle
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
+
     from aspectgraph import Arc, Solid
 
 
@@ -44,14 +45,6 @@ _BENDS = 32
 _FAR_PX = 1e5
 # a chord this near to its circle is drawn straight
 _STRAIGHT_PX = 0.2
-
-# what the report's style sheet says of its pictures, for one by itself
-_NAMESPACE = 'xmlns="http://www.w3.org/2000/svg"'
-_ALONE = (
-    ".edge{fill:none;stroke:#2c343d;stroke-width:1px;vector-effect:non-scaling-stroke}"
-    ".entity{fill:none;stroke-width:3.5px;stroke-linecap:round;vector-effect:non-scaling-stroke}"
-    "text{font-family:sans-serif;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:14px}"
-)
 
 # beyond so many names in a picture they are smaller
 _MANY_NAMES = 8
@@ -101,14 +94,29 @@ def predicted_image(
     >>> predicted_image(block, camera, look_at([[55, 30, 400]], [55, 30, 10])[0])[:4]
     '<svg'
     """
-    ends = {name: np.asarray(one, dtype=np.float64) for name, one in (entities or {}).items()}
+    ends = {name: np.asarray(points, dtype=np.float64) for name, points in (entities or {}).items()}
     place = None if lamp is None else np.asarray(lamp, dtype=np.float64)
     picture = PictureMaker(solid, camera).image_svg(
-        np.asarray(cam2world, dtype=np.float64), ends, color, place
+        np.asarray(cam2world, dtype=np.float64), ends, color, place, alone=True
     )
-    return picture.replace("<svg ", f"<svg {_NAMESPACE} ", 1).replace(
-        ">", f"><style>{_ALONE}</style>", 1
-    )
+    return str(picture)
+
+
+class _Label(NamedTuple):
+    """A name in a picture: where it begins or ends, and its height, px."""
+
+    text: str
+    u: float
+    v: float
+    size: float
+    anchor: str
+
+
+class _Mark(NamedTuple):
+    """A highlighted entity: the data of its SVG path, and its name unless that is left out."""
+
+    path: str
+    label: _Label | None
 
 
 class PictureMaker:
@@ -140,34 +148,25 @@ class PictureMaker:
         *,
         window: Window | None = None,
         outlined: Window | None = None,
-    ) -> str:
+        alone: bool = False,
+    ) -> Markup:
         """Return the predicted image: shaded faces, visible edges, entities in a colour.
 
         These are ends (2, 3) or segments (s, 2, 3) by name. With a window only that part of the sensor; with one that
-        is outlined the whole, without names, as they are for the picture of that window.
+        is outlined the whole, without names, as they are for the picture of that window. A picture that stands alone
+        brings its own styles.
         """
-        x, y, width, height = window or (0, 0, *self.camera.resolution)
-        lines = self._edge_path(cam2world)
-        names = self._highlights(cam2world, entities, color, window)
-        if outlined:
-            names = self._highlights(cam2world, entities, color, named=False) + _frame(outlined)
-        shades = self._shades(cam2world, (x, y, width, height), lamp)
-        return (
-            f'<svg class="shot" viewBox="{x} {y} {width} {height}" role="img" aria-label="predicted image">'
-            f'{shades}<path class="edge" d="{lines}"/>{names}</svg>'
-        )
-
-    def background(self, cam2world: np.ndarray, window: Window) -> tuple[str, str]:
-        """Return shaded faces and visible edges as parts of an SVG picture, of a window of any place and size."""
-        edges = f'<path class="edge" d="{self._edge_path(cam2world)}"/>'
-        return self._shades(cam2world, window), edges
-
-    def _shades(self, cam2world: np.ndarray, window: Window, lamp: np.ndarray | None = None) -> str:
-        x, y, width, height = window
-        data = base64.b64encode(png_grey(self.shaded(cam2world, lamp, window=window))).decode()
-        return (
-            f'<image href="data:image/png;base64,{data}" x="{x}" y="{y}" width="{width}" height="{height}" '
-            'preserveAspectRatio="none"/>'
+        part = window or (0, 0, *self.camera.resolution)
+        return render(
+            "planner",
+            "report/templates/predicted.svg",
+            alone=alone,
+            window=part,
+            png=png_data(self.shaded(cam2world, lamp, window=part)),
+            path=self.edge_path(cam2world),
+            marks=self._marks(cam2world, entities, part, named=not outlined),
+            color=color,
+            frame=outlined,
         )
 
     def window(self, cam2world: np.ndarray, entities: dict[str, Any]) -> Window:
@@ -185,57 +184,42 @@ class PictureMaker:
 
     def edge_map_svg(
         self, cam2world: np.ndarray, entities: dict[str, Any], *, window: Window | None = None
-    ) -> str:
+    ) -> Markup:
         """Return the edge map: visible edges as thin lines, the measured ones bold, with the ends of edges marked."""
-        left, top, width, height = window or (0, 0, *self.camera.resolution)
-        marks = []
-        for uv, lines in self._project_entities(cam2world, entities):
-            marks.append(f'<path class="measured" d="{_path(lines)}"/>')
+        measured = [
             # of dimensions no ends are looked for
-            ends = uv if uv.ndim == 2 else ()
-            marks += [
-                f'<circle class="end" cx="{u:.1f}" cy="{v:.1f}" r="{width / 170:.2f}"/>'
-                for u, v in ends
-            ]
-        return (
-            f'<svg class="shot map" viewBox="{left} {top} {width} {height}" role="img" aria-label="edge map">'
-            f'<path class="edge" d="{self._edge_path(cam2world)}"/>{"".join(marks)}</svg>'
+            (_path(lines), uv.tolist() if uv.ndim == 2 else ())
+            for uv, lines in self._project_entities(cam2world, entities)
+        ]
+        return render(
+            "planner",
+            "report/templates/edge_map.svg",
+            window=window or (0, 0, *self.camera.resolution),
+            path=self.edge_path(cam2world),
+            measured=measured,
         )
 
-    def _highlights(
-        self,
-        cam2world: np.ndarray,
-        entities: dict[str, Any],
-        color: str,
-        window: Window | None = None,
-        *,
-        named: bool = True,
-    ) -> str:
-        left, top, width, height = window or (0, 0, *self.camera.resolution)
+    def _marks(
+        self, cam2world: np.ndarray, entities: dict[str, Any], window: Window, *, named: bool
+    ) -> list[_Mark]:
+        """Return the entities with their names, which lie inside the window and apart from each other."""
+        left, top, width, height = window
         size = width / (42 if len(entities) <= _MANY_NAMES else 54)
-        parts: list[str] = []
+        marks: list[_Mark] = []
         taken: list[tuple[float, ...]] = []
-        for name, (uv, lines) in zip(
-            entities, self._project_entities(cam2world, entities), strict=True
-        ):
-            parts.append(f'<path class="entity" stroke="{color}" d="{_path(lines)}"/>')
+        images = self._project_entities(cam2world, entities)
+        for name, (uv, lines) in zip(entities, images, strict=True):
             if not named:
+                marks.append(_Mark(_path(lines), None))
                 continue
             u, v = uv.reshape(-1, 2).mean(axis=0)
             length = 0.6 * size * len(name)
-            anchor = (
-                "end"
-                if u > left + 0.75 * width or left + width - u < length < u - left
-                else "start"
-            )
+            is_left = u > left + 0.75 * width or left + width - u < length < u - left
             v = min(max(v - 0.4 * size, top + 1.2 * size), top + height - 0.6 * size)
-            v = _free_line(taken, u - length if anchor == "end" else u, v, size, length)
-            parts.append(
-                f'<text x="{u:.5g}" y="{v:.5g}" font-size="{size:.4g}" style="stroke-width:{0.24 * size:.3g}px" '
-                f'text-anchor="{anchor}" fill="{color}">'
-                f"{escape(name)}</text>"
-            )
-        return "".join(parts)
+            v = _free_line(taken, u - length if is_left else u, v, size, length)
+            label = _Label(name, u, v, size, "end" if is_left else "start")
+            marks.append(_Mark(_path(lines), label))
+        return marks
 
     def _project_entities(
         self, cam2world: np.ndarray, entities: dict[str, Any]
@@ -264,7 +248,7 @@ class PictureMaker:
         pixels = image_of(self.camera, points_cam / points_cam[..., 2:])
         return np.where(np.isnan(pixels), -_FAR_PX, pixels)
 
-    def _edge_path(self, cam2world: np.ndarray) -> str:
+    def edge_path(self, cam2world: np.ndarray) -> str:
         """Return the visible edges as the data of an SVG path."""
         pose = np.asarray(cam2world, dtype=np.float64).tobytes()
         if self._drawn is None or self._drawn[0] != pose:
@@ -395,12 +379,10 @@ class PictureMaker:
         irradiance = np.zeros(len(points))
         for place in np.atleast_2d(lamp):
             towards = place - points
-            own = (
-                np.maximum(np.einsum("ni,ni->n", normals, towards), 0.0)
-                / np.linalg.norm(towards, axis=1) ** 3
-            )
+            cosines = np.maximum(np.einsum("ni,ni->n", normals, towards), 0.0)
+            direct = cosines / np.linalg.norm(towards, axis=1) ** 3
             reached = self._scene.cast(place, -towards)["t_hit"] >= 1.0 - _SHADOW_TOLERANCE
-            irradiance += np.where(reached, own, 0.0)
+            irradiance += np.where(reached, direct, 0.0)
         # a little of all sides' light, so that shadows are no holes
         grey = np.full(seen.shape, _GROUND, np.uint8)
         grey[seen] = _AMBIENT + (_BRIGHTEST - _AMBIENT) * irradiance / max(
@@ -415,18 +397,13 @@ class _Sampled:
     pixels: np.ndarray
 
 
-def png_grey(image: np.ndarray) -> bytes:
-    """Encode a grey image (h, w) of uint8 as PNG."""
-    height, width = image.shape
-    # each line is preceded by its filter; 1 is the difference to the left neighbour, which packs flat areas well
-    left = np.concatenate([np.zeros((height, 1), np.uint8), image[:, :-1]], axis=1)
-    raw = np.concatenate([np.ones((height, 1), np.uint8), image - left], axis=1).tobytes()
-    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(raw, 9)), (b"IEND", b""))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        for kind, data in chunks
-    )
+def png_data(image: np.ndarray) -> str:
+    """Return a grey image (h, w) of uint8 as the data URI of a PNG."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
 def _path(lines: Iterable[np.ndarray]) -> str:
@@ -442,12 +419,6 @@ def _path(lines: Iterable[np.ndarray]) -> str:
     return "".join(parts)
 
 
-def _frame(window: Window) -> str:
-    """Return the outline of a part of the sensor."""
-    x, y, width, height = window
-    return f'<rect class="frame" x="{x}" y="{y}" width="{width}" height="{height}"/>'
-
-
 def _free_line(taken: list[Any], u: float, v: float, size: float, length: float) -> float:
     """Return a height for a name that begins at u, as near to v as leaves the names before readable; remember it."""
     steps = [v + sign * k * 1.3 * size for k in range(len(taken) + 1) for sign in (1, -1)]
@@ -458,9 +429,9 @@ def _free_line(taken: list[Any], u: float, v: float, size: float, length: float)
             for x, y, wide in taken
         )
 
-    found = next((height for height in steps if height > size and is_free(height)), v)
-    taken.append((u, found, length))
-    return found
+    free = next((height for height in steps if height > size and is_free(height)), v)
+    taken.append((u, free, length))
+    return free
 
 
 def _runs(visible: np.ndarray) -> list[tuple[int, int]]:
@@ -482,14 +453,14 @@ def _clip_near(segment: np.ndarray) -> np.ndarray | None:
 
 
 def _clip_rectangle(
-    pixels: np.ndarray, least: np.ndarray, most: np.ndarray
+    pixels: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[float, float] | None:
     """Return the parameter interval of a line (2, 2) inside a rectangle (Liang and Barsky 1984), or None."""
     low = 0.0
     high = 1.0
     step = pixels[1] - pixels[0]
     for i in range(2):
-        for sign, distance in ((-1.0, pixels[0, i] - least[i]), (1.0, most[i] - pixels[0, i])):
+        for sign, distance in ((-1.0, pixels[0, i] - lower[i]), (1.0, upper[i] - pixels[0, i])):
             speed = sign * step[i]
             if speed == 0:
                 if distance < 0:

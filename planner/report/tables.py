@@ -1,13 +1,11 @@
-"""Tables of a report as HTML: results by target, and poses for the robot's programmer."""
+"""Tables of a report: results by target, poses for the robot's programmer, and what deserves a look."""
 
 from __future__ import annotations
 
-import base64
 import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from html import escape
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,9 +29,9 @@ from planner.request.camera_limits import (
     sigmas_left,
 )
 from planner.request.targets import targets_of, words_of
-from planner.request.words import TargetWords
 from planner.rows import Row
-from planner.sensor_setting import ReasonKind, kind_of
+from planner.sensor_setting import kind_of
+from planner.text_table import Column, Table
 from planner.verify.simulate_setting import (
     CONFIRMED,
     CONSERVATIVE,
@@ -60,6 +58,26 @@ COLOURS = {
 """Of the sources of variance, in every bar."""
 
 
+class Line(NamedTuple):
+    """A line of a cell, and its class in the page."""
+
+    text: str
+    style: str = ""
+
+
+class Share(NamedTuple):
+    """What a source contributes to a variance: its name in words, percent, and its colour."""
+
+    source: str
+    percent: float
+    color: str
+
+    @property
+    def text(self) -> str:
+        """Name and percent, on one line."""
+        return unbroken(f"{self.source} {self.percent:.1f} %")
+
+
 def promise_name(plan: InspectionPlan) -> str:
     """Return "P_all", or "P" of a plan that did not count it."""
     return "P_all" if any(setting.p_all for setting in plan.settings) else "P"
@@ -84,10 +102,10 @@ class Promised:
         self._required = plan.probability
         self.name = promise_name(plan)
         texts = {self.text(value) for value in promises}
-        self._own = len(texts) > 1
-        self._least = min(texts) if texts else ""
+        self._differs = len(texts) > 1
+        self._smallest = min(texts) if texts else ""
         # beside P_all
-        self._error = self.name == "P_all" and not all(
+        self._has_error = self.name == "P_all" and not all(
             is_nearly_one(value, self._required) for value in probabilities
         )
 
@@ -96,74 +114,74 @@ class Promised:
         return probability_text(value, self._required)
 
     @property
-    def heads(self) -> list[str]:
-        """Heads of the columns."""
-        return [*([f"n:{self.name}"] if self._own else []), *(["n:P"] if self._error else [])]
+    def columns(self) -> list[Column]:
+        """The columns."""
+        names = [*([self.name] if self._differs else []), *(["P"] if self._has_error else [])]
+        return [Column(name, right=True) for name in names]
 
-    def cells(self, promise: float, probability: float) -> dict[str, str]:
-        """Return the cells of a row, by head."""
-        values = (promise, probability) if self._own else (probability,)
-        return {head: self.text(value) for head, value in zip(self.heads, values, strict=False)}
+    def cells(self, promise: float, probability: float) -> list[str]:
+        """Return the cells of a row."""
+        values = (promise, probability) if self._differs else (probability,)
+        return [self.text(value) for _, value in zip(self.columns, values, strict=False)]
 
     def sentence(self, n: int) -> str:
         """Say what is the same for all n rows; nothing if a column shows it."""
-        if self._own or not n:
+        if self._differs or not n:
             return ""
-        return f"{self.name} is {self._least} for {'each target' if n > 1 else 'the target'}."
+        return f"{self.name} is {self._smallest} for {'each target' if n > 1 else 'the target'}."
 
 
-def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> str:
-    """Return a table with a row per target: its setting with the largest promise, in the order of the request."""
+def results(plan: InspectionPlan, rows: Sequence[Sequence[Row]], noun: str) -> Table | None:
+    """Return a row per target: its setting with the largest promise, in the order of the request."""
     best: dict[str, Row] = {}
+    settings: dict[str, list[int]] = {}
     for row in (row for setting in rows for row in setting):
+        settings.setdefault(row.name, []).append(row.setting)
         if row.name not in best or row.promise > best[row.name].promise:
             best[row.name] = row
     if not best:
-        return ""
-    where = {
-        name: [row.setting for setting in rows for row in setting if row.name == name]
-        for name in best
-    }
+        return None
     promised = Promised(
         plan,
         [row.promise for row in best.values()],
         [row.probability for row in best.values()],
     )
-    lines = [
-        _result(plan, best[name], where[name], promised) for name in plan.entities if name in best
+    columns = [
+        Column(noun.capitalize(), kind="name"),
+        Column("What"),
+        Column("Nominal", right=True),
+        Column("Permitted error", right=True),
+        Column("U (k = 2)", right=True),
+        Column("U / permitted", right=True),
+        Column("Setting", kind="settings"),
+        *promised.columns,
+        Column("Budget of the variance", kind="budget"),
     ]
-    names = [noun.capitalize(), "What", "n:Nominal", "n:Permitted error", "n:U (k = 2)"]
-    names += ["n:U / permitted", "Setting", *promised.heads, "Budget of the variance"]
-    legend = " ".join(
-        f'<span class="source"><i style="background:{COLOURS[s]}"></i>{source_text(s)}</span>'
-        for s in SOURCES
-    )
-    return (
-        f'<div class="scroll"><table class="stack results">{heads(names)}<tbody>{"".join(lines)}</tbody>'
-        f'</table></div><p class="note">{legend} &nbsp; U = 2u, where u is the standard uncertainty of the measured '
-        f"value. U / permitted is the share of the permitted error that U takes. "
-        f"Values are those of the setting with the largest {promised.name}. "
-        f"{escape(promised.sentence(len(best)))}</p>"
-    )
+    values = [
+        _result(plan, best[name], settings[name], promised)
+        for name in plan.entities
+        if name in best
+    ]
+    note = f"Values are those of the setting with the largest {promised.name}."
+    notes = [f"{note} {promised.sentence(len(best))}"]
+    return Table(columns, values, style="stack results", notes=notes)
 
 
-def _result(plan: InspectionPlan, row: Row, where: Sequence[int], promised: Promised) -> str:
-    links = ", ".join(map(setting_link, where))
+def _result(
+    plan: InspectionPlan, row: Row, settings: Sequence[int], promised: Promised
+) -> list[Any]:
     expanded = 2 * row.standard_uncertainty
-    mark = f' <span class="bad" title="{escape(warned(row))}">!</span>' if row.warnings else ""
-    return cells(
-        {
-            "": f"{escape(row.name)}{mark}",
-            "What": escape(row.kind.replace("_", " ")),
-            "n:Nominal": f"{row.nominal:.6g} {row.unit}",
-            "n:Permitted error": permitted(row, plan.targets[row.name]),
-            "n:U": f"{expanded:.3g} {row.unit}",
-            "n:U / permitted": _percent(expanded / row.permitted_error),
-            "Setting": links,
-            **promised.cells(row.promise, row.probability),
-            "Budget": budget_bar(row),
-        }
-    )
+    return [
+        (row.name, warned(row)),
+        row.kind.replace("_", " "),
+        f"{row.nominal:.6g} {row.unit}",
+        permitted(row, plan.targets[row.name]),
+        f"{expanded:.3g} {row.unit}",
+        _percent(expanded / row.permitted_error),
+        settings,
+        *promised.cells(row.promise, row.probability),
+        budget_shares(row),
+    ]
 
 
 def _percent(share: float) -> str:
@@ -178,32 +196,9 @@ def unbroken(text: str) -> str:
     Parameters
     ----------
     text : str
-        Without markup.
+        The text.
     """
-    return escape(text).replace(" ", "&nbsp;")
-
-
-def heads(names: Sequence[str]) -> str:
-    """Return the head of a table; names of columns of numbers start with ``n:``."""
-    texts = "".join(f"<th{_kind(name)}>{_plain(name)}</th>" for name in names)
-    return f"<thead><tr>{texts}</tr></thead>"
-
-
-def cells(values: Mapping[str, str]) -> str:
-    """Return a row of a table from HTML by column; each cell knows its column, for pages too narrow for a head."""
-    told = "".join(
-        f'<td{_kind(name)} data-label="{escape(_plain(name))}">{value}</td>'
-        for name, value in values.items()
-    )
-    return f"<tr>{told}</tr>"
-
-
-def _kind(name: str) -> str:
-    return ' class="n"' if name.startswith("n:") else ""
-
-
-def _plain(name: str) -> str:
-    return name.removeprefix("n:")
+    return text.replace(" ", "\u00a0")
 
 
 def warned(row: Row) -> str:
@@ -224,96 +219,66 @@ def source_text(source: str) -> str:
     return source.replace("_", " ")
 
 
-def budget_bar(row: Row) -> str:
-    """Return a bar with the share of each source of variance; its title has the numbers."""
+def budget_shares(row: Row) -> list[Share]:
+    """Return the share of each source of variance; none where there is no variance."""
     total = sum(row.budget.values())
     if not total > 0:
-        return ""
-    shares = {source: 100 * row.budget.get(source, 0.0) / total for source in SOURCES}
-    title = ", ".join(f"{source_text(source)} {share:.0f} %" for source, share in shares.items())
-    parts = "".join(
-        f'<i style="width:{share:.1f}%;background:{COLOURS[s]}"></i>' for s, share in shares.items()
-    )
-    return f'<span class="budget" title="{title}">{parts}</span>'
+        return []
+    return [
+        Share(source_text(source), 100 * row.budget.get(source, 0.0) / total, COLOURS[source])
+        for source in SOURCES
+    ]
 
 
-def robot(plan: InspectionPlan) -> str:
-    """Return the poses in the order of travel: front nodal point, quaternion, and roll, pitch, yaw."""
-    if not plan.settings:
-        return ""
-    return arm(plan) + _poses(plan)
-
-
-def arm(plan: InspectionPlan) -> str:
+def arm(plan: InspectionPlan) -> Table | None:
     """Return how the robot stands in each setting of a plan for a cell; nothing of another plan."""
-    if not plan.cell:
-        return ""
-    body = []
+    if not plan.cell or not plan.settings:
+        return None
     turns = any(setting.angle_deg is not None for setting in plan.settings)
-    for k, setting in enumerate(plan.settings, start=1):
-        if not setting.fixturing:
-            continue
-        cells = [f"<td>{escape(setting.fixturing)}</td>"]
-        if turns:
-            angle = "" if setting.angle_deg is None else f"{setting.angle_deg:g}"
-            cells.append(f"<td class=n>{angle}</td>")
-        cells += [f"<td class=n>{np.degrees(angle) + 0.0:.2f}</td>" for angle in setting.joints]
-        cells.append(f"<td class=n>{setting.arm['clearance_robot_mm']:.1f}</td>")
-        cells.append(f"<td>{escape(setting.arm.get('closest', ''))}</td>")
-        cells.append(f"<td class=n>{np.degrees(setting.arm['to_limit_rad']):.0f}</td>")
-        cells.append(f"<td class=n>{setting.arm['singular_value']:.2f}</td>")
-        body.append(f"<tr><td>{setting_link(k)}</td>{''.join(cells)}</tr>")
-    joints = "".join(f'<th class="n">Joint {k} (°)</th>' for k in range(1, 7))
-    table = "<th class=n>Turntable (°)</th>" if turns else ""
-    head = (
-        f"<th>Setting</th><th>Part lies</th>{table}{joints}<th class=n>Clearance (mm)</th><th>between</th>"
-        "<th class=n>To limit (°)</th><th class=n>Singular value</th>"
-    )
-    return (
-        f'<div class="scroll"><table class="arm"><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table>'
-        f"</div><p class='note'>{escape(plan.cell['robot'])} reaches these settings. The clearance is the distance of "
-        "arm or camera from the nearest object, or of two links nearer than 5 mm. The limit is that of the nearest "
-        "joint. At a singular value of 0 "
-        "joints turn fast for a slow camera. Its lengths are divided by 500 mm.</p>"
-    )
-
-
-def _poses(plan: InspectionPlan) -> str:
-    body = []
-    for k, setting in enumerate(plan.settings, start=1):
-        turn = Rotation.from_matrix(setting.cam2world[:3, :3])
-        cells = [
-            *(f"{c:.3f}" for c in setting.position),
-            *(f"{c:.6f}" for c in turn.as_quat(canonical=True)),
+    columns = [
+        Column("Setting", kind="settings"),
+        Column("Part lies"),
+        *([Column("Turntable", right=True, unit="°", spec="g")] if turns else []),
+        *(Column(f"Joint {k}", right=True, unit="°", spec=".2f") for k in range(1, 7)),
+        Column("Clearance", right=True, unit="mm", spec=".1f"),
+        Column("between"),
+        Column("To limit", right=True, unit="°", spec=".0f"),
+        Column("Singular value", right=True, spec=".2f"),
+    ]
+    rows = [
+        [
+            [number],
+            setting.fixturing,
+            *([setting.angle_deg] if turns else []),
+            *(float(angle) + 0.0 for angle in np.degrees(setting.joints)),
+            setting.arm["clearance_robot_mm"],
+            setting.arm.get("closest", ""),
+            float(np.degrees(setting.arm["to_limit_rad"])),
+            setting.arm["singular_value"],
         ]
+        for number, setting in enumerate(plan.settings, start=1)
+        if setting.fixturing
+    ]
+    return Table(columns, rows, style="stack arm")
+
+
+def poses(plan: InspectionPlan) -> Table:
+    """Return the poses in the order of travel: front nodal point, quaternion, and roll, pitch, yaw."""
+    columns = [
+        Column("Setting", kind="settings"),
+        *(Column(name, right=True, unit="mm", spec=".3f") for name in "xyz"),
+        *(Column(name, right=True, spec=".6f") for name in ("qx", "qy", "qz", "qw")),
+        *(Column(name, right=True, unit="°", spec=".3f") for name in ("Rx", "Ry", "Rz")),
+    ]
+    rows = []
+    for number, setting in enumerate(plan.settings, start=1):
+        turn = Rotation.from_matrix(setting.cam2world[:3, :3])
         with warnings.catch_warnings():
             # of two angles about one axis, one is 0 then
             warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
-            cells += [f"{c:.3f}" for c in turn.as_euler("xyz", degrees=True)]
-        body.append(
-            f"<tr><td>{setting_link(k)}</td>{''.join(f'<td class=n>{cell}</td>' for cell in cells)}</tr>"
-        )
-    names = ("x (mm)", "y (mm)", "z (mm)", "qx", "qy", "qz", "qw", "Rx (°)", "Ry (°)", "Rz (°)")
-    head = "<th>Setting</th>" + "".join(f'<th class="n">{name}</th>' for name in names)
-    return (
-        f'<div class="scroll"><table class="poses"><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table>'
-        "</div><p class='note'>Poses are camera to part: x, y, z are the front nodal point in the part's frame. The "
-        "quaternion has w last. Rx, Ry, Rz are rotations about the fixed axes x, y, z, in this order. The camera looks "
-        "along its own z axis; x points right and y down in the image. The same poses are in "
-        "<code>poses_opencv.json</code>, <code>poses_ros.yaml</code>, <code>transforms.json</code>, "
-        "<code>poses_open3d.json</code> and <code>colmap/</code> next to this file.</p>"
-    )
-
-
-def download(text: str, name: str, label: str) -> str:
-    """Return a link that saves a text; it needs nothing outside the page."""
-    data = base64.b64encode(text.encode()).decode()
-    return f'<a download="{escape(name)}" href="data:text/csv;charset=utf-8;base64,{data}">{escape(label)}</a>'
-
-
-def setting_link(number: int) -> str:
-    """Return a link to a setting, counted from 1."""
-    return f'<a href="#setting-{number}">{number}</a>'
+            angles = turn.as_euler("xyz", degrees=True)
+        rows.append([[number], *setting.position, *turn.as_quat(canonical=True), *angles])
+    return Table(columns, rows, style="stack poses")
 
 
 # Which constraint fixes the pose of a setting: how near each is to its limit, on one scale.
@@ -374,13 +339,13 @@ def nearest_limits(plan: InspectionPlan, setting: SensorSetting) -> list[LimitSh
     if plan.requirements.get("focus_sigmas", 0.0) > 0.0:
         reserve_mm = FocusReserve.of(plan.camera, plan.pose_uncertainty).on_axis_mm
     room = rooms(plan.camera, plan.workspace, plan.requirements, reserve_mm)
-    least = probability_share(min(setting.promise.values()), plan.probability)
-    found = [LimitShare("probability", float(least), _MEANS["probability"])]
+    share = probability_share(min(setting.promise.values()), plan.probability)
+    limits = [LimitShare("probability", float(share), _MEANS["probability"])]
     finite = {key: margin for key, margin in setting.margins.items() if np.isfinite(margin)}
     for key, share in shares(finite, room).items():
         name = key.rpartition("_")[0].replace("_", " ")
-        found.append(LimitShare(name, float(share), _MEANS[name], key))
-    return sorted(found, key=lambda one: one.share)
+        limits.append(LimitShare(name, float(share), _MEANS[name], key))
+    return sorted(limits, key=lambda limit: limit.share)
 
 
 # One setting in a report: numbers of its camera, a table of its measurements, and the binding
@@ -441,7 +406,7 @@ def stance(plan: InspectionPlan, setting: SensorSetting) -> Stance:
     return Stance(distance, math.degrees(math.acos(upright)), 1000 * pixel)
 
 
-def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> str:
+def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> Table:
     """Return the table of a setting: permitted error, budget, probability, simulation and warnings.
 
     Parameters
@@ -451,51 +416,44 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> str:
     measured : sequence of Row
         The rows of the setting.
     """
-    simulated = any(one.rate is not None for one in measured)
+    simulated = any(row.rate is not None for row in measured)
     promised = Promised(
-        plan, [one.promise for one in measured], [one.probability for one in measured]
+        plan, [row.promise for row in measured], [row.probability for row in measured]
     )
     words = words_of(plan.targets)
-    names = [
-        words.nouns[0].capitalize(),
-        f"n:{words.value_head}",
-        "n:Permitted error",
-        "Budget",
-        *promised.heads,
+    columns = [
+        Column(words.nouns[0].capitalize()),
+        Column(words.value_head, right=True, kind="lines"),
+        Column("Permitted error", right=True),
+        Column("Budget", kind="budget"),
+        *promised.columns,
     ]
-    names += ["n:Simulated", "Interval", ""] if simulated else []
-    rows = "".join(_rows(plan, one, words, promised) for one in measured)
-    windows = ", ".join(f"{one.name} ±{one.search_window_px:.3g} px" for one in measured)
-    sentence = promised.sentence(len(measured))
-    note = f'<p class="note">{escape(sentence)} Search windows: {escape(windows)}.</p>'
-    return f'<table class="stack">{heads(names)}<tbody>{rows}</tbody></table>{note}'
+    if simulated:
+        columns.append(Column("Simulated", right=True))
+        columns += [Column("Interval", kind="interval"), Column("", kind="lines")]
+    rows = []
+    for row in measured:
+        target = plan.targets[row.name]
+        values = [
+            row.name,
+            [Line(words.value.format(target)), *_by(row, target)],
+            permitted(row, target),
+            budget_shares(row),
+            *promised.cells(row.promise, row.probability),
+        ]
+        rows.append(values + (_rate(row.rate, plan.probability) if simulated else []))
+    below = {k: warned(row) for k, row in enumerate(measured) if row.warnings}
+    windows = ", ".join(f"{row.name} ±{row.search_window_px:.3g} px" for row in measured)
+    note = f"{promised.sentence(len(measured))} Search windows: {windows}."
+    return Table(columns, rows, style="stack", below=below, notes=[note])
 
 
-def _rows(plan: InspectionPlan, one: Row, words: TargetWords, promised: Promised) -> str:
-    """Return the row of a target, and the one of its warnings."""
-    target = plan.targets[one.name]
-    values = {
-        "": escape(one.name),
-        f"n:{words.value_head}": words.value.format(target) + _by(one, target),
-        "n:Permitted error": permitted(one, target),
-        "Budget": budget_bar(one),
-        **promised.cells(one.promise, one.probability),
-        **({} if one.rate is None else _rate(one.rate, plan.probability)),
-    }
-    below = (
-        f'<tr class="warning"><td colspan="8">{escape(warned(one))}</td></tr>'
-        if one.warnings
-        else ""
-    )
-    return cells(values) + below
-
-
-def _by(one: Row, target: Target) -> str:
+def _by(row: Row, target: Target) -> list[Line]:
     """Say by which entities a target is measured, where others could, too."""
     if len(target.ways) == 1:
-        return ""
-    text = f"by {', '.join(one.entities)}, one of {len(target.ways)} ways"
-    return f'<br><span class="note">{escape(text)}</span>'
+        return []
+    text = f"by {', '.join(row.entities)}, one of {len(target.ways)} ways"
+    return [Line(text, "note")]
 
 
 def passed_over_sentence(setting: SensorSetting) -> str:
@@ -510,16 +468,16 @@ def passed_over_sentence(setting: SensorSetting) -> str:
 
 def binding_sentence(plan: InspectionPlan, setting: SensorSetting) -> str:
     """Say which constraint fixes the pose, and what comes next."""
-    first, *rest = nearest_limits(plan, setting)
+    first, *others = nearest_limits(plan, setting)
     text = f"Tightest constraint: {first.name}, with {_share(first)} of its margin left: {first.meaning}."
-    return text + (
-        f" Next: {', '.join(f'{one.name} {_share(one)}' for one in rest)}." if rest else ""
-    )
+    if not others:
+        return text
+    return f"{text} Next: {', '.join(f'{limit.name} {_share(limit)}' for limit in others)}."
 
 
-def _share(one: LimitShare) -> str:
+def _share(limit: LimitShare) -> str:
     """Return a share in percent; a share close to 0 without its digits."""
-    return "less than 0.01 %" if 0 <= one.share < 1e-4 else percent_text(one.share)
+    return "less than 0.01 %" if 0 <= limit.share < 1e-4 else percent_text(limit.share)
 
 
 def may_be_unsharp(plan: InspectionPlan, setting: SensorSetting) -> bool:
@@ -565,25 +523,29 @@ def _points(plan: InspectionPlan, setting: SensorSetting) -> np.ndarray:
     return np.concatenate([targets[name].points for name in setting.entities])
 
 
-def _rate(rate: SuccessRate, threshold: float) -> dict[str, str]:
-    """Return the simulated frequency, and the interval as numbers and as a bar with the prediction marked."""
+class Interval(NamedTuple):
+    """The interval of a frequency: in words, and where its bar and the prediction are, percent of the width."""
+
+    text: str
+    left: float
+    width: float
+    mark: float
+
+
+def _rate(rate: SuccessRate | None, threshold: float) -> list[Any]:
+    """Return the simulated frequency, its interval with the prediction marked, and the verdict."""
+    if rate is None:
+        return [None, None, None]
     low_end = min(threshold, rate.low, rate.predicted) - 0.02
-
-    def place(value: float) -> float:
-        return 100 * (value - low_end) / (1.0 - low_end)
-
-    width = max(place(rate.high) - place(rate.low), 1.5)
-    bar = (
-        f'<span class="bar"><i style="left:{place(rate.low):.1f}%;width:{width:.1f}%"></i>'
-        f'<u style="left:calc({place(rate.predicted):.1f}% - 1px)"></u></span>'
+    low, high, mark = (
+        100 * (value - low_end) / (1.0 - low_end) for value in (rate.low, rate.high, rate.predicted)
     )
-    word = f'<span class="{_STYLES[rate.verdict]}">{escape(rate.verdict)}</span>'
-    interval = f"{interval_text(rate.low, rate.high)}{bar}"
-    return {
-        "n:Simulated": frequency_text(rate.successes, rate.n),
-        "Interval": interval,
-        "Verdict": word,
-    }
+    text = interval_text(rate.low, rate.high)
+    return [
+        frequency_text(rate.successes, rate.n),
+        Interval(text, low, max(high - low, 1.5), mark),
+        [Line(rate.verdict, _STYLES[rate.verdict])],
+    ]
 
 
 # What a reader should look at first: targets that are not inspected, and warnings.
@@ -593,8 +555,15 @@ FEW = 6
 """Up to this many warnings of a kind, or targets without a setting, are listed one by one at the head of the page."""
 
 
-def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str:
-    """Return all warnings, by kind; nothing if there are none.
+class Notice(NamedTuple):
+    """What deserves a look: what it is about, and pieces of text, each before numbers of settings."""
+
+    head: str
+    pieces: list[tuple[str, Sequence[int]]]
+
+
+def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> list[Notice]:
+    """Return all warnings, by kind.
 
     Parameters
     ----------
@@ -607,38 +576,44 @@ def attention(rows: Sequence[Sequence[Row]], unsharp: Sequence[int] = ()) -> str
     for row in (row for setting in rows for row in setting):
         for warning in row.warnings:
             kinds.setdefault(warning.kind, []).append((row, warning.text))
-    told = [line for kind, found in kinds.items() for line in _kind_of_attention(kind, found)]
+    notices = [notice for kind, warned in kinds.items() for notice in _notices(kind, warned)]
     if unsharp:
-        which = ", ".join(map(setting_link, unsharp))
-        told.append(
-            f"<b>Narrow margin of focus</b> in setting{'s' * (len(unsharp) > 1)} {which}: a point is less than "
-            "three standard deviations of its depth from a limit. --focus-margin-mm sets a larger margin"
+        rule = (
+            ": a point is less than three standard deviations of its depth from a limit. "
+            "--focus-margin-mm sets a larger margin"
         )
-    if not told:
-        return ""
-    lines = "".join(f"<li>{one}</li>" for one in told)
-    return f'<h2 id="look">Worth a look</h2><ul class="warnings">{lines}</ul>'
+        in_settings = f" in setting{'s' * (len(unsharp) > 1)} "
+        notices.append(Notice("Narrow margin of focus", [(in_settings, unsharp), (rule, ())]))
+    return notices
 
 
-def _kind_of_attention(kind: WarningKind, found: Sequence[tuple[Row, str]]) -> list[str]:
-    """Return a line per warning if they are few, else one for all."""
-    if len(found) <= FEW:
+def _notices(kind: WarningKind, warned: Sequence[tuple[Row, str]]) -> list[Notice]:
+    """Return a notice per warning if they are few, otherwise a single one for all."""
+    if len(warned) <= FEW:
         return [
-            f"<b>{escape(row.name)}</b> (setting {setting_link(row.setting)}): {escape(t)}"
-            for row, t in found
+            Notice(row.name, [(" (setting ", [row.setting]), (f"): {text}", ())])
+            for row, text in warned
         ]
     settings: dict[str, list[int]] = {}
-    for row, _ in found:
+    for row, _ in warned:
         settings.setdefault(row.name, []).append(row.setting)
-    names = ", ".join(
-        f"{escape(name)} ({', '.join(map(setting_link, where))})"
-        for name, where in settings.items()
-    )
-    return [f"<b>{escape(kind.value)}</b> in {len(found)} measurements: {names}"]
+    start = f" in {len(warned)} measurements: "
+    pieces: list[tuple[str, Sequence[int]]] = []
+    for name, numbers in settings.items():
+        pieces.append((f"{start}{name} (", numbers))
+        start = "), "
+    return [Notice(kind.value, [*pieces, (")", ())])]
 
 
-def not_inspected(reasons: Mapping[str, str], noun: str) -> str:
-    """Return what is in no setting: each with its reason, or of many their number and names by kind of reason.
+class NotInspected(NamedTuple):
+    """Targets in no setting: the reason of each, and the names by kind of reason where they are many."""
+
+    table: Table
+    kinds: dict[str, list[str]]
+
+
+def not_inspected(reasons: Mapping[str, str], noun: str) -> NotInspected | None:
+    """Return what is in no setting; of many, their names by kind of reason as well.
 
     Parameters
     ----------
@@ -648,40 +623,13 @@ def not_inspected(reasons: Mapping[str, str], noun: str) -> str:
         What a target is called.
     """
     if not reasons:
-        return ""
-    head = '<h2 class="bad">Not inspected</h2>'
-    if len(reasons) <= FEW:
-        return head + _table(reasons, noun)
-    kinds: dict[ReasonKind, list[str]] = {}
-    for name, why in reasons.items():
-        kinds.setdefault(kind_of(why), []).append(name)
-    lines = "".join(
-        f"<li><b>{escape(kind.words)}</b> ({len(names)}): {escape(', '.join(names))}</li>"
-        for kind, names in kinds.items()
-    )
-    told = '<p class="note"><a href="#reasons">See the reason of each.</a></p>'
-    return f'{head}{told}<ul class="warnings">{lines}</ul>'
-
-
-def reasons_section(reasons: Mapping[str, str], noun: str) -> str:
-    """Return why each is not inspected, if the head of the page only counts them; otherwise nothing.
-
-    Parameters
-    ----------
-    reasons : mapping of str to str
-        By name.
-    noun : str
-        What an item is called.
-    """
-    if len(reasons) <= FEW:
-        return ""
-    return f'<h2 id="reasons">Reasons for targets not inspected</h2>{_table(reasons, noun)}'
-
-
-def _table(reasons: Mapping[str, str], noun: str) -> str:
-    rows = "".join(
-        f"<tr><td>{', '.join(map(unbroken, names))}</td><td>{escape(why)}</td></tr>"
-        for why, names in names_by_reason(reasons).items()
-    )
-    head = f"<thead><tr><th>{noun.capitalize()}</th><th>Reason</th></tr></thead>"
-    return f'<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>'
+        return None
+    kinds: dict[str, list[str]] = {}
+    if len(reasons) > FEW:
+        for name, reason in reasons.items():
+            kinds.setdefault(kind_of(reason).words, []).append(name)
+    rows = [
+        (", ".join(map(unbroken, names)), reason)
+        for reason, names in names_by_reason(reasons).items()
+    ]
+    return NotInspected(Table([Column(noun.capitalize()), Column("Reason")], rows), kinds)

@@ -123,17 +123,19 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
     print_text(words(text, [f"{solid.name}:"]))
     for note in solid.notes:
         print_text(f"note: {note}")
-    rows = []
-    n_tangent = 0
-    for edge in edges:
-        start, end = solid.edge_points(edge.id)
-        ends = solid.edge_ends(edge)
-        n_tangent += any(at.kind == "tangent" for at in ends)
-        length = f"{np.linalg.norm(end - start):.3f}"
-        turn = f"{edge.turn_deg:+.1f}"
-        row = (str(edge.id), _vector(start), _vector(end), length, turn, words(_ends_text(ends)))
-        rows.append(row)
+    ends = {edge.id: solid.edge_ends(edge) for edge in edges}
+    rows = [
+        (
+            edge.id,
+            *solid.edge_points(edge.id),
+            solid.edge_length_mm(edge.id),
+            edge.turn_deg,
+            words(_ends_text(ends[edge.id])),
+        )
+        for edge in edges
+    ]
     print_table(_EDGE_COLUMNS, rows)
+    n_tangent = sum(any(end.kind == "tangent" for end in pair) for pair in ends.values())
     if n_tangent:
         print_text(
             f"note: {n_tangent} of {count(len(edges), 'edge')} end in a tangent arc, so their length "
@@ -145,12 +147,14 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
         )
 
 
+# no -0.00 among coordinates
+_COORDINATES = "z.2f"
 _EDGE_COLUMNS = (
     Column("id", right=True),
-    Column("from (mm)", right=True),
-    Column("to (mm)", right=True),
-    Column("length (mm)", right=True),
-    Column("turn (deg)", right=True),
+    Column("from", right=True, unit="mm", spec=_COORDINATES),
+    Column("to", right=True, unit="mm", spec=_COORDINATES),
+    Column("length", right=True, unit="mm", spec=".3f"),
+    Column("turn", right=True, unit="deg", spec="+.1f"),
     Column("ends"),
 )
 
@@ -169,18 +173,16 @@ def _print_curves(kind: str, curves: Sequence[Any]) -> None:
     print(f"{count(len(curves), kind)}, {count(n_chords, 'chord')}")
     columns = (
         Column("id", right=True),
-        Column("diameter (mm)" if kind == "rim" else "radius (mm)", right=True),
-        Column("centre (mm)", right=True),
-        Column("axis", right=True),
+        Column("diameter" if kind == "rim" else "radius", right=True, unit="mm", spec=".3f"),
+        Column("centre", right=True, unit="mm", spec=_COORDINATES),
+        Column("axis", right=True, spec=_COORDINATES),
         Column("chords", right=True),
-        Column("off by (mm)", right=True),
+        Column("off by", right=True, unit="mm", spec=".3f"),
     )
-    rows = []
-    for curve in curves:
-        size = 2 * curve.radius_mm if kind == "rim" else curve.radius_mm
-        place = (_vector(curve.centre), _vector(curve.axis))
-        chords = (str(len(curve.edge_ids)), f"{curve.chord_mm:.3f}")
-        rows.append((curve.id, f"{size:.3f}", *place, *chords))
+    times = 2 if kind == "rim" else 1
+    rows = [
+        (c.id, times * c.radius_mm, c.centre, c.axis, len(c.edge_ids), c.chord_mm) for c in curves
+    ]
     print_table(columns, rows)
     if curves[0].fitted:
         print_text(
@@ -202,10 +204,14 @@ def print_graph(graph: EntityAspectGraph) -> None:
     )
     low, high = graph.workspace
     print_text(f"workspace: {_vector(low)} to {_vector(high)} mm")
-    columns = (Column("domain", right=True), Column("volume (mm3)", right=True), Column(listed_as))
+    columns = (
+        Column("domain", right=True),
+        Column("volume", right=True, unit="mm3", spec=".4g"),
+        Column(listed_as),
+    )
     ordered = sorted(nodes, key=lambda n: (-len(nodes[n][listed_as]), n))
     rows = [
-        (str(n), f"{nodes[n]['volume']:.4g}", listed(nodes[n][listed_as] or ("none",)))
+        (n, nodes[n]["volume"], listed(nodes[n][listed_as] or ("none",)))
         for n in ordered[:_MOST_ROWS]
     ]
     print_table(columns, rows)
@@ -238,7 +244,7 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
             print_text(words(f"note: {dimension.name}: {dimension.note}", [f"{dimension.name}:"]))
 
 
-def _dimension_row(dimension: Any) -> tuple[Cell, ...]:
+def _dimension_row(dimension: Any) -> tuple[Any, ...]:
     nominal = "" if dimension.nominal is None else f"{dimension.nominal:.6g} {dimension.unit}"
     tolerance = ""
     if dimension.tolerance is not None:
@@ -253,7 +259,7 @@ def _dimension_row(dimension: Any) -> tuple[Cell, ...]:
         else listed(map(str, dimension.entities))
     )
     kind = dimension.kind.replace("_", " ")
-    return (dimension.name, kind, nominal, tolerance, str(dimension.n_features), entities)
+    return (dimension.name, kind, nominal, tolerance, dimension.n_features, entities)
 
 
 def print_plan(plan: InspectionPlan) -> None:
@@ -264,15 +270,14 @@ def print_plan(plan: InspectionPlan) -> None:
     names = list(plan.entities)
     columns = (
         Column("setting", right=True),
-        Column("camera at (mm)", right=True),
+        Column("camera at", right=True, unit="mm", spec="z.1f"),
         Column("measures", right=True),
         Column("tightest margin"),
     )
-    rows = []
-    for k, setting in enumerate(plan.settings):
-        place = _vector(setting.position, " ", 1)
-        margin = words(tightest_margin(plan, setting))
-        rows.append((str(k + 1), place, str(len(setting.entities)), margin))
+    rows = [
+        (number, view.position, len(view.entities), words(tightest_margin(plan, view)))
+        for number, view in enumerate(plan.settings, start=1)
+    ]
     print_table(columns, rows)
     if rows:
         print()
@@ -290,7 +295,7 @@ def _print_not_inspected(plan: InspectionPlan) -> None:
         print_text(words(f"not inspected: {', '.join(names)}: {reason}", plan.entities))
 
 
-def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, ...]]]:
+def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Any, ...]]]:
     """Return the columns and rows of what each setting measures."""
     words = words_of(plan.targets)
     columns = [Column(words.items[0]), Column("setting", right=True)]
@@ -301,7 +306,7 @@ def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, 
     counted = any(setting.p_all for setting in plan.settings)
     columns += [Column("P_all", right=True)] if counted else []
     columns += [Column("P", right=True), Column("simulated")]
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[tuple[Any, ...]] = []
     for k, setting in enumerate(plan.settings):
         rates = plan.simulation.rates[k] if plan.simulation else {}
         targets = targets_of(plan.targets, setting)
@@ -312,7 +317,7 @@ def _measurements(plan: InspectionPlan) -> tuple[list[Column], list[tuple[Cell, 
             simulated = _interval(rates.get(name))
             measured = [_measured(plan.targets[name])] if words.requirement_column else []
             by = [", ".join(targets[name].entities)] if several else []
-            rows.append((name, str(k + 1), *measured, *by, *texts, simulated))
+            rows.append((name, k + 1, *measured, *by, *texts, simulated))
     return columns, rows
 
 
@@ -356,7 +361,7 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
             interval = interval_text(rate.low, rate.high, " .. ")
             predicted = probability_text(rate.predicted, plan.probability)
             frequency = frequency_text(rate.successes, rate.n)
-            rows.append((name, str(k + 1), predicted, frequency, interval, words(rate.verdict)))
+            rows.append((name, k + 1, predicted, frequency, interval, words(rate.verdict)))
     print_table(columns, rows)
     _print_not_inspected(plan)
     if plan.features_text:

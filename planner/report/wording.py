@@ -62,14 +62,14 @@ def names_by_reason(reasons: Mapping[str, str]) -> dict[str, list[str]]:
     reasons : mapping of str to str
         Of targets that are not inspected, by name.
     """
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for name, reason in reasons.items():
-        found.setdefault(str(reason), []).append(name)
-    return found
+        names.setdefault(str(reason), []).append(name)
+    return names
 
 
 def bound_sentence(
-    plan: InspectionPlan, what: Sequence[str] = ("entity", "entities"), place: str = "setting"
+    plan: InspectionPlan, nouns: Sequence[str] = ("entity", "entities"), place: str = "setting"
 ) -> str:
     """Say how many settings are proven to be needed, and for what; nothing of a plan without settings.
 
@@ -80,18 +80,18 @@ def bound_sentence(
     inspected = len(plan.inspected)
     if not n:
         return ""
-    these = f"all {inspected} {what[1]}" if inspected > 1 else f"the {what[0]}"
+    these = f"all {inspected} {nouns[1]}" if inspected > 1 else f"the {nouns[0]}"
     scope = ""
     if not plan.complete:
         these = "them" if inspected > 1 else "it"
-        scope = f" for the {count(inspected, f'inspected {what[0]}', f'inspected {what[1]}')}"
+        scope = f" for the {count(inspected, f'inspected {nouns[0]}', f'inspected {nouns[1]}')}"
     if plan.minimal:
-        least = f"no plan that inspects {these} under this request has fewer {place}s"
-        return f"Proven minimal{scope}: {least}."
-    least = (
+        proof = f"no plan that inspects {these} under this request has fewer {place}s"
+        return f"Proven minimal{scope}: {proof}."
+    proof = (
         f"Every plan that inspects {these} under this request has at least {count(bound, place)}"
     )
-    return f"Proven lower bound{scope}: {bound}. {least}."
+    return f"Proven lower bound{scope}: {bound}. {proof}."
 
 
 def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
@@ -99,8 +99,8 @@ def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
     settings = count(len(plan.settings), "setting")
     inspected = len(plan.inspected)
     items = words_of(plan.targets).items
-    some = "" if plan.complete else f", {inspected} of {count(len(plan.entities), *items)}"
-    return f"{seconds:8.1f} s   {settings:>12}   at least {plan.lower_bound:<3}   gap {100 * plan.gap:.0f} %{some}"
+    targets = "" if plan.complete else f", {inspected} of {count(len(plan.entities), *items)}"
+    return f"{seconds:8.1f} s   {settings:>12}   at least {plan.lower_bound:<3}   gap {100 * plan.gap:.0f} %{targets}"
 
 
 def cost_sentence(about: JointEstimate, n: int) -> str:
@@ -152,7 +152,7 @@ def promise_sentence(plan: InspectionPlan) -> str:
     )
     if registered := registration_text(plan):
         alone += f" Here, {registered}, so the camera's own uncertainty limits where it looks, not what it reads."
-    poses = min((one.p_all_poses for one in plan.settings if one.p_all), default=0)
+    poses = min((view.p_all_poses for view in plan.settings if view.p_all), default=0)
     if not poses:
         return alone
     item = words.found.removesuffix(" is found")
@@ -182,15 +182,15 @@ def window_texts(plan: InspectionPlan, k: int) -> list[str]:
     """Say within how many pixels what a setting measures is to be looked for, and where other lines lie there."""
     setting = plan.settings[k]
     windows = search_windows_px(plan, setting)
-    least = min(windows.values())
-    most = max(windows.values())
-    told = f"{most:.3g}" if most - least < 0.1 else f"{least:.3g} to {most:.3g}"
+    narrow = min(windows.values())
+    wide = max(windows.values())
+    width = f"{wide:.3g}" if wide - narrow < 0.1 else f"{narrow:.3g} to {wide:.3g}"
     lines = [
         f"{name}: {line_warning(px, windows[name])}"
         for name, px in setting.lines_in_window_px.items()
     ]
     images = None if plan.simulation is None else plan.simulation.shown
-    return [f"search window ±{told} px around the prediction", *lines, *unshown_texts(images, k)]
+    return [f"search window ±{width} px around the prediction", *lines, *unshown_texts(images, k)]
 
 
 def unshown_texts(images: ShownImages | None, k: int) -> list[str]:
@@ -211,32 +211,31 @@ def simulation_sentence(result: SimulationResult) -> str:
     if not n:
         return "Nothing was simulated: the plan has no settings."
     if kinds[CONTRADICTED]:
-        told = "contradicts the plan"
+        judgement = "contradicts the plan"
     elif kinds[UNSTATED]:
-        told = "cannot judge the plan"
+        judgement = "cannot judge the plan"
     elif kinds[TOLERATED]:
-        told = "does not contradict the plan"
+        judgement = "does not contradict the plan"
     else:
-        told = "confirms the plan" if kinds[CONFIRMED] == n else "supports the plan"
-    return f"A simulation of {count(result.n, 'displaced pose')} per setting {told}: {_counted(result, n)}."
+        judgement = "confirms the plan" if kinds[CONFIRMED] == n else "supports the plan"
+    return f"A simulation of {count(result.n, 'displaced pose')} per setting {judgement}: {_counted(result, n)}."
 
 
 def shown_sentence(images: ShownImages | None) -> str:
     """Say how many targets meet the conditions for showing from displaced cameras; nothing if not asked."""
     if images is None:
         return ""
-    counts = [found for setting in images.counts for found in setting.values()]
-    always = sum(found == images.n for found in counts)
+    counts = [count for setting in images.counts for count in setting.values()]
+    always = counts.count(images.n)
     n = len(counts)
     poses = f"the {count(images.n, 'displaced pose')} per setting"
     if always == n:
-        told = "The target meets" if n == 1 else f"All {n} targets meet"
-        return f"{told} the image conditions from each of {poses}."
-    least = f"the image conditions from at least {min(counts)} of {poses}."
+        targets = "The target meets" if n == 1 else f"All {n} targets meet"
+        return f"{targets} the image conditions from each of {poses}."
     if n == 1:
         return f"The target meets the image conditions from {counts[0]} of {poses}."
     if not always:
-        return f"Each of {n} targets meets {least}"
+        return f"Each of {n} targets meets the image conditions from at least {min(counts)} of {poses}."
     others = "Each of the others meets them from at least"
     if n - always == 1:
         others = "The other one meets them from"
@@ -244,6 +243,13 @@ def shown_sentence(images: ShownImages | None) -> str:
         f"{always} of {count(n, 'target')} {'meets' if always == 1 else 'meet'} the image conditions "
         f"from each of {poses}. {others} {min(counts)} of {images.n}."
     )
+
+
+def simulated_sentences(plan: InspectionPlan) -> list[str]:
+    """Say how a simulation agrees with a plan, and how many targets meet the image conditions."""
+    if plan.simulation is None:
+        return ["Not simulated."]
+    return [simulation_sentence(plan.simulation), shown_sentence(plan.simulation.shown)]
 
 
 def percent(share: float) -> str:
@@ -282,10 +288,10 @@ def _largest(result: SimulationResult, kind: str) -> str:
     return f"{max(abs(rate.predicted - rate.frequency) for rate in rates):.2g}"
 
 
-def graph_sentence(n_entities: int, most: int | None) -> str:
+def graph_sentence(n_entities: int, graph_limit: int | None) -> str:
     """Say that the joint graph was left out, and what to do about it."""
-    limit = f"the limit is {most}; --graph-limit changes it"
-    if most is None:
+    limit = f"the limit is {graph_limit}; --graph-limit changes it"
+    if graph_limit is None:
         limit = f"--graph-limit {n_entities} builds it anyway"
     return (
         f"graph.graphml was not written: the joint graph of {n_entities} entities may take long to build and to draw "
@@ -293,16 +299,16 @@ def graph_sentence(n_entities: int, most: int | None) -> str:
     )
 
 
-def regions_sentence(shares: Mapping[str, float], most: int) -> str:
+def regions_sentence(shares: Mapping[str, float], n_together: int) -> str:
     """Say from how much of the workspace entities are observable, and how many at most from one place."""
-    least = min(shares, key=shares.__getitem__)
+    smallest = min(shares, key=shares.__getitem__)
     largest = max(shares, key=shares.__getitem__)
     mean = sum(shares.values()) / len(shares)
     return (
-        f"Regions: each entity is visible as a whole from {percent_text(shares[least], 2)} ({least}) to "
+        f"Regions: each entity is visible as a whole from {percent_text(shares[smallest], 2)} ({smallest}) to "
         f"{percent_text(shares[largest], 2)} ({largest}) of the workspace, and from "
         f"{percent_text(mean, 2)} on average. None of 10,000 "
-        f"random viewpoints sees more than {most} of the {len(shares)} entities."
+        f"random viewpoints sees more than {n_together} of the {len(shares)} entities."
     )
 
 
@@ -322,14 +328,14 @@ def light_sentence(plan: InspectionPlan) -> str:
     lamps = f"{n} of the given lamps {'gives' if n == 1 else 'give'}"
     if light.kind == "placed":
         lamps = f"{count(n, 'lamp position')} {'gives' if n == 1 else 'give'}"
-    told = (
+    proof = (
         "proven to be the fewest" if light.minimal else f"proven lower bound: {light.lower_bound}"
     )
     several = [len(images) for images in light.images if len(images) > 1]
     taken = count(len(several), "setting needs", "settings need")
     images = f" {taken} more than one image, {sum(several)} in total." if several else ""
     switched = "all on together" if light.together else "one lamp at a time"
-    return f"{lamps} {shown} {contrast}, {switched}{f' ({told})' if n else ''}.{images}"
+    return f"{lamps} {shown} {contrast}, {switched}{f' ({proof})' if n else ''}.{images}"
 
 
 def lamps_named(image: LitImage) -> str:
@@ -367,9 +373,7 @@ def verdict(plan: InspectionPlan) -> str:
     sentences.append(features_sentence(plan))
     if n:
         sentences.append(bound_sentence(plan, items))
-        told = "Not simulated." if plan.simulation is None else simulation_sentence(plan.simulation)
-        sentences.append(told)
-        sentences.append("" if plan.simulation is None else shown_sentence(plan.simulation.shown))
+        sentences += simulated_sentences(plan)
     if plan.unfinished:
         sentences.append(unfinished_sentence(plan))
     if plan.light is not None and n:
@@ -385,9 +389,9 @@ def calibration_rows(camera: Camera) -> dict[str, str]:
     if camera.principal_point_px is not None:
         rows["Principal point"] = "({:.2f}, {:.2f}) px".format(*camera.principal_point_px)
     if camera.distortion is not None:
-        told = ", ".join(f"{c:g}" for c in camera.distortion.coefficients)
+        numbers = ", ".join(f"{c:g}" for c in camera.distortion.coefficients)
         rows["Lens distortion"] = (
-            f"k1, k2, p1, p2, k3 = {told}; lengths are those of the undistorted image"
+            f"k1, k2, p1, p2, k3 = {numbers}; lengths are those of the undistorted image"
         )
     return rows
 
@@ -406,19 +410,19 @@ def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
     uncertainty = plan.pose_uncertainty
     if not need:
         return {}
-    asked = {}
+    limits = {}
     if need.get("separation_px"):
-        asked["Separation"] = _separation_text(plan, need["separation_px"])
+        limits["Separation"] = _separation_text(plan, need["separation_px"])
     if need.get("surround_px"):
-        asked["Surroundings"] = (
+        limits["Surroundings"] = (
             f"{need['surround_px']:g} px of the image around each end, inside the margin"
         )
     if need.get("min_corner_deg"):
-        asked["Corners"] = f"another line leaves each end at {need['min_corner_deg']:g}° or more"
+        limits["Corners"] = f"another line leaves each end at {need['min_corner_deg']:g}° or more"
     corner = corner_margin_px(plan.camera, uncertainty, 1.0)
     anyway = float(uncertainty.sigmas[:3].max())
     return {
-        **asked,
+        **limits,
         "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
         "Image of an edge": f"at least {need['min_length_px']:g} px long",
         "Margin of the field of view": f"no target within {need['field_margin_px']:.4g} px of the sensor's sides"
@@ -461,8 +465,8 @@ def margin_texts(margins: Mapping[str, float]) -> list[str]:
             more = " or more" if key == "separation_px" and value >= MOST_PX else ""
             # a length of the image, not of the part
             on = " on the sensor" if key == "resolution_mm" else ""
-            told = "°" if unit == "deg" else f" {unit}"
-            texts.append(f"{name.replace('_', ' ')} {value:+.4g}{told}{on}{more}")
+            sign = "°" if unit == "deg" else f" {unit}"
+            texts.append(f"{name.replace('_', ' ')} {value:+.4g}{sign}{on}{more}")
     return texts
 
 
@@ -479,8 +483,8 @@ def surfaces_sources(dimensions: Iterable[PlannedDimension]) -> list[str]:
     list of str
         Such as "0.02 mm (default)" or "0.03 mm (profile 0.1 mm in the model)", the smallest first.
     """
-    found = sorted({(one.surfaces_mm, one.surfaces_from) for one in dimensions})
-    return [f"{sigma:.3g} mm ({_surfaces_source(sigma, zone)})" for sigma, zone in found]
+    sources = sorted({(target.surfaces_mm, target.surfaces_from) for target in dimensions})
+    return [f"{sigma:.3g} mm ({_surfaces_source(sigma, zone)})" for sigma, zone in sources]
 
 
 def _surfaces_source(sigma_mm: float, zone: str) -> str:

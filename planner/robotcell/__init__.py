@@ -5,14 +5,11 @@ clearance. What is told as not reached was refused by a reason in words; only "b
 """
 
 from planner.robotcell.arm import Joint, Robot
-from planner.robotcell.bodies import Box
-from planner.robotcell.cell import Cell
+from planner.robotcell.bodies import Box, Fixturing, Grip
+from planner.robotcell.cell import Cell, HeldPartCell
 from planner.robotcell.collisions import Closeness
-from planner.robotcell.held_part_cell import HeldPartCell
-from planner.robotcell.joint_checks import PoseReach
 from planner.robotcell.placement import Placement, propose_placements
-from planner.robotcell.reachability import Reachability
-from planner.robotcell.standing import Fixturing, Grip
+from planner.robotcell.reachability import PoseReach, Reachability
 
 __all__ = [
     "Box",

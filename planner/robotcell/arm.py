@@ -126,7 +126,7 @@ class ControllerAxes:
 
     def texts(self) -> list[str]:
         """Return in words what differs from the joints, an axis each."""
-        found = []
+        texts = []
         for axis in sorted({row[0] for row in (*self.coupled, *self.limits)}):
             text = f"axis {axis} of the controller is joint {axis}"
             for k, joint, factor in self.coupled:
@@ -135,8 +135,8 @@ class ControllerAxes:
             for k, low, high in self.limits:
                 if k == axis:
                     text += f", from {np.degrees(low):g} to {np.degrees(high):g} degrees"
-            found.append(text)
-        return found
+            texts.append(text)
+        return texts
 
 
 _COUPLED = "must hold three numbers each: an axis, a joint and a factor"
@@ -144,9 +144,9 @@ _LIMITS = "must hold three numbers each: an axis, its least and its largest angl
 
 
 def _mapped(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
-    given = np.asarray(values, dtype=np.float64)
-    first = given[..., :N_JOINTS] @ matrix.T
-    return np.concatenate([first, given[..., N_JOINTS:]], axis=-1)
+    vectors = np.asarray(values, dtype=np.float64)
+    first = vectors[..., :N_JOINTS] @ matrix.T
+    return np.concatenate([first, vectors[..., N_JOINTS:]], axis=-1)
 
 
 def _rows(name: str, rule: str, value: Any) -> Sequence[Any]:
@@ -285,8 +285,8 @@ class Robot:
         self.tip = tip
         self.segment_names = arm.segments
         self.joints = tuple(
-            Joint(joint.name, joint.lower, joint.upper, joint.speed, float(most))
-            for joint, most in zip(arm.joints, accelerations, strict=True)
+            Joint(joint.name, joint.lower, joint.upper, joint.speed, float(acceleration))
+            for joint, acceleration in zip(arm.joints, accelerations, strict=True)
         )
         self.lower = _values(self.joints, "lower")
         self.upper = _values(self.joints, "upper")
@@ -295,7 +295,7 @@ class Robot:
         self.chain = Chain.of(arm)
         self.hulls: tuple[tuple[Hull, ...], ...] = hulls
         moving = zip(arm.segments[1:], hulls[1:], strict=True)
-        self.bodiless_links = tuple(name for name, own in moving if not own)
+        self.bodiless_links = tuple(name for name, link_hulls in moving if not link_hulls)
         self.notes = arm.notes
         self._stated_bodiless = bodiless_links
         self.controller = ControllerAxes() if controller is None else controller
@@ -369,7 +369,7 @@ class Robot:
             ) from None
         except UnicodeDecodeError:
             raise RobotError.of_rule("urdf", "must be UTF-8 text", repr(str(file))) from None
-        most = _checked_rates("accelerations", "rad/s²", accelerations)
+        strongest = _checked_rates("accelerations", "rad/s²", accelerations)
         fastest = None if speeds is None else _checked_rates("speeds", "rad/s", speeds)
         try:
             arm = read_urdf(text, tip, base, fastest)
@@ -381,7 +381,7 @@ class Robot:
             raise RobotError.of_rule(named, error.rule, error.got, hint=error.hint) from None
         stated = _checked_links(bodiless_links, arm.segments[1:])
         controller = ControllerAxes(coupled, axis_limits)
-        return cls(text, tip, base, most, hulls, fastest, stated, controller, str(file))
+        return cls(text, tip, base, strongest, hulls, fastest, stated, controller, str(file))
 
     def check_bodies(self) -> None:
         """Refuse a link behind a joint that has no geometry, unless it is stated.
@@ -486,8 +486,8 @@ class Robot:
             Angles, rad; negative beyond a limit.
         """
         joints = np.asarray(q, dtype=np.float64)
-        own = np.minimum(joints - self.lower, self.upper - joints).min(axis=-1)
-        return np.asarray(np.minimum(own, self.controller.margin(joints)))
+        margin = np.minimum(joints - self.lower, self.upper - joints).min(axis=-1)
+        return np.asarray(np.minimum(margin, self.controller.margin(joints)))
 
     def branches(self, flange: Any) -> np.ndarray:
         """Return all joints within limits that bring the tip to a pose.
@@ -597,8 +597,12 @@ class Robot:
     @property
     def state_name(self) -> str:
         """Digest of the URDF, the tip, the base, accelerations and hulls."""
-        text, tip, base, most, hulls, speeds, _, controller = self._made_of
-        numbers = [most.tolist()] if speeds is None else [most.tolist(), speeds.tolist()]
+        text, tip, base, accelerations, hulls, speeds, _, controller = self._made_of
+        numbers = (
+            [accelerations.tolist()]
+            if speeds is None
+            else [accelerations.tolist(), speeds.tolist()]
+        )
         digest = hashlib.sha256(repr((text, tip, base, *numbers)).encode())
         if not controller.is_plain:
             digest.update(repr((controller.coupled, controller.limits)).encode())
@@ -695,9 +699,9 @@ def _points(shape: Shape, folder: Path, packages: Mapping[str, str | PathLike[st
 
 def _mesh_path(name: str, folder: Path, packages: Mapping[str, str | PathLike[str]]) -> Path:
     """Return where a mesh lies."""
-    scheme, _, rest = name.rpartition("://")
+    scheme, _, inner_path = name.rpartition("://")
     if scheme == "package":
-        package, _, inside = rest.partition("/")
+        package, _, inside = inner_path.partition("/")
         if package not in packages:
             raise RobotError.of_rule(
                 "packages",
@@ -707,7 +711,7 @@ def _mesh_path(name: str, folder: Path, packages: Mapping[str, str | PathLike[st
             )
         path = Path(packages[package]) / inside
     else:
-        path = folder / rest
+        path = folder / inner_path
     if not path.is_file():
         raise RobotError.of_rule("urdf", f"must name meshes that exist: {name}", f"no {path}")
     return path

@@ -160,7 +160,7 @@ class Branches:
         zero = chain.tips(chain.frames(np.zeros((1, N_JOINTS))))
         self._tip_turn = compose(self._to_first, zero)[0, :3, :3]
         q = self._drawn()
-        most = 0
+        most_refound = 0
         families = []
         for near in _NEAR:
             self._arm = _ExactArm(chain, near)
@@ -169,11 +169,11 @@ class Branches:
                 refound = self._count_refound(q)
                 if refound == len(q):
                     return
-                most = max(most, refound)
+                most_refound = max(most_refound, refound)
             families.append(self._arm.family)
-        if most:
+        if most_refound:
             rule = "must be an arm whose joints are found again from the poses they lead to"
-            raise RobotError.of_rule("robot", rule, f"{most} of {len(q)} drawn joints")
+            raise RobotError.of_rule("robot", rule, f"{most_refound} of {len(q)} drawn joints")
         rule = "must be an arm with a spherical wrist or three parallel axes"
         farthest = _NEAR[-1]
         hint = (
@@ -230,7 +230,7 @@ class Branches:
         for angle, low, high in zip(q, self._lower, self._upper, strict=True):
             count = int(np.ceil((high - low) / _TURN)) + 1
             others = [angle + _TURN * turn for turn in range(-count, count + 1) if turn]
-            choices.append([angle, *(one for one in others if low <= one <= high)])
+            choices.append([angle, *(turned for turned in others if low <= turned <= high)])
         return np.array(list(product(*choices)))
 
     def _drawn(self) -> np.ndarray:
@@ -269,9 +269,11 @@ class Branches:
         more, whose, almost = self._refined(starts, whose, tips)
         q_met = np.concatenate([q[met], more])
         met_by = np.concatenate([owner[met], whose])
-        rest = np.flatnonzero(~met & ~is_start)
-        is_aimless = _is_aimless(frames[rest], reached[rest], tips[owner[rest]], self._near.start)
-        aimless = rest[is_aimless]
+        others = np.flatnonzero(~met & ~is_start)
+        is_aimless = _is_aimless(
+            frames[others], reached[others], tips[owner[others]], self._near.start
+        )
+        aimless = others[is_aimless]
         again = np.union1d(owner[aimless], np.setdiff1d(almost, met_by))
         if not len(again):
             return q_met, met_by
@@ -285,10 +287,10 @@ class Branches:
 
     def _closed_form(self, tips: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return what EAIK finds (m, 6), whose it is (m,), and which are flagged as no solutions (m,)."""
-        wanted = compose(self._to_first, tips)
-        wanted[:, :3, 3] *= _M
-        wanted[:, :3, :3] = np.einsum("nij,kj->nik", wanted[:, :3, :3], self._tip_turn)
-        solutions = [self._arm.solver.IK(pose) for pose in wanted]
+        targets = compose(self._to_first, tips)
+        targets[:, :3, 3] *= _M
+        targets[:, :3, :3] = np.einsum("nij,kj->nik", targets[:, :3, :3], self._tip_turn)
+        solutions = [self._arm.solver.IK(pose) for pose in targets]
         joints = [np.asarray(each.Q, dtype=np.float64).reshape(-1, N_JOINTS) for each in solutions]
         flags = [np.asarray(each.is_LS, dtype=bool).reshape(-1) for each in solutions]
         owner = np.repeat(np.arange(len(tips)), [len(q) for q in joints])
@@ -324,10 +326,10 @@ class Branches:
         q = self._newton(q, tips[owner])
         error = self._errors(q, tips[owner])
         almost = np.unique(owner[error <= _ALMOST])
-        least = np.full(len(tips), _POSE)
-        np.minimum.at(least, owner, error)
+        least_error = np.full(len(tips), _POSE)
+        np.minimum.at(least_error, owner, error)
         # where all joints nearby almost lead to a pose, the method creeps: the best of them stands for all
-        met = error <= np.maximum(least[owner], _SHARP)
+        met = error <= np.maximum(least_error[owner], _SHARP)
         q = q[met]
         owner = owner[met]
         jacobian = self._jacobian(self._chain.frames(q))
@@ -352,8 +354,8 @@ class Branches:
         if len(rows):
             moved = q[rows]
             for _ in range(_BOLD):
-                rest, frames = self._residuals(moved, tips[rows])
-                moved = moved + _damped_step(self._jacobian(frames), rest, np.zeros(len(rows)))
+                residuals, frames = self._residuals(moved, tips[rows])
+                moved = moved + _damped_step(self._jacobian(frames), residuals, np.zeros(len(rows)))
             moved = self._damped(moved, tips[rows])
             better = self._errors(moved, tips[rows]) < error[rows]
             q[rows[better]] = moved[better]
@@ -365,8 +367,8 @@ class Branches:
         The damping is the squared error: the method stays quadratic in singular joints (Yamashita and Fukushima, 2001).
         """
         q = q.copy()
-        rest, frames = self._residuals(q, tips)
-        sizes = (rest**2).sum(axis=1)
+        residuals, frames = self._residuals(q, tips)
+        sizes = (residuals**2).sum(axis=1)
         damping = np.ones(len(q))
         idle = np.zeros(len(q), dtype=int)
         for _ in range(_ITERATIONS):
@@ -374,7 +376,7 @@ class Branches:
             if not len(rows):
                 break
             weight = damping[rows] * sizes[rows]
-            moved = q[rows] + _damped_step(self._jacobian(frames[rows]), rest[rows], weight)
+            moved = q[rows] + _damped_step(self._jacobian(frames[rows]), residuals[rows], weight)
             new_rest, new_frames = self._residuals(moved, tips[rows])
             new_sizes = (new_rest**2).sum(axis=1)
             better = new_sizes < sizes[rows]
@@ -382,7 +384,7 @@ class Branches:
             damping[rows] *= np.where(better, 0.25, 8.0)
             taken = rows[better]
             q[taken] = moved[better]
-            rest[taken] = new_rest[better]
+            residuals[taken] = new_rest[better]
             frames[taken] = new_frames[better]
             sizes[taken] = new_sizes[better]
         return q
@@ -395,11 +397,11 @@ class Branches:
         goal = np.clip(0.0, self._lower, self._upper)
         moved = q.copy()
         for _ in range(_SLIDES if len(q) else 0):
-            rest, frames = self._residuals(moved, tips)
+            residuals, frames = self._residuals(moved, tips)
             u, values, vt = np.linalg.svd(self._jacobian(frames))
             free = values <= _FREE
             inverse = np.where(free, 0.0, 1.0 / np.where(free, 1.0, values))
-            back = np.einsum("nji,nj,nkj,nk->ni", vt, inverse, u, rest)
+            back = np.einsum("nji,nj,nkj,nk->ni", vt, inverse, u, residuals)
             wish = np.einsum("nij,nj->ni", vt, goal - moved)
             slide = np.einsum("nji,nj->ni", vt, np.where(free, wish, 0.0))
             moved = moved + back + _capped(slide)
@@ -418,16 +420,16 @@ class Branches:
         """Return what is missing to poses (n, 6), in metres and rad, and the frames (n, 7, 4, 4)."""
         frames = self._chain.frames(q)
         reached = self._chain.tips(frames)
-        rest = np.empty((len(q), 6))
-        rest[:, :3] = _M * (tips[:, :3, 3] - reached[:, :3, 3])
+        residuals = np.empty((len(q), 6))
+        residuals[:, :3] = _M * (tips[:, :3, 3] - reached[:, :3, 3])
         turn = np.einsum("nij,nkj->nik", tips[:, :3, :3], reached[:, :3, :3])
-        rest[:, 3] = turn[:, 2, 1] - turn[:, 1, 2]
-        rest[:, 4] = turn[:, 0, 2] - turn[:, 2, 0]
-        rest[:, 5] = turn[:, 1, 0] - turn[:, 0, 1]
+        residuals[:, 3] = turn[:, 2, 1] - turn[:, 1, 2]
+        residuals[:, 4] = turn[:, 0, 2] - turn[:, 2, 0]
+        residuals[:, 5] = turn[:, 1, 0] - turn[:, 0, 1]
         # twice the sine of half the angle: it grows up to half a turn
         trace = np.einsum("nii->n", turn)
-        rest[:, 3:] /= np.sqrt(np.maximum(1.0 + trace, _HALF_TURN))[:, None]
-        return rest, frames
+        residuals[:, 3:] /= np.sqrt(np.maximum(1.0 + trace, _HALF_TURN))[:, None]
+        return residuals, frames
 
     def _errors(self, q: np.ndarray, tips: np.ndarray) -> np.ndarray:
         """Return by how much joints (m, 6) miss poses (m, 4, 4), see `_distances`."""
@@ -558,8 +560,8 @@ def _damped_step(jacobian: np.ndarray, rest: np.ndarray, damping: np.ndarray) ->
     normal = np.einsum("nji,njk->nik", jacobian, jacobian)
     diagonal = np.arange(N_JOINTS)
     normal[:, diagonal, diagonal] += (damping + _REGULAR)[:, None]
-    wanted = np.einsum("nji,nj->ni", jacobian, rest)
-    return _capped(np.linalg.solve(normal, wanted[:, :, None])[:, :, 0])
+    gradient = np.einsum("nji,nj->ni", jacobian, rest)
+    return _capped(np.linalg.solve(normal, gradient[:, :, None])[:, :, 0])
 
 
 def _capped(steps: np.ndarray) -> np.ndarray:

@@ -1,10 +1,9 @@
-"""The cell: a robot with a camera in its hand, the part in its fixturings, and what stands around."""
+"""The cell: a robot, what its hand carries, and what stands around; and the region of poses that it reaches."""
 
 from __future__ import annotations
 
-import hashlib
-from abc import ABC
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -13,194 +12,47 @@ import numpy as np
 from planner.argument_kinds import NOT_NEGATIVE, check_kinds, check_number, shown
 from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
-from planner.robotcell.bodies import Body, Box, Surface, mesh_of
-from planner.robotcell.cell_file import (
-    arm_with_mount,
-    cell_fields,
+from planner.robotcell.bodies import Body, Fixturing, Grip, Standing, Surface
+from planner.robotcell.cell_file import cell_fields
+from planner.robotcell.collisions import (
+    Arm,
+    Closeness,
+    Surroundings,
+    TurnedAdvance,
+    farthest_points,
+)
+from planner.robotcell.hand import (
+    FIXTURING,
+    CameraInHand,
+    Fittings,
+    Hand,
+    PartInHand,
     check_hand_eye,
     check_home,
     check_home_is_free,
     check_names,
-    check_part_stands_free,
-    check_turns_free,
     pairs_by_design,
+    parts_of,
 )
-from planner.robotcell.collisions import (
-    Arm,
-    Surroundings,
-    TurnedAdvance,
-    bodies_of,
-    farthest_points,
+from planner.robotcell.reachability import (
+    ArmAt,
+    PoseReach,
+    Reachability,
+    Reacher,
+    angle_deg,
+    most_often,
+    over_angles,
 )
-from planner.robotcell.joint_checks import JointChecks, PoseReach, Reacher, over_angles
-from planner.robotcell.reachability import CellRegion, Reachability, reachability_of
-from planner.robotcell.standing import (
-    SKIN_MM,
-    Fixturing,
-    Standing,
-    hidden_by,
-    standing_bodies,
-    sunk_mm,
-)
-from planner.robotcell.urdf import compose
+from planner.robotcell.urdf import N_JOINTS, check_pose, compose, invert
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
 
-
-# The digest of a cell, what a plan file says of it, and in what another cell differs.
-
-
-_SHORT = 16
-_FIXTURING = "fixturing "
+LINKS_NEAR_MM = 5.0
+"""Two links of the arm are named as the closest objects only if they are nearer than this."""
 
 
-class CellIdentity(ABC):
-    """What a `Cell` says of itself."""
-
-    robot: Robot
-    cam2flange: np.ndarray
-    clearance_mm: float
-    home: np.ndarray | None
-    fixturings: dict[str, Fixturing]
-    _arm: Arm
-    _camera_body: tuple[Body, ...]
-    _standing: tuple[Standing, ...]
-    _with_it: dict[str, tuple[Standing, ...]]
-    _turning: dict[str, tuple[Standing, ...]]
-
-    @property
-    def state_name(self) -> str:
-        """Digest of everything that decides what is reached."""
-        own = (self.robot.state_name, self.clearance_mm, self.cam2flange.tolist())
-        places: list[tuple[str, np.ndarray, Sequence[Standing]]]
-        places = [("", np.eye(4), self._standing)]
-        places += [
-            (name, one.part2base, self._with_it[name]) for name, one in self.fixturings.items()
-        ]
-        places += [place for name in self.fixturings for place in self._table_of(name)]
-        return f"cell {digest_of((*own, self._home_values), self._arm, places)}"
-
-    @property
-    def _home_values(self) -> list[float] | None:
-        return None if self.home is None else self.home.tolist()
-
-    def _table_of(self, name: str) -> list[tuple[str, np.ndarray, Sequence[Standing]]]:
-        """Return what turns in a fixturing, as a place of the digest; nothing without a turntable."""
-        table = self.fixturings[name].table
-        if table is None:
-            return []
-        return [(repr((name, table.numbers)), np.eye(4), self._turning[name])]
-
-    @property
-    def parts(self) -> dict[str, str]:
-        """Short digests of what the cell consists of, by name."""
-        camera = [
-            one.corners() if isinstance(one, Box) else mesh_of(one, "camera_body")[0]
-            for one in self._camera_body
-        ]
-        found = {
-            "robot": short_digest(self.robot.state_name),
-            "cam2flange": short_digest(self.cam2flange.tolist()),
-            "camera_body": short_digest([corners.tolist() for corners in camera]),
-            "clearance_mm": short_digest(self.clearance_mm),
-            "home": short_digest(self._home_values),
-            "obstacles": short_digest(digest_of((), None, [("", np.eye(4), self._standing)])),
-        }
-        for name, one in self.fixturings.items():
-            place = [(name, one.part2base, self._with_it[name]), *self._table_of(name)]
-            found[_FIXTURING + name] = short_digest(digest_of((), None, place))
-        return found
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what a plan file says of the cell.
-
-        Returns
-        -------
-        dict
-            Name of the robot, digest of the cell, and ``part2base`` of each fixturing; with the
-            axes of turntables. ``parts`` are short digests, which show what was changed.
-            ``bodiless_links`` are those whose collisions were not checked.
-        """
-        tables = {name: one.table for name, one in self.fixturings.items() if one.table}
-        axes = {
-            name: {"point": table.point.tolist(), "direction": table.direction.tolist()}
-            for name, table in tables.items()
-        }
-        return {
-            "robot": self.robot.name,
-            "digest": self.state_name.split()[-1],
-            "fixturings": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
-            "parts": self.parts,
-            **({"turntables": axes} if axes else {}),
-            **bodiless(self.robot),
-        }
-
-    def difference(self, stated: Mapping[str, Any]) -> str:
-        """Return in what this cell differs from the one of a plan.
-
-        Parameters
-        ----------
-        stated : mapping
-            What the plan says of its cell, ``plan.cell``; empty without one.
-
-        Returns
-        -------
-        str
-            Such as "cam2flange and fixturing 'up'"; empty if nothing differs.
-        """
-        now = self.to_dict()
-        if not stated or stated["digest"] == now["digest"]:
-            return ""
-        # plans of earlier versions name no parts
-        before = stated.get("parts", {})
-        names = [name for name in {**before, **now["parts"]} if name in before or before]
-        changed = [name for name in names if before.get(name) != now["parts"].get(name)]
-        words = [_named(name, before, now["parts"]) for name in changed]
-        if not words:
-            return "something that the plan does not name"
-        return " and ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
-
-
-def bodiless(robot: Robot) -> dict[str, list[str]]:
-    """Return what a plan file says of links without geometry; empty if each has some."""
-    return {"bodiless_links": list(robot.bodiless_links)} if robot.bodiless_links else {}
-
-
-def _named(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Return the name of a part of the cell as its file has it, and whether it is new or gone."""
-    word = name
-    if name.startswith(_FIXTURING):
-        word = f"fixturing {name.removeprefix(_FIXTURING)!r}"
-    if name not in before:
-        return f"{word} (new)"
-    return word if name in now else f"{word} (gone)"
-
-
-def short_digest(value: Any, digits: int = _SHORT) -> str:
-    """Return the first hexadecimal digits of the SHA-256 of a plain value."""
-    return hashlib.sha256(repr(value).encode()).hexdigest()[:digits]
-
-
-def digest_of(
-    numbers: tuple[Any, ...],
-    arm: Arm | None,
-    places: Iterable[tuple[str, np.ndarray, Sequence[Standing]]],
-) -> str:
-    """Return the SHA-256 of an arm, of numbers, and of what stands still by name and pose."""
-    digest = hashlib.sha256(repr(numbers).encode())
-    for body in () if arm is None else arm.bodies:
-        digest.update(body.hull.corners.tobytes())
-    for name, pose, standing in places:
-        digest.update(repr((name, pose.tolist())).encode())
-        for one in standing:
-            digest.update(repr((one.name, one.pose.tolist())).encode())
-            digest.update(one.shape.corners.tobytes())
-            digest.update(one.shape.triangles.astype("<i8").tobytes())
-    return digest.hexdigest()
-
-
-class Cell(JointChecks, CellIdentity):
+class Cell:
     """A robot that holds a camera, and everything it must not touch.
 
     The tip of the robot is the flange: tip(q) · cam2flange = part2base · cam2world.
@@ -234,8 +86,6 @@ class Cell(JointChecks, CellIdentity):
         If a parameter breaks its rule, or the extra ``robot`` is not installed.
     """
 
-    camera_field = "cam2flange"
-
     def __init__(
         self,
         robot: Robot,
@@ -247,26 +97,61 @@ class Cell(JointChecks, CellIdentity):
         fixturings: Mapping[str, Fixturing],
         home: Sequence[float] | None = None,
     ) -> None:
+        self._check_robot(robot)
+        self.cam2flange = check_hand_eye(cam2flange)
+        fittings = _fittings(robot, camera_body, obstacles, clearance_mm)
+        self._assemble(CameraInHand, self.cam2flange, fittings, fixturings, home)
+
+    @staticmethod
+    def _check_robot(robot: Robot) -> None:
         check_kinds(robot=(robot, "Robot"))
-        self.robot = robot
         robot.check_bodies()
         robot.check_solvable()
-        self.cam2flange = check_hand_eye(cam2flange)
-        self.clearance_mm = check_number("clearance_mm", clearance_mm, NOT_NEGATIVE)
-        self.fixturings = dict(fixturings)
-        self.home = check_home(home, robot)
-        self._camera_body = tuple(camera_body)
-        self._obstacles = dict(obstacles or {})
-        check_names(self.fixturings, self._obstacles, robot)
-        self._part: Standing | None = None
-        self._standing = standing_bodies(self._obstacles, "obstacle")
-        bodies = bodies_of(robot, self.cam2flange, self._camera_body)
-        self._arm = arm_with_mount(robot, bodies, self.clearance_mm)
-        self._left_out = pairs_by_design(robot, self._arm)
-        self._stand()
+
+    def _assemble(
+        self,
+        hand: type[Hand],
+        camera: np.ndarray,
+        fittings: Fittings,
+        fixturings: Mapping[str, Any],
+        home: Sequence[float] | None,
+    ) -> None:
+        """Put the cell together, and check it."""
+        self.robot = fittings.robot
+        self.clearance_mm = fittings.clearance_mm
+        self.home = check_home(home, self.robot)
+        check_names(hand, fittings, dict(fixturings))
+        self._fittings = fittings
+        self._hand: Hand = hand(fittings, camera, dict(fixturings))
+        self._left_out = pairs_by_design(self.robot, self._arm)
+        self._forget()
+        self.check()
+
+    def _forget(self) -> None:
+        """Leave behind what was built of fixturings, when these, home or the hand change."""
         self._reachers: dict[tuple[str, float], Reacher] = {}
         self._advances: dict[str, TurnedAdvance] = {}
-        self.check()
+
+    def _with_hand(self, hand: Hand) -> Cell:
+        cell = self._copy()
+        cell._hand = hand
+        return cell
+
+    def _copy(self) -> Cell:
+        cell = object.__new__(type(self))
+        cell.__dict__.update(self.__dict__)
+        cell._forget()
+        return cell
+
+    @property
+    def fixturings(self) -> dict[str, Any]:
+        """The ways the part lies or is held, by name: each a `Fixturing`, or a `Grip`."""
+        return self._hand.fixturings
+
+    @property
+    def _arm(self) -> Arm:
+        """The arm with what it carries in the first fixturing."""
+        return next(iter(self._hand.arms.values()))
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Cell:
@@ -288,20 +173,18 @@ class Cell(JointChecks, CellIdentity):
             The file cannot be read, or a field breaks its rule.
         """
         fields = cell_fields(path)
-        # a cell whose camera stands still is another class
-        known: list[type[Cell]] = [Cell, *Cell.__subclasses__()]
-        kinds = [one for one in known if one.camera_field in fields]
-        return kinds[0](**fields)
+        kind = HeldPartCell if PartInHand.field in fields else Cell
+        return kind(**fields)
 
     def with_part(self, solid: Solid, *, check: bool = True) -> Cell:
-        """Return the cell with the part in it, so that nothing may touch the part either.
+        """Return the cell with the part in it or in the hand, so that nothing may touch the part either.
 
         Parameters
         ----------
         solid : Solid
             The part.
         check : bool
-            Whether to `check` at once that it stands free.
+            Whether to `check` at once that it stands free, and home with it.
 
         Returns
         -------
@@ -313,9 +196,11 @@ class Cell(JointChecks, CellIdentity):
         RobotError
             If a fixturing puts the part through an obstacle or the base of the robot.
         """
-        surface = Surface(solid.vertices, solid.triangles, closed=True)
-        cell = self._copy()
-        cell._part = Standing("part", np.eye(4), surface)
+        corners = np.asarray(solid.vertices, dtype=np.float64)
+        return self._holding(Surface(corners, solid.triangles, closed=True), check=check)
+
+    def _holding(self, part: Surface, *, check: bool) -> Cell:
+        cell = self._with_hand(self._hand.with_part(Standing("part", np.eye(4), part)))
         if check:
             cell.check()
         return cell
@@ -332,17 +217,15 @@ class Cell(JointChecks, CellIdentity):
         self.check_place()
 
     def check_fixturings(self) -> None:
-        """Look at the part among what comes with its fixtures, wherever these stand.
+        """Look at the part among what comes with its fixtures, wherever these stand, or in its grippers.
 
         Raises
         ------
         RobotError
-            If the part goes through something that moves with it.
+            If the part goes through something that moves with it, or a gripper through the part.
         """
-        for name, fixturing in self.fixturings.items():
-            if self._part is not None:
-                part = self._part.at(fixturing.part2base)
-                check_part_stands_free(name, part, self._coming_with(name), ())
+        for name in self.fixturings:
+            self._hand.check_fixturing(name)
 
     def check_place(self) -> None:
         """Look at the part among what stands in the cell, at turntables, and at home.
@@ -353,55 +236,36 @@ class Cell(JointChecks, CellIdentity):
             If the part goes through an obstacle or the robot's base, a turntable turns it into one, or home is not
             free.
         """
-        for name, fixturing in self.fixturings.items():
-            if self._part is not None:
-                part = self._part.at(fixturing.part2base)
-                check_part_stands_free(name, part, self._standing, self._arm.bodies)
-            if fixturing.table is not None:
-                still = [*self._standing, *self._with_it[name]]
-                check_turns_free(
-                    name, fixturing.table, self._turned_bodies(name), still, self._arm.bodies
-                )
+        for name in self.fixturings:
+            self._hand.check_place(name)
             if self.home is not None:
                 check_home_is_free(name, self.blocked_by(self.home, name))
 
     def fixture_depths(
         self, enough_mm: float = np.inf
     ) -> Iterator[tuple[tuple[str, str, str], float]]:
-        """Yield how deep the part and the objects of fixturings are in what stands in every one.
+        """Return how deep the part and the objects of fixturings are in what stands in every one.
 
         Parameters
         ----------
         enough_mm : float
             Beyond this any depth that was found will do.
 
-        Yields
-        ------
-        names : (str, str, str)
+        Returns
+        -------
+        iterator of ((str, str, str), float)
             The fixturing, the part or an object around it, and an obstacle or the link at the base.
-        depth : float
-            Their depth in each other, mm; 0 where they are apart. Up to 1 mm it may be larger.
+            Their depth in each other, mm; 0 where they are apart. Up to 1 mm it may be larger. Grips
+            bring nothing that stands still, so theirs is empty.
         """
-        base = [
-            Standing(body.name, np.eye(4), body.hull)
-            for body in self._arm.bodies
-            if body.segment == 0
-        ]
-        for name in self.fixturings:
-            for body in (*self._with_it[name], *self._turned_bodies(name)):
-                for other in (*self._standing, *base):
-                    yield (name, body.name, other.name), sunk_mm(body, other, SKIN_MM, enough_mm)
+        return self._hand.depths(enough_mm)
 
-    def _coming_with(self, name: str) -> list[Standing]:
-        """Return what a fixturing brings along at the angle 0."""
-        return [*self._with_it[name], *self._turning[name]]
-
-    def with_fixturings(self, fixturings: Mapping[str, Fixturing]) -> Cell:
+    def with_fixturings(self, fixturings: Mapping[str, Any]) -> Cell:
         """Return the cell with other fixturings; the arm and the part are shared.
 
         Parameters
         ----------
-        fixturings : mapping of str to Fixturing
+        fixturings : mapping of str to Fixturing or Grip
             At least one.
 
         Returns
@@ -414,11 +278,8 @@ class Cell(JointChecks, CellIdentity):
         RobotError
             If there is none, or two objects have one name.
         """
-        cell = self._copy()
-        cell.fixturings = dict(fixturings)
-        check_names(cell.fixturings, self._obstacles, self.robot)
-        cell._stand()
-        return cell
+        check_names(type(self._hand), self._fittings, fixturings)
+        return self._with_hand(self._hand.with_fixturings(fixturings))
 
     def moved(self, motion: np.ndarray) -> Cell:
         """Return the cell with all fixturings, including their obstacles, moved in the base.
@@ -432,16 +293,13 @@ class Cell(JointChecks, CellIdentity):
         -------
         Cell
             All geometry is shared.
+
+        Raises
+        ------
+        RobotError
+            If the part is in the hand.
         """
-        cell = self._copy()
-        cell.fixturings = {name: one.moved(motion) for name, one in self.fixturings.items()}
-        for of_cell in ("_with_it", "_turning"):
-            moved = {
-                name: tuple(body.at(compose(motion, body.pose)) for body in bodies)
-                for name, bodies in getattr(self, of_cell).items()
-            }
-            setattr(cell, of_cell, moved)
-        return cell
+        return self._with_hand(self._hand.moved(motion))
 
     def with_home(self, q: Sequence[float]) -> Cell:
         """Return the cell with another home.
@@ -536,10 +394,86 @@ class Cell(JointChecks, CellIdentity):
         """
         return CellRegion(self.with_part(solid))
 
+    def part2base(self, fixturing: str, angle: float = 0.0) -> np.ndarray:
+        """Return where the part is: in the hand at home, or where all joints are 0 without one.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+        angle : float
+            Angle of its turntable, rad.
+
+        Returns
+        -------
+        array, shape (4, 4)
+            The part's frame in the base, mm.
+        """
+        home = np.zeros(N_JOINTS) if self.home is None else self.home
+        return self.part_at(np.append(home, angle), fixturing)
+
+    def part_at(self, q: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return where the part is at joints.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (4, 4)
+            The part's frame in the base, mm.
+        """
+        self._fixturing(fixturing)
+        return self._hand.parts_at(np.asarray(q, dtype=np.float64), fixturing)
+
+    def flange(self, cam2world: np.ndarray, fixturing: str, angle: float = 0.0) -> np.ndarray:
+        """Return the poses of the tip for poses of the camera.
+
+        Parameters
+        ----------
+        cam2world : array, shape (n, 4, 4) or (4, 4)
+            Poses of the camera in the part's frame, mm.
+        fixturing : str
+            Name of a fixturing.
+        angle : float
+            Angle of its turntable, rad.
+
+        Returns
+        -------
+        array, shape (n, 4, 4) or (4, 4)
+            Poses of the tip in the base, mm.
+        """
+        self._fixturing(fixturing)
+        return self._hand.tips(cam2world, fixturing, angle)
+
+    def cam2world(self, q: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return the poses of the camera for joints.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6), or (n, 7) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (n, 4, 4)
+            Poses of the camera in the part's frame, mm.
+        """
+        self._fixturing(fixturing)
+        joints = np.asarray(q, dtype=np.float64)
+        parts = self._hand.parts_at(joints, fixturing)
+        return compose(invert(parts), self._hand.cameras_at(joints[:, :N_JOINTS]))
+
     def hidden_by(
         self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float = 0.0
     ) -> np.ndarray:
-        """Return which obstacle hides segments from cameras.
+        """Return which obstacle, or which object of the gripper, hides segments from cameras.
 
         Parameters
         ----------
@@ -555,41 +489,191 @@ class Cell(JointChecks, CellIdentity):
         Returns
         -------
         array of str, shape (n, s)
-            Names; empty where no obstacle is in the way.
+            Names; empty where nothing is in the way.
         """
-        part2base = self.part2base(fixturing, angle)
-        standing = self._bodies_at(fixturing, angle)
-        return hidden_by(standing, part2base, cam2world[:, :3, 3], segments)
+        self._fixturing(fixturing)
+        return self._hand.hidden_by(cam2world, segments, fixturing, angle)
 
-    @property
-    def pairs_left_out(self) -> tuple[tuple[str, str], ...]:
-        """Links that are not compared: they touch in nearly all joints, or nowhere, because the arm is built so."""
-        names = [body.name for body in self._arm.bodies]
-        return tuple((names[first], names[second]) for first, second in self._left_out)
+    def limits(self, fixturing: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and the largest joints of moves.
 
-    @property
-    def obstacles(self) -> tuple[str, ...]:
-        """Names of what stands in the cell in every fixturing."""
-        return tuple(self._obstacles)
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
 
-    @property
-    def near_by_mount(self) -> tuple[str, ...]:
-        """What the mount leaves less than the clearance, in words: there, only touching is refused."""
-        bodies = self._arm.bodies
-        least: dict[tuple[str, str], float] = {}
-        for (first, second), mm in self._arm.near_by_mount.items():
-            pair = (bodies[second].name, bodies[first].name)
-            least[pair] = min(mm, least.get(pair, np.inf))
-        return tuple(
-            f"{held} is mounted {mm:.3g} mm from {link}, clearance {self.clearance_mm:g}: "
-            "these two must only not touch"
-            for (held, link), mm in least.items()
+        Returns
+        -------
+        array, shape (6,), or (7,) on a turntable
+            Least joints, rad.
+        array, shape (6,), or (7,) on a turntable
+            Largest joints, rad.
+        """
+        table = self._fixturing(fixturing).table
+        if table is None:
+            return self.robot.lower, self.robot.upper
+        low, high = table.range
+        return np.append(self.robot.lower, low), np.append(self.robot.upper, high)
+
+    def rates(self, fixturing: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the largest speeds and accelerations.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (6,), or (7,) on a turntable
+            Speeds, rad/s.
+        array, shape (6,), or (7,) on a turntable
+            Accelerations, rad/s².
+        """
+        robot = self.robot
+        table = self._fixturing(fixturing).table
+        if table is None:
+            return robot.speeds, robot.accelerations
+        return (
+            np.append(robot.speeds, table.speed),
+            np.append(robot.accelerations, table.acceleration),
         )
 
-    @property
-    def levers_mm(self) -> np.ndarray:
-        """How far from each joint's axis (6,) a point of the arm or the camera can be, at most, mm."""
-        return farthest_points(self.robot.chain, self._arm)
+    def free(self, q: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return which joints are within limits and keep the clearance.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6), or (n, 7) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array of bool, shape (n,)
+            True where nothing is too near.
+        """
+        joints = np.asarray(q, dtype=np.float64)
+        result = np.zeros(len(joints), dtype=bool)
+        for rows, reacher, robot_joints in self._by_angle(joints, fixturing):
+            result[rows] = reacher.free(robot_joints)
+        return result
+
+    def blocked_by(self, q: np.ndarray, fixturing: str) -> str:
+        """Return what is wrong with joints, in words.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        str
+            Empty if they are free.
+        """
+        reacher, joints = self._at(q, fixturing)
+        return reacher.blocked_by(joints)
+
+    def clearance(
+        self, q: np.ndarray, fixturing: str, *, links_mm: float = LINKS_NEAR_MM
+    ) -> Closeness:
+        """Return what arm or camera is nearest to: the part, an obstacle, or a link of the arm that is very near.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+        links_mm : float
+            Pairs of the arm's own links count only if they are nearer than this: some are near in all joints.
+
+        Returns
+        -------
+        Closeness
+            Names of the closest two objects and their distance, mm.
+        """
+        reacher, joints = self._at(q, fixturing)
+        return Closeness(*reacher.closest(joints, links_mm))
+
+    def slack_bound(
+        self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf, *, share: float = 1.0
+    ) -> np.ndarray:
+        """Return by how much all distances exceed those required, at least, for joints (n, 6).
+
+        Parameters
+        ----------
+        q : array, shape (n, 6), or (n, 7) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+        enough_mm : float
+            Below this the result is exact; above, a quick lower bound.
+        share : float
+            Share of the clearance that is required.
+
+        Returns
+        -------
+        array, shape (n,)
+            Millimetres; negative if the clearance is not kept, -inf if objects touch.
+        """
+        joints = np.asarray(q, dtype=np.float64)
+        result = np.empty(len(joints))
+        for rows, reacher, robot_joints in self._by_angle(joints, fixturing):
+            result[rows] = reacher.slack(robot_joints, share * reacher.required, enough_mm)
+        return result
+
+    def free_shares(
+        self, q: np.ndarray, turn: np.ndarray, reach: np.ndarray, kept: float, *, fixturing: str
+    ) -> np.ndarray:
+        """Return which share of a straight move is proven free in both directions from joints.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6), or (n, 7) on a turntable
+            Joints, rad.
+        turn : array, shape (6,), or (7,) on a turntable
+            The move, rad.
+        reach : array, shape (n,)
+            Largest shares of it that are of interest.
+        kept : float
+            Share of the clearance that must be kept.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        array, shape (n,)
+            See `Reacher.free_shares`.
+        """
+        if self._fixturing(fixturing).table is None:
+            return self._reacher(fixturing).free_shares(q, turn, reach, kept)
+        frames = self.robot.chain.frames(q[:, :N_JOINTS])
+        return self._turned(fixturing).shares(frames, q[:, N_JOINTS], turn, reach, kept)
+
+    def shapes(
+        self, q: np.ndarray, fixturing: str
+    ) -> list[tuple[str, bool, np.ndarray, np.ndarray]]:
+        """Return everything at joints: name, whether it moves, corners in the base, triangles.
+
+        Parameters
+        ----------
+        q : array_like, shape (6,), or (7,) on a turntable
+            Joints, rad.
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        list of tuple
+            The arm first.
+        """
+        reacher, joints = self._at(q, fixturing)
+        return reacher.shapes(joints)
 
     def reachability(self, plan: Any, solid: Solid, *, all_branches: bool = False) -> Reachability:
         """Return which settings of a plan the robot reaches in which fixturing, or why not.
@@ -612,79 +696,150 @@ class Cell(JointChecks, CellIdentity):
         """
         return reachability_of(self.with_part(solid), plan, all_branches=all_branches)
 
-    def _fixturing(self, name: str) -> Fixturing:
+    @property
+    def pairs_left_out(self) -> tuple[tuple[str, str], ...]:
+        """Links that are not compared: they touch in nearly all joints, or nowhere, because the arm is built so."""
+        names = [body.name for body in self._arm.bodies]
+        return tuple((names[first], names[second]) for first, second in self._left_out)
+
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """Names of what stands in the cell in every fixturing."""
+        return tuple(self._fittings.obstacles)
+
+    @property
+    def near_by_mount(self) -> tuple[str, ...]:
+        """What the mount leaves less than the clearance, in words: there, only touching is refused."""
+        bodies = self._arm.bodies
+        nearest: dict[tuple[str, str], float] = {}
+        for (first, second), mm in self._arm.near_by_mount.items():
+            pair = (bodies[second].name, bodies[first].name)
+            nearest[pair] = min(mm, nearest.get(pair, np.inf))
+        return tuple(
+            f"{held} is mounted {mm:.3g} mm from {link}, clearance {self.clearance_mm:g}: "
+            "these two must only not touch"
+            for (held, link), mm in nearest.items()
+        )
+
+    @property
+    def levers_mm(self) -> np.ndarray:
+        """How far from each joint's axis (6,) a point of the arm or the camera can be, at most, mm."""
+        return farthest_points(self.robot.chain, self._arm)
+
+    @property
+    def state_name(self) -> str:
+        """Digest of everything that decides what is reached."""
+        return f"cell {self._hand.digest(self._home_values)}"
+
+    @property
+    def parts(self) -> dict[str, str]:
+        """Short digests of what the cell consists of, by name."""
+        return parts_of(self._hand, self._home_values)
+
+    @property
+    def _home_values(self) -> list[float] | None:
+        return None if self.home is None else self.home.tolist()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a plan file says of the cell.
+
+        Returns
+        -------
+        dict
+            Name of the robot, digest of the cell, and the pose of the part in each fixturing:
+            ``part2base``, or ``part2flange`` with ``cam2base`` where the hand holds the part. The
+            axes of turntables. ``parts`` are short digests, which show what was changed.
+            ``bodiless_links`` are those whose collisions were not checked.
+        """
+        bodiless = list(self.robot.bodiless_links)
+        return {
+            "robot": self.robot.name,
+            "digest": self.state_name.split()[-1],
+            "fixturings": {name: pose.tolist() for name, pose in self._hand.poses().items()},
+            "parts": self.parts,
+            **self._hand.stated(),
+            **({"bodiless_links": bodiless} if bodiless else {}),
+        }
+
+    def difference(self, stated: Mapping[str, Any]) -> str:
+        """Return in what this cell differs from the one of a plan.
+
+        Parameters
+        ----------
+        stated : mapping
+            What the plan says of its cell, ``plan.cell``; empty without one.
+
+        Returns
+        -------
+        str
+            Such as "cam2flange and fixturing 'up'"; empty if nothing differs.
+        """
+        now = self.to_dict()
+        if not stated or stated["digest"] == now["digest"]:
+            return ""
+        before = stated.get("parts", {})
+        names = {**before, **now["parts"]} if before else {}
+        changed = [name for name in names if before.get(name) != now["parts"].get(name)]
+        words = [_named(name, before, now["parts"]) for name in changed]
+        if not words:
+            return "something that the plan does not name"
+        return " and ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
+
+    def _fixturing(self, name: str) -> Any:
         if name not in self.fixturings:
             rule = f"must be one of {', '.join(map(repr, self.fixturings))}"
             raise RobotError.of_rule("fixturing", rule, shown(name))
         return self.fixturings[name]
 
-    def _stand(self) -> None:
-        """Build what comes with the fixturings."""
-        self._with_it = {
-            name: standing_bodies(one.obstacles, "obstacle")
-            for name, one in self.fixturings.items()
-        }
-        self._turning = {
-            name: standing_bodies(one.turning, "turning") for name, one in self.fixturings.items()
-        }
+    def _at(self, q: np.ndarray, fixturing: str) -> tuple[Reacher, np.ndarray]:
+        """Return what knows a fixturing at the angle of joints (6,) or (7,), and the robot's joints."""
+        joints = np.asarray(q, dtype=np.float64)
+        return self._reacher(fixturing, float(joints[N_JOINTS:].sum())), joints[:N_JOINTS]
 
-    def _bodies_at(self, name: str, angle: float) -> list[Standing]:
-        """Return all obstacles of a fixturing where they are at an angle of its turntable."""
-        table = self._fixturing(name).table
-        turned: Sequence[Standing] = self._turning[name]
-        if table is not None:
-            motion = table.pose(angle)
-            turned = [body.at(compose(motion, body.pose)) for body in turned]
-        return [*self._standing, *self._with_it[name], *turned]
-
-    def _turned_bodies(self, name: str) -> list[Standing]:
-        """Return what turns with the part, and the part, at the angle 0."""
-        part = [] if self._part is None else [self._part.at(self.part2base(name))]
-        return [*self._turning[name], *part]
+    def _by_angle(
+        self, q: np.ndarray, fixturing: str
+    ) -> Iterator[tuple[np.ndarray, Reacher, np.ndarray]]:
+        """Yield the rows of joints (n, 6) or (n, 7) at each angle, what knows it, and the robot's joints."""
+        angles = q[:, N_JOINTS] if q.shape[1] > N_JOINTS else np.zeros(len(q))
+        for angle in dict.fromkeys(angles.tolist()):
+            rows = np.flatnonzero(angles == angle)
+            yield rows, self._reacher(fixturing, angle), q[rows, :N_JOINTS]
 
     def _reacher(self, name: str, angle: float = 0.0) -> Reacher:
-        """Return the robot in one fixturing; built when it is first asked for."""
-        known = self._reachers.get((name, angle))
-        if known is not None:
-            return known
-        standing = self._bodies_at(name, angle)
-        if self._part is not None:
-            standing.append(self._part.at(self.part2base(name, angle)))
-        around = Surroundings(self._arm, standing, self.clearance_mm, self._left_out)
-        rest = np.clip(0.0, self.robot.lower, self.robot.upper)
-        built = Reacher(self.robot, around, rest if self.home is None else self.home)
+        """Return the robot in one fixturing at an angle of its turntable; built when it is first needed."""
+        self._fixturing(name)
+        reacher = self._reachers.get((name, angle))
+        if reacher is not None:
+            return reacher
+        around = self._around(name, self._hand.standing(name, angle))
+        rest_joints = np.clip(0.0, self.robot.lower, self.robot.upper)
+        built = Reacher(self.robot, around, rest_joints if self.home is None else self.home)
         return self._reachers.setdefault((name, angle), built)
+
+    def _around(self, name: str, standing: Sequence[Standing]) -> Surroundings:
+        """Return the arm of a fixturing among bodies."""
+        return Surroundings(self._hand.arms[name], standing, self.clearance_mm, self._left_out)
 
     def _turned(self, name: str) -> TurnedAdvance:
         """Return how far moves on a turntable stay free."""
         if name not in self._advances:
             table = self._fixturing(name).table
-            assert table is not None
-            still = [*self._standing, *self._with_it[name]]
-            around = Surroundings(self._arm, still, self.clearance_mm, self._left_out)
-            turning = self._turned_bodies(name)
+            around = self._around(name, self._hand.still(name))
+            turning = self._hand.turning(name)
             self._advances[name] = TurnedAdvance(
                 self.robot.chain, around.all, turning, table, self.clearance_mm
             )
         return self._advances[name]
 
-    def _copy(self) -> Cell:
-        cell = object.__new__(type(self))
-        cell.__dict__.update(self.__dict__)
-        cell._reachers = {}
-        cell._advances = {}
-        return cell
-
     def __getstate__(self) -> dict[str, Any]:
         """Leave geometry behind that cannot cross a process boundary; it is built again on demand."""
-        part = (
-            None if self._part is None else (self._part.shape.corners, self._part.shape.triangles)
-        )
+        hand = self._hand
+        part = None if hand.part is None else (hand.part.shape.corners, hand.part.shape.triangles)
         return {
             "robot": self.robot,
-            "cam2flange": self.cam2flange,
-            "camera_body": self._camera_body,
-            "obstacles": self._obstacles,
+            hand.field: hand.pose,
+            "camera_body": self._fittings.camera_body,
+            "obstacles": self._fittings.obstacles,
             "clearance_mm": self.clearance_mm,
             "fixturings": self.fixturings,
             "home": self.home,
@@ -695,9 +850,272 @@ class Cell(JointChecks, CellIdentity):
         part = state.pop("part")
         self.__init__(**state)  # type: ignore[misc]
         if part is not None:
-            self._part = Standing("part", np.eye(4), Surface(part[0], part[1], closed=True))
-            self._reachers = {}
-            self._advances = {}
+            surface = Surface(part[0], part[1], closed=True)
+            self._hand = self._hand.with_part(Standing("part", np.eye(4), surface))
+            self._forget()
 
     def __repr__(self) -> str:
-        return f"<Cell {self.robot.name!r}, fixturings {', '.join(self.fixturings)}>"
+        names = ", ".join(self.fixturings)
+        return f"<{type(self).__name__} {self.robot.name!r}, {self._hand.holds} {names}>"
+
+
+class HeldPartCell(Cell):
+    """A robot that holds the part before a camera that stands still, and everything it must not touch.
+
+    **Guarantee.** As that of `Cell`, with the part in the hand. The part in the hand counts as its
+    convex hull. So poses are refused at which the camera would look out of a hollow of the part.
+
+    Parameters
+    ----------
+    robot : Robot
+        The arm.
+    cam2base : array_like, shape (4, 4)
+        The camera's frame in the robot's base, mm.
+    camera_body : sequence of Box, path or (corners, triangles)
+        Camera, lens and lamps, in the camera's frame, mm.
+    obstacles : mapping of str to Box, path or (corners, triangles)
+        What else stands in the cell, in the base frame, mm.
+    clearance_mm : float
+        Smallest distance to keep.
+    fixturings : mapping of str to Grip
+        The ways the robot holds the part, at least one, by name.
+    home : sequence of float, optional
+        Joints (6,) at which programs begin and end, rad.
+
+    Raises
+    ------
+    RobotError
+        If a parameter breaks its rule, or the extra ``robot`` is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from planner import Grip, HeldPartCell, Robot
+    >>> packages = {"made_robots": "examples/robots"}
+    >>> robot = Robot.from_urdf("examples/robots/made_parallel.urdf", packages=packages)
+    >>> cam2base = np.eye(4)
+    >>> cam2base[:3, 3] = [600.0, 0.0, 100.0]
+    >>> grip = Grip(np.eye(4))
+    >>> cell = HeldPartCell(robot, cam2base, fixturings={"grip": grip})
+    >>> camera = np.diag([1.0, -1.0, -1.0, 1.0])
+    >>> camera[:3, 3] = [0.0, 0.0, 300.0]
+    >>> cell.reach(camera[None], "grip")[0].reached
+    True
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        cam2base: Any,
+        *,
+        camera_body: Sequence[Body] = (),
+        obstacles: Mapping[str, Body] | None = None,
+        clearance_mm: float = 10.0,
+        fixturings: Mapping[str, Grip],
+        home: Sequence[float] | None = None,
+    ) -> None:
+        self._check_robot(robot)
+        self.cam2base = check_pose("cam2base", cam2base)
+        fittings = _fittings(robot, camera_body, obstacles, clearance_mm)
+        self._assemble(PartInHand, self.cam2base, fittings, fixturings, home)
+
+
+def _fittings(
+    robot: Robot,
+    camera_body: Sequence[Body],
+    obstacles: Mapping[str, Body] | None,
+    clearance_mm: float,
+) -> Fittings:
+    clearance = check_number("clearance_mm", clearance_mm, NOT_NEGATIVE)
+    return Fittings(robot, tuple(camera_body), dict(obstacles or {}), clearance)
+
+
+def _named(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Return the name of a part of the cell as its file has it, and whether it is new or gone."""
+    word = name
+    if name.startswith(FIXTURING):
+        word = f"fixturing {name.removeprefix(FIXTURING)!r}"
+    if name not in before:
+        return f"{word} (new)"
+    return word if name in now else f"{word} (gone)"
+
+
+# Which settings of a plan a robot reaches in which fixturing, and what planning asks of a cell.
+
+
+# of a cell without anything that may be touched; a file holds no infinite number
+_FAR_MM = 1e6
+
+
+def reachability_of(cell: Cell, plan: Any, *, all_branches: bool = False) -> Reachability:
+    """Return what a cell with the part in it reaches of a plan, by the first joints or by all."""
+    names = tuple(f"setting_{number:02d}" for number in range(1, len(plan.settings) + 1))
+    cam2world = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)
+    segments = [
+        np.array([plan.ends_of(setting, name) for name in setting.entities])
+        for setting in plan.settings
+    ]
+
+    def hidden(fixturing: str, angle: float, row: int) -> str:
+        bodies = cell.hidden_by(cam2world[row][None], segments[row], fixturing, angle)[0]
+        both = zip(plan.settings[row].entities, bodies, strict=True)
+        return next((f"{body} hides {name}" for name, body in both if body), "")
+
+    poses = {
+        name: tuple(_in_sight(cell, cam2world, partial(hidden, name), name, all_branches))
+        for name in cell.fixturings
+    }
+    return Reachability(names, poses)
+
+
+def _in_sight(
+    cell: Cell,
+    cam2world: np.ndarray,
+    hidden: Callable[[float, int], str],
+    fixturing: str,
+    all_branches: bool = False,
+) -> list[PoseReach]:
+    """Return what is known of poses (n, 4, 4) in a fixturing, given that nothing may hide their targets.
+
+    ``hidden(angle, row)`` tells in words what hides a target of a pose at an angle of the turntable; empty if nothing.
+    """
+
+    def reach_at(angle: float, rows: np.ndarray) -> list[PoseReach]:
+        poses = cell.reach(cam2world[rows], fixturing, all_branches=all_branches, angle=angle)
+        words = [
+            hidden(angle, int(row)) if pose.reached else ""
+            for row, pose in zip(rows, poses, strict=True)
+        ]
+        return [
+            PoseReach(np.empty((0, N_JOINTS)), word) if word else pose
+            for pose, word in zip(poses, words, strict=True)
+        ]
+
+    if cell.fixturings[fixturing].table is None:
+        return reach_at(0.0, np.arange(len(cam2world)))
+    return over_angles(reach_at, len(cam2world), cell.angles(fixturing), all_branches)
+
+
+class CellRegion:
+    """A `planner.request.reach.PoseRegion`.
+
+    Parameters
+    ----------
+    cell : Cell
+        With the part in it.
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        self._cell = cell
+
+    @property
+    def state_name(self) -> str:
+        """Digest of the cell."""
+        return self._cell.state_name
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a plan file says of the cell."""
+        return self._cell.to_dict()
+
+    def inspectable(
+        self, cam2world: np.ndarray, segments: np.ndarray, owner: np.ndarray, wanted: np.ndarray
+    ) -> np.ndarray:
+        """Return which targets the camera sees from poses that the robot reaches.
+
+        Parameters
+        ----------
+        cam2world : array, shape (n, 4, 4)
+            Poses of the camera in the part's frame, mm.
+        segments : array, shape (s, 2, 3)
+            Segments that show the targets, mm.
+        owner : array of int, shape (s,)
+            Number of each segment's target.
+        wanted : array of bool, shape (n, k)
+            The targets of interest.
+
+        Returns
+        -------
+        array of bool, shape (n, k)
+            Which of them no obstacle hides, in the fixturing that shows most of them.
+        """
+        best = np.zeros_like(wanted)
+        for name, angle in self._ways:
+            rows = np.flatnonzero(best.sum(axis=1) < wanted.sum(axis=1))
+            if not rows.size:
+                break
+            poses = self._cell.reach(cam2world[rows], name, angle=angle)
+            rows = rows[[pose.reached for pose in poses]]
+            hidden = self._cell.hidden_by(cam2world[rows], segments, name, angle) != ""
+            seen = wanted[rows]
+            for target in range(wanted.shape[1]):
+                seen[:, target] &= ~hidden[:, owner == target].any(axis=1)
+            better = seen.sum(axis=1) > best[rows].sum(axis=1)
+            best[rows[better]] = seen[better]
+        return best
+
+    @property
+    def _ways(self) -> list[tuple[str, float]]:
+        """The fixturings, each at all angles of its turntable."""
+        cell = self._cell
+        return [(name, angle) for name in cell.fixturings for angle in cell.angles(name)]
+
+    def poses_in_sight(
+        self,
+        cam2world: np.ndarray,
+        segments: np.ndarray,
+        name: str,
+        *,
+        all_branches: bool = False,
+    ) -> list[PoseReach]:
+        """Return what is known of poses (n, 4, 4) in a fixturing, with all segments (s, 2, 3) in sight."""
+
+        def hidden(angle: float, row: int) -> str:
+            bodies = self._cell.hidden_by(cam2world[row][None], segments, name, angle)[0]
+            return next((f"{body} hides it" for body in bodies if body), "")
+
+        return _in_sight(self._cell, cam2world, hidden, name, all_branches)
+
+    def explain(self, cam2world: np.ndarray, segments: np.ndarray) -> str:
+        """Return why poses (n, 4, 4) are not reached with all segments (s, 2, 3) in sight, in words."""
+        parts = []
+        for name in self._cell.fixturings:
+            reasons = [pose.why for pose in self.poses_in_sight(cam2world, segments, name)]
+            words = most_often([reason for reason in reasons if reason])
+            parts.append(f"{words} ({reasons.count(words)} of {len(reasons)} poses in {name!r})")
+        return ", ".join(parts)
+
+    def placed(self, cam2world: np.ndarray, segments: np.ndarray) -> dict[str, ArmAt]:
+        """Return how the robot stands at a pose (4, 4) with all segments (s, 2, 3) in sight, by fixturing."""
+        arms = {}
+        for name in self._cell.fixturings:
+            pose = self.poses_in_sight(cam2world[None], segments, name)[0]
+            if pose.reached:
+                arms[name] = self._standing(pose, name)
+        return arms
+
+    def _standing(self, pose: PoseReach, name: str) -> ArmAt:
+        near = self._cell.clearance(pose.branches[0], name)
+        q = pose.joints[:1]
+        return ArmAt(
+            tuple(q[0].tolist()),
+            min(near.mm, _FAR_MM),
+            f"{near.first} and {near.second}" if near.first else "",
+            float(self._cell.robot.to_limit_rad(q)[0]),
+            float(self._cell.robot.singular_value(q)[0]),
+            angle_deg(pose.branches[0]),
+        )
+
+    def travel_seconds(self, joints: np.ndarray, fixturing: str) -> np.ndarray:
+        """Return the least time (n, n) between joints (n, 6) or (n, 7) in a fixturing, at full speed, s."""
+        turns = np.abs(joints[:, None] - joints[None])
+        return np.asarray((turns / self._cell.rates(fixturing)[0]).max(axis=-1))
+
+    def pose_margin(self, cam2world: np.ndarray) -> np.ndarray:
+        """Return 1 for poses (n, 4, 4) that are reached in some fixturing, otherwise -1; (n,)."""
+        margin = np.full(len(cam2world), -1.0)
+        for name in self._cell.fixturings:
+            rows = np.flatnonzero(margin < 0)
+            if rows.size:
+                poses = self._cell.reach(cam2world[rows], name)
+                margin[rows[[pose.reached for pose in poses]]] = 1.0
+        return margin

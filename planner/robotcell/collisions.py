@@ -14,9 +14,19 @@ from typing import Any
 import numpy as np
 
 from planner.robotcell.arm import Robot
-from planner.robotcell.bodies import Body, Box, Hull, grown, hull_of, mesh_of
+from planner.robotcell.bodies import (
+    Body,
+    Box,
+    Hull,
+    Standing,
+    Turntable,
+    geometry_of,
+    grown,
+    hull_of,
+    mesh_of,
+    transform_of,
+)
 from planner.robotcell.branches import Chain, needed
-from planner.robotcell.standing import Standing, Turntable, geometry_of, transform_of
 from planner.robotcell.urdf import carry, compose, invert
 
 HAND = 6
@@ -105,7 +115,7 @@ class Arm:
     def sphere_radii(self, which: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return the radii (s,) of the spheres of bodies, and where each body's begin."""
         radii = [self.bodies[i].hull.radii for i in which]
-        starts = np.cumsum([0, *(len(one) for one in radii[:-1])])
+        starts = np.cumsum([0, *(len(group) for group in radii[:-1])])
         return np.concatenate(radii), starts
 
     def place(self, number: int, frames: np.ndarray, grown_mm: float = 0.0) -> Any:
@@ -152,11 +162,11 @@ class Surroundings:
         left_out: Iterable[tuple[int, int]] = (),
     ) -> None:
         dropped = set(left_out)
-        own = [pair for pair in arm.own_pairs if pair not in dropped]
-        rest = [i for i in arm.moving if arm.bodies[i].segment != HAND]
+        pairs = [pair for pair in arm.own_pairs if pair not in dropped]
+        behind_hand = [i for i in arm.moving if arm.bodies[i].segment != HAND]
         self.hand = PairGroup(arm, standing, arm.hand, [], clearance_mm)
-        self.rest = PairGroup(arm, standing, rest, own, clearance_mm)
-        self.all = PairGroup(arm, standing, arm.moving, own, clearance_mm)
+        self.rest = PairGroup(arm, standing, behind_hand, pairs, clearance_mm)
+        self.all = PairGroup(arm, standing, arm.moving, pairs, clearance_mm)
 
 
 class PairGroup:
@@ -187,7 +197,7 @@ class PairGroup:
         self._arm = arm
         self._standing = tuple(standing)
         self._moving = list(moving)
-        self._own = list(own)
+        self._arm_pairs = list(own)
         self._clearance_mm = clearance_mm
         self._pairs = [(i, j, False) for j in range(len(standing)) for i in moving]
         self._pairs += [(a, b, True) for a, b in own]
@@ -235,12 +245,12 @@ class PairGroup:
         return np.concatenate(bounds, axis=1)
 
     def _own_bounds(self, frames: np.ndarray) -> np.ndarray:
-        bounds = np.empty((len(frames), len(self._own)))
-        if not self._own:
+        bounds = np.empty((len(frames), len(self._arm_pairs)))
+        if not self._arm_pairs:
             return bounds
         arm = self._arm
         centres = arm.sphere_centres(frames, range(len(arm.bodies)))
-        for column, (a, b) in enumerate(self._own):
+        for column, (a, b) in enumerate(self._arm_pairs):
             first = slice(arm.starts[a], arm.starts[a + 1])
             second = slice(arm.starts[b], arm.starts[b + 1])
             apart = centres[:, first, None] - centres[:, None, second]
@@ -257,8 +267,8 @@ class PairGroup:
 
     def blocker(self, frames: np.ndarray, bounds: np.ndarray) -> int:
         """Return the number of a pair that is too near in one configuration's frames (7, 4, 4), or -1."""
-        left = np.flatnonzero(self._may_be_near(bounds))
-        for column in left[np.argsort(bounds[left], kind="stable")]:
+        columns = np.flatnonzero(self._may_be_near(bounds))
+        for column in columns[np.argsort(bounds[columns], kind="stable")]:
             if self._is_near(int(column), frames):
                 return int(column)
         return -1
@@ -298,9 +308,9 @@ class PairGroup:
         """
         best = np.inf
         pair = -1
-        left = bounds - required
-        for column in np.argsort(left, kind="stable"):
-            if left[column] >= min(best, enough):
+        slack = bounds - required
+        for column in np.argsort(slack, kind="stable"):
+            if slack[column] >= min(best, enough):
                 break
             mm = self.distance(int(column), frames)
             exact = mm - float(required[column]) if mm > 0 else -np.inf
@@ -309,7 +319,7 @@ class PairGroup:
                 pair = int(column)
         else:
             return best, pair
-        return min(best, float(left[column])), pair
+        return min(best, float(slack[column])), pair
 
     def distance(self, column: int, frames: np.ndarray) -> float:
         """Return the distance of a pair in one configuration's frames (7, 4, 4), mm; 0 if it touches."""
@@ -466,8 +476,11 @@ class Advance:
         """Return how far (n, p) the bodies of each pair move against each other, per whole turn."""
         origins = frames[:, 1:, None, :3, 3]
         axes = frames[:, 1:, None, :3, 2]
-        own = frames[:, self._segments]
-        centres = np.einsum("nbij,bj->nbi", own[:, :, :3, :3], self._centres) + own[:, :, :3, 3]
+        body_frames = frames[:, self._segments]
+        centres = (
+            np.einsum("nbij,bj->nbi", body_frames[:, :, :3, :3], self._centres)
+            + body_frames[:, :, :3, 3]
+        )
         apart = centres[:, None] - origins
         along = (apart * axes).sum(axis=-1, keepdims=True)
         now = np.sqrt(((apart - along * axes) ** 2).sum(axis=-1)) + self._radii
@@ -502,8 +515,8 @@ def static_levers(chain: Chain, arm: Arm) -> np.ndarray:
                 levers[joint, number] = about_own_axis
             else:
                 # the next joint turns with this one, so its place along the axis does not matter
-                rest = lengths[joint + 2 : body.segment].sum()
-                levers[joint, number] = radial[joint + 1] + rest + size
+                between = lengths[joint + 2 : body.segment].sum()
+                levers[joint, number] = radial[joint + 1] + between + size
     return levers
 
 
@@ -573,6 +586,6 @@ class TurnedAdvance:
         first = self._still.shares(frames, turn[:-1], reach, kept)
         backs = np.array([invert(self._table.pose(float(angle))) for angle in angles])
         seen = compose(backs[:, None], frames)
-        left = np.maximum(first, 0.0)
-        second = self._turned.shares(seen, turn[:-1], left, kept, self._radii * abs(turn[-1]))
+        limits = np.maximum(first, 0.0)
+        second = self._turned.shares(seen, turn[:-1], limits, kept, self._radii * abs(turn[-1]))
         return np.minimum(first, second)

@@ -10,9 +10,10 @@ import numpy as np
 
 from planner.argument_kinds import check_count, shown
 from planner.exceptions import RobotError
-from planner.robotcell.cell import Cell
-from planner.robotcell.reachability import Reachability, reachability_of
-from planner.robotcell.standing import SKIN_MM, Fixturing
+from planner.robotcell.bodies import SKIN_MM, Fixturing
+from planner.robotcell.cell import Cell, reachability_of
+from planner.robotcell.hand import axes_of
+from planner.robotcell.reachability import Reachability
 from planner.robotcell.urdf import carry
 
 if TYPE_CHECKING:
@@ -72,20 +73,14 @@ class Placement:
             "singular_value": self.singular_value,
             "to_limit_rad": self.to_limit_rad,
             "moved_with_part": {
-                name: [*one.obstacles, *one.turning] for name, one in self.fixturings.items()
+                name: [*fixturing.obstacles, *fixturing.turning]
+                for name, fixturing in self.fixturings.items()
             },
-            "part2base": {name: one.part2base.tolist() for name, one in self.fixturings.items()},
-            **({"axis": axes} if (axes := _axes(self.fixturings)) else {}),
+            "part2base": {
+                name: fixturing.part2base.tolist() for name, fixturing in self.fixturings.items()
+            },
+            **({"axis": axes} if (axes := axes_of(self.fixturings)) else {}),
         }
-
-
-def _axes(fixturings: Mapping[str, Fixturing]) -> dict[str, Any]:
-    """Return point and direction of the turntables."""
-    tables = {name: one.table for name, one in fixturings.items() if one.table}
-    return {
-        name: {"point": table.point.tolist(), "direction": table.direction.tolist()}
-        for name, table in tables.items()
-    }
 
 
 def propose_placements(
@@ -185,7 +180,7 @@ class PlacementSearch:
         """Return the best placements, and call ``progress(done, total, label)`` on the way."""
         check_count("draws", draws, 1)
         low, high = self._ranges.T
-        found: list[Placement] = []
+        placements: list[Placement] = []
         for done, shares in enumerate(np.random.default_rng(rng).random((draws, 4)), start=1):
             centre = low + shares[:3] * (high - low)
             motion = _motion(self._middle, centre, 2 * np.pi * float(shares[3]))
@@ -195,12 +190,12 @@ class PlacementSearch:
             if self._stands_clear(moved):
                 placement = _tried(moved, self._plan, centre, turn_deg, motion)
             if placement is not None:
-                found.append(placement)
-                found.sort(key=_worth)
-                del found[_KEPT:]
+                placements.append(placement)
+                placements.sort(key=_worth)
+                del placements[_KEPT:]
             if progress is not None:
                 progress(done, draws, "positions of the part")
-        return tuple(found)
+        return tuple(placements)
 
     def _stands_clear(self, cell: Cell) -> bool:
         """Return whether fixtures are no deeper in other objects than in the cell that was given."""
@@ -236,10 +231,10 @@ def _tried(
         cell.check_place()
     except RobotError:
         return None
-    told = reachability_of(cell, plan, all_branches=True)
+    reachability = reachability_of(cell, plan, all_branches=True)
     singular = []
     limits = []
-    for poses in zip(*told.poses.values(), strict=True):
+    for poses in zip(*reachability.poses.values(), strict=True):
         q = np.concatenate([pose.joints for pose in poses])
         if len(q):
             values = cell.robot.singular_value(q)
@@ -251,7 +246,7 @@ def _tried(
         turn_deg,
         motion,
         cell.fixturings,
-        told,
+        reachability,
         len(singular),
         min(singular, default=0.0),
         min(limits, default=0.0),

@@ -1,68 +1,351 @@
-"""Which settings of a plan a robot reaches in which fixturing, and what planning asks of a cell."""
+"""Which camera poses a robot reaches and by which joints, and whether joints are free.
+
+A pose is asked in this order, which changes no answer: the ball that the arm reaches; the hand
+against what stands still, the same for all branches; the branches; the rest of the arm, branch
+by branch.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.robotcell.arm import Robot
-from planner.robotcell.collisions import Closeness
-from planner.robotcell.joint_checks import ArmAt, PoseReach, most_often, over_angles
-from planner.robotcell.urdf import N_JOINTS
+from planner.robotcell.collisions import HAND, Advance, Surroundings
+from planner.robotcell.urdf import N_JOINTS, carry, compose, invert
+
+_AT_ONCE = 2048
+TOO_FAR = "beyond the arm's reach"
+NO_BRANCH = "no joints lead to this pose"
+LIMITS = "joint limit"
 
 
-class _Cell(Protocol):
-    robot: Robot
+@dataclass(frozen=True, eq=False)
+class PoseReach:
+    """What is known of one camera pose.
+
+    Attributes
+    ----------
+    branches : array (k, 6), or (k, 7) on a turntable
+        Joints that reach it without collision, the nearest to home first, rad. The seventh number
+        is the angle of the turntable.
+    why : str
+        Why there are none; empty if there are.
+    """
+
+    branches: np.ndarray
+    why: str = ""
 
     @property
-    def fixturings(self) -> Mapping[str, Any]: ...
+    def reached(self) -> bool:
+        """Whether the robot reaches the pose."""
+        return not self.why
 
     @property
-    def state_name(self) -> str: ...
+    def joints(self) -> np.ndarray:
+        """The joints (k, 6) of the robot alone."""
+        return self.branches[:, :N_JOINTS]
 
-    def to_dict(self) -> dict[str, Any]: ...
-
-    def angles(self, fixturing: str) -> tuple[float, ...]: ...
-
-    def rates(self, fixturing: str) -> tuple[np.ndarray, np.ndarray]: ...
-
-    def clearance(self, q: np.ndarray, fixturing: str) -> Closeness: ...
-
-    def reach(
-        self,
-        cam2world: np.ndarray,
-        fixturing: str,
-        *,
-        all_branches: bool = False,
-        angle: float | None = None,
-    ) -> list[PoseReach]: ...
-
-    def hidden_by(
-        self, cam2world: np.ndarray, segments: np.ndarray, fixturing: str, angle: float = 0.0
-    ) -> np.ndarray: ...
+    def with_angle(self, angle: float) -> PoseReach:
+        """Return the same with the angle of a turntable behind the joints."""
+        angles = np.full((len(self.branches), 1), angle)
+        return PoseReach(np.concatenate([self.joints, angles], axis=1), self.why)
 
 
-# of a cell without anything that may be touched; a file holds no infinite number
-_FAR_MM = 1e6
+class ArmAt(NamedTuple):
+    """How the robot stands at a pose.
+
+    Attributes
+    ----------
+    joints : tuple of float
+        Six, rad.
+    clearance_mm : float
+        Distance of the closest two bodies.
+    closest : str
+        Their names.
+    to_limit_rad : float
+        Distance of the joints from their nearest limit.
+    singular_value : float
+        The smallest of the Jacobian, lengths divided by 500 mm.
+    angle_deg : float or None
+        Angle of the turntable, degrees; None without one.
+    """
+
+    joints: tuple[float, ...]
+    clearance_mm: float
+    closest: str
+    to_limit_rad: float
+    singular_value: float
+    angle_deg: float | None = None
 
 
-class _Setting(Protocol):
+class Reacher:
+    """A robot in one fixturing.
+
+    Parameters
+    ----------
+    robot : Robot
+        The arm.
+    around : Surroundings
+        What may be touched.
+    rest : array (6,)
+        Joints that branches are compared with: the nearest comes first.
+    """
+
+    def __init__(self, robot: Robot, around: Surroundings, rest: np.ndarray) -> None:
+        self._robot = robot
+        self._around = around
+        self._near_joints = rest
+        first = robot.chain.steps[0][:3, 3]
+        self._shoulder = first
+        self._radius = float(robot.chain.reach_mm()[0]) * (1 + 1e-9)
+        self._tip2hand = invert(robot.chain.tip)
+
     @property
-    def cam2world(self) -> np.ndarray: ...
-    @property
-    def entities(self) -> tuple[str, ...]: ...
+    def required(self) -> np.ndarray:
+        """The distances that all pairs must keep (p,), mm."""
+        return self._around.all.required
+
+    def reach(self, flanges: np.ndarray, all_branches: bool = False) -> list[PoseReach]:
+        """Return what is known of poses (n, 4, 4) of the tip in the base."""
+        pieces = range(0, len(flanges), _AT_ONCE)
+        return [
+            pose
+            for start in pieces
+            for pose in self._reach(flanges[start : start + _AT_ONCE], all_branches)
+        ]
+
+    def _reach(self, flanges: np.ndarray, all_branches: bool) -> list[PoseReach]:
+        why = [""] * len(flanges)
+        apart = np.sqrt(((flanges[:, :3, 3] - self._shoulder) ** 2).sum(axis=1))
+        for i in np.flatnonzero(apart > self._radius):
+            why[i] = TOO_FAR
+        rows = np.flatnonzero(apart <= self._radius)
+        rows = self._keep_free_hands(flanges, rows, why)
+        q, owner = self._robot.solutions(flanges[rows])
+        self._say_why_none(flanges, rows, owner, why)
+        order = self._nearest_first(q, owner)
+        q = q[order]
+        owner = owner[order]
+        is_free, blockers = self._free_branches(q, owner, all_branches)
+        branches = [np.empty((0, 6)) for _ in flanges]
+        starts = np.searchsorted(owner, np.arange(len(rows) + 1))
+        for pose, first, end in zip(rows, starts, starts[1:], strict=False):
+            branches[pose] = q[first:end][is_free[first:end]]
+            if first < end and not len(branches[pose]):
+                pairs = [touching(*self._around.rest.names(k)) for k in blockers[first:end]]
+                why[pose] = most_often(pairs)
+        return [PoseReach(joints, reason) for joints, reason in zip(branches, why, strict=True)]
+
+    def _free_branches(
+        self, q: np.ndarray, owner: np.ndarray, all_branches: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return which branches (m, 6) are free, and the pair that blocks each other one.
+
+        Without `all_branches` what comes behind the first free one of a pose is left out. One branch of every pose is
+        looked at together, then the next of those without a free one.
+        """
+        group = self._around.rest
+        is_free = np.zeros(len(q), dtype=bool)
+        blockers = np.full(len(q), -1)
+        starts = np.searchsorted(owner, owner)
+        place = np.arange(len(q)) - starts
+        done = np.zeros(len(q), dtype=bool)
+        for turn in range(int(place.max(initial=-1)) + 1):
+            rows = np.flatnonzero((place == turn) & ~done[starts])
+            frames = self._robot.chain.frames(q[rows])
+            bounds = group.bounds(frames)
+            is_open = group.open_rows(bounds)
+            for k, row in enumerate(rows):
+                blockers[row] = group.blocker(frames[k], bounds[k]) if is_open[k] else -1
+            is_free[rows] = blockers[rows] < 0
+            if not all_branches:
+                done[starts[rows]] |= is_free[rows]
+        return is_free, blockers
+
+    def _keep_free_hands(self, flanges: np.ndarray, rows: np.ndarray, why: list[str]) -> np.ndarray:
+        """Return the numbers of poses whose hand touches nothing that stands still."""
+        group = self._around.hand
+        frames = np.zeros((len(rows), HAND + 1, 4, 4))
+        frames[:, HAND] = compose(flanges[rows], self._tip2hand)
+        bounds = group.bounds(frames)
+        is_free = np.ones(len(rows), dtype=bool)
+        for row in np.flatnonzero(group.open_rows(bounds)):
+            blocker = group.blocker(frames[row], bounds[row])
+            if blocker >= 0:
+                is_free[row] = False
+                why[rows[row]] = touching(*group.names(blocker))
+        return rows[is_free]
+
+    def _say_why_none(
+        self, flanges: np.ndarray, rows: np.ndarray, owner: np.ndarray, why: list[str]
+    ) -> None:
+        """Tell joint limits from poses that no joints lead to."""
+        without = np.setdiff1d(np.arange(len(rows)), owner)
+        if not len(without):
+            return
+        beyond = self._robot.solvable(flanges[rows[without]])
+        for i, is_limit in zip(rows[without], beyond, strict=True):
+            why[i] = LIMITS if is_limit else NO_BRANCH
+
+    def _nearest_first(self, q: np.ndarray, owner: np.ndarray) -> np.ndarray:
+        """Return an order of branches: by pose, then by the time from the rest to them."""
+        seconds = (np.abs(q - self._near_joints) / self._robot.speeds).max(axis=1, initial=0.0)
+        return np.lexsort((np.round(seconds, 6), owner))
+
+    def free(self, q: np.ndarray) -> np.ndarray:
+        """Return which joints (n, 6) keep the clearance and their limits (n,)."""
+        within = self._robot.to_limit_rad(q) >= 0
+        frames = self._robot.chain.frames(q)
+        group = self._around.all
+        bounds = group.bounds(frames)
+        for row in np.flatnonzero(within & group.open_rows(bounds)):
+            within[row] = group.blocker(frames[row], bounds[row]) < 0
+        return np.asarray(within)
+
+    def slack(self, q: np.ndarray, required: np.ndarray, enough_mm: float) -> np.ndarray:
+        """Return lower bounds (n,) of distances beyond those required (p,), exact below `enough_mm`."""
+        frames = self._robot.chain.frames(q)
+        group = self._around.all
+        bounds = group.bounds(frames)
+        result = (bounds - required).min(axis=1, initial=np.inf)
+        for row in np.flatnonzero(result < enough_mm):
+            result[row] = group.closest(frames[row], bounds[row], required, enough_mm)[0]
+        return result
+
+    @cached_property
+    def advance(self) -> Advance:
+        """How far straight moves stay free."""
+        return Advance(self._robot.chain, self._around.all.arm, self._around.all)
+
+    def free_shares(
+        self, q: np.ndarray, turn: np.ndarray, reach: np.ndarray, kept: float
+    ) -> np.ndarray:
+        """Return which share of a turn is proven free in both directions from joints.
+
+        Parameters
+        ----------
+        q : array, shape (n, 6)
+            Joints, rad.
+        turn : array, shape (6,)
+            A straight move in joints, rad.
+        reach : array, shape (n,)
+            Largest shares of it that are of interest.
+        kept : float
+            Share of the clearance that must be kept.
+
+        Returns
+        -------
+        array, shape (n,)
+            Joints ``q + t * turn`` are free for all t of a smaller size. At most `reach`. It is not
+            positive if the joints themselves are not free. Limits of joints do not count.
+        """
+        return self.advance.shares(self._robot.chain.frames(q), turn, reach, kept)
+
+    def shapes(self, q: np.ndarray) -> list[tuple[str, bool, np.ndarray, np.ndarray]]:
+        """Return everything at joints (6,): name, whether it moves, corners in the base, triangles."""
+        frames = self._robot.chain.frames(q[None])[0]
+        group = self._around.all
+        moving = [
+            (body.name, True, carry(frames[body.segment], body.hull.corners), body.hull.triangles)
+            for body in group.arm.bodies
+        ]
+        standing = [
+            (body.name, False, carry(body.pose, body.shape.corners), body.shape.triangles)
+            for body in group.standing
+        ]
+        return moving + standing
+
+    def closest(self, q: np.ndarray, links_mm: float) -> tuple[float, str, str]:
+        """Return the distance of the closest two bodies, and their names, for joints (6,).
+
+        Of the arm's own pairs those count that are nearer than `links_mm`.
+        """
+        frames = self._robot.chain.frames(q[None])
+        group = self._around.all
+        bounds = group.bounds(frames)[0]
+        of_arm = np.array([both for _, _, both in group.pairs], dtype=bool)
+        nearest = (np.inf, -1)
+        for chosen, below in ((~of_arm, np.inf), (of_arm, links_mm)):
+            apart = np.where(chosen, bounds, np.inf)
+            mm, pair = group.closest(frames[0], apart, np.zeros(len(of_arm)), np.inf)
+            if pair >= 0 and mm < min(nearest[0], below):
+                nearest = (mm, pair)
+        mm, pair = nearest
+        return (max(mm, 0.0), *group.names(pair)) if pair >= 0 else (np.inf, "", "")
+
+    def blocked_by(self, q: np.ndarray) -> str:
+        """Return what is wrong with joints (6,) in words; empty if nothing is."""
+        robot = self._robot
+        for number, joint in enumerate(robot.joints):
+            if not joint.lower <= q[number] <= joint.upper:
+                return f"joint {number + 1} is beyond its limit"
+        if robot.controller.margin(q) < 0:
+            return "an axis of the controller is beyond its limit"
+        frames = robot.chain.frames(q[None])
+        group = self._around.all
+        blocker = group.blocker(frames[0], group.bounds(frames)[0])
+        if blocker < 0:
+            return ""
+        words = touching(*group.names(blocker))
+        mm = group.distance(blocker, frames[0])
+        if mm <= 0:
+            return words
+        required = float(group.required[blocker])
+        return words.replace(" touches ", f" is {mm:.3g} mm from ") + f", clearance {required:g}"
 
 
-class _Plan(Protocol):
-    @property
-    def settings(self) -> Sequence[_Setting]: ...
-    @property
-    def entities(self) -> Mapping[str, np.ndarray]: ...
-    def ends_of(self, setting: Any, name: str) -> np.ndarray: ...
+def over_angles(
+    reach_at: Callable[[float, np.ndarray], Sequence[PoseReach]],
+    count: int,
+    angles: Sequence[float],
+    all_branches: bool,
+) -> list[PoseReach]:
+    """Return what is known of poses on a turntable.
+
+    Parameters
+    ----------
+    reach_at : callable
+        ``reach_at(angle, rows)`` returns what is known of some of the poses at one angle.
+    count : int
+        Number of poses.
+    angles : sequence of float
+        Angles, rad; the first ones are preferred.
+    all_branches : bool
+        Whether to ask for further angles where one has been found.
+    """
+    branches: list[list[np.ndarray]] = [[] for _ in range(count)]
+    reasons: list[list[str]] = [[] for _ in range(count)]
+    for angle in angles:
+        rows = np.array([k for k in range(count) if all_branches or not branches[k]], dtype=int)
+        for k, pose in zip(rows, reach_at(angle, rows), strict=True):
+            if pose.reached:
+                branches[k].append(pose.with_angle(angle).branches)
+            else:
+                reasons[k].append(pose.why)
+    nothing = np.empty((0, N_JOINTS + 1))
+    return [
+        PoseReach(np.concatenate([nothing, *joints]), "" if joints else most_often(why))
+        for joints, why in zip(branches, reasons, strict=True)
+    ]
+
+
+def touching(first: str, second: str) -> str:
+    """Return two bodies that are too near, in words; the camera is named first."""
+    if second == "camera":
+        first, second = second, first
+    return f"{first} touches {second}"
+
+
+def most_often(reasons: Sequence[str]) -> str:
+    """Return the reason that is given most often; the first by the alphabet of equal ones."""
+    counts = Counter(reasons)
+    return min(counts, key=lambda text: (-counts[text], text)) if counts else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,55 +449,6 @@ class Reachability:
         }
 
 
-def reachability_of(cell: _Cell, plan: _Plan, *, all_branches: bool = False) -> Reachability:
-    """Return what a cell with the part in it reaches of a plan, by the first joints or by all."""
-    names = tuple(f"setting_{number:02d}" for number in range(1, len(plan.settings) + 1))
-    cam2world = np.array([setting.cam2world for setting in plan.settings]).reshape(-1, 4, 4)
-    segments = [
-        np.array([plan.ends_of(setting, name) for name in setting.entities])
-        for setting in plan.settings
-    ]
-
-    def hidden(fixturing: str, angle: float, row: int) -> str:
-        bodies = cell.hidden_by(cam2world[row][None], segments[row], fixturing, angle)[0]
-        both = zip(plan.settings[row].entities, bodies, strict=True)
-        return next((f"{body} hides {name}" for name, body in both if body), "")
-
-    poses = {
-        name: tuple(_in_sight(cell, cam2world, partial(hidden, name), name, all_branches))
-        for name in cell.fixturings
-    }
-    return Reachability(names, poses)
-
-
-def _in_sight(
-    cell: _Cell,
-    cam2world: np.ndarray,
-    hidden: Callable[[float, int], str],
-    fixturing: str,
-    all_branches: bool = False,
-) -> list[PoseReach]:
-    """Return what is known of poses (n, 4, 4) in a fixturing, given that nothing may hide their targets.
-
-    ``hidden(angle, row)`` tells in words what hides a target of a pose at an angle of the turntable; empty if nothing.
-    """
-
-    def asked(angle: float, rows: np.ndarray) -> list[PoseReach]:
-        told = cell.reach(cam2world[rows], fixturing, all_branches=all_branches, angle=angle)
-        words = [
-            hidden(angle, int(row)) if one.reached else ""
-            for row, one in zip(rows, told, strict=True)
-        ]
-        return [
-            PoseReach(np.empty((0, N_JOINTS)), word) if word else one
-            for one, word in zip(told, words, strict=True)
-        ]
-
-    if cell.fixturings[fixturing].table is None:
-        return asked(0.0, np.arange(len(cam2world)))
-    return over_angles(asked, len(cam2world), cell.angles(fixturing), all_branches)
-
-
 def _values(pose: PoseReach) -> dict[str, Any]:
     """Return the first joints of a pose as plain values, or why there are none."""
     if not pose.reached:
@@ -241,128 +475,3 @@ def _words(pose: PoseReach) -> str:
     angle = angle_deg(pose.branches[0])
     turned = "" if angle is None else f"table {angle:g}°: "
     return turned + " ".join(f"{angle:.1f}" for angle in degrees)
-
-
-class CellRegion:
-    """A `planner.request.reach.PoseRegion`.
-
-    Parameters
-    ----------
-    cell : Cell
-        With the part in it.
-    """
-
-    def __init__(self, cell: _Cell) -> None:
-        self._cell = cell
-
-    @property
-    def state_name(self) -> str:
-        """Digest of the cell."""
-        return self._cell.state_name
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what a plan file says of the cell."""
-        return self._cell.to_dict()
-
-    def inspectable(
-        self, cam2world: np.ndarray, segments: np.ndarray, owner: np.ndarray, wanted: np.ndarray
-    ) -> np.ndarray:
-        """Return which targets the camera sees from poses that the robot reaches.
-
-        Parameters
-        ----------
-        cam2world : array, shape (n, 4, 4)
-            Poses of the camera in the part's frame, mm.
-        segments : array, shape (s, 2, 3)
-            Segments that show the targets, mm.
-        owner : array of int, shape (s,)
-            Number of each segment's target.
-        wanted : array of bool, shape (n, k)
-            The targets of interest.
-
-        Returns
-        -------
-        array of bool, shape (n, k)
-            Which of them no obstacle hides, in the fixturing that shows most of them.
-        """
-        best = np.zeros_like(wanted)
-        for name, angle in self._ways:
-            left = np.flatnonzero(best.sum(axis=1) < wanted.sum(axis=1))
-            if not left.size:
-                break
-            told = self._cell.reach(cam2world[left], name, angle=angle)
-            left = left[[one.reached for one in told]]
-            hidden = self._cell.hidden_by(cam2world[left], segments, name, angle) != ""
-            seen = wanted[left]
-            for target in range(wanted.shape[1]):
-                seen[:, target] &= ~hidden[:, owner == target].any(axis=1)
-            better = seen.sum(axis=1) > best[left].sum(axis=1)
-            best[left[better]] = seen[better]
-        return best
-
-    @property
-    def _ways(self) -> list[tuple[str, float]]:
-        """The fixturings, each at all angles of its turntable."""
-        cell = self._cell
-        return [(name, angle) for name in cell.fixturings for angle in cell.angles(name)]
-
-    def told(
-        self,
-        cam2world: np.ndarray,
-        segments: np.ndarray,
-        name: str,
-        *,
-        all_branches: bool = False,
-    ) -> list[PoseReach]:
-        """Return what is known of poses (n, 4, 4) in a fixturing, with all segments (s, 2, 3) in sight."""
-
-        def hidden(angle: float, row: int) -> str:
-            bodies = self._cell.hidden_by(cam2world[row][None], segments, name, angle)[0]
-            return next((f"{body} hides it" for body in bodies if body), "")
-
-        return _in_sight(self._cell, cam2world, hidden, name, all_branches)
-
-    def explain(self, cam2world: np.ndarray, segments: np.ndarray) -> str:
-        """Return why poses (n, 4, 4) are not reached with all segments (s, 2, 3) in sight, in words."""
-        parts = []
-        for name in self._cell.fixturings:
-            reasons = [one.why for one in self.told(cam2world, segments, name)]
-            words = most_often([reason for reason in reasons if reason])
-            parts.append(f"{words} ({reasons.count(words)} of {len(reasons)} poses in {name!r})")
-        return ", ".join(parts)
-
-    def placed(self, cam2world: np.ndarray, segments: np.ndarray) -> dict[str, ArmAt]:
-        """Return how the robot stands at a pose (4, 4) with all segments (s, 2, 3) in sight, by fixturing."""
-        found = {}
-        for name in self._cell.fixturings:
-            told = self.told(cam2world[None], segments, name)[0]
-            if told.reached:
-                found[name] = self._standing(told, name)
-        return found
-
-    def _standing(self, told: PoseReach, name: str) -> ArmAt:
-        near = self._cell.clearance(told.branches[0], name)
-        q = told.joints[:1]
-        return ArmAt(
-            tuple(q[0].tolist()),
-            min(near.mm, _FAR_MM),
-            f"{near.first} and {near.second}" if near.first else "",
-            float(self._cell.robot.to_limit_rad(q)[0]),
-            float(self._cell.robot.singular_value(q)[0]),
-            angle_deg(told.branches[0]),
-        )
-
-    def travel_seconds(self, joints: np.ndarray, fixturing: str) -> np.ndarray:
-        """Return the least time (n, n) between joints (n, 6) or (n, 7) in a fixturing, at full speed, s."""
-        turns = np.abs(joints[:, None] - joints[None])
-        return np.asarray((turns / self._cell.rates(fixturing)[0]).max(axis=-1))
-
-    def pose_margin(self, cam2world: np.ndarray) -> np.ndarray:
-        """Return 1 for poses (n, 4, 4) that are reached in some fixturing, otherwise -1; (n,)."""
-        margin = np.full(len(cam2world), -1.0)
-        for name in self._cell.fixturings:
-            left = np.flatnonzero(margin < 0)
-            if left.size:
-                told = self._cell.reach(cam2world[left], name)
-                margin[left[[one.reached for one in told]]] = 1.0
-        return margin

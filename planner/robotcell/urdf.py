@@ -73,9 +73,9 @@ def to_axis(axis: np.ndarray) -> np.ndarray:
     pose = np.eye(4)
     if np.array_equal(axis, (0.0, 0.0, 1.0)):
         return pose
-    least = np.zeros(3)
-    least[int(np.abs(axis).argmin())] = 1.0
-    across = np.cross(least, axis)
+    side = np.zeros(3)
+    side[int(np.abs(axis).argmin())] = 1.0
+    across = np.cross(side, axis)
     across /= np.sqrt((across**2).sum())
     pose[:3, 0] = across
     pose[:3, 1] = np.cross(axis, across)
@@ -366,14 +366,14 @@ def _bodies(
     bodies = []
     for start in starts:
         body = {start: np.eye(4)}
-        left = [start]
-        while left:
-            link = left.pop()
+        open_links = [start]
+        while open_links:
+            link = open_links.pop()
             for joint in tree.below.get(link, ()):
                 if joint not in moving:
                     child = _end(joint, "child")
                     body[child] = compose(body[link], _origin(joint))
-                    left.append(child)
+                    open_links.append(child)
         bodies.append(body)
     return bodies
 
@@ -403,7 +403,9 @@ def _root(text: str) -> ElementTree.Element:
     except ElementTree.ParseError as error:
         raise RobotError.of_rule("urdf", "must be XML", str(error)) from None
     # http://www.ros.org/wiki/xacro and others
-    spaces = [one for one in root.iter() if re.match(r"\{[^}]*ros\.org[^}]*\}", str(one.tag))]
+    spaces = [
+        element for element in root.iter() if re.match(r"\{[^}]*ros\.org[^}]*\}", str(element.tag))
+    ]
     if spaces or any(map(_is_unexpanded, (*root.iter("link"), *root.iter("joint")))):
         hint = "xacrodoc writes the URDF of a xacro: xacrodoc robot.urdf.xacro -o robot.urdf"
         raise RobotError.of_rule("urdf", "must be expanded", "a xacro file", hint=hint)
@@ -428,7 +430,7 @@ def _check_plain_xml(text: str) -> None:
 
 def _is_unexpanded(element: ElementTree.Element) -> bool:
     """Return whether a link or a joint holds what xacro would replace."""
-    texts = [word for one in element.iter() for word in (*one.attrib.values(), one.text or "")]
+    texts = [word for part in element.iter() for word in (*part.attrib.values(), part.text or "")]
     return any("${" in word or "$(" in word for word in texts)
 
 
@@ -509,25 +511,25 @@ def _shape(element: ElementTree.Element, pose: np.ndarray, link: str) -> Shape:
     placed = compose(pose, _origin(element))
     geometry = element.find("geometry")
     for shape in () if geometry is None else geometry:
-        what = f"{shape.tag} of link {link!r}"
+        label = f"{shape.tag} of link {link!r}"
         if shape.tag == "mesh":
-            scale = _numbers(shape.get("scale", "1 1 1"), 3, f"scale of {what}")
+            scale = _numbers(shape.get("scale", "1 1 1"), 3, f"scale of {label}")
             size = tuple(_MM * number for number in scale)
             return Shape("mesh", size, placed, shape.get("filename", ""))
         if shape.tag == "box":
-            size = _numbers(shape.get("size", ""), 3, f"size of {what}")
+            size = _numbers(shape.get("size", ""), 3, f"size of {label}")
         elif shape.tag == "cylinder":
             size = tuple(
-                _numbers(shape.get(key, ""), 1, f"{key} of {what}")[0]
+                _numbers(shape.get(key, ""), 1, f"{key} of {label}")[0]
                 for key in ("radius", "length")
             )
         elif shape.tag == "sphere":
-            size = _numbers(shape.get("radius", ""), 1, f"radius of {what}")
+            size = _numbers(shape.get("radius", ""), 1, f"radius of {label}")
         else:
             continue
         # a dummy that marks a frame has no size at all; one number of 0 among others is a slip
         if min(size) < 0 or (min(size) == 0 and max(size) > 0):
-            raise RobotError.of_rule("urdf", f"must have a positive size for {what}", repr(size))
+            raise RobotError.of_rule("urdf", f"must have a positive size for {label}", repr(size))
         return Shape(shape.tag, tuple(_MM * number for number in size), placed)
     raise RobotError.of_rule(
         "urdf", f"must have a mesh, box, cylinder or sphere in link {link!r}", "none"

@@ -11,20 +11,17 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planner.robotprogram.program_record import Move
-from planner.robotprogram.tour import (
-    EXACT_UP_TO,
-    KICKS,
-    JointRates,
-    Tour,
-    move_times,
-    shortest_tour,
-)
+from planner.robotprogram.program import JointRates, Move, move_times
+from planner.travel import EXACT_UP_TO, KICKS, Tour, shortest_tour
+
+if TYPE_CHECKING:
+    from planner.robotcell import Cell
 
 # Straight joint moves that are proven free: conservative advancement.
 #
@@ -36,21 +33,52 @@ from planner.robotprogram.tour import (
 MOST_POSES = 4000
 """A line that needs more poses counts as blocked."""
 _LEAST_SHARE = 2e-5
+# moves keep this share of the distances that poses keep: near a pose at the limit, none could start
+KEPT_SHARE = 0.5
+# of an axis that stands at its limit, rad
+_ROUNDED = 1e-9
 
 
-class JointSpace(Protocol):
-    """What a move needs to know of a robot and what stands around it."""
+@dataclass(frozen=True)
+class FixturedArm:
+    """The arm in one fixturing of a cell, as moves are checked in it.
+
+    Attributes
+    ----------
+    cell : Cell
+        With the part.
+    fixturing : str
+        One of its fixturings.
+    """
+
+    cell: Cell
+    fixturing: str
 
     @property
     def lower(self) -> np.ndarray:
         """Least joints (k,), rad."""
+        return self.cell.limits(self.fixturing)[0]
 
     @property
     def upper(self) -> np.ndarray:
         """Largest joints (k,), rad."""
+        return self.cell.limits(self.fixturing)[1]
 
     def free_shares(self, joints: np.ndarray, turn: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """Return which share of a turn (k,) is free to both sides of joints (n, k): at most reach (n,)."""
+        shares = self.cell.free_shares(joints, turn, reach, KEPT_SHARE, fixturing=self.fixturing)
+        return np.minimum(shares, self._within_axes(joints, turn))
+
+    def _within_axes(self, joints: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """Return which share of a turn keeps the controller's axes (n,) within their limits, to both sides."""
+        controller = self.cell.robot.controller
+        n = len(controller.lower)
+        axes = controller.of(joints[:, :n])
+        speeds = np.abs(controller.of(turn[:n]))
+        margins = np.minimum(axes - controller.lower, controller.upper - axes) + _ROUNDED
+        with np.errstate(divide="ignore"):
+            shares = np.where(margins < 0, -1.0, margins / speeds)
+        return np.asarray(shares.min(axis=1))
 
 
 class MoveCheck(NamedTuple):
@@ -71,12 +99,12 @@ class MoveCheck(NamedTuple):
     blocked_at: float = np.nan
 
 
-def check_move(space: JointSpace, start: np.ndarray, end: np.ndarray) -> MoveCheck:
+def check_move(space: FixturedArm, start: np.ndarray, end: np.ndarray) -> MoveCheck:
     """Prove that a straight joint move is free, or say where that fails.
 
     Parameters
     ----------
-    space : JointSpace
+    space : FixturedArm
         The robot and its surroundings.
     start, end : array (k,)
         Joints, rad.
@@ -89,17 +117,17 @@ def check_move(space: JointSpace, start: np.ndarray, end: np.ndarray) -> MoveChe
     """
     turn = np.asarray(end) - np.asarray(start)
     open_parts = np.array([[0.0, 1.0]])
-    asked = 0
+    n_poses = 0
     while len(open_parts):
         middles = open_parts.mean(axis=1)
         halves = (open_parts[:, 1] - open_parts[:, 0]) / 2
         shares = space.free_shares(start + middles[:, None] * turn, turn, halves)
-        asked += len(middles)
+        n_poses += len(middles)
         blocked = shares < np.minimum(halves, _LEAST_SHARE)
-        if blocked.any() or asked > MOST_POSES:
-            return MoveCheck(False, asked, float(middles[int(shares.argmin())]))
+        if blocked.any() or n_poses > MOST_POSES:
+            return MoveCheck(False, n_poses, float(middles[int(shares.argmin())]))
         open_parts = _left_open(open_parts, middles, shares)
-    return MoveCheck(True, asked)
+    return MoveCheck(True, n_poses)
 
 
 def _left_open(parts: np.ndarray, middles: np.ndarray, shares: np.ndarray) -> np.ndarray:
@@ -111,15 +139,15 @@ def _left_open(parts: np.ndarray, middles: np.ndarray, shares: np.ndarray) -> np
     return both[both[:, 1] - both[:, 0] > 1e-12]
 
 
-def check_path(space: JointSpace, path: np.ndarray) -> MoveCheck:
+def check_path(space: FixturedArm, path: np.ndarray) -> MoveCheck:
     """Check the straight moves between the joints (n, k) of a path, see `check_move`."""
-    asked = 0
+    n_poses = 0
     for start, end in itertools.pairwise(path):
-        found = check_move(space, start, end)
-        asked += found.poses
-        if not found.free:
-            return MoveCheck(False, asked, found.blocked_at)
-    return MoveCheck(True, asked)
+        check = check_move(space, start, end)
+        n_poses += check.poses
+        if not check.free:
+            return MoveCheck(False, n_poses, check.blocked_at)
+    return MoveCheck(True, n_poses)
 
 
 # A way around what blocks a straight joint move: two trees that grow towards each other.
@@ -180,7 +208,7 @@ class Detours:
 
     Parameters
     ----------
-    space : JointSpace
+    space : FixturedArm
         The robot and its surroundings.
     rates : JointRates
         Of its joints; shortcuts save time.
@@ -190,7 +218,7 @@ class Detours:
 
     def __init__(
         self,
-        space: JointSpace,
+        space: FixturedArm,
         rates: JointRates,
         effort: DetourEffort | None = None,
     ):
@@ -368,13 +396,13 @@ def straight_costs(
         Seconds; inf for branches that a setting does not have.
     """
     n = len(branches) + 1
-    most = max((len(group) for group in branches), default=1)
-    joints = np.full((n, most, len(home)), np.nan)
+    width = max((len(group) for group in branches), default=1)
+    joints = np.full((n, width, len(home)), np.nan)
     joints[0, 0] = home
     for place, group in enumerate(branches, 1):
         joints[place, : len(group)] = group
-    known = ~np.isnan(joints[..., 0])
-    usable = known[:, None, :, None] & known[None, :, None, :]
+    exists = ~np.isnan(joints[..., 0])
+    usable = exists[:, None, :, None] & exists[None, :, None, :]
     filled = np.where(np.isnan(joints), 0.0, joints)
     times = move_times(filled[:, None, :, None], filled[None, :, None, :], rates)
     return np.where(usable, times, np.inf)
@@ -416,14 +444,16 @@ class TourChecker:
         self._longer: list[float] = []
         self._linked: set[_End] = set()
         self._failures: Counter[_End] = Counter()
-        self._left = list(range(len(branches)))
+        self._settings = list(range(len(branches)))
+        # the round by the costs as they are, until one of them changes
+        self._solved: Tour | None = None
         self._order: list[int] | None = None
         self._seed = seed
 
     def run(self) -> CheckedTour:
         """Return the round; settings without a free way are dropped one by one."""
         kicks = KICKS
-        while self._left:
+        while self._settings:
             tour = self._tour(kicks)
             legs = self._legs(tour)
             unchecked = [leg for leg in legs if leg not in self._moves]
@@ -433,23 +463,26 @@ class TourChecker:
                 kicks = 0
                 continue
             blocked = [leg for leg in legs if self._moves[leg] is None]
-            if not blocked and kicks == 0 and len(self._left) > EXACT_UP_TO:
+            if not blocked and kicks == 0 and len(self._settings) > EXACT_UP_TO:
                 # only a round that is known as a whole is worth disturbing again
                 kicks = _KICKS_AGAIN
                 continue
             if not blocked:
-                order = tuple(self._left[k] for k in tour.order)
+                order = tuple(self._settings[k] for k in tour.order)
                 return CheckedTour(order, tour.branches, self._driven(legs), self._dropped)
-            self._left.remove(self._worst(blocked))
+            self._settings.remove(self._worst(blocked))
+            self._solved = None
         return CheckedTour((), (), (), self._dropped)
 
     @property
     def _dropped(self) -> tuple[int, ...]:
-        return tuple(k for k in range(len(self._joints) - 1) if k not in self._left)
+        return tuple(k for k in range(len(self._joints) - 1) if k not in self._settings)
 
     def _tour(self, kicks: int) -> Tour:
         """Return the shortest round through the settings that are left, by the times known."""
-        places = [0, *(k + 1 for k in self._left)]
+        if self._solved is not None and len(self._settings) <= EXACT_UP_TO:
+            return self._solved
+        places = [0, *(k + 1 for k in self._settings)]
         chosen = np.ix_(places, places)
         penalties = self._penalties[places]
         extra = penalties[:, None, :, None] + penalties[None, :, None, :]
@@ -458,15 +491,17 @@ class TourChecker:
             tour = shortest_tour(costs)
         else:
             # a few times have changed since
-            start = [self._left.index(k) + 1 for k in self._order if k in self._left]
+            start = [self._settings.index(k) + 1 for k in self._order if k in self._settings]
             tour = shortest_tour(costs, kicks, start)
-        self._order = [self._left[k] for k in tour.order]
+        self._order = [self._settings[k] for k in tour.order]
+        self._solved = tour
         return tour
 
     def _legs(self, tour: Tour) -> list[_Leg]:
         places = [(0, 0)]
         places += [
-            (self._left[k] + 1, branch) for k, branch in zip(tour.order, tour.branches, strict=True)
+            (self._settings[k] + 1, branch)
+            for k, branch in zip(tour.order, tour.branches, strict=True)
         ]
         places.append((0, 0))
         return [(*first, *last) for first, last in pairwise(places)]
@@ -533,14 +568,17 @@ class TourChecker:
         back = (last, branch_there, first, branch)
         if way is not None:
             self._linked |= {(first, branch), (last, branch_there)}
-        self._moves[leg] = None if way is None else Move(way, seconds)
-        self._moves[back] = None if way is None else Move(way[::-1], seconds)
+        self._moves[leg] = None if way is None else Move(seconds, way)
+        self._moves[back] = None if way is None else Move(seconds, way[::-1])
         self._set_cost(leg, seconds)
 
     def _set_cost(self, leg: _Leg, seconds: float) -> None:
         first, branch, last, branch_there = leg
+        if self._costs[first, last, branch, branch_there] == seconds:
+            return
         self._costs[first, last, branch, branch_there] = seconds
         self._costs[last, first, branch_there, branch] = seconds
+        self._solved = None
 
     def _worst(self, blocked: list[_Leg]) -> int:
         """Return the setting at most blocked moves; of several the last one."""
@@ -549,3 +587,56 @@ class TourChecker:
 
     def _driven(self, legs: list[_Leg]) -> tuple[Move, ...]:
         return tuple(move for leg in legs if (move := self._moves[leg]) is not None)
+
+
+# Which of many branches a round chooses from: on a turntable a setting may have two hundred.
+
+
+_MOST = 24
+_MOST_IN_LONG_ROUNDS = 12
+
+
+def few_branches(
+    branches: Sequence[np.ndarray], home: np.ndarray, rates: JointRates
+) -> list[np.ndarray]:
+    """Return at most 24 branches of each setting, in rounds of more than 10 settings at most 12.
+
+    The angles that serve most settings come first, one after the other until each setting has one,
+    and then the branches that are near home; they stay in their order. So a round can do with few turns of the table.
+
+    Parameters
+    ----------
+    branches : sequence of array (b, k)
+        Of each setting; the last number is the angle of the turntable.
+    home : array (k,)
+        Joints at which the round begins and ends, rad.
+    rates : JointRates
+        Of all of them.
+    """
+    preferred = common_angles([set(group[:, -1].tolist()) for group in branches])
+    limit = _MOST if len(branches) <= EXACT_UP_TO else _MOST_IN_LONG_ROUNDS
+    result = []
+    for group in branches:
+        places = [preferred.index(a) if a in preferred else len(preferred) for a in group[:, -1]]
+        seconds = np.round(move_times(group, home[None], rates), 6)
+        order = np.lexsort((seconds, np.array(places, dtype=int)))
+        result.append(group[np.sort(order[:limit])])
+    return result
+
+
+def common_angles(options: Sequence[set[float]]) -> list[float]:
+    """Return angles of which each setting has one, greedily those that serve most; the nearest to 0 of equal ones.
+
+    Parameters
+    ----------
+    options : sequence of set of float
+        The angles of each setting, rad; settings without one are left out.
+    """
+    unserved = [angles for angles in options if angles]
+    chosen: list[float] = []
+    while unserved:
+        every = sorted(set().union(*unserved), key=lambda angle: (abs(angle), -angle))
+        best = max(every, key=lambda angle: sum(angle in angles for angles in unserved))
+        chosen.append(best)
+        unserved = [angles for angles in unserved if best not in angles]
+    return chosen

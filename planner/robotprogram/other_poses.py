@@ -16,8 +16,10 @@ from planner.request.reach import StatedRegion
 from planner.request.registration import OWN_EDGES
 from planner.request.request import Request
 from planner.resolve_request import request_on, resolve_request
-from planner.robotcell.reachability import CellRegion, reachability_of
-from planner.robotprogram.program_record import (
+from planner.robotcell.cell import CellRegion, reachability_of
+from planner.robotcell.reachability import angle_deg
+from planner.robotcell.urdf import N_JOINTS
+from planner.robotprogram.program import (
     NEAR_LIMIT_RAD,
     NEAR_SINGULAR,
     RobotProgram,
@@ -97,8 +99,8 @@ class EquivalentPoses:
         self._seed = seed
         # the robot is asked apart
         need = replace(plan.request.requirements, cell=None)
-        self._asked = replace(plan.request, requirements=need)
-        self._known: dict[int, _Local] = {}
+        self._stated = replace(plan.request, requirements=need)
+        self._locals: dict[int, _Local] = {}
         self._poses: dict[int, np.ndarray] = {}
 
     def request(self, k: int) -> Request:
@@ -108,7 +110,7 @@ class EquivalentPoses:
     def poses(self, k: int) -> np.ndarray:
         """Return poses (n, 4, 4) that inspect what setting k does, the nearest first; the setting's own is left out."""
         if k not in self._poses:
-            self._poses[k] = self._found(k)
+            self._poses[k] = self._searched(k)
         return self._poses[k]
 
     def setting(self, k: int, cam2world: np.ndarray) -> SensorSetting | None:
@@ -120,35 +122,37 @@ class EquivalentPoses:
         names = before.entities
         judge = self._local(k).judge
         seed = before.seed or 0
-        found = setting_at(judge.request, cam2world, names, _MESSAGE, before.seed)
-        if min(found.probability.values()) < self._plan.probability:
+        setting = setting_at(judge.request, cam2world, names, _MESSAGE, before.seed)
+        if min(setting.probability.values()) < self._plan.probability:
             return None
-        if promised_too_much(judge, found, seed):
+        if promised_too_much(judge, setting, seed):
             return None
         if before.p_all:
             bounds = joint_bounds(judge, cam2world, names, seed)
             if missing(judge, bounds):
                 return None
-            found = _with_bounds(found, bounds)
-        return self._with_lines(k, found)
+            setting = _with_bounds(setting, bounds)
+        return self._with_lines(k, setting)
 
     def distance(self, k: int, cam2world: np.ndarray) -> tuple[float, float]:
         """Return how far a pose (4, 4) is from setting k, mm, and by how much it is turned, rad."""
         shift, turn = _apart(self._plan.settings[k].cam2world, cam2world[None])
         return float(shift[0]), float(turn[0])
 
-    def _found(self, k: int) -> np.ndarray:
-        own = self._plan.settings[k].cam2world
+    def _searched(self, k: int) -> np.ndarray:
+        planned = self._plan.settings[k].cam2world
         rng = np.random.default_rng([self._seed, k])
         far = self._plan.camera.focus_distance_mm
-        first = np.concatenate([_rolled(own), perturbed(np.repeat(own[None], _NEAR, 0), far, rng)])
-        kept = self._inspecting(k, first)
-        if len(kept):
-            again = kept[rng.integers(len(kept), size=_NEAR)]
-            kept = np.concatenate([kept, self._inspecting(k, perturbed(again, far, rng))])
-        shift, turn = _apart(own, kept)
+        first = np.concatenate(
+            [_rolled(planned), perturbed(np.repeat(planned[None], _NEAR, 0), far, rng)]
+        )
+        poses = self._inspecting(k, first)
+        if len(poses):
+            again = poses[rng.integers(len(poses), size=_NEAR)]
+            poses = np.concatenate([poses, self._inspecting(k, perturbed(again, far, rng))])
+        shift, turn = _apart(planned, poses)
         # noise in the last digits must not decide the order
-        return kept[np.argsort(np.round(shift + _MM_PER_RAD * turn, 6), kind="stable")]
+        return poses[np.argsort(np.round(shift + _MM_PER_RAD * turn, 6), kind="stable")]
 
     def _inspecting(self, k: int, poses: np.ndarray) -> np.ndarray:
         """Return those of poses (n, 4, 4) that inspect all that setting k does."""
@@ -162,22 +166,22 @@ class EquivalentPoses:
         return np.asarray(poses[steady.all(axis=1)])
 
     def _local(self, k: int) -> _Local:
-        if k not in self._known:
-            self._known[k] = _Local(Judge(self._request(k), self._asked.effort))
-        return self._known[k]
+        if k not in self._locals:
+            self._locals[k] = _Local(Judge(self._request(k), self._stated.effort))
+        return self._locals[k]
 
     def _request(self, k: int) -> Request:
         from aspectgraph import compute_regions
 
-        asked = self._asked
+        stated = self._stated
         setting = self._plan.settings[k]
         items = {name: self._plan.targets[name].item_of(self._solid) for name in setting.entities}
-        options = InspectionOptions.of_request(asked)
+        options = InspectionOptions.of_request(stated)
         resolved = resolve_request(
-            self._solid, items, asked.camera, asked.pose_uncertainty, options
+            self._solid, items, stated.camera, stated.pose_uncertainty, options
         )
         regions = compute_regions(self._solid, resolved.entities, workspace=self._box(setting))
-        registered = None if asked.registration is None else asked.registration.pose_uncertainty
+        registered = None if stated.registration is None else stated.registration.pose_uncertainty
         return request_on(resolved.request, regions, resolved.request.targets, registered)
 
     def _box(self, setting: SensorSetting) -> np.ndarray:
@@ -199,8 +203,8 @@ class EquivalentPoses:
         windows = search_windows_px(self._plan, setting)
         widest = max(windows.values())
         check = request.first.constraints.image_check(replace(showing, separation_px=widest))
-        wanted = np.ones((1, len(request.names)), dtype=bool)
-        apart = check.separations(setting.cam2world[None], wanted, 0.0)[0] + widest
+        targets = np.ones((1, len(request.names)), dtype=bool)
+        apart = check.separations(setting.cam2world[None], targets, 0.0)[0] + widest
         near = dict(zip(request.names, apart.tolist(), strict=True))
         lines = {name: near[name] for name in setting.entities if near[name] < windows[name]}
         return replace(setting, lines_in_window_px=lines)
@@ -311,7 +315,7 @@ class OtherPoses:
 
     def __init__(self, plan: InspectionPlan, solid: Solid, inside: Cell, seed: int = 0) -> None:
         self._plan = plan
-        self._found = EquivalentPoses(plan, solid, seed)
+        self._equivalents = EquivalentPoses(plan, solid, seed)
         self._region = CellRegion(inside)
 
     def reached(
@@ -325,16 +329,18 @@ class OtherPoses:
 
         ``accepts(branch, fixturing)`` says whether joints (6,) or (7,) are good enough. Default: all are.
         """
-        poses = self._found.poses(k)
+        poses = self._equivalents.poses(k)
         # near ones and far ones: what is not reached from one side is from another
         poses = poses[np.unique(np.linspace(0, len(poses) - 1, min(_MOST, len(poses))).astype(int))]
         tries = 0
         for start in range(0, len(poses), _AT_ONCE):
-            some = poses[start : start + _AT_ONCE]
-            for row, name in self._reached_rows(k, some, fixturings, accepts):
-                found = self._found.setting(k, some[row])
-                if found is not None:
-                    return OtherSetting(found, name, *self._found.distance(k, some[row]), why)
+            group = poses[start : start + _AT_ONCE]
+            for row, name in self._reached_rows(k, group, fixturings, accepts):
+                setting = self._equivalents.setting(k, group[row])
+                if setting is not None:
+                    return OtherSetting(
+                        setting, name, *self._equivalents.distance(k, group[row]), why
+                    )
                 tries += 1
                 if tries == _TRIES:
                     return None
@@ -349,13 +355,17 @@ class OtherPoses:
     ) -> list[tuple[int, str]]:
         """Return which of poses (n, 4, 4) are reached with all in sight, and in which fixturing; the nearest first."""
         names = self._plan.settings[k].entities
-        segments = self._found.request(k).at_pose(poses[0], names).constraints.segments
+        segments = self._equivalents.request(k).at_pose(poses[0], names).constraints.segments
         rows: dict[int, str] = {}
         for name in fixturings:
-            left = np.array([row for row in range(len(poses)) if row not in rows], dtype=int)
-            told = self._region.told(poses[left], segments, name, all_branches=accepts is not None)
-            for row, one in zip(left.tolist(), told, strict=True):
-                if one.reached and (accepts is None or any(accepts(q, name) for q in one.branches)):
+            open_rows = np.array([row for row in range(len(poses)) if row not in rows], dtype=int)
+            reaches = self._region.poses_in_sight(
+                poses[open_rows], segments, name, all_branches=accepts is not None
+            )
+            for row, reach in zip(open_rows.tolist(), reaches, strict=True):
+                if reach.reached and (
+                    accepts is None or any(accepts(q, name) for q in reach.branches)
+                ):
                     rows[row] = name
         return sorted(rows.items())
 
@@ -410,24 +420,24 @@ def with_reached_settings(
     check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"), cell=(cell, "Cell"))
     check_count("seed", seed, 0)
     inside = cell.with_part(solid)
-    told = reachability_of(inside, plan)
-    left = np.flatnonzero(~told.reached.any(axis=1)).tolist()
-    unreached = {k: told.why_not(k) for k in left}
-    note = why_no_other_poses(plan) if left else ""
-    if note or not left:
+    reachability = reachability_of(inside, plan)
+    missed = np.flatnonzero(~reachability.reached.any(axis=1)).tolist()
+    unreached = {k: reachability.why_not(k) for k in missed}
+    note = why_no_other_poses(plan) if missed else ""
+    if note or not missed:
         return ReachedPlan(plan, {}, unreached, note)
     others = OtherPoses(plan, solid, inside, seed)
     # where most settings are reached, the part must not be put another way
-    counts = told.reached.sum(axis=0)
-    names = [list(told.poses)[f] for f in np.argsort(-counts, kind="stable")]
+    counts = reachability.reached.sum(axis=0)
+    names = [list(reachability.poses)[f] for f in np.argsort(-counts, kind="stable")]
     replaced = {}
-    for done, k in enumerate(left):
-        report(progress, done, len(left), "other poses")
-        found = others.reached(k, names, told.why_not(k))
-        if found is not None:
-            replaced[k] = found
+    for done, k in enumerate(missed):
+        report(progress, done, len(missed), "other poses")
+        other = others.reached(k, names, reachability.why_not(k))
+        if other is not None:
+            replaced[k] = other
             del unreached[k]
-    report(progress, len(left), len(left), "other poses")
+    report(progress, len(missed), len(missed), "other poses")
     return ReachedPlan(with_settings(plan, replaced, solid), replaced, unreached)
 
 
@@ -438,7 +448,7 @@ def with_settings(
     if not replaced:
         return plan
     settings = [
-        replaced[k].setting if k in replaced else one for k, one in enumerate(plan.settings)
+        replaced[k].setting if k in replaced else setting for k, setting in enumerate(plan.settings)
     ]
     changed: dict[str, Any] = {"settings": tuple(settings), "simulation": None}
     result = replace(plan, **changed)
@@ -447,9 +457,6 @@ def with_settings(
         return result
     shown_of = None if before.shown is None else solid
     return result.simulated(before.n, 0 if before.seed is None else before.seed, solid=shown_of)
-
-
-_N_JOINTS = 6
 
 
 def program_with_other_poses(
@@ -478,7 +485,7 @@ def program_with_other_poses(
             made = other
             replaced.update(again)
     driven = as_driven(with_settings(plan, replaced, solid), made, cell)
-    words = {k: str(one) for k, one in sorted(replaced.items())}
+    words = {k: str(other_setting) for k, other_setting in sorted(replaced.items())}
     digests = {**made.digests, "plan": plan_digest(driven)}
     return replace(made, replaced=words, plan=driven, digests=digests)
 
@@ -493,15 +500,15 @@ def _better(
     robot = cell.robot
 
     def is_good(q: np.ndarray, fixturing: str) -> bool:
-        own = q[None, :_N_JOINTS]
-        far = robot.to_limit_rad(own)[0] >= NEAR_LIMIT_RAD
-        return bool(far and robot.singular_value(own)[0] >= NEAR_SINGULAR)
+        joints = q[None, :N_JOINTS]
+        far = robot.to_limit_rad(joints)[0] >= NEAR_LIMIT_RAD
+        return bool(far and robot.singular_value(joints)[0] >= NEAR_SINGULAR)
 
     others = OtherPoses(plan, solid, cell.with_part(solid), seed)
     used = [tour.fixturing for tour in made.tours]
     names = [*used, *(name for name in cell.fixturings if name not in used)]
-    found = {k: others.reached(k, names, why, is_good) for k, why in troubles.items()}
-    return {k: one for k, one in found.items() if one is not None}
+    settings = {k: others.reached(k, names, why, is_good) for k, why in troubles.items()}
+    return {k: setting for k, setting in settings.items() if setting is not None}
 
 
 def _troubles(made: RobotProgram) -> dict[int, str]:
@@ -531,15 +538,12 @@ def as_driven(plan: InspectionPlan, made: RobotProgram, cell: Cell) -> Inspectio
             settings.append(blank)
             continue
         tour, stop = stops[k]
-        turned = None
-        if tour.turntable is not None:
-            turned = round(float(np.degrees(stop.joints[_N_JOINTS])), 9) + 0.0
         settings.append(
             replace(
                 setting,
                 fixturing=tour.fixturing,
-                joints=tuple(stop.joints[:_N_JOINTS].tolist()),
-                angle_deg=turned,
+                joints=tuple(stop.joints[:N_JOINTS].tolist()),
+                angle_deg=angle_deg(stop.joints),
                 arm=_arm(stop),
             )
         )

@@ -35,14 +35,18 @@ from planner.argument_kinds import (
 from planner.exceptions import RequestError
 from planner.files import write_text
 from planner.robotcell.arm import ControllerAxes
-from planner.robotprogram.program_record import (
+from planner.robotprogram.program import (
     LEAST_SPEED,
     TURNTABLE,
     FixturedTour,
+    JointRates,
+    LeadingAxis,
     Move,
     RobotProgram,
+    leading_axis,
+    move_times,
+    profile,
 )
-from planner.robotprogram.tour import JointRates, LeadingAxis, leading_axis, move_times, profile
 from planner.sensor_setting import image_name
 
 # What every program does, in no maker's language: moves, images, and what stands at its head.
@@ -102,10 +106,10 @@ class CameraSignals:
     timeout_s: float = 10.0
 
     def __post_init__(self) -> None:
-        for name, most in _MOST_S.items():
+        for name, longest in _MOST_S.items():
             seconds = check_number(name, getattr(self, name), NOT_NEGATIVE)
             if seconds != 0.0 or name != "settle_s":
-                check_number(name, seconds, _from_to(_LEAST_S, most, name == "settle_s"))
+                check_number(name, seconds, _from_to(_LEAST_S, longest, name == "settle_s"))
         for name in ("trigger_output", "ready_input"):
             check_count(name, getattr(self, name), 0, 4096)
 
@@ -131,9 +135,9 @@ def check_program_speed(speed: float, language: str) -> None:
         If it is too small.
     """
     check_number("speed", speed, ABOVE_0_TO_1)
-    least = LEAST_SPEEDS.get(language, LEAST_SPEED)
-    if speed < least:
-        rule = f"must be at least {least:g} for {language}"
+    slowest = LEAST_SPEEDS.get(language, LEAST_SPEED)
+    if speed < slowest:
+        rule = f"must be at least {slowest:g} for {language}"
         raise RequestError.of_rule("speed", rule, f"{speed:g}")
 
 
@@ -302,8 +306,8 @@ def _flange_line(program: RobotProgram) -> Iterator[str]:
 
 def plain(text: str, most: int = 60) -> str:
     """Return a name as every controller reads it: no quotes, no line breaks, ASCII, not too long."""
-    found = re.sub(r"[^A-Za-z0-9 _.,:;()+/%=-]", "_", text)
-    return found if len(found) <= most else f"{found[: most - 3]}..."
+    name = re.sub(r"[^A-Za-z0-9 _.,:;()+/%=-]", "_", text)
+    return name if len(name) <= most else f"{name[: most - 3]}..."
 
 
 def degrees(joints: np.ndarray) -> list[str]:
@@ -626,15 +630,15 @@ def _trajectory(move: Move, tour: FixturedTour, program: RobotProgram) -> dict[s
 
 
 def _points(start: np.ndarray, end: np.ndarray, begun: float, rates: JointRates) -> dict[str, Any]:
-    found = profile(start, end, rates)
+    course = profile(start, end, rates)
     turn = end - start
     points = []
-    rows = list(zip(*found, strict=True))[1:]
+    rows = list(zip(*course, strict=True))[1:]
     for k, (seconds, share, rate) in enumerate(rows):
         # the last one is exactly where the move ends
         place = end if k == len(rows) - 1 else start + share * turn
         points.append(_point(place, rate * turn, begun + seconds))
-    return {"points": points, "end": float(found.seconds[-1])}
+    return {"points": points, "end": float(course.seconds[-1])}
 
 
 def _point(joints: np.ndarray, speeds: Sequence[float], seconds: float) -> dict[str, Any]:
@@ -888,8 +892,8 @@ def program_text(
         rule = f"must be one of {', '.join(_WRITERS)}"
         raise RequestError.of_rule("format", rule, shown(format))
     check_program_speed(program.speed, format)
-    given = CameraSignals() if signals is None else signals
-    return _WRITERS[format](program, given, date.today() if made is None else made)
+    chosen = CameraSignals() if signals is None else signals
+    return _WRITERS[format](program, chosen, date.today() if made is None else made)
 
 
 def write_program(

@@ -155,7 +155,7 @@ def _ordered(
     if not group:
         return ()
     seconds = cell.travel_seconds(np.array([one.axes for one in group]), fixturing)
-    order = order_by(seconds, starts=1) if unfinished else order_by(seconds)
+    order = order_by(seconds, kicks=0) if unfinished else order_by(seconds)
     return [group[i] for i in order]
 
 
@@ -237,7 +237,7 @@ def _in_order(
         return in_order_of_arm(request, settings, unfinished=unfinished)
     # a better plan follows soon, so its travel is not worth seconds
     distances = pose_distances(np.array([s.cam2world for s in settings]).reshape(-1, 4, 4))
-    order = order_by(distances, starts=1) if unfinished else order_by(distances)
+    order = order_by(distances, kicks=0) if unfinished else order_by(distances)
     return [settings[i] for i in order]
 
 

@@ -18,6 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ground.convert import (
+    FROM_ONE,
     NOT_STORED,
     ROW,
     SPELLED,
@@ -452,3 +453,20 @@ def test_faces_do_not_wait_for_the_converter():
     code = "import sys, aspectgraph, errors, ga, planner; print('msgspec' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+class Visits(NamedTuple):
+    index: Annotated[int, Key("number"), FROM_ONE, Meta(ge=1)]
+    missed: Annotated[Mapping[int, str], FROM_ONE]
+
+
+def test_files_count_from_one():
+    visits = Visits(0, {2: "far"})
+    assert to_plain(visits) == {"number": 1, "missed": {"3": "far"}}
+    assert from_plain(Visits, to_plain(visits), RuleError) == visits
+    for data, message in (
+        ({"number": 0, "missed": {}}, "number must be at least 1. Got 0"),
+        ({"number": 1, "missed": {"0": ""}}, "missed must have whole numbers from 1 as keys"),
+    ):
+        with pytest.raises(RuleError, match=message):
+            from_plain(Visits, data, RuleError)

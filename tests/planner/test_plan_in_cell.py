@@ -189,7 +189,7 @@ def test_on_a_turntable_each_setting_has_its_angle(block, turned, tmp_path):
     assert [one.axes for one in again.settings] == [one.axes for one in plan.settings]
     assert again.to_dict() == plan.to_dict()
     assert again.cell["turntables"]["turns"]["point"] == [630.0, 0.0, 0.0]
-    assert "Turntable (°)" in arm(plan)
+    assert "Turntable (°)" in [column.heading for column in arm(plan).columns]
 
 
 def test_a_turntable_of_one_angle_plans_as_a_part_that_does_not_turn(block, celled, free):

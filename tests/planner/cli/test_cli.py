@@ -310,7 +310,7 @@ def test_the_state_stays_until_everything_is_written(folder, quick, monkeypatch)
         raise RuntimeError("bug")
 
     for name in (
-        "planner.report.plan_folder.report_html",
+        "planner.report.plan_folder.make_report",
         "planner.report.plan_folder.write_graphml",
         "planner.verify.simulate_plan.simulate_setting",
     ):

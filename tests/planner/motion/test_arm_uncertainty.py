@@ -7,7 +7,7 @@ from turning_arm import TurningArm
 
 from planner import PoseUncertainty
 from planner.exceptions import UncertaintyError
-from planner.robotprogram.pose_knowledge import ArmUncertainty, camera_jacobian
+from planner.robotprogram.robot_program import ArmUncertainty, camera_jacobian
 
 ARM = TurningArm()
 JOINTS = np.array([[0.3, -1.1, 1.4, -0.7, 0.9, 0.2], [-1.0, -0.6, 1.9, 0.3, -1.2, 2.0]])

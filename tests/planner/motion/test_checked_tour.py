@@ -7,7 +7,7 @@ import pytest
 from planar_arm import PlanarArm
 
 from planner.robotprogram.moves import DetourEffort, Detours, TourChecker, straight_costs
-from planner.robotprogram.tour import JointRates, move_times
+from planner.robotprogram.program import JointRates, move_times
 
 RATES = JointRates(np.array([1.0, 2.0]), np.array([3.0, 3.0]))
 HOME = np.array([0.0, 2.5])

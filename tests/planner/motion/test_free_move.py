@@ -7,7 +7,7 @@ import pytest
 from planar_arm import PlanarArm
 
 from planner.robotprogram.moves import Detours, check_move, check_path
-from planner.robotprogram.tour import JointRates
+from planner.robotprogram.program import JointRates
 
 RATES = JointRates(np.full(2, 1.0), np.full(2, 2.0))
 

@@ -29,7 +29,7 @@ from planner.app.main import main
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.request.reach import StatedRegion
 from planner.robotprogram.other_poses import EquivalentPoses, why_no_other_poses
-from planner.robotprogram.program_record import plan_digest
+from planner.robotprogram.program import plan_digest
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)

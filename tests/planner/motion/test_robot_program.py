@@ -30,8 +30,8 @@ from planner import (
     simulate_setting,
 )
 from planner.robotprogram.moves import Detours
-from planner.robotprogram.pose_knowledge import stated_probabilities
-from planner.robotprogram.tour import move_times
+from planner.robotprogram.program import move_times
+from planner.robotprogram.robot_program import stated_probabilities
 
 
 def stops(of):

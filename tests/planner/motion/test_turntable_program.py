@@ -13,8 +13,9 @@ from robot_cells import TABLE, made_cell, pose, views
 from robot_programs import HOME, SIZE, block, plan_of
 
 from planner import ArmUncertainty, Fixturing, PoseUncertainty, RequestError, robot_program
+from planner.robotprogram.moves import common_angles, few_branches
+from planner.robotprogram.program import JointRates, move_times
 from planner.robotprogram.program_texts import program_text
-from planner.robotprogram.tour import JointRates, common_angles, few_branches, move_times
 
 AXIS = ((800.0, 60.0, 0.0), (0.0, 0.0, 1.0))
 PART2BASE = pose((700.0, 0.0, 20.0))

@@ -2,6 +2,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_p
 
 from planner import Registration, measure, measured_html
 from planner.measuring.scans import State
-from planner.report.measured_report import COLOURS, PLANNED, REGISTERED, residual_svg, value_svg
+from planner.report.measured_report import COLOURS, PLANNED, REGISTERED, residual_plot, value_bar
 
 
 @pytest.fixture(scope="module")
@@ -47,21 +48,17 @@ def test_pictures_are_well_formed(page):
 
 def test_each_point_is_drawn_with_the_colour_of_its_state(results):
     points = results["left"].readings[0].points[0]
-    drawn = residual_svg(points, "one")
+    dots = residual_plot(points, "one").dots
     for state in State:
         n = int(np.sum(points["state"] == state))
-        paths = re.findall(rf'stroke="{COLOURS[state]}"[^>]* d="([^"]*)"', drawn)
-        assert sum(path.count("M") for path in paths) == n
+        assert sum(path.d.count("M") for path in dots if path.color == COLOURS[state]) == n
 
 
 def test_the_value_stands_in_its_tolerance(results):
     one = results["left"]
-    drawn = ET.fromstring(value_svg(one, results.rule))
-    tolerance = next(part for part in drawn.iter("rect") if part.get("class") == "tolerance")
-    circle = next(drawn.iter("circle"))
-    left = float(tolerance.get("x"))
-    wide = float(tolerance.get("width"))
-    share = (float(circle.get("cx")) - left) / wide
+    bar = value_bar(one, results.rule)
+    (tolerance,) = (band[1:] for band in bar.bands if band[0] == "tolerance")
+    share = (bar.middle - tolerance[0]) / (tolerance[1] - tolerance[0])
     # of -0.1 to 0.1
     assert share == pytest.approx((one.deviation + 0.1) / 0.2, abs=0.01)
 
@@ -93,3 +90,20 @@ def test_the_outline_is_drawn_as_planned_and_as_registered():
     # focal length 25 mm, pixels of 13.8 µm, at about 300 mm
     assert shift[0] == pytest.approx(0.6 * 25 / 0.0138 / 300, rel=0.1)
     assert abs(shift[1]) < 0.3
+
+
+def test_no_name_smuggles_markup(results):
+    nasty = "</title><script>alert(1)</script>\"'&"
+    one = replace(results["left"], name=nasty, notes=(nasty,), reason=nasty)
+    page = measured_html(
+        replace(
+            results,
+            results={nasty: one},
+            serial=nasty,
+            source=replace(results.source, part=nasty),
+            notes=[nasty],
+        )
+    )
+    assert "<script" not in page
+    assert "</title><script" not in page
+    assert page.count("&lt;script&gt;alert(1)") > 8

@@ -13,10 +13,10 @@ from errors.measurands import Line, Localisation
 from planner.report import terminal_tables
 from planner.text_table import (
     Column,
+    Table,
     WholePieces,
     listed,
     print_text,
-    table_lines,
     terminal_width,
     words,
 )
@@ -28,7 +28,7 @@ ROWS = [(name, "0.9987", words("a reason of several words")) for name in NAMES]
 
 @pytest.mark.parametrize("width", [None, 200, 80, 60, 50, 40, 30, 26, 10])
 def test_names_stay_whole_at_any_width(width):
-    lines = table_lines(COLUMNS, ROWS, width)
+    lines = Table(COLUMNS, ROWS).lines(width)
     for name in NAMES:
         assert sum(name in line for line in lines) == 1
     assert sum("0.9987" in line for line in lines) == len(NAMES)
@@ -41,7 +41,7 @@ def test_names_stay_whole_at_any_width(width):
 
 
 def test_a_wide_terminal_has_a_line_per_row_and_numbers_below_each_other():
-    lines = table_lines(COLUMNS, ROWS, None)
+    lines = Table(COLUMNS, ROWS).lines(None)
     assert len(lines) == 2 + len(ROWS)
     assert {line.index("0.9987") for line in lines[2:]} == {len(max(NAMES, key=len)) + 2}
     assert lines[1] == "-" * len(lines[1])
@@ -49,13 +49,36 @@ def test_a_wide_terminal_has_a_line_per_row_and_numbers_below_each_other():
 
 def test_wide_characters_take_two_columns():
     """As terminals show them: 穴 is as wide as two letters."""
-    lines = table_lines((Column("name"), Column("P")), [("穴", "1"), ("ab", "2")], 20)
+    lines = Table((Column("name"), Column("P")), [("穴", "1"), ("ab", "2")]).lines(20)
     assert lines[2:] == ["穴    1", "ab    2"]
+
+
+def test_a_table_is_the_same_for_every_reader():
+    """Numbers in their format for a person, without loss for a program; text never as markup."""
+    columns = (
+        Column("name"),
+        Column("place", right=True, unit="mm", spec=".1f"),
+        Column("P", right=True, spec=".3f"),
+    )
+    table = Table(columns, [("<b>=1", (1.25, -2.0), 1 / 3), ("c", None, None)], below={0: "a<b"})
+    assert [" ".join(line.split()) for line in table.lines(None)] == [
+        "name place (mm) P",
+        "-" * 24,
+        "<b>=1 1.2 -2.0 0.333",
+        "c",
+    ]
+    assert table.records()[0] == {"name": "<b>=1", "place": (1.25, -2.0), "P": 1 / 3}
+    assert table.csv().splitlines()[2] == "c,,"
+    assert table.csv().splitlines()[1].endswith(f",{1 / 3!r}")
+    html = table.html()
+    assert '<td class="n" data-label="place (mm)">1.2 -2.0</td>' in html
+    assert '<td data-label="">&lt;b&gt;=1</td>' in html
+    assert '<tr class="warning"><td colspan="3">a&lt;b</td></tr>' in html
 
 
 def test_a_list_is_broken_after_its_commas():
     names = listed(["far rim", "near rim", "bottom"])
-    lines = table_lines((Column("n", right=True), Column("observable")), [("1", names)], 22)
+    lines = Table((Column("n", right=True), Column("observable")), [("1", names)]).lines(22)
     assert lines[2:] == ["1  far rim, near rim,", "   bottom"]
 
 
@@ -66,7 +89,7 @@ def test_a_sentence_keeps_names_with_blanks_together(monkeypatch, capsys):
 
 
 def test_nothing_obeyed_by_a_terminal_comes_through(capsys):
-    lines = table_lines((Column("n"), Column("x")), [("a\x1b[2J", WholePieces(("b\n", "c")))], 80)
+    lines = Table((Column("n"), Column("x")), [("a\x1b[2J", WholePieces(("b\n", "c")))]).lines(80)
     assert "\x1b" not in "".join(lines)
     assert len(lines) == 3
 

@@ -2,7 +2,9 @@
 
 import re
 
-from planner.report.tables import FEW, attention, not_inspected, reasons_section
+from ground.templates import render
+from planner.report import tables
+from planner.report.tables import FEW
 from planner.rows import Row, Warned, WarningKind
 from planner.sensor_setting import Reason, ReasonKind
 
@@ -11,14 +13,26 @@ def row(number, name, *warnings):
     return Row(number, name, "length", 80.0, "mm", 1.6, 1.0, 0.95, None, 0.1, 12.0, {}, warnings)
 
 
+def part(**values):
+    values = {"notices": [], "not_inspected": None, **values}
+    return render("planner", "report/templates/attention.html", **values).strip()
+
+
+def attention(rows, unsharp=()):
+    return part(notices=tables.attention(rows, unsharp))
+
+
+def not_inspected(reasons):
+    return part(not_inspected=tables.not_inspected(reasons, "edge"))
+
+
 def text(html):
     return re.sub(r"<[^>]*>", "", html)
 
 
 def test_nothing_to_look_at_takes_no_room():
     assert attention([[row(1, "a")], []]) == ""
-    assert not_inspected({}, "edge") == ""
-    assert reasons_section({}, "edge") == ""
+    assert not_inspected({}) == ""
 
 
 def test_few_warnings_are_told_one_by_one():
@@ -64,9 +78,9 @@ def test_settings_with_little_room_in_focus_are_named():
 
 
 def test_few_reasons_stand_at_the_head():
-    html = not_inspected({"a": "unobservable: <b>"}, "edge")
+    html = not_inspected({"a": "unobservable: <b>"})
     assert "unobservable: &lt;b&gt;" in html
-    assert reasons_section({"a": "unobservable: <b>"}, "edge") == ""
+    assert "#reasons" not in html
 
 
 def test_many_reasons_are_counted_at_the_head_and_listed_below():
@@ -74,10 +88,10 @@ def test_many_reasons_are_counted_at_the_head_and_listed_below():
     reasons = {f"e{i}": Reason.of(low, f"P = 0.{i}") for i in range(FEW)}
     # the kind is no part of the text
     reasons["x"] = Reason("x: y", ReasonKind.UNOBSERVABLE)
-    head = text(not_inspected(reasons, "edge"))
-    below = reasons_section(reasons, "edge")
+    html = not_inspected(reasons)
+    head = text(html)
     assert f"probability too low ({FEW}): e0, e1, " in head
     assert "unobservable (1): x" in head
     assert "P = 0.3" not in head
-    assert all(f"<td>{name}</td><td>{why}</td>" in below for name, why in reasons.items())
-    assert 'id="reasons"' in below
+    assert 'href="#reasons"' in html
+    assert tables.not_inspected(reasons, "edge").table.rows == list(reasons.items())

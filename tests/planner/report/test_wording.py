@@ -234,8 +234,8 @@ def test_report_and_terminal_say_the_same(capsys, names, left, kind):
     assert "<p>A note.</p>" in page
     assert ("proven minimum" in page) == bool(names)
     if names and kind:
-        assert simulation_sentence(made.simulation).replace("'", "&#x27;") in page
-        assert page.count(f">{kind}</span>".replace("'", "&#x27;")) == len(names)
+        assert simulation_sentence(made.simulation).replace("'", "&#39;") in page
+        assert page.count(f">{kind}</span>".replace("'", "&#39;")) == len(names)
         assert f"<b>{len(names) if kind == CONFIRMED else 0} / {len(names)}</b>" in page
         print_simulation(made, made.simulation)
         printed = " ".join(capsys.readouterr().out.split())

@@ -26,7 +26,7 @@ from aspectgraph import Solid
 from planner import Box, Cell, Fixturing, RobotError
 from planner.robotcell import branches
 from planner.robotcell.bodies import hull_of
-from planner.robotcell.reachability import CellRegion
+from planner.robotcell.cell import CellRegion
 from planner.robotcell.urdf import compose, invert
 
 SIZE = np.array([200.0, 120.0, 80.0])

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import read_solid
 from planner import Box, Fixturing, RobotError, look_at
 from planner.robotcell import Reachability, propose_placements
-from planner.robotcell.joint_checks import PoseReach, most_often
+from planner.robotcell.reachability import PoseReach, most_often
 
 DOWN = Rotation.from_euler("x", 180, degrees=True).as_matrix()
 EDGE = np.array([[0.0, 0.0, 40.0], [60.0, 0.0, 40.0]])

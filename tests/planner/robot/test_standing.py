@@ -6,8 +6,14 @@ from robot_cells import pose, random_pose
 from scipy.spatial.transform import Rotation
 
 from planner import Box, Fixturing, RobotError
-from planner.robotcell.bodies import hull_of, surface_of
-from planner.robotcell.standing import SKIN_MM, Standing, standing_bodies, sunk_mm
+from planner.robotcell.bodies import (
+    SKIN_MM,
+    Standing,
+    hull_of,
+    standing_bodies,
+    sunk_mm,
+    surface_of,
+)
 from planner.robotcell.urdf import compose
 
 EYE = np.array([[0.0, 0.0, 300.0]])

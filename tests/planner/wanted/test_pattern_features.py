@@ -57,7 +57,13 @@ def test_a_plan_counts_them(patterns):
 def test_a_plan_of_single_features_says_nothing_of_them():
     found = plan(dimensions={name: dimension(name, 1) for name in plan().entities})
     assert (found.n_features, found.n_features_not_planned) == (3, 0)
-    for text in (repr(found), found._repr_html_(), verdict(found), _lead(found), _figures(found)):
+    for text in (
+        repr(found),
+        found._repr_html_(),
+        verdict(found),
+        _lead(found),
+        str(_figures(found)),
+    ):
         assert "feature" not in text
         assert "characteristic" not in text
 
@@ -70,7 +76,7 @@ def test_tables_and_report_name_the_pattern(patterns, capsys):
     terminal_tables.print_simulation(patterns, patterns.simulate(20))
     assert TEXT in capsys.readouterr().out
     assert TEXT in _lead(patterns)
-    assert "<b>2 / 32</b><span>characteristics inspected</span>" in _figures(patterns)
+    assert ("2 / 32", "characteristics inspected") in _figures(patterns)
     assert features_cell(patterns.dimensions["top front"]) == "1 of 30 features"
     assert features_cell(patterns.dimensions["bottom"]) == ""
 

@@ -13,8 +13,8 @@ from robot_cells import CAM2FLANGE
 from robot_programs import FIXTURINGS, HOME, cell, plan_of, program, reached_poses
 
 from planner import CameraSignals, OutputError, RequestError, program_text, write_program
+from planner.robotprogram.program import JointRates, move_times
 from planner.robotprogram.program_texts import FORMATS, plain
-from planner.robotprogram.tour import JointRates, move_times
 
 DAY = date(2026, 3, 1)
 SIGNALS = CameraSignals(settle_s=0.7, trigger_output=3, ready_input=5, pulse_s=0.2, timeout_s=4.0)
