@@ -615,7 +615,7 @@ def _geometry_of(witness: Mapping[str, Any]) -> tuple[Geometry, ...]:
     shapes: list[Geometry] = []
     for item in witness["geometry"]:
         kind: type[Line] | type[Circle] = Line if "p" in item else Circle
-        shapes.append(from_plain(kind, item, PlanFileError))
+        shapes.append(from_plain(kind, item, InvalidParameterError))
     return tuple(shapes)
 
 

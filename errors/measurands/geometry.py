@@ -16,7 +16,9 @@ from ground.decorators import njit
 
 # Lines and circles in the part's frame, as a measurement knows them.
 
+
 Vector = Annotated[NDArray[np.float64], Shape(3)]
+
 
 _UNIT = 1e-9
 

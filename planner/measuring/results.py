@@ -20,10 +20,7 @@ from scipy.stats import chi2 as chi_squared
 from aspectgraph.entities.entity_files import csv_text
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
-from errors.measurands import (
-    conformance_probability,
-    decide,
-)
+from errors.measurands import conformance_probability, decide
 from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from planner.files import write_text

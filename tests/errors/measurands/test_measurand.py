@@ -18,7 +18,6 @@ from errors.measurands import (
     MeasurandModel,
     conformance_probability,
     decide,
-    geometry,
 )
 from errors.measurands.measurand import measurand
 from ground.convert import from_plain, to_plain
@@ -276,7 +275,7 @@ def test_budget_sums_to_the_total_and_shares_what_is_common():
         apart[0][:, 3:] = 0
         apart[1][:3] = 0
         apart[1][:, :3] = 0
-        alone = [predict(kind, geometry, one).standard_uncertainty ** 2 for one in apart]
+        alone = [predict(kind, shapes, one).standard_uncertainty ** 2 for one in apart]
         common = (whole.standard_uncertainty**2 - whole.budget["localisation"] - sum(alone)) / 2
         assert whole.budget["translation"] == pytest.approx(alone[0] + common, rel=1e-6, abs=1e-12)
 
