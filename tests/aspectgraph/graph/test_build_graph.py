@@ -51,8 +51,7 @@ from aspectgraph import (
 )
 from aspectgraph.cells import arrays
 from aspectgraph.cells.arrays import RoomFullError
-from aspectgraph.graph import aspect_graph
-from aspectgraph.graph import aspect_graph as joint_memory
+from aspectgraph.graph import build_graph
 from aspectgraph.graph.build_graph import ERROR, estimate_joint_graph
 from aspectgraph.graph.complete_graph import Drawing
 from aspectgraph.read.mesh import UNITS_MM
@@ -80,7 +79,7 @@ def test_a_graph_that_fits_is_the_same_with_and_without_a_limit(regions):
 
 
 def test_a_graph_far_too_large_is_refused_before_the_work(regions, monkeypatch):
-    monkeypatch.setattr(aspect_graph, "overlay", lambda *_, **__: pytest.fail("the work has begun"))
+    monkeypatch.setattr(build_graph, "overlay", lambda *_, **__: pytest.fail("the work has begun"))
     with pytest.raises(
         MemoryLimitError,
         match=r"12 entities must fit memory_limit_bytes.*estimated.*fewer entities",
@@ -99,7 +98,7 @@ def test_running_out_of_memory_is_an_error_of_the_package(regions, monkeypatch):
     def exhausted(*_, **__):
         raise MemoryError("Unable to allocate 7 GiB")
 
-    monkeypatch.setattr(aspect_graph, "carve", exhausted)
+    monkeypatch.setattr(build_graph, "carve", exhausted)
     with pytest.raises(
         AspectGraphError,
         match=r"12 entities cannot be built: .* no memory .*Unable to allocate 7 GiB\).*fewer entities",
@@ -123,7 +122,7 @@ def regular_prism(n_sides):
 def test_the_graph_of_one_edge_of_a_part_with_many_facets(monkeypatch):
     """Room for the cells of one region does not hold the facets of the part: more room is made, and no memory lacks."""
     monkeypatch.setattr(import_module("aspectgraph.visibility.entity_region"), "_ROOM", 64)
-    monkeypatch.setattr(aspect_graph, "_ROOM_PER_CELL", 0)
+    monkeypatch.setattr(build_graph, "_ROOM_PER_CELL", 0)
     solid = regular_prism(240)
     edge = next(edge for edge in solid.straight_edges() if set(edge.vertices) <= {240, 241})
     found = graph_of(compute_regions(solid, {"top": edge.id}))
@@ -139,7 +138,7 @@ def test_too_many_cells_are_not_told_as_no_memory(regions, monkeypatch):
     def full(*_):
         raise RoomFullError
 
-    monkeypatch.setattr(aspect_graph, "carve", full)
+    monkeypatch.setattr(build_graph, "carve", full)
     with pytest.raises(MemoryLimitError) as error:
         graph_of(regions)
     assert str(error.value).startswith(
@@ -230,7 +229,7 @@ def test_the_estimate_of_some_entities_is_that_of_their_regions(regions):
 def test_what_a_process_may_take_counts_as_free():
     """``ulimit -v`` of the shell: the machine may have more."""
     script = (
-        "import resource; from aspectgraph.graph.aspect_graph import free_bytes; "
+        "import resource; from aspectgraph.graph.build_graph import free_bytes; "
         "resource.setrlimit(resource.RLIMIT_AS, (2**45, resource.RLIM_INFINITY)); wide = free_bytes(); "
         "taken = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize(); "
         "resource.setrlimit(resource.RLIMIT_AS, (taken + 10**8, resource.RLIM_INFINITY)); print(wide, free_bytes())"
@@ -241,14 +240,14 @@ def test_what_a_process_may_take_counts_as_free():
 
 
 def test_what_a_container_may_take_counts_as_free(tmp_path, monkeypatch):
-    monkeypatch.setattr(joint_memory, "_GROUP", tmp_path)
-    wide = joint_memory.free_bytes()
+    monkeypatch.setattr(build_graph, "_GROUP", tmp_path)
+    wide = build_graph.free_bytes()
     (tmp_path / "memory.max").write_text("5000000\n")
     (tmp_path / "memory.current").write_text("4000000\n")
     (tmp_path / "memory.stat").write_text("anon 1\ninactive_file 2000000\n")
-    assert joint_memory.free_bytes() == 3_000_000 < wide
+    assert build_graph.free_bytes() == 3_000_000 < wide
     (tmp_path / "memory.max").write_text("max\n")
-    assert joint_memory.free_bytes() > 3_000_000
+    assert build_graph.free_bytes() > 3_000_000
 
 
 # Known answers of the literature and of two independent exact programs, through the engine.
