@@ -1,7 +1,7 @@
 """Damage files at random and read them: every reader gives a result or one of the package's own errors, nothing else.
 
 Mutants are numbered, so any of them can be made again. What fails is told with its number; once it is repaired the
-number goes into ``KEPT`` of tests/planner/records/test_fuzz.py. STEP files are read by a kernel in a process
+number goes into ``KEPT`` of tests/planner/test_plan_file.py. STEP files are read by a kernel in a process
 of its own.
 
 Usage: python benchmarks/running/fuzz.py --seconds 600 [--readers part.step,plan.json] [--first 0] [--only 17]

@@ -1,5 +1,7 @@
 """Progress for people: about how long the rest takes, from how long it took so far."""
 
+from __future__ import annotations
+
 import io
 import sys
 import time
@@ -10,7 +12,7 @@ import pytest
 from aspectgraph import read_solid
 from aspectgraph.phases import report_phase
 from planner import progress
-from planner.progress import LOOPS, Pace, duration
+from planner.progress import LOOPS, Pace, TimeIsUpError, TimeLeft, duration
 
 BLOCK = Path(__file__).parents[2] / "examples" / "two_pocket_block.off"
 
@@ -207,3 +209,46 @@ def test_reading_that_takes_long_says_what_it_is_at(monkeypatch, quiet, lines, n
         time.sleep(0.12)
     assert stream.getvalue().count("join solids: 2/6 (0 s so far)\n") == n
     assert stream.getvalue().count("\n") == n + (lines and not quiet)
+
+
+# Whether one more piece of work fits before a deadline.
+
+
+class _Clock:
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_a_piece_fits_if_the_longest_so_far_would():
+    clock = _Clock()
+    time_left = TimeLeft(110.0, clock)
+    answers = []
+    for seconds in (1.0, 4.0, 0.5, 0.5, 1.0):
+        answers.append(time_left.fits_another())
+        clock.now += seconds
+    # at 100, 101, 105 and 105.5 the longest of 4 s still ends by 110, at 106 just so
+    assert answers == [True, True, True, True, True]
+    # at 107 it would end at 111
+    assert not time_left.fits_another()
+
+
+def test_the_deadline_itself_is_in_time_and_what_is_later_is_not():
+    clock = _Clock()
+    time_left = TimeLeft(100.0, clock)
+    time_left.check()
+    assert time_left.fits_another()
+    assert time_left.seconds == 0.0
+    clock.now = 100.5
+    assert time_left.seconds == 0.0
+    assert not time_left.fits_another()
+    with pytest.raises(TimeIsUpError):
+        time_left.check()
+
+
+def test_without_a_deadline_everything_fits():
+    time_left = TimeLeft()
+    assert all(time_left.fits_another() for _ in range(3))
+    time_left.check()

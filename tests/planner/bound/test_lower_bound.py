@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
+import networkx as nx
 import numpy as np
 import pytest
 from box_requests import (
     CAMERA,
     SIZES,
     UNCERTAINTY,
+    WORKSPACE,
     box_around,
     found_in,
     pose_of,
@@ -17,14 +20,25 @@ from box_requests import (
     request_for,
     space_for,
 )
-from grid_box import EDGES, BoxCell, BoxSpace
+from grid_box import EDGES, BoxCell, BoxCells, BoxSpace
 from scipy.spatial.transform import Rotation
 
+from planner import Camera, PoseUncertainty
 from planner.bound import pose_space
 from planner.bound.boxes import FOUND, PROVEN
-from planner.bound.lower_bound import LinearBound, spread_weights
-from planner.bound.pose_space import view_of
-from planner.bound.pose_tree import PoseTree
+from planner.bound.lower_bound import (
+    _FINEST_RAD,
+    LinearBound,
+    _above,
+    _proof,
+    _proof_of_clique,
+    _to_split,
+    large_clique,
+    lower_bound,
+    spread_weights,
+)
+from planner.bound.pose_space import PoseSpace, WitnessSets, view_of
+from planner.bound.pose_tree import PoseTree, TargetLeaves
 from planner.bound.view import Cells, entity_cells
 from planner.bound.windows import (
     extent,
@@ -35,14 +49,16 @@ from planner.bound.windows import (
     seen_from,
     weight_at,
 )
-from planner.camera.camera import Camera
-from planner.camera.pose import world_to_cam
-from planner.cover import min_cover
+from planner.camera.pose import look_at, world_to_cam
+from planner.cover import columns_of_covers, core_columns, fractional_cover, min_cover
+from planner.effort import NORMAL, Effort
 from planner.executors import Shared
 from planner.request.constraints import Requirements
 from planner.request.image_constraints import field_of_view_slacks, focus_slacks
 from planner.request.problem import Problem
-from planner.search.columns import Judge
+from planner.request.reach import TargetSpace
+from planner.request.targets import EdgeTarget, edge_target
+from planner.search.columns import Judge, entity_poses
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -422,3 +438,260 @@ def test_a_tree_of_viewpoints_grown_again_is_the_same_and_so_are_later_ones():
         other = again._viewpoints(y, limit)
         assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
     assert space_for(judge, regions).grown_for() is None
+
+
+# What the lower bound's document called open, and is closed: docs/mathematics/lower-bound.md,
+# section 9.
+
+
+PAIR = ("+z+y", "+z-y")
+WORKSPACE_LOWER_BOUND_OPEN = np.array([[-900.0] * 3, [1100.0] * 3])
+CERTAIN = PoseUncertainty.isotropic(translation_mm=1e-6, rotation_rad=1e-8)
+
+
+class Slab(BoxSpace):
+    """Two edges, one visible from z = 460 upwards, the other up to half a micrometre above that."""
+
+    low = 460.0
+    high = 460.0005
+
+    def _in_front(self, points, name):
+        return points[:, 2] >= self.low if name == PAIR[0] else points[:, 2] <= self.high
+
+    def covering_cells(self, names):
+        low, high = WORKSPACE_LOWER_BOUND_OPEN.copy()
+        low[2] = self.low if PAIR[0] in names else low[2]
+        high[2] = self.high if PAIR[1] in names else high[2]
+        return BoxCells([BoxCell(low, high)])
+
+
+def test_a_viewpoint_in_a_slab_of_half_a_micrometre_serves_both_edges():
+    camera = Camera(8.0, (0.00345, 0.00345), (2448, 2048), 8.0, 400.0)
+    judge = Judge(
+        Problem(
+            Slab((120.0, 80.0, 60.0), WORKSPACE_LOWER_BOUND_OPEN, PAIR),
+            PAIR,
+            camera,
+            CERTAIN,
+            0.98,
+            0.9,
+        )
+    )
+    pose = look_at([[60.0, 40.0, 460.00025]], [60.0, 40.0, 60.0])
+    if not judge(pose).inspects.all():
+        pytest.fail("the pose must inspect both edges", pytrace=False)
+    effort = Effort(bound_nodes=100_000)
+    assert lower_bound(judge.problem, 2, np.eye(2, dtype=bool), effort=effort)[0] == 1
+
+
+# Cliques are cliques, and on small graphs the largest ones.
+
+
+@pytest.mark.parametrize("density", [0.0, 0.2, 0.5, 0.8, 1.0])
+def test_a_clique_is_one_and_as_large_as_any(density):
+    rng = np.random.default_rng(4)
+    for n in (1, 2, 7, 16, 24):
+        upper = np.triu(rng.random((n, n)) < density, k=1)
+        conflict = upper | upper.T
+        found = large_clique(conflict)
+        assert (conflict[np.ix_(found, found)] | np.eye(len(found), dtype=bool)).all()
+        assert len(set(found.tolist())) == len(found)
+        assert len(found) == max(
+            len(clique) for clique in nx.find_cliques(nx.from_numpy_array(conflict))
+        )
+
+
+# Which nodes of a tree of poses are split, by hand on trees that are no more than their sets.
+
+
+COARSE = 1.0
+FINE = _FINEST_RAD / 2
+
+
+def tree_of(sets, size=None):
+    sets = np.array(sets, dtype=bool)
+    size = np.full(len(sets), COARSE) if size is None else np.array(size)
+    return SimpleNamespace(sets=sets, size=size, weights=lambda nodes, y: sets[nodes] @ y)
+
+
+def test_nodes_that_weigh_more_than_their_share_are_split_the_heaviest_first():
+    """Weights of 0.4, 0.5 and 0.6 for two settings of at least 0.75 each: {0, 1} and {1, 2} weigh 0.9 and 1.1."""
+    y = np.array([0.4, 0.5, 0.6])
+    sets = [[1, 1, 0], [1, 0, 0], [0, 1, 1], [0, 1, 1]]
+    assert _above(tree_of(sets), y, 3).tolist() == [2, 3, 0]
+    # what is fine is not split any more, though it still stands in the way of the proof
+    assert _above(tree_of(sets, [COARSE, COARSE, FINE, COARSE]), y, 3).tolist() == [3, 0]
+    assert _above(tree_of(sets, [FINE] * 4), y, 3).tolist() == []
+    # of one setting each must weigh 1.5: none does, and two settings are proven
+    assert _above(tree_of(sets), y, 2) is None
+
+
+def test_without_a_cover_by_the_sets_there_is_nothing_to_split():
+    """Three entities, no two together: two settings do not cover them; with a pair they may."""
+    single = np.eye(3, dtype=bool)
+    y = np.full(3, 1.0)
+    assert _to_split(tree_of(single), y, 3) is None
+    pairs = [[1, 1, 0], [0, 0, 1], [0, 1, 0]]
+    assert sorted(_to_split(tree_of(pairs), np.full(3, 0.5), 3).tolist()) == [0, 1]
+    assert _to_split(tree_of(pairs, [FINE, COARSE, COARSE]), np.full(3, 0.5), 3).tolist() == [1]
+    # an entity that is in no set needs no search
+    assert _to_split(tree_of([[1, 1, 0]]), np.full(3, 0.5), 3) is None
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (_proof_of_clique(1, "edges"), "Fewer settings than one inspect nothing."),
+        (_proof_of_clique(3, "dimensions"), "Of 3 dimensions no two can be inspected together"),
+        (_proof(1, 1), "1 box of camera poses was checked"),
+        (_proof(5, 0, "dimensions"), "and no pairs of dimensions were found to exclude each other"),
+        (_proof(5, 1), "and 1 pair of edges was found"),
+    ],
+)
+def test_what_a_bound_rests_on_is_told(told, words):
+    assert words in told
+
+
+def test_columns_of_small_covers():
+    """A triangle of pairs and a single: of covers of two, the single 0 alone cannot be one; of all three it can."""
+    membership = np.array([[1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 0, 0]], dtype=bool)
+    assert fractional_cover(membership[:, :0]) == (0.0, pytest.approx(np.zeros(0)))
+    pairs = {0, 1, 2}
+    assert pairs <= set(columns_of_covers(membership, 2).tolist())
+    assert pairs | {3} == set(columns_of_covers(membership, 3).tolist())
+    assert membership[core_columns(membership)].any(axis=0).all()
+
+
+# The bound with a choice of witnesses: a target counts once, where any of its witnesses may be
+# inspected.
+
+
+# twelve edges of a box, three of them for each target, and one edge in two targets
+CHOICES = [(0, 5, 9), (1, 4, 11), (2, 7, 8), (3, 6, 10, 0)]
+
+
+def judge_of(size, choices=CHOICES):
+    space = BoxSpace(size, WORKSPACE, EDGES)
+    edges = [edge_target(name, space.entities[name].endpoints).witness for name in EDGES]
+    targets = tuple(
+        EdgeTarget(f"target {k}", tuple(edges[e] for e in own)) for k, own in enumerate(choices)
+    )
+    names = tuple(target.name for target in targets)
+    joined = TargetSpace.of(space, targets)
+    return Judge(Problem(joined, names, CAMERA, UNCERTAINTY, 0.98, 0.9, targets=targets), NORMAL)
+
+
+def poses_of(judge, n=30):
+    return np.concatenate([entity_poses(judge, name, n, 5) for name in judge.names])
+
+
+def regions_of(judge):
+    single = judge.single
+    return Cells([single.space.covering_cells([name]) for name in single.names])
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_a_pose_inspects_a_target_by_any_of_its_witnesses(size):
+    judge = judge_of(size)
+    edges = BoxSpace(size, WORKSPACE, EDGES)
+    plain = Judge(Problem(edges, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9), NORMAL)
+    poses = poses_of(judge)
+    got = judge(poses)
+    each = plain(poses)
+    for k, own in enumerate(CHOICES):
+        assert np.array_equal(got.inspects[:, k], each.inspects[:, own].any(axis=1))
+        assert np.array_equal(got.nearly[:, k], each.nearly[:, own].any(axis=1))
+        best = np.where(each.inspects[:, own], each.probability[:, own], 0.0).max(axis=1)
+        rows = got.inspects[:, k]
+        assert got.probability[rows, k] == pytest.approx(best[rows], abs=1e-9)
+    assert got.inspects.any(axis=0).all()
+
+
+def test_prices_count_a_target_once():
+    """Two witnesses in view are worth one target: no more than what the target costs."""
+    judge = judge_of(SIZES[0])
+    poses = poses_of(judge)
+    free = judge(poses)
+    prices = np.full(len(CHOICES), 0.6)
+    priced = judge(poses, prices)
+    worth = free.nearly @ prices > 1.0
+    assert 0 < worth.sum() < len(worth)
+    assert not priced.inspects[~worth].any()
+    assert np.array_equal(priced.inspects[worth], free.inspects[worth])
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("small", [1.0, 0.3])
+def test_no_pose_exceeds_what_is_proven_of_its_box(size, small):
+    judge = judge_of(size)
+    witnesses = WitnessSets.of(judge.problem)
+    n = len(judge.single.names)
+    conflict = witnesses.one_each(np.zeros((n, n), bool))
+    space = PoseSpace(judge.single, np.arange(n), regions_of(judge), conflict, witnesses)
+    rng = np.random.default_rng(4)
+    y = rng.uniform(0.2, 1.0, len(CHOICES))
+    proven = tight = 0
+    for _ in range(40):
+        part, poses = box_around(rng, space.view, size, small)
+        best = float((judge(poses).inspects @ y).max())
+        proven += found_in(space, part, y[witnesses.owner], 1.02 * best + 1e-3, 3000)[0] == PROVEN
+        if best > 0:
+            tight += 1
+            assert found_in(space, part, y[witnesses.owner], 0.999 * best, 3000)[0] != PROVEN
+    # without counting each target once, hardly a box with several witnesses in view would be proven
+    assert proven > 5
+    assert tight > 5
+
+
+def test_leaves_hold_what_poses_in_them_inspect():
+    judge = judge_of(SIZES[0])
+    witnesses = WitnessSets.of(judge.problem)
+    n = len(judge.single.names)
+    none = np.zeros((n, n), bool)
+    tree = PoseTree(judge.single, np.arange(n), regions_of(judge), none, witnesses.one_each(none))
+    leaves = TargetLeaves(tree, witnesses)
+    for _ in range(6):
+        leaves.split(np.arange(min(len(leaves.sets), 200)))
+    poses = poses_of(judge)
+    inspects = judge(poses).inspects
+    y = np.array([1.0, 0.7, 0.5, 0.3])
+    most = leaves.weights(np.arange(len(leaves.sets)), y)
+    # every set that is inspected is part of some leaf's, and weighs no more than the heaviest leaf
+    for row in np.unique(inspects, axis=0):
+        holding = (leaves.sets | ~row).all(axis=1)
+        assert holding.any()
+        assert most[holding].max() >= row @ y - 1e-9
+    # a leaf never weighs more than its targets
+    assert (most <= leaves.sets @ y + 1e-9).all()
+
+
+def test_the_bound_never_exceeds_a_cover_that_is_known():
+    """Opposite edges exclude each other on a large box; with either as witness one setting may do."""
+    effort = Effort(bound_nodes=4000)
+    found = {}
+    for name, choices in {"alone": [(0,), (5,), (9,), (11,)], "any": CHOICES}.items():
+        judge = judge_of(SIZES[1], choices)
+        inspects = judge(poses_of(judge, 60)).inspects
+        columns = np.unique(inspects[inspects.any(axis=1)], axis=0)
+        known = len(min_cover(columns).chosen)
+        bound, _, _ = lower_bound(judge.problem, known, columns, effort=effort)
+        assert 1 <= bound <= known
+        found[name] = known
+    assert found["any"] <= found["alone"]
+
+
+def test_targets_exclude_each_other_only_if_all_their_witnesses_do():
+    witnesses = WitnessSets(np.array([0, 0, 1, 2, 2]))
+    rng = np.random.default_rng(1)
+    for _ in range(100):
+        conflict = rng.random((5, 5)) < 0.7
+        conflict = (conflict | conflict.T) & ~np.eye(5, dtype=bool)
+        apart = witnesses.targets_apart(conflict)
+        members = [[0, 1], [2], [3, 4]]
+        for t, u in ((0, 1), (0, 2), (1, 2)):
+            expected = all(conflict[a, b] for a in members[t] for b in members[u])
+            assert apart[t, u] == apart[u, t] == expected
+        assert not apart.diagonal().any()
+        counted = witnesses.one_each(conflict)
+        assert counted[0, 1]
+        assert counted[3, 4]

@@ -1,20 +1,27 @@
 """Lamps for plans: known answers on a block and a step, bad input, and a check by rays."""
 
+import pickle
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from holed_plate import FRONT, HEIGHT, HOLES, holed_plate
 from lit_parts import RIM, block, step
-from plan_examples import plan, setting
+from plan_examples import CAMERA, plan, setting
 
-from aspectgraph import LightError, contrast, read_solid, resolve_entities
-from aspectgraph.light import compute_light, silhouettes_from
+from aspectgraph import LightError, compute_light, contrast, read_solid, resolve_entities
+from aspectgraph.cells.arrays import Cell
+from aspectgraph.light import silhouettes_from
 from aspectgraph.solid.ray_scene import RayScene
-from planner import RequestError, SphereRegion
-from planner.light.corner_light import LampSets, demands_of, seen_as, sites_of
+from errors.measurands import Circle, Line
+from planner import RequestError, RingSpace, SphereRegion, plan_light
+from planner.light import plan_light as fewest
+from planner.light.corner_light import LampSets, _parts, demands_of, seen_as, sites_of
 from planner.light.light_plan import LightPlan
 from planner.light.lighting import LampBox, LampDome, LampsTogether, Lighting, Served
-from planner.light.plan_light import plan_light
+from planner.light.plan_light import LampSearch
+from planner.request.targets import edge_target
 
 AROUND = LampBox((-500, -500, -500), (580, 550, 560))
 
@@ -414,3 +421,235 @@ def test_a_plan_without_settings():
     for lamps in (AROUND, "ring", [[500.0, 0, 0]]):
         found = plan_light(empty, block(), lamps)
         assert (len(found.lamps), found.lower_bound, found.complete) == (0, 0, True)
+
+
+# The bound on lamps against all covers, and the spaces of lamps against points drawn in them.
+
+
+@pytest.mark.parametrize("listed", [14, 0])
+@pytest.mark.parametrize("seed", range(40))
+def test_the_bound_is_the_least_cover_by_all_places(seed, listed, monkeypatch):
+    """Only some places are known at first; ``decide`` finds another, or says truly that there is none."""
+    monkeypatch.setattr(fewest, "_MOST_LISTED", listed)
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 8))
+    places = np.concatenate([rng.random((12, n)) < rng.uniform(0.1, 0.6), np.eye(n, dtype=bool)])
+    known = [np.eye(n, dtype=bool)[i] for i in range(n)]
+
+    def decide(jobs):
+        able = places[places[:, sorted(jobs)].all(axis=1)]
+        known.extend(able[:1])
+        return not len(able)
+
+    bound = LampSearch(n, lambda: np.array(known), decide).bound()
+    least = next(
+        k for k in range(1, n + 1) for some in combinations(places, k) if np.any(some, axis=0).all()
+    )
+    assert bound == least
+    assert any(np.any(some, axis=0).all() for some in combinations(np.unique(known, axis=0), least))
+
+
+def test_what_stays_open_does_not_raise_the_bound():
+    """Nothing is found and nothing refuted: one place might do all."""
+    assert LampSearch(5, lambda: np.eye(5, dtype=bool), lambda jobs: False).bound() == 1
+
+
+@pytest.mark.parametrize("n", [15, 20])
+def test_many_jobs(n):
+    """A place does jobs whose numbers agree modulo 3: three places for all, and none needs to be known at first."""
+    known = list(np.eye(n, dtype=bool))
+
+    def decide(jobs):
+        rest = {job % 3 for job in jobs}
+        if len(rest) == 1:
+            known.append(np.arange(n) % 3 == rest.pop())
+        return len(rest) > 1
+
+    assert LampSearch(n, lambda: np.array(known), decide).bound() == 3
+    assert len(fewest.min_cover(np.array(known)).chosen) == 3
+
+
+def test_many_jobs_of_which_all_pairs_but_no_three_go_together():
+    """Sixteen jobs in pairs: eight places; no two exclude each other."""
+    n = 16
+    known = list(np.eye(n, dtype=bool))
+
+    def decide(jobs):
+        if len(jobs) > 2:
+            return True
+        known.append(np.isin(np.arange(n), list(jobs)))
+        return False
+
+    assert 2 <= LampSearch(n, lambda: np.array(known), decide).bound() <= 8
+
+
+def random_cell(rng):
+    """A tetrahedron about a random place."""
+    corners = rng.normal(size=(4, 3)) * rng.uniform(0.1, 2) + rng.normal(size=3)
+    rows = []
+    for k in range(4):
+        a, b, c = np.delete(corners, k, axis=0)
+        normal = np.cross(b - a, c - a)
+        normal *= -np.sign(normal @ (corners[k] - a)) / np.linalg.norm(normal)
+        rows.append([*normal, -normal @ a])
+    return Cell(np.array(rows), corners, 1.0)
+
+
+def inside(cell, points):
+    return (points @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3] <= 0).all(axis=1)
+
+
+@pytest.mark.parametrize(
+    "space", [LampBox((-1, -1, 0), (1, 0.5, 1)), LampDome((0, 0, 0), 1.0, -0.2)]
+)
+def test_a_cell_that_is_said_to_miss_holds_no_place(space):
+    rng = np.random.default_rng(5)
+    places = space.places(4000)
+    low, high = space.bounds
+    assert ((places >= low - 1e-9) & (places <= high + 1e-9)).all()
+    missed = met = 0
+    for _ in range(300):
+        cell = random_cell(rng)
+        if space.misses(cell):
+            assert not inside(cell, places).any()
+            missed += 1
+        found = space.places_in(cell)
+        assert inside(cell, found).all()
+        if len(found):
+            met += 1
+            assert ((found >= low - 1e-9) & (found <= high + 1e-9)).all()
+        else:
+            assert inside(cell, places).mean() < 0.005
+    assert missed > 60
+    assert met > 60
+
+
+def test_a_dome_is_spread_evenly_and_not_below_its_height():
+    dome = LampDome((1, 2, 3), 10.0, 5.0)
+    places = dome.places(1000) - [1, 2, 3]
+    assert np.linalg.norm(places, axis=1) == pytest.approx(10.0)
+    assert places[:, 2].min() >= 5.0
+    # the area above a height goes with the height
+    assert (places[:, 2] > 7.5).mean() == pytest.approx(0.5, abs=0.01)
+    assert np.abs(places[:, :2].mean(axis=0)).max() < 0.1
+
+
+# The space of a ring light: as `plan_light` says it of single poses, and known answers.
+
+
+WORKSPACE = np.array([[-900.0] * 3, [900.0] * 3])
+
+
+def space_of(solid, entities, contrast=0.1, least_step=0.1):
+    return RingSpace(compute_light(solid, entities, contrast, WORKSPACE), CAMERA, least_step)
+
+
+def test_both_floors_of_a_step_are_as_bright_from_above():
+    """The rim of the upper floor is a silhouette for x < 30: 10 mm in 390 make no contrast."""
+    space = space_of(step(), RIM)
+    above = np.array([[10.0, 20, 400]])
+    in_front = np.array([[200.0, 20, 400]])
+    assert space.light.observable(above).all()
+    assert not space.observable(above).any()
+    # from x = 200 both faces are seen, at heights of 170 and 390 mm over them
+    assert space.observable(in_front).all()
+    assert not space_of(step(), RIM, contrast=0.4).observable(in_front).any()
+    assert not space_of(step(), RIM, least_step=0.6).observable(in_front).any()
+
+
+@pytest.mark.parametrize("part", ["block", "step", "pockets"])
+def test_the_space_agrees_with_lamps_planned_for_single_poses(part):
+    solid = {"block": block, "step": step}.get(
+        part, lambda: read_solid("examples/two_pocket_block.off")
+    )()
+    edges = {f"e{edge.id}": solid.edge_points(edge.id) for edge in solid.straight_edges()}
+    space = space_of(solid, resolve_entities(solid, edges))
+    middle = solid.bounds.mean(axis=0)
+    ways = np.random.default_rng(4).normal(size=(12, 3))
+    eyes = middle + 300.0 * ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    shown = space.observable(eyes)
+    exact = space.light.observable(eyes)
+    settings = []
+    names = []
+    for k, eye in enumerate(eyes):
+        seen = [name for i, name in enumerate(edges) if exact[k, i]]
+        settings.append(setting(tuple(eye), seen, tuple(middle), probability=1.0))
+        names.append(seen)
+    asked = plan(
+        settings=tuple(settings),
+        entities=edges,
+        uninspectable=dict.fromkeys(set(edges) - set().union(*names), ""),
+    )
+    light = plan_light(asked, solid, "ring")
+    told = {
+        (k, name)
+        for k, images in enumerate(light.images)
+        for image in images
+        for name in image.contrast
+    }
+    found = {(k, name) for k in range(len(eyes)) for i, name in enumerate(edges) if shown[k, i]}
+    assert found == told
+    assert 0.3 * exact.sum() < len(found) < exact.sum()
+
+
+def test_it_passes_to_other_processes_and_knows_its_parts():
+    space = space_of(step(), RIM)
+    eyes = np.array([[10.0, 20, 400], [200.0, 20, 400]])
+    before = space.observable(eyes)
+    again = pickle.loads(pickle.dumps(space))
+    assert (again.observable(eyes) == before).all()
+    assert (space.subset(["rim"]).observable(eyes) == before).all()
+    assert space.covering_cells(["rim"]).volume == space.light.covering_cells(["rim"]).volume
+    assert repr(space) == "<RingSpace of 'step': 1 entities, contrast 0.1>"
+    with pytest.raises(RequestError, match=r"step must be in \[0, 1\). Got 1"):
+        RingSpace(space.light, CAMERA, 1)
+
+
+# What measured things of a plan consist of, found again in the part; in another part they are
+# not.
+
+
+PLATE = holed_plate()
+
+
+def of(*geometry):
+    return SimpleNamespace(geometry=geometry)
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1)])
+def test_a_rim_and_an_edge_of_a_dimension_are_those_of_the_part(axis):
+    (centre, radius) = HOLES["right"]
+    rim, edge = _parts(of(Circle((*centre, HEIGHT), axis, radius), Line(*FRONT)), PLATE, "it")
+    assert rim.kind == "rim"
+    assert rim.circle.centre == pytest.approx([*centre, HEIGHT])
+    assert rim.circle.radius_mm == pytest.approx(radius)
+    assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
+    (edge,) = _parts(edge_target("edge", FRONT), PLATE, "edge")
+    assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [
+        Circle((*HOLES["right"][0], HEIGHT), (0, 0, 1), HOLES["right"][1] + 0.5),
+        Circle((*HOLES["right"][0], HEIGHT + 0.5), (0, 0, 1), HOLES["right"][1]),
+        Circle((*HOLES["right"][0], HEIGHT), (0, 1, 0), HOLES["right"][1]),
+        Circle((*HOLES["right"][0], HEIGHT), (0, 0, 1), HOLES["right"][1] + 0.5, (1, 0, 0), 1.0),
+        Line((0, 0, 11), (80, 0, 11)),
+        # half of it lies beyond the edge
+        Line((40, 0, 10), (120, 0, 10)),
+    ],
+)
+def test_of_another_part_they_are_not_found(geometry):
+    with pytest.raises(RequestError, match=r"solid must be the plan's part\."):
+        _parts(of(geometry), PLATE, "it")
+
+
+def test_a_stretch_and_a_run_are_lit_as_the_whole_edge_and_rim():
+    (centre, radius) = HOLES["right"]
+    run = Circle((*centre, HEIGHT), (0, 0, 1), radius, (1, 0, 0), 1.0)
+    stretch = Line((20, 0, 10), (40, 0, 10))
+    rim, edge = _parts(of(run, stretch), PLATE, "it")
+    assert rim.kind == "rim"
+    assert rim.circle.centre == pytest.approx([*centre, HEIGHT])
+    assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
