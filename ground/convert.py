@@ -74,8 +74,22 @@ class NullIs(float):
     """The number that is not finite for which a file has null: ``NullIs(math.nan)``."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Plain:
+    """Two functions by which a value that is no record becomes plain values and comes back."""
+
+    write: Callable[[Any], Any]
+    read: Callable[[Any], Any]
+
+
+LATER = object()
+"""Mark of a record that is read as the plain values it consists of."""
+
 NOT_STORED = object()
 """Mark of a field that files do not hold; it needs a default."""
+
+STATED = object()
+"""Mark of a field that files always hold, although it has a default."""
 
 FROM_ONE = object()
 """Mark of an index, or of a mapping by index: files count from 1."""
@@ -343,6 +357,40 @@ class _Kind:
             raise _Refusal(path, rule or self.rule, value)
 
 
+class _Made(_Kind):
+    """A value that functions make plain, and make again."""
+
+    def __init__(self, functions: Plain, metas: Sequence[Meta]) -> None:
+        super().__init__(metas, "must be as this program writes it")
+        self.functions = functions
+
+    def read(self, value: Any, path: Path) -> Any:
+        try:
+            return self.functions.read(value)
+        except ValueError as error:
+            raise _Refusal(path) from error
+        except (AttributeError, KeyError, TypeError):
+            raise _Refusal(path, self.rule, value) from None
+
+    def plain(self, value: Any, defaults: bool) -> Any:
+        return self.functions.write(value)
+
+
+class _Later(_Kind):
+    """A record as plain values."""
+
+    def __init__(self, record: _Kind, metas: Sequence[Meta]) -> None:
+        super().__init__(metas, record.rule)
+        self.record = record
+
+    def read(self, value: Any, path: Path) -> Any:
+        self._refuse_unless(isinstance(value, Mapping), path, value)
+        return value
+
+    def schema(self, definitions: _Definitions) -> dict[str, Any]:
+        return self.record.schema(definitions)
+
+
 _WORDS = {
     float: "must be a number",
     int: "must be an integer",
@@ -401,6 +449,8 @@ class _Scalar(_Kind):
     def plain(self, value: Any, defaults: bool) -> Any:
         value = value.value if isinstance(value, Enum) else value
         value = value.item() if hasattr(value, "dtype") else value
+        if self.type is float and isinstance(value, int):
+            value = float(value)
         if isinstance(value, float) and not math.isfinite(value):
             raise ValueError(f"a file must hold finite numbers. Got {value!r}.")
         return value
@@ -475,7 +525,7 @@ class _Optional(_Kind):
     """A value or null."""
 
     def __init__(self, value: _Kind, metas: Sequence[Meta]) -> None:
-        super().__init__(metas, f"{value.rule} or null")
+        super().__init__(metas, f"{value.rule} or null" if value.rule else "")
         self.value = value
 
     def read(self, value: Any, path: Path) -> Any:
@@ -674,15 +724,20 @@ class _Field:
     kind: _Kind
     default: Any
     is_derived: bool
+    is_stated: bool = False
 
     @property
     def is_needed(self) -> bool:
-        return self.default is dataclasses.MISSING
+        return self.is_stated or self.default is dataclasses.MISSING
 
     def is_default(self, value: Any) -> bool:
-        """Tell whether a value is the default; arrays never are."""
+        """Tell whether a value is the default, and is left out; arrays never are."""
+        if self.is_stated:
+            return False
         if value is self.default:
             return True
+        if isinstance(value, float) and math.isnan(value):
+            return isinstance(self.default, float) and math.isnan(self.default)
         return (
             type(value) is type(self.default)
             and not hasattr(value, "dtype")
@@ -839,7 +894,7 @@ def _record(cls: type) -> _Record:
         marks = getattr(hints[name], "__metadata__", ())
         if NOT_STORED not in marks:
             key = next((mark.name for mark in marks if isinstance(mark, Key)), name)
-            fields[key] = _Field(name, _kind(hints[name]), default, is_derived)
+            fields[key] = _Field(name, _kind(hints[name]), default, is_derived, STATED in marks)
     return _Record(cls, fields)
 
 
@@ -866,6 +921,11 @@ def _kind(annotation: Any) -> _Kind:
         others = tuple(mark for mark in marks if mark is not FROM_ONE)
         return _FromOne(_kind(Annotated[(annotation, *others)] if others else annotation))
     metas = [mark for mark in marks if isinstance(mark, Meta)]
+    functions = [mark for mark in marks if isinstance(mark, Plain)]
+    if functions:
+        return _Made(functions[0], metas)
+    if LATER in marks:
+        return _Later(_kind(annotation), metas)
     nulls = [mark for mark in marks if isinstance(mark, NullIs)]
     if nulls or SPELLED in marks:
         return _Spelled(_Scalar(annotation, metas), nulls[0] if nulls else None)

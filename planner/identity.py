@@ -6,41 +6,25 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
-from types import NoneType, UnionType
-from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from errors.exceptions import InvalidParameterError, MeasurandError
-from errors.measurands.geometry import Circle, Geometry, Line, Localisation
-from errors.measurands.measurand import measurand
-from ground.convert import from_plain, to_plain
+from errors.measurands.geometry import Localisation
+from ground.convert import STATED, Meta, Plain, Shape, from_plain, to_plain
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
-from planner.exceptions import PlanFileError, PlannerError, RequestError
-from planner.light.lighting import LampBox, LampDome, Lighting
-from planner.plan_file import field_name, shown
+from planner.exceptions import PlanFileError, RequestError
+from planner.light.lighting import Lighting
+from planner.plan_file import Amount, Coordinates, Count, Fraction
 from planner.request.constraints import Requirements
-from planner.request.dimension import checked_tolerance, plain_tolerance
 from planner.request.models import Means
-from planner.request.reach import (
-    BoxRegion,
-    PoseRegion,
-    SphereRegion,
-    StatedRegion,
-    reach_identity,
-)
 from planner.request.registration import RegistrationRecord
-from planner.request.targets import (
-    EDGE,
-    EdgeTarget,
-    EntityRecord,
-    PlannedDimension,
-    Target,
-    Witness,
-)
+from planner.request.target_records import plain_target, target_from
+from planner.request.targets import Target
 from planner.version import program_digest
 
 # In what two requests differ, in the words of the caller.
@@ -195,128 +179,6 @@ def _entities_of(target: Mapping[str, Any]) -> str:
     )
 
 
-# Values of a request as plain values: texts, numbers, lists and mappings, the same in every
-# process; and back.
-
-
-# relative difference of a nominal value and that of its geometry: both are computed
-_SAME_NOMINAL = 1e-6
-# fields that hold values of several kinds: the kind belongs to the value
-_OF_SEVERAL_KINDS = ("lamps",)
-_KINDS = {kind.__name__: kind for kind in (BoxRegion, SphereRegion, LampBox, LampDome)}
-
-
-def plain_value(value: Any, name: str = "") -> Any:
-    """Return a value as plain values that JSON can hold.
-
-    Parameters
-    ----------
-    value
-        A number, text, array, mapping, sequence, dataclass, or anything with ``to_dict`` and ``from_dict``.
-    name : str
-        Name of the field that holds it.
-
-    Raises
-    ------
-    TypeError
-        If it is none of these: then it cannot tell requests apart.
-    """
-    if name in ("reach", "cell"):
-        return reach_identity(value)
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and math.isinf(value):
-        # JSON has no such number; float() reads the text
-        return str(value)
-    if value is None or isinstance(value, str | bool | int | float):
-        return value
-    if hasattr(value, "_asdict"):
-        return plain_value(value._asdict())
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): plain_value(item, str(key)) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain_value(item) for item in value]
-    # what comes back from its values with nothing lost
-    if hasattr(value, "to_dict") and hasattr(value, "from_dict"):
-        return plain_value(value.to_dict())
-    if isinstance(value, Target):
-        return _target_values(value)
-    if is_dataclass(value):
-        kind = {"kind": type(value).__name__} if name in _OF_SEVERAL_KINDS else {}
-        return kind | plain_fields(value)
-    raise TypeError(
-        f"{name or 'a value'} of a request must have to_dict and from_dict. Got {value!r}."
-    )
-
-
-def plain_fields(record: Any) -> dict[str, Any]:
-    """Return all fields of a dataclass as plain values, by name; a whole number in a field of floats is a float."""
-    values = {}
-    for field in fields(record):
-        value = plain_value(getattr(record, field.name), field.name)
-        whole = isinstance(value, int) and not isinstance(value, bool)
-        values[field.name] = float(value) if whole and "float" in str(field.type) else value
-    return values
-
-
-def restored_value(kind: Any, value: Any) -> Any:
-    """Return the value that `plain_value` made plain.
-
-    Parameters
-    ----------
-    kind : type
-        What the field that holds it is declared as.
-    value
-        Plain values.
-
-    Raises
-    ------
-    PlanFileError
-        If it is of a reach that no file can hold.
-    KeyError, TypeError, ValueError, AttributeError
-        If it is not as `plain_value` writes it.
-    """
-    if value is None and get_origin(kind) in (Union, UnionType):
-        return None
-    kind = _without_none(kind)
-    if kind is Any:
-        if not isinstance(value, Mapping):
-            return value
-        known = _KINDS.get(value.get("kind", ""))
-        if known is None:
-            return StatedRegion(value)
-        value = {key: item for key, item in value.items() if key != "kind"}
-        kind = known
-    if kind is Target:
-        return _target_of(value)
-    if kind is PoseRegion:
-        return StatedRegion(value)
-    if hasattr(kind, "from_dict"):
-        return kind.from_dict(value)
-    if _is_record(kind):
-        kinds = get_type_hints(kind)
-        return kind(**{name: restored_value(kinds[name], own) for name, own in value.items()})
-    if get_origin(kind) is tuple:
-        return tuple(restored_value(get_args(kind)[0], item) for item in value)
-    if kind is np.ndarray:
-        return np.array(value, dtype=np.float64)
-    return float(value) if kind is float and isinstance(value, str) else value
-
-
-def _is_record(kind: Any) -> bool:
-    return is_dataclass(kind) or hasattr(kind, "_asdict")
-
-
-def _without_none(kind: Any) -> Any:
-    """Return the type that a field has where it is given; Any if there are several."""
-    if get_origin(kind) not in (Union, UnionType):
-        return kind
-    others = [other for other in get_args(kind) if other is not NoneType]
-    return others[0] if len(others) == 1 else Any
-
-
 # The request of a plan as one frozen value, which resume, ``--out``, batch, kept regions and plan
 # files compare.
 #
@@ -408,21 +270,21 @@ class Request:
     """
 
     part: PartRecord | None
-    targets: tuple[Target, ...]
+    targets: tuple[Annotated[Target, Plain(plain_target, target_from)], ...]
     camera: Camera
     pose_uncertainty: PoseUncertainty
     localisation: Localisation
-    accuracy: float
-    probability: float
+    accuracy: Fraction
+    probability: Fraction
     requirements: Requirements
-    workspace: np.ndarray | None
+    workspace: Annotated[NDArray[np.float64] | None, Shape(2, 3), Coordinates]
     lighting: Lighting | None
     ring: RingRecord | None
-    seed: int
+    seed: Count
     effort: Effort
-    gap: float = 0.0
-    surfaces_mm: float = 0.0
-    registration: RegistrationRecord | None = None
+    gap: Annotated[float, STATED, Meta(ge=0, lt=1, title="must be in [0, 1)")] = 0.0
+    surfaces_mm: Annotated[Amount, STATED] = 0.0
+    registration: Annotated[RegistrationRecord | None, STATED] = None
 
     def identity(self) -> dict[str, Any]:
         """Return all fields as plain values, the same in every process.
@@ -432,7 +294,7 @@ class Request:
         dict of str to value
             By field, in their order.
         """
-        return plain_fields(self)
+        return to_plain(self, defaults=True)
 
     def fingerprint(self) -> str:
         """Return a digest of the identity and of the code that decides about plans, 64 hexadecimal digits."""
@@ -524,30 +386,13 @@ def restored_request(identity: Mapping[str, Any]) -> Request:
     PlanFileError
         If a field is missing, wrong or unknown; names it.
     """
-    known = {field.name: field for field in fields(Request)}
-    kinds = get_type_hints(Request)
-    for name in identity:
-        if name not in known:
-            raise PlanFileError(
-                f"{field_name('request', name)} must be known to this program. Got an unknown field."
-            )
-    values = {}
-    for name in known:
-        if name not in identity:
-            raise PlanFileError(f"request.{name} must be given. Got none.")
-        value = identity[name]
-        try:
-            values[name] = restored_value(kinds[name], value)
-        except PlanFileError:
-            # names its field
-            raise
-        except PlannerError as error:
-            raise PlanFileError(f"request.{name}.{error}") from None
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise PlanFileError(
-                f"request.{name} must be as this program writes it. Got {shown(value)}."
-            ) from error
-    return Request(**values)
+    for item in fields(Request):
+        if item.name not in identity:
+            raise PlanFileError(f"request.{item.name} must be given. Got none.")
+    try:
+        return from_plain(Request, identity, PlanFileError)
+    except PlanFileError as error:
+        raise PlanFileError(f"request.{error}") from None
 
 
 def stored_request(request: Request) -> dict[str, Any]:
@@ -555,114 +400,3 @@ def stored_request(request: Request) -> dict[str, Any]:
     identity = request.identity()
     targets = {target.pop("name"): target for target in identity["targets"]}
     return {"request": {**identity, "targets": list(targets)}, "targets": targets}
-
-
-def request_from(request: Mapping[str, Any], targets: Mapping[str, Any]) -> Request:
-    """Return the request of a plan file.
-
-    Parameters
-    ----------
-    request, targets : mapping
-        As `stored_request` returns them.
-
-    Raises
-    ------
-    PlanFileError
-        If a target is missing, or as `restored_request`.
-    """
-    names = request["targets"]
-    if sorted(names) != sorted(targets):
-        got = next(
-            (name for name in (*targets, *names) if (name in names) != (name in targets)),
-            "one twice",
-        )
-        raise PlanFileError(f"request.targets must name every target once. Got {shown(got)}.")
-    known = [{"name": name, **targets[name]} for name in names]
-    return restored_request({**request, "targets": known})
-
-
-# Targets as files hold them: what they have from the request is stated there.
-
-
-def _target_values(target: Target) -> dict[str, Any]:
-    """Return a target as plain values."""
-    witnesses = [
-        {
-            "entities": [plain_fields(record) for record in witness.records],
-            "geometry": [to_plain(item) for item in witness.geometry],
-        }
-        for witness in target.witnesses
-    ]
-    values: dict[str, Any] = {"name": target.name, "kind": EDGE, "witnesses": witnesses}
-    if not isinstance(target, PlannedDimension):
-        return values
-    return values | {
-        "kind": target.kind,
-        "nominal": target.nominal,
-        "unit": target.unit,
-        "tolerance": plain_tolerance(target.tolerance),
-        "permitted_error": target.permitted_error,
-        "share": target.share,
-        "direction": None if target.direction is None else list(target.direction),
-        "n_features": target.n_features,
-        "surfaces_mm": target.stated_surfaces_mm,
-        "surfaces_from": target.surfaces_from,
-    }
-
-
-def _geometry_of(witness: Mapping[str, Any]) -> tuple[Geometry, ...]:
-    """Return the lines and circles that plain values hold."""
-    shapes: list[Geometry] = []
-    for item in witness["geometry"]:
-        kind: type[Line] | type[Circle] = Line if "p" in item else Circle
-        shapes.append(from_plain(kind, item, InvalidParameterError))
-    return tuple(shapes)
-
-
-def _target_of(values: Mapping[str, Any]) -> Target:
-    """Return the target of plain values."""
-    name = values["name"]
-    kind = values["kind"]
-    direction = values.get("direction")
-    if direction is not None:
-        direction = tuple(direction)
-    try:
-        witnesses = tuple(
-            Witness(
-                tuple(
-                    EntityRecord(**{**record, "edges": tuple(record["edges"])})
-                    for record in witness["entities"]
-                ),
-                measurand(
-                    "length" if kind == EDGE else kind,
-                    _geometry_of(witness),
-                    direction,
-                ),
-            )
-            for witness in values["witnesses"]
-        )
-    except (MeasurandError, InvalidParameterError, PlanFileError) as error:
-        raise PlanFileError(
-            f"{field_name('targets', name)} must be one that can be measured. Got: {error}"
-        ) from None
-    if kind == EDGE:
-        return EdgeTarget(name, witnesses)
-    tolerance = values["tolerance"]
-    target = PlannedDimension(
-        name,
-        witnesses,
-        kind,
-        values["permitted_error"],
-        None if tolerance is None else checked_tolerance(tolerance),
-        values["share"],
-        direction,
-        values["n_features"],
-        values["surfaces_mm"],
-        values["surfaces_from"],
-    )
-    if abs(target.nominal - values["nominal"]) > _SAME_NOMINAL * max(1.0, abs(target.nominal)):
-        raise PlanFileError(
-            f"{field_name('targets', name, 'nominal')} must be that of the geometry, {target.nominal:.9g}. "
-            f"Got {values['nominal']!r}."
-        )
-    return target

@@ -17,7 +17,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import PlanFileError
 from planner.files import encoded, plan_file, read_json, write_text
-from planner.plan_file import FORMAT, VERSION, check_format, check_plan, check_schema
+from planner.plan_file import FORMAT, VERSION
 from planner.plan_tables import PlanTables
 from planner.request.words import features_text
 from planner.sensor_setting import Reason, SensorSetting, kind_of, kinds_record, reasons_from
@@ -431,43 +431,24 @@ def read_plan(path: str | os.PathLike[str]) -> InspectionPlan:
 
 def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
     """Check the values of a plan file and build the plan."""
-    from planner.identity import request_from
+    from planner.plan_record import PlanFile
     from planner.verify.setting_record import check_settings, own_fields
 
-    check_format(data)
-    check_schema(data, "plan")
-    request = request_from(data["request"], data["targets"])
-    check_plan(data)
+    record = PlanFile.read(data)
     plan = cls(
-        request=request,
+        request=record.asked,
         settings=tuple(SensorSetting.from_dict(own_fields(s)) for s in data["settings"]),
-        lower_bound=data["bound"],
-        bound_proof=data["bound_proof"],
-        uninspectable=reasons_from(data["uninspectable"], data.get("uninspectable_kinds", {})),
-        simulation=_simulation_from(data.get("simulation")),
-        unfinished=data.get("unfinished", False),
-        light=_light_from(data.get("light")),
+        lower_bound=record.bound,
+        bound_proof=record.bound_proof,
+        uninspectable=reasons_from(record.uninspectable, record.uninspectable_kinds),
+        simulation=record.simulation,
+        unfinished=record.unfinished,
+        light=None if record.light is None else record.light.light,
         cell=data.get("cell", {}),
-        source=data.get("source", {}),
+        source=record.source,
     )
     check_settings(plan, data["settings"])
     return plan
-
-
-def _simulation_from(data: Any) -> SimulationResult | None:
-    if data is None:
-        return None
-    from planner.verify.simulate_plan import SimulationResult
-
-    return SimulationResult.from_dict(data)
-
-
-def _light_from(data: Any) -> LightPlan | None:
-    if data is None:
-        return None
-    from planner.light.light_plan import LightPlan
-
-    return LightPlan.from_dict(data)
 
 
 def _reasons(texts: Mapping[str, str]) -> dict[str, Reason]:

@@ -21,14 +21,17 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
+from ground.convert import Meta, from_plain, shown
 from planner.exceptions import OutputError, PlanFileError
 from planner.files import encoded, make_folder, read_json, write_text
 from planner.identity import first_difference
 from planner.plan import InspectionPlan
-from planner.plan_file import check_checkpoint, check_schema, check_state, packed, shown, unpacked
+from planner.plan_file import Reasons, check_checkpoint, check_state, packed, unpacked
+from planner.plan_record import Kinds, PlanFile
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting, kind_of
 from planner.version import program_digest
 
@@ -39,6 +42,100 @@ VERSION = 4
 _SECONDS = 5.0
 _TIMES = 60.0
 _MOST_SECONDS = 15.0
+
+
+# What the file holds. Arrays of a checkpoint are packed; what else it holds is read by this program alone.
+
+
+@dataclass(frozen=True, eq=False)
+class SettingOutcome:
+    """A run that found a setting."""
+
+    setting: SensorSetting
+
+
+@dataclass(frozen=True)
+class ReasonOutcome:
+    """A run that found none."""
+
+    reason: str
+    kind: Annotated[ReasonKind, Meta(title="must be a kind of reason")] = ReasonKind.NOT_STATED
+
+
+@dataclass(frozen=True, eq=False)
+class CheckpointRecord:
+    """How far a planning has got, see `planner.search.incumbents.PlanState`."""
+
+    stage: Annotated[
+        Literal[
+            "candidate poses",
+            "incompatible targets",
+            "first columns",
+            "column generation",
+            "weighing",
+            "lower bound",
+            "refutation",
+            "settings",
+            "lamps",
+        ],
+        Meta(title="must be a stage of planning"),
+    ]
+    entries: Mapping[str, Any]
+    pools: Mapping[str, Any]
+    uninspectable: Reasons
+    uninspectable_kinds: Kinds = field(default_factory=dict)
+    incompatible: tuple[str, ...] = ()
+    weighing: Any = None
+    inspected: Any = None
+    known: Any = None
+    joined: Any = None
+    bound: Any = None
+    proof: Any = None
+    bound_of: Any = None
+    bound_weights: Any = None
+    plan: Any = None
+
+
+_Digest = Annotated[str, Meta(pattern="^[0-9a-f]{64}$", title="must be 64 hexadecimal digits")]
+
+
+@dataclass(frozen=True, eq=False)
+class StateFile:
+    """What a state file holds; the key of an outcome is the sorted JSON array of the names."""
+
+    format: Literal["aspectgraph planning state"]
+    version: Literal[4]
+    request: Annotated[
+        Mapping[str, Any], Meta(title="must be an object that holds what was asked for")
+    ]
+    program: _Digest
+    outcomes: Mapping[
+        str,
+        Annotated[
+            SettingOutcome | ReasonOutcome, Meta(title="must hold either a setting or a reason")
+        ],
+    ]
+    checkpoint: CheckpointRecord | None
+    plan: PlanFile | None
+    digest: _Digest
+
+
+def check_fields(data: Any) -> None:
+    """Refuse a state with a field that is missing, wrong or unknown, or that contradicts itself.
+
+    Raises
+    ------
+    PlanFileError
+        Names the field by its path.
+    """
+    plan = from_plain(StateFile, data, PlanFileError).plan
+    try:
+        if plan is not None:
+            # reads the request
+            plan.asked  # noqa: B018
+    except PlanFileError as error:
+        raise PlanFileError(f"plan.{error}") from None
+    check_state(data)
 
 
 class PlanningState:
@@ -216,8 +313,7 @@ def read_state(path: str | os.PathLike[str]) -> dict[str, Any]:
             f"{shown(data.get('version'))}, which another version of this program wrote; plan again without it."
         )
     try:
-        check_schema(data, "state")
-        check_state(data)
+        check_fields(data)
     except PlanFileError as error:
         raise PlanFileError(f"{path}: {error}") from None
     # what is inside a checkpoint fits together or not, which no single field tells

@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from errors.formatting import probability_text
-from planner.files import number
+from ground.convert import SPELLED, STATED, Meta, from_plain, to_plain
+from planner.exceptions import PlanFileError
+from planner.plan_file import Count, Names, Pixels, Pose, Probabilities, Share, Texts
 from planner.request.registration import PoseKnowledge
 
 # Names of the images that the settings of a plan take.
@@ -132,7 +134,9 @@ def kinds_record(reasons: Mapping[str, str]) -> dict[str, str]:
     return {name: kind.value for name, kind in kinds.items() if kind is not ReasonKind.NOT_STATED}
 
 
-def reasons_from(texts: Mapping[str, str], kinds: Mapping[str, str]) -> dict[str, Reason]:
+def reasons_from(
+    texts: Mapping[str, str], kinds: Mapping[str, str | ReasonKind]
+) -> dict[str, Reason]:
     """Return reasons from the texts and kinds of a file; of what has no kind, none is stated."""
     stated = ReasonKind.NOT_STATED.value
     return {name: Reason(text, ReasonKind(kinds.get(name, stated))) for name, text in texts.items()}
@@ -197,27 +201,31 @@ class SensorSetting:
         smallest of the Jacobian with lengths divided by 500 mm.
     """
 
-    cam2world: np.ndarray
-    entities: tuple[str, ...]
-    probability: dict[str, float]
-    margins: dict[str, float]
+    cam2world: Pose
+    entities: Names
+    probability: Probabilities
+    margins: Annotated[
+        Mapping[str, Annotated[float, SPELLED]], Meta(title="must map constraints to margins")
+    ]
     fitness: float
-    nfev: int
-    generations: int
+    nfev: Count
+    generations: Count
     message: str
-    seed: int | None = None
-    history: tuple[float, ...] = ()
-    lines_in_window_px: dict[str, float] = field(default_factory=dict)
-    p_all: dict[str, float] = field(default_factory=dict)
-    p_all_together: float = math.nan
-    p_all_poses: int = 0
-    witness: dict[str, int] = field(default_factory=dict)
-    passed_over: dict[str, dict[str, str]] = field(default_factory=dict)
+    seed: Annotated[Count | None, STATED] = None
+    history: Annotated[tuple[float, ...], STATED, Meta(title="must be an array of numbers")] = ()
+    lines_in_window_px: Pixels = field(default_factory=dict)
+    p_all: Probabilities = field(default_factory=dict)
+    p_all_together: Share = math.nan
+    p_all_poses: Count = 0
+    witness: Mapping[str, Annotated[int, Meta(ge=0, le=10**6)]] = field(default_factory=dict)
+    passed_over: Mapping[str, Texts] = field(default_factory=dict)
     registered: PoseKnowledge | None = None
     fixturing: str = ""
-    joints: tuple[float, ...] = ()
+    joints: Annotated[
+        tuple[float, ...], Meta(min_length=6, max_length=6, title="must hold six angles")
+    ] = ()
     angle_deg: float | None = None
-    arm: dict[str, Any] = field(default_factory=dict)
+    arm: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         pose = np.array(self.cam2world, dtype=np.float64)
@@ -250,7 +258,7 @@ class SensorSetting:
     @property
     def promise(self) -> dict[str, float]:
         """The promise for each entity: `p_all`, or `probability` where that was not counted."""
-        return self.p_all or self.probability
+        return dict(self.p_all or self.probability)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain Python values, ready for JSON.
@@ -260,42 +268,7 @@ class SensorSetting:
         dict
             Field names and values. The pose is a list of lists.
         """
-        counted = {
-            "p_all": dict(self.p_all),
-            "p_all_together": self.p_all_together,
-            "p_all_poses": self.p_all_poses,
-        }
-        return {
-            "cam2world": self.cam2world.tolist(),
-            "entities": list(self.entities),
-            "probability": dict(self.probability),
-            **(counted if self.p_all else {}),
-            "margins": dict(self.margins),
-            "fitness": self.fitness,
-            "nfev": self.nfev,
-            "generations": self.generations,
-            "message": self.message,
-            "seed": self.seed,
-            "history": list(self.history),
-            **({"witness": dict(self.witness)} if self.witness else {}),
-            **({} if self.registered is None else {"registered": self.registered.to_dict()}),
-            **({"passed_over": dict(self.passed_over)} if self.passed_over else {}),
-            **(
-                {"lines_in_window_px": dict(self.lines_in_window_px)}
-                if self.lines_in_window_px
-                else {}
-            ),
-            **(
-                {
-                    "fixturing": self.fixturing,
-                    "joints": list(self.joints),
-                    **({} if self.angle_deg is None else {"angle_deg": self.angle_deg}),
-                    "arm": dict(self.arm),
-                }
-                if self.fixturing
-                else {}
-            ),
-        }
+        return to_plain(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SensorSetting:
@@ -304,18 +277,14 @@ class SensorSetting:
         Parameters
         ----------
         data : mapping of str to value
-            The fields. ``history`` and ``seed`` may be missing.
+            The fields.
 
         Returns
         -------
         SensorSetting
             Equal to the one written.
         """
-        margins = {name: number(value) for name, value in data["margins"].items()}
-        lists = {name: tuple(data.get(name, ())) for name in ("entities", "history", "joints")}
-        known = data.get("registered")
-        registered = None if known is None else PoseKnowledge.from_dict(known)
-        return cls(**{**data, **lists, "margins": margins, "registered": registered})
+        return from_plain(cls, data, PlanFileError)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, SensorSetting):

@@ -17,7 +17,8 @@ from ground.decorators import njit
 # Lines and circles in the part's frame, as a measurement knows them.
 
 
-Vector = Annotated[NDArray[np.float64], Shape(3)]
+# products of larger coordinates overflow
+Vector = Annotated[NDArray[np.float64], Shape(3), Meta(ge=-1e9, le=1e9)]
 
 
 _UNIT = 1e-9

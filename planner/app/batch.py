@@ -11,11 +11,11 @@ from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from aspectgraph import (
     AspectGraphError,
@@ -32,6 +32,7 @@ from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
 from aspectgraph.visibility.visibility_regions import KeptRegions
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
+from ground.convert import STATED, Meta, from_plain, to_plain
 from planner.argument_kinds import (
     MAPPING,
     NOT_NEGATIVE,
@@ -47,12 +48,12 @@ from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError, PlannerError, RequestError
 from planner.executors import leave_signals_to_the_parent
 from planner.files import absolute, check_set_place, name_text, output_folder, read_json, write_text
-from planner.identity import Request, plain_fields
+from planner.identity import Request
 from planner.identity import digest_of as digest_of_request
 from planner.inspection import plan_request, visible_regions
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
-from planner.plan_file import check_schema
+from planner.plan_file import Amount, Count
 from planner.progress import Progress, report
 from planner.report.folder_lock import folder_lock
 from planner.report.plan_folder import PLAN_FILES, with_source, write_outputs
@@ -186,7 +187,8 @@ class PartRequest:
         All fields count, also those that an `Request` lacks.
         """
         names = {field.name for field in fields(Request)}
-        settings = {name: value for name, value in plain_fields(self).items() if name not in names}
+        own = [field.name for field in fields(self) if field.name not in names]
+        settings = {name: getattr(self, name) for name in own}
         # in the request as they are resolved: a default that is given is a default
         settings["limits"] = {"time_limit_s": self.options.time_limit_s}
         return digest_of_request(self.request.fingerprint(), settings)
@@ -233,15 +235,21 @@ class PartResult:
     """
 
     part: str
-    status: str
-    reason: str = ""
-    entities: int = 0
-    settings: int = 0
-    lower_bound: int = 0
-    seconds: float = 0.0
-    file_sha256: str = ""
-    request: str = ""
-    plan_sha256: str = ""
+    status: Annotated[
+        str,
+        Meta(
+            pattern="^(planned|incomplete|refused|failed)$",
+            title="must be planned, incomplete, refused or failed",
+        ),
+    ]
+    reason: Annotated[str, STATED] = ""
+    entities: Annotated[Count, STATED] = 0
+    settings: Annotated[Count, STATED] = 0
+    lower_bound: Annotated[Count, STATED] = 0
+    seconds: Annotated[Amount, STATED] = 0.0
+    file_sha256: Annotated[str, STATED] = ""
+    request: Annotated[str, STATED] = ""
+    plan_sha256: Annotated[str, STATED] = ""
 
     def write(self, folder: Path) -> None:
         """Write the record next to the plan.
@@ -251,7 +259,13 @@ class PartResult:
         folder : Path
             Folder of the part's plan.
         """
-        write_text(folder / RECORD, json.dumps(asdict(self), indent=1) + "\n")
+        write_text(folder / RECORD, json.dumps(to_plain(self), indent=1) + "\n")
+
+
+class _Table(NamedTuple):
+    """The table of all parts."""
+
+    rows: tuple[PartResult, ...]
 
 
 def found_again(part: str, folder: Path, file_sha256: str, request: str) -> PartResult | None:
@@ -275,11 +289,9 @@ def found_again(part: str, folder: Path, file_sha256: str, request: str) -> Part
 def read_record(path: Path) -> PartResult | None:
     """Return a record that `PartResult.write` wrote; None of what is no such record, or is not there."""
     try:
-        data = read_json(path, "result")
-        check_schema(data, "part_result")
+        return from_plain(PartResult, read_json(path, "result"), PlanFileError)
     except PlanFileError:
         return None
-    return PartResult(**data)
 
 
 def is_table(path: Path) -> bool:
@@ -291,10 +303,9 @@ def parts_in(path: Path) -> set[str] | None:
     """Return the parts in ``results.json`` of `write_tables`; None of what is no such table, or is not there."""
     try:
         rows = read_json(path, "results")
-        check_schema(rows, "part_results")
+        return {result.part for result in from_plain(_Table, {"rows": rows}, PlanFileError).rows}
     except PlanFileError:
         return None
-    return {row["part"] for row in rows}
 
 
 def digest_of(path: Path) -> str:
@@ -312,7 +323,7 @@ def digest_of(path: Path) -> str:
 def write_tables(results: Iterable[PartResult], out: Path) -> None:
     """Write ``results.json`` and ``results.csv``, a row per part, in the order of their names."""
     rows: list[dict[str, Any]] = [
-        asdict(result) for result in sorted(results, key=lambda result: result.part)
+        to_plain(result) for result in sorted(results, key=lambda result: result.part)
     ]
     write_text(out / TABLES[0], json.dumps(rows, indent=1) + "\n")
     write_text(out / TABLES[1], csv_text([field.name for field in fields(PartResult)], rows))

@@ -21,7 +21,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.convert import Shape
+from ground.convert import Meta, Shape, to_plain
 from planner.exceptions import UncertaintyError
 
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
@@ -164,6 +164,10 @@ MAX_SIGMA_MM = 100.0
 MAX_SIGMA_RAD = 1.0
 
 
+Covariance = Annotated[NDArray[np.float64], Shape(6, 6), Meta(ge=-1e9, le=1e9)]
+"""Over the camera's displacement (dx, dy, dz) and rotation (phi_x, phi_y, phi_z) in its own axes."""
+
+
 @dataclass(frozen=True, eq=False)
 class PoseUncertainty:
     """Uncertainty of a camera's real pose about the planned one.
@@ -190,7 +194,7 @@ class PoseUncertainty:
     [0.05, 0.05, 0.05, 0.001, 0.001, 0.001]
     """
 
-    covariance: Annotated[NDArray[np.float64], Shape(6, 6)]
+    covariance: Covariance
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", _check_covariance(self.covariance))
@@ -302,7 +306,7 @@ class PoseUncertainty:
         dict
             Under the key ``covariance``, six lists of six floats.
         """
-        return {"covariance": self.covariance.tolist()}
+        return to_plain(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> PoseUncertainty:

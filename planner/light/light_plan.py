@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ground.convert import STATED, Meta, NullIs, Shape, from_plain, to_plain
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, tangents_of
 from planner.camera.pose import world_to_cam
+from planner.exceptions import PlanFileError
+from planner.plan_file import Amount, Coordinates, Count, Fraction, Reasons, Share
 from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
     from aspectgraph.solid.ray_scene import RayScene
     from planner.verify.simulate_setting import Planned
+
+
+_Pixel = Annotated[int, Meta(ge=0, title="must be an integer from 0")]
 
 
 class Exposure(NamedTuple):
@@ -36,9 +42,9 @@ class Exposure(NamedTuple):
     """
 
     target: str
-    pixel: tuple[int, int]
+    pixel: Annotated[tuple[_Pixel, _Pixel], Meta(title="must be two integers from 0, u and v")]
     dimmest: str
-    times: float
+    times: Annotated[float, NullIs(math.inf), Meta(ge=1, title="must be a number from 1, or null")]
 
 
 @dataclass(frozen=True)
@@ -59,9 +65,18 @@ class LitImage:
         not computed, as in plans of earlier programs.
     """
 
-    lamps: tuple[int, ...]
-    contrast: Mapping[str, float]
-    silhouettes: tuple[str, ...] = ()
+    lamps: Annotated[tuple[Count, ...], Meta(title="must be an array of numbers of lamps")]
+    contrast: Annotated[
+        Mapping[str, Share], Meta(min_length=1, title="must map at least one name to a contrast")
+    ]
+    silhouettes: Annotated[
+        tuple[str, ...],
+        STATED,
+        Meta(
+            title="must be an array of names, all different",
+            extra_json_schema={"uniqueItems": True},
+        ),
+    ] = ()
     expose_for: Exposure | None = None
 
     def exposure_dict(self) -> dict[str, Any] | None:
@@ -72,45 +87,45 @@ class LitImage:
         dict or None
             An infinite ratio is None.
         """
-        if self.expose_for is None:
-            return None
-        target, pixel, dimmest, times = self.expose_for
-        ratio = times if math.isfinite(times) else None
-        return {"target": target, "pixel": list(pixel), "dimmest": dimmest, "times": ratio}
+        return None if self.expose_for is None else to_plain(self.expose_for)
 
 
-def _image_dict(image: LitImage) -> dict[str, Any]:
-    exposure_dict = image.exposure_dict()
-    return {
-        "lamps": list(image.lamps),
-        "contrast": dict(image.contrast),
-        "silhouettes": list(image.silhouettes),
-        **({} if exposure_dict is None else {"expose_for": exposure_dict}),
-    }
+@dataclass(frozen=True)
+class LitSetting:
+    """The images of a setting and its unlit targets, as files hold them."""
+
+    images: Annotated[tuple[LitImage, ...], Meta(title="must be an array of images")]
+    unlit: Reasons
 
 
-def _image_of(data: Mapping[str, Any]) -> LitImage:
-    return LitImage(
-        tuple(data["lamps"]),
-        dict(data["contrast"]),
-        tuple(data["silhouettes"]),
-        _exposure_of(data.get("expose_for")),
-    )
+@dataclass(frozen=True, eq=False)
+class LightRecord:
+    """Lamps that make what is measured show, in every setting, as files hold them."""
+
+    kind: Literal["fixed", "ring", "placed"]
+    contrast: Fraction
+    step: Amount
+    ground: Literal["dark", "bright"]
+    together: bool
+    lamps: Annotated[NDArray[np.float64], Shape(None, 3), Coordinates]
+    lower_bound: Count
+    bound_proof: str
+    settings: Annotated[
+        tuple[LitSetting, ...], Meta(title="must be an array with one object per setting")
+    ]
+
+    @property
+    def light(self) -> LightPlan:
+        """The light plan."""
+        return LightPlan(
+            **{name: getattr(self, name) for name in _SHARED},
+            images=tuple(setting.images for setting in self.settings),
+            unlit=tuple(setting.unlit for setting in self.settings),
+        )
 
 
-def _exposure_of(data: Mapping[str, Any] | None) -> Exposure | None:
-    if data is None:
-        return None
-    u, v = data["pixel"]
-    times = math.inf if data["times"] is None else float(data["times"])
-    return Exposure(data["target"], (u, v), data["dimmest"], times)
-
-
-# fields that a file holds as they are, in its order
-_STORED = (
-    *("kind", "contrast", "step", "ground", "together"),
-    *("lamps", "lower_bound", "bound_proof"),
-)
+# fields that a file holds as they are
+_SHARED = tuple(item.name for item in fields(LightRecord) if item.name != "settings")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -182,12 +197,9 @@ class LightPlan:
         dict
             Lists, texts and numbers.
         """
-        settings = [
-            {"images": [_image_dict(image) for image in images], "unlit": dict(unlit)}
-            for images, unlit in zip(self.images, self.unlit, strict=True)
-        ]
-        stored = {name: getattr(self, name) for name in _STORED}
-        return {**stored, "lamps": self.lamps.tolist(), "settings": settings}
+        settings = tuple(map(LitSetting, self.images, self.unlit))
+        shared = {name: getattr(self, name) for name in _SHARED}
+        return to_plain(LightRecord(**shared, settings=settings))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> LightPlan:
@@ -203,12 +215,7 @@ class LightPlan:
         LightPlan
             Equal to the one written.
         """
-        settings = data["settings"]
-        return cls(
-            **{name: data[name] for name in _STORED},
-            images=tuple(tuple(map(_image_of, setting["images"])) for setting in settings),
-            unlit=tuple(dict(setting["unlit"]) for setting in settings),
-        )
+        return from_plain(LightRecord, data, PlanFileError).light
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, LightPlan):

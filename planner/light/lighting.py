@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ from aspectgraph.light import (
     compute_light,
 )
 from aspectgraph.solid.ray_scene import RayScene
+from ground.convert import Plain, from_plain, to_plain
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
@@ -35,7 +36,7 @@ from planner.light.background import (
 )
 from planner.light.corner_light import Corners, Demands, Pair, corners_of, demands_of
 from planner.progress import Progress, labelled
-from planner.request.reach import Reach, check_reach, reach_margin
+from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
 from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ class LampBox:
     low: tuple[float, float, float]
     high: tuple[float, float, float]
     clearance_mm: float = 10.0
-    reach: Reach | None = None
+    reach: Annotated[Reach | None, PlainReach] = None
 
     def __post_init__(self) -> None:
         box = _numbers("the corners of a box of lamps", (self.low, self.high), (2, 3))
@@ -759,6 +760,22 @@ GROUNDS = ("dark", "bright")
 _ROOM = 0.01
 
 
+def _plain_lamps(lamps: Any) -> Any:
+    """Return what `Lighting` has as lamps as plain values."""
+    if isinstance(lamps, LampBox | LampDome):
+        return {"kind": type(lamps).__name__, **to_plain(lamps, defaults=True)}
+    return lamps if isinstance(lamps, str) else np.asarray(lamps).tolist()
+
+
+def _lamps_from(values: Any) -> Any:
+    """Return the lamps of plain values."""
+    if not isinstance(values, Mapping):
+        return values
+    kind = {"LampBox": LampBox, "LampDome": LampDome}[values["kind"]]
+    others = {key: item for key, item in values.items() if key != "kind"}
+    return from_plain(kind, others, RequestError)
+
+
 @dataclass(frozen=True, eq=False)
 class Lighting:
     """The options of the lamps of a plan; `plan_light` describes them in full.
@@ -791,7 +808,7 @@ class Lighting:
     True
     """
 
-    lamps: Any
+    lamps: Annotated[Any, Plain(_plain_lamps, _lamps_from)]
     contrast: float = DEFAULT_CONTRAST
     step: float = DEFAULT_STEP
     ground: str = "dark"

@@ -23,7 +23,7 @@ from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.exceptions import how_to_install
 from errors.registration import Posterior, Rows, posterior
-from ground.convert import Meta, Shape, check_fields
+from ground.convert import Meta, Shape, check_fields, shown
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
@@ -39,7 +39,6 @@ from planner.measuring.task import (
     distance_of,
     rigid_motion,
 )
-from planner.plan_file import shown
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES, RegistrationRecord
 from planner.sensor_setting import setting_name
 

@@ -15,6 +15,7 @@ from scipy.stats import chi2 as chi_squared
 
 from errors.measurands import Circle
 from errors.registration import Rows, posterior
+from ground.convert import shown
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights
@@ -28,7 +29,6 @@ from planner.measuring.samples import (
     across_of,
     pixels_of,
 )
-from planner.plan_file import shown
 
 Array = NDArray[np.float64]
 

@@ -18,12 +18,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
+from ground.convert import SPELLED
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 
@@ -68,7 +69,7 @@ class FocusReserve(NamedTuple):
 
     sigmas: float = 0.0
     least_sigmas: float = 0.0
-    most_mm: float = 0.0
+    most_mm: Annotated[float, SPELLED] = 0.0
     along: float = 0.0
     along_x: float = 0.0
     along_y: float = 0.0

@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from planner.request.image_constraints import (
 )
 from planner.request.reach import (
     FEW,
+    PlainReach,
     PoseRegion,
     Reach,
     Space,
@@ -109,12 +110,12 @@ class Requirements:
     field_margin_px: float = 0.0
     field_of_view: str = "exact"
     stand_off_mm: float = 50.0
-    reach: Reach | None = field(default=None, repr=False)
+    reach: Annotated[Reach | None, PlainReach] = field(default=None, repr=False)
     visibility_radius_mm: float = 0.0
     focus_margin_mm: float = 0.0
     focus_reserve: FocusReserve = NO_RESERVE
     showing: Detectability = NOT_ASKED
-    cell: PoseRegion | None = field(default=None, repr=False)
+    cell: Annotated[PoseRegion | None, PlainReach] = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in _NUMBERS:

@@ -345,7 +345,7 @@ class Problem:
         if self.registered is None:
             return None
         if isinstance(self.registered, PoseUncertainty):
-            return PoseKnowledge(self.registered)
+            return PoseKnowledge(self.registered.covariance)
         return knowledge_of(self.at_pose(cam2world, names).targets, self.means, cam2world)
 
     def restricted_to(self, names: Sequence[str]) -> Problem:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.ray_scene import RayScene
+from ground.convert import Plain
 from planner.argument_kinds import POSITIVE, check_number
 from planner.exceptions import RequestError
 
@@ -394,6 +395,20 @@ def reach_identity(reach: Reach | None) -> dict[str, Any] | None:
     # whatever code of the caller raises, such as that of a connection to a robot
     except Exception:
         return {"unnamed": name}
+
+
+def reach_from(values: Mapping[str, Any] | None) -> Reach | None:
+    """Return the region that `reach_identity` states: a box, a ball, or one that is only known by its name."""
+    kinds: dict[str, Any] = {"BoxRegion": BoxRegion, "SphereRegion": SphereRegion}
+    if values is None:
+        return None
+    if values.get("kind") not in kinds:
+        return StatedRegion(values)
+    return kinds[values["kind"]](**{key: item for key, item in values.items() if key != "kind"})
+
+
+PlainReach = Plain(reach_identity, reach_from)
+"""How requests state regions."""
 
 
 def _name_of(reach: Any) -> str:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.camera.pose import PoseUncertainty
+from ground.convert import Meta
+from planner.camera.pose import Covariance, PoseUncertainty
+from planner.plan_file import Amount
 
 if TYPE_CHECKING:
     from planner.request.models import Means
@@ -45,21 +47,31 @@ LEAST_POSE = np.array([1e-4] * 3 + [1e-6] * 3)
 """Standard deviations of poses that are said to be exact, mm and rad."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseKnowledge:
     """What is known of a pose after registration.
 
     Attributes
     ----------
-    pose_uncertainty : PoseUncertainty
-        How far the camera may be from where registration puts it.
+    covariance : array (6, 6)
+        Of how far the camera may be from where registration puts it, as `PoseUncertainty` has it.
     by_surfaces : mapping of str to float
         Standard deviation of values by the deviations of surfaces, beside that by the pose; by target, in its unit.
         A target without one has that of its own surfaces.
     """
 
-    pose_uncertainty: PoseUncertainty
-    by_surfaces: Mapping[str, float] = field(default_factory=dict)
+    covariance: Covariance
+    by_surfaces: Annotated[Mapping[str, Amount], Meta(title="must map names to amounts")] = field(
+        default_factory=dict
+    )
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", self.pose_uncertainty.covariance)
+
+    @property
+    def pose_uncertainty(self) -> PoseUncertainty:
+        """How far the camera may be from where registration puts it."""
+        return PoseUncertainty(self.covariance)
 
     def of_target(self, means: Means, name: str) -> Means:
         """Return what a target is measured with at this pose."""
@@ -82,44 +94,13 @@ class PoseKnowledge:
         root = np.sqrt(np.diag(now + least))
         units = np.outer(root, root)
         old, new, known = (
-            np.linalg.inv((one + least) / units)
-            for one in (before, now, self.pose_uncertainty.covariance)
+            np.linalg.inv((one + least) / units) for one in (before, now, self.covariance)
         )
         # what the image tells is not negative
         values, vectors = np.linalg.eigh(known - old)
         image = (vectors * np.maximum(values, 0.0)) @ vectors.T
         covariance = np.linalg.inv(new + image) * units
-        return replace(self, pose_uncertainty=symmetric(covariance))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values, ready for JSON.
-
-        Returns
-        -------
-        dict
-            Lists, texts and numbers.
-        """
-        return {
-            **self.pose_uncertainty.to_dict(),
-            **({"by_surfaces": dict(self.by_surfaces)} if self.by_surfaces else {}),
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> PoseKnowledge:
-        """Build from the result of `to_dict`.
-
-        Parameters
-        ----------
-        data : mapping of str to value
-            The fields.
-
-        Returns
-        -------
-        PoseKnowledge
-            Equal to the one written.
-        """
-        covariance = np.asarray(data["covariance"], dtype=np.float64)
-        return cls(PoseUncertainty(covariance), dict(data.get("by_surfaces", {})))
+        return replace(self, covariance=symmetric(covariance).covariance)
 
 
 def symmetric(covariance: NDArray[np.float64]) -> PoseUncertainty:

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,9 +22,11 @@ from errors.formatting import percent_text
 from errors.measurands import Circle, Line, Localisation, Measurand
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
+from ground.convert import STATED, Meta
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError, RequestError
+from planner.plan_file import Count
 from planner.request.dimension import Dimension, is_one_sided
 from planner.request.models import (
     DimensionModels,
@@ -78,7 +80,7 @@ def knowledge_of(
     inverse = np.linalg.inv(np.asarray(cam2world, dtype=np.float64))[None]
     dimensions = [target for target in targets if isinstance(target, PlannedDimension)]
     if not dimensions:
-        return PoseKnowledge(symmetric(own_edges.poses(inverse).covariance[0]))
+        return PoseKnowledge(symmetric(own_edges.poses(inverse).covariance[0]).covariance)
     models = PlannedDimension.models(dimensions, means)
     columns = np.arange(len(dimensions))
     known = models.known(own_edges, inverse, np.zeros(len(columns), dtype=np.int64), columns)
@@ -88,7 +90,7 @@ def knowledge_of(
         target.name: float(own / scale) if scale > 0 else 0.0
         for target, own, scale in zip(dimensions, excess, scales, strict=True)
     }
-    return PoseKnowledge(symmetric(known.covariance[0]), by_surfaces)
+    return PoseKnowledge(symmetric(known.covariance[0]).covariance, by_surfaces)
 
 
 EDGE = "edge"
@@ -112,8 +114,8 @@ class EntityRecord:
 
     name: str
     kind: str
-    edges: tuple[int, ...] = ()
-    part: str = ""
+    edges: Annotated[tuple[Count, ...], STATED, Meta(title="must be an array of ids")] = ()
+    part: Annotated[str, STATED] = ""
 
     @classmethod
     def of(cls, entity: Any, name: str = "") -> EntityRecord:

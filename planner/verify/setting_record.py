@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from errors.formatting import below_one
+from ground.convert import Meta, field_name, shown
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.detectability.conditions import asks_of_images
 from planner.exceptions import PlanFileError
-from planner.plan_file import field_name, shown
+from planner.plan_file import Amount
 from planner.request.camera_limits import NO_RESERVE, FocusReserve, probability_share, rooms, shares
 from planner.request.registration import means_at
 from planner.request.targets import targets_of
@@ -126,12 +127,18 @@ class Measurement:
         "field of view".
     """
 
-    standard_uncertainty: float
-    expanded_uncertainty: float
+    standard_uncertainty: Amount
+    expanded_uncertainty: Amount
     bias: float
     budget: dict[str, float]
-    permitted_error_px: float | None
-    binding: str
+    permitted_error_px: Annotated[float, Meta(gt=0, title="must be positive")] | None
+    binding: Annotated[
+        str,
+        Meta(
+            pattern="^(probability|focus|field of view)$",
+            title="must be probability, focus or field of view",
+        ),
+    ]
 
 
 def measurements(plan: Any, setting: Any) -> dict[str, Measurement]:

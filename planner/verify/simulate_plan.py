@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from errors.formatting import below_one
 from errors.measurands.geometry import Geometry, Line
+from ground.convert import STATED, Meta, from_plain, to_plain
 from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.image_check import ImageCheck, Scanned
-from planner.exceptions import RequestError
+from planner.exceptions import PlanFileError, RequestError
+from planner.plan_file import Count, Draws, Fraction
 from planner.progress import Progress, TimeIsUpError, TimeLeft, report
 from planner.request.targets import EdgeTarget, Target, targets_of
 from planner.verify.simulate_setting import (
@@ -56,34 +58,11 @@ class ShownImages:
         Images, that is displaced poses, per setting.
     """
 
-    counts: tuple[dict[str, int], ...]
-    n: int
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain Python values, ready for JSON.
-
-        Returns
-        -------
-        dict
-            Field names and values.
-        """
-        return {"counts": [dict(count) for count in self.counts], "n": self.n}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> ShownImages:
-        """Build from the result of `to_dict`.
-
-        Parameters
-        ----------
-        data : mapping of str to value
-            The fields.
-
-        Returns
-        -------
-        ShownImages
-            Equal to the one written.
-        """
-        return cls(tuple(dict(count) for count in data["counts"]), data["n"])
+    counts: Annotated[
+        tuple[Annotated[Mapping[str, Count], Meta(title="must map names to counts")], ...],
+        Meta(title="must be an array with one object per setting"),
+    ]
+    n: Draws
 
 
 def count_shown(
@@ -212,11 +191,14 @@ class SimulationResult:
         sets no conditions on the image, or the call had no part.
     """
 
-    rates: tuple[dict[str, SuccessRate], ...]
-    n: int
-    seed: int | None
-    confidence: float
-    shown: ShownImages | None = None
+    rates: Annotated[
+        tuple[Annotated[Mapping[str, SuccessRate], Meta(title="must map names to rates")], ...],
+        Meta(title="must be an array with one object per setting"),
+    ]
+    n: Draws
+    seed: Count | None
+    confidence: Fraction
+    shown: Annotated[ShownImages | None, STATED] = None
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -266,21 +248,14 @@ class SimulationResult:
         dict
             Field names and values; each rate is a dict of its own fields.
         """
-        rates = [
+        rates = tuple(
             {
-                name: {**asdict(rate), "predicted": below_one(rate.predicted)}
+                name: replace(rate, predicted=below_one(rate.predicted))
                 for name, rate in setting.items()
             }
             for setting in self.rates
-        ]
-        shown = None if self.shown is None else self.shown.to_dict()
-        return {
-            "rates": rates,
-            "n": self.n,
-            "seed": self.seed,
-            "confidence": self.confidence,
-            "shown": shown,
-        }
+        )
+        return to_plain(replace(self, rates=rates))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SimulationResult:
@@ -296,14 +271,7 @@ class SimulationResult:
         SimulationResult
             Equal to the one written.
         """
-        rates = tuple(
-            {name: SuccessRate(**rate) for name, rate in setting.items()}
-            for setting in data["rates"]
-        )
-        # files of earlier programs do not tell
-        shown = data.get("shown")
-        counted = None if shown is None else ShownImages.from_dict(shown)
-        return cls(rates, data["n"], data["seed"], data["confidence"], counted)
+        return from_plain(cls, data, PlanFileError)
 
 
 def simulate_plan(

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,13 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import beta
 
 from errors.measurands import Circle, Geometry, Localisation
+from ground.convert import STATED
 from ground.decorators import entry_kernel, kernel_without_refcounts
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, undistorted_px
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.exceptions import RequestError
+from planner.plan_file import Count, Draws, Fraction, Share
 from planner.request.registration import PoseKnowledge
 from planner.request.targets import PlannedDimension, sample_points
 
@@ -522,13 +524,13 @@ class SuccessRate:
         The probability that the setting states; nan if it states none.
     """
 
-    successes: int
-    n: int
-    low: float
-    high: float
-    confidence: float
-    outside: int
-    predicted: float = float("nan")
+    successes: Count
+    n: Draws
+    low: Share
+    high: Share
+    confidence: Fraction
+    outside: Count
+    predicted: Annotated[Share, STATED] = float("nan")
 
     @property
     def frequency(self) -> float:

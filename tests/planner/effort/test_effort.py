@@ -5,9 +5,9 @@ from dataclasses import fields, is_dataclass, replace
 
 import pytest
 
+from ground.convert import from_plain, to_plain
 from planner import Effort, RequestError, Search
 from planner.effort import NORMAL, QUICK, THOROUGH
-from planner.identity import plain_fields, restored_value
 
 OTHER_WORDS = {"selection": "sus", "scaling": "rank", "sampling": "workspace"}
 
@@ -37,10 +37,11 @@ CHANGED = list(changed_by_one_value(NORMAL))
 
 def test_every_value_tells_requests_apart_and_comes_back_from_a_file():
     assert len(CHANGED) == len(fields(Effort)) - 1 + len(fields(Search))
-    stored = {json.dumps(plain_fields(effort)) for effort in (NORMAL, *CHANGED)}
+    stored = {json.dumps(to_plain(effort)) for effort in (NORMAL, *CHANGED)}
     assert len(stored) == 1 + len(CHANGED)
     for effort in CHANGED:
-        assert restored_value(Effort, json.loads(json.dumps(plain_fields(effort)))) == effort
+        plain = json.loads(json.dumps(to_plain(effort, defaults=True)))
+        assert from_plain(Effort, plain, RequestError) == effort
 
 
 @pytest.mark.parametrize(

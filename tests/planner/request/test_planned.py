@@ -8,8 +8,8 @@ from plan_examples import planned_dimension
 
 from errors.measurands import Circle, Line, Localisation
 from planner import Dimension, RequestError
-from planner.identity import plain_value, restored_value
-from planner.request.targets import Target, edge_target, words_of
+from planner.request.target_records import plain_target, target_from
+from planner.request.targets import edge_target, words_of
 from planner.request.words import DIMENSIONS, EDGES, MIXED
 
 
@@ -134,9 +134,9 @@ def test_plans_store_no_limit_as_null(tolerance, stored, text):
     planned = planned_dimension(
         "diameter", ("r1",), (circle,), 0.02, Localisation.gaussian(), tolerance
     )
-    data = json.loads(json.dumps(plain_value(planned), allow_nan=False))
+    data = json.loads(json.dumps(plain_target(planned), allow_nan=False))
     assert data["tolerance"] == stored
-    assert restored_value(Target, data).tolerance == tolerance
+    assert target_from(data).tolerance == tolerance
     assert planned.requirement_texts[0].endswith(text)
     assert planned.share_text == ""
 

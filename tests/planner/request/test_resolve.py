@@ -44,18 +44,17 @@ from planner import (
 from planner.app.main import main
 from planner.app.process import BAD_INPUT, DONE
 from planner.exceptions import PlanFileError
-from planner.identity import plain_value, restored_value
 from planner.plan import read_plan
 from planner.request.dimension_files import read_wanted
 from planner.request.models import Means
 from planner.request.problem import Objective, choice_for
 from planner.request.reach import Seen, TargetSpace
 from planner.request.resolve import is_circle, resolve_wanted, stretch_ways, with_places
+from planner.request.target_records import plain_target, target_from
 from planner.request.targets import (
     EdgeTarget,
     EntityRecord,
     PlannedDimension,
-    Target,
     WitnessChoice,
     kept_witnesses,
 )
@@ -569,23 +568,23 @@ def test_what_cannot_be_measured_is_named(dimension, message):
     [
         ({"nominal": 50.1}, r"targets.it.nominal must be that of the geometry, 50\. Got 50\.1"),
         ({"kind": "diameter"}, r"targets.it must be one that can be measured\. Got: "),
-        ({"geometry": [{"p": [0, 0, 0], "q": [0, 0, 0]}] * 2}, r"one that can be measured\. Got: .*twice"),
+        ({"geometry": [{"p": [0, 0, 0], "q": [0, 0, 0]}] * 2}, r"geometry\[0\]: a line must have .*twice"),
         ({"direction": [1.0, 0.0, 0.0]}, r"must be one that can be measured\. Got: direction must not run"),
     ],
 )  # fmt: skip
 def test_a_plan_s_dimension_comes_back_unless_its_fields_contradict_each_other(changes, message):
     one = planned(Dimension.distance(FRONT, BACK, tolerance_mm=(-0.5, 0.5)))
-    data = plain_value(one)
-    again = restored_value(Target, data)
+    data = plain_target(one)
+    again = target_from(data)
     assert again == one
-    assert plain_value(again) == data
+    assert plain_target(again) == data
     assert one != planned(Dimension.distance(FRONT, BACK, tolerance_mm=(-0.5, 0.4)))
     assert np.isclose(data["nominal"], 50.0)
     changes = dict(changes)
     if "geometry" in changes:
         changes["witnesses"] = [{**data["witnesses"][0], "geometry": changes.pop("geometry")}]
     with pytest.raises(PlanFileError, match=message):
-        restored_value(Target, {**data, **changes})
+        target_from({**data, **changes})
 
 
 # Rims and arcs that are asked for as entities: their diameter or radius is measured, at the

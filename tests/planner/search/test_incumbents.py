@@ -15,6 +15,7 @@ from lit_parts import block
 from plan_examples import CAMERA, ENTITIES, plan, setting
 
 from aspectgraph import LightError, compute_regions
+from ground.convert import to_plain
 from planner import (
     Camera,
     Detectability,
@@ -29,7 +30,6 @@ from planner import (
 from planner.callbacks import NOBODY
 from planner.detectability.conditions import NOT_ASKED
 from planner.exceptions import RequestError
-from planner.identity import plain_value
 from planner.light.light_plan import LightPlan
 from planner.plan import InspectionPlan, read_plan
 from planner.report.tables import nearest_limits
@@ -526,8 +526,8 @@ def test_lighting_tells_what_is_asked():
     assert repr(Lighting(LampBox((0, 0, 0), (1, 1, 1)), 0.2)).startswith(
         "<Lighting by the box of lamps: contrast 0.2"
     )
-    assert plain_value(Lighting([EVEN])) == plain_value(Lighting(np.array([EVEN])))
-    assert plain_value(Lighting([EVEN])) != plain_value(Lighting([EVEN], step=0.3))
+    assert to_plain(Lighting([EVEN])) == to_plain(Lighting(np.array([EVEN])))
+    assert to_plain(Lighting([EVEN])) != to_plain(Lighting([EVEN], step=0.3))
 
 
 # Other lines in search windows: of the front of a block by similar triangles.
