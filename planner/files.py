@@ -645,11 +645,6 @@ def print_json(record: Any) -> None:
     print(text.replace("\x7f", "\\u007f"))
 
 
-def number(value: Any) -> float:
-    """Return a number as it was before `encoded`."""
-    return float(value["not finite"]) if isinstance(value, Mapping) else value
-
-
 class _Refused(Exception):
     """What is wrong with values that are JSON."""
 

@@ -214,9 +214,3 @@ def test_counts_that_cannot_be(counts, told):
     data["simulation"]["shown"]["counts"] = counts
     with pytest.raises(PlanFileError, match=told):
         InspectionPlan.from_dict(data)
-
-
-def test_files_of_earlier_programs_do_not_tell():
-    data = frontal(5.0).simulated(100).to_dict()
-    del data["simulation"]["shown"]
-    assert InspectionPlan.from_dict(data).simulation.shown is None
