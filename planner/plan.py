@@ -444,7 +444,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         simulation=record.simulation,
         unfinished=record.unfinished,
         light=None if record.light is None else record.light.light,
-        cell=data.get("cell", {}),
+        cell=data.get("cell") or {},
         source=record.source,
     )
     check_settings(plan, data["settings"])

@@ -133,7 +133,7 @@ def check_plan(data: Mapping[str, Any]) -> None:
     _check_bound(data)
     if data.get("simulation") is not None:
         _check_simulation(data["simulation"], data["settings"])
-    if "light" in data:
+    if data.get("light") is not None:
         _check_light(data["light"], data["settings"])
 
 

@@ -83,7 +83,7 @@ class ArmRecord:
 class SettingRecord(SensorSetting):
     """A camera pose, the entities it inspects, and what follows from the plan."""
 
-    arm: ArmRecord | None = None  # type: ignore[assignment]
+    arm: ArmRecord = None  # type: ignore[assignment]
     measurements: Annotated[
         Mapping[str, Measurement], Meta(title="must map dimensions to how sure they are measured")
     ] = field(default_factory=dict)

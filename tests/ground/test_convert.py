@@ -19,12 +19,15 @@ from numpy.typing import NDArray
 
 from ground.convert import (
     FROM_ONE,
+    LATER,
     NOT_STORED,
     ROW,
     SPELLED,
+    STATED,
     Key,
     Meta,
     NullIs,
+    Plain,
     Shape,
     check_fields,
     field_name,
@@ -470,3 +473,40 @@ def test_files_count_from_one():
     ):
         with pytest.raises(RuleError, match=message):
             from_plain(Visits, data, RuleError)
+
+
+@dataclass(frozen=True)
+class Gauge:
+    share: Annotated[Share, STATED] = 0.5
+    gain: float = math.nan
+
+
+@dataclass(frozen=True)
+class Panel:
+    gauge: Annotated[Gauge, LATER]
+    colour: Annotated[complex, Plain(str, complex)] = 1j
+
+
+def test_a_default_is_stated_where_files_always_hold_it_and_nan_is_a_default():
+    assert to_plain(Gauge(gain=-math.nan)) == {"share": 0.5}
+    assert from_plain(Gauge, {"share": 1}, RuleError).share == 1.0
+    with pytest.raises(RuleError, match=r"^share must be given\. Got none\."):
+        from_plain(Gauge, {}, RuleError)
+    # a whole number is a float where floats are meant
+    assert json.dumps(to_plain(Gauge(1))) == '{"share": 1.0}'
+
+
+def test_functions_make_plain_what_is_no_record_and_a_record_may_be_read_later():
+    data = {"gauge": {"bright": True}, "colour": "(1+2j)"}
+    panel = from_plain(Panel, data, RuleError)
+    assert panel == Panel({"bright": True}, 1 + 2j)
+    assert to_plain(Panel(Gauge(), 2j))["colour"] == "2j"
+    assert "Gauge" in json_schema(Panel)["$defs"]
+    for change, text in (
+        ({"gauge": 7}, "gauge must be an object. Got 7."),
+        ({"colour": "red"}, "colour: complex() arg is a malformed string"),
+        ({"colour": [1]}, "colour must be as this program writes it. Got [1]."),
+    ):
+        with pytest.raises(RuleError) as caught:
+            from_plain(Panel, {**data, **change}, RuleError)
+        assert str(caught.value) == text

@@ -273,6 +273,18 @@ def test_contradiction_is_named_by_its_path(tmp_path, case):
     assert told.endswith(".")
 
 
+def test_null_is_what_is_not_given_where_a_field_may_be_null():
+    data = encoded(plan().to_dict())
+    nothing = {"cell": None, "light": None, "simulation": None}
+    assert InspectionPlan.from_dict({**data, **nothing}) == plan()
+    data["settings"][0]["arm"] = None
+    with pytest.raises(PlanFileError, match=r"^settings\[0\]\.arm must be an object\. Got null"):
+        InspectionPlan.from_dict(data)
+    for name in ("part", "workspace"):
+        with pytest.raises(PlanFileError, match=rf"^request\.{name} must be given\. Got null\."):
+            InspectionPlan.from_dict(changed(("request", name), None))
+
+
 def test_values_are_checked_as_the_file_is():
     assert InspectionPlan.from_dict(plan().to_dict()) == plan()
     with pytest.raises(PlanFileError, match=r"^bound must be 1 to 2"):
