@@ -851,11 +851,11 @@ BAD_BAD_INPUTS = {
     ),
     "a camera without fields": (
         ["graph", BLOCK_BAD_INPUTS, "--all", "--graphml", "g.graphml", "--camera", "empty.toml"],
-        "--camera empty.toml:1: focal_length_mm must be given. Got nothing.",
+        "--camera empty.toml:1: focal_length_mm must be given. Got none.",
     ),
     "a camera that lacks a field": (
         ["plan", BLOCK_BAD_INPUTS, "--all", "--camera", "camera.toml"],
-        "--camera camera.toml:1: pixel_pitch_mm must be given. Got focal_length_mm.",
+        "--camera camera.toml:1: pixel_pitch_mm must be given. Got none.",
     ),
     "an unknown id": (
         ["plan", BLOCK_BAD_INPUTS, "--entities", "999", *CAMERA_BAD_INPUTS],
