@@ -483,7 +483,7 @@ def test_the_file_keeps_the_limits(tmp_path):
     assert InspectionPlan.from_dict(data) == found
     stored["stand_off_mm"] = -1
     with pytest.raises(
-        PlanFileError, match=r"requirements\.stand_off_mm must not be negative\. Got -1"
+        PlanFileError, match=r"requirements\.stand_off_mm must be finite and not negative\. Got -1"
     ):
         InspectionPlan.from_dict(data)
 
