@@ -67,13 +67,11 @@ class MonteCarloEstimate:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         shape = np.shape(self.probability)
-        found = f"shape {shape}"
+        estimate = f"shape {shape}"
         if not shape:
             drawn = frequency_text(round(float(self.probability) * self.samples), self.samples)
-            found = f"{drawn}, in {interval_text(float(self.lower), float(self.upper))}"
-        return (
-            f"<MonteCarloEstimate: {found}, confidence {self.confidence:g}, {self.samples} samples>"
-        )
+            estimate = f"{drawn}, in {interval_text(float(self.lower), float(self.upper))}"
+        return f"<MonteCarloEstimate: {estimate}, confidence {self.confidence:g}, {self.samples} samples>"
 
 
 def simulate_success(

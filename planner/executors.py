@@ -126,5 +126,5 @@ def leave_signals_to_the_parent(parent: int) -> None:
     if multiprocessing.get_start_method() == "fork":
         die_with(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for one in TERMINATING:
-        signal.signal(one, signal.SIG_DFL)
+    for signal_number in TERMINATING:
+        signal.signal(signal_number, signal.SIG_DFL)

@@ -68,8 +68,8 @@ class OpticsProposal:
 
     def __repr__(self) -> str:
         """Show the optics and how many items they measure as required."""
-        how = f"f/{self.camera.f_number:g} at {self.working_distance_mm:g} mm"
-        return f"<OpticsProposal: {self.camera.name}, {how}: {len(self.able)} of {len(self.probability)} items>"
+        setup = f"f/{self.camera.f_number:g} at {self.working_distance_mm:g} mm"
+        return f"<OpticsProposal: {self.camera.name}, {setup}: {len(self.able)} of {len(self.probability)} items>"
 
     @property
     def working_distance_mm(self) -> float:
@@ -89,8 +89,10 @@ class OpticsProposal:
     @property
     def field_mm(self) -> tuple[float, float]:
         """Width and height of the field of view at the working distance."""
-        left, top, right, bottom = self.camera.field().inner
-        return (right - left) * self.working_distance_mm, (bottom - top) * self.working_distance_mm
+        x_low, y_low, x_high, y_high = self.camera.field().inner
+        return (x_high - x_low) * self.working_distance_mm, (
+            y_high - y_low
+        ) * self.working_distance_mm
 
     def to_dict(self) -> dict[str, Any]:
         """Return the proposal as plain values, without the poses.
@@ -165,17 +167,17 @@ def optics_rows(proposals: Sequence[OpticsProposal], most: int) -> list[tuple[st
         Largest number of rows.
     """
     rows: list[tuple[str, ...]] = []
-    for one in proposals[:most]:
-        width, height = one.field_mm
+    for proposal in proposals[:most]:
+        width, height = proposal.field_mm
         row = (
-            one.body,
-            one.lens,
-            f"{one.camera.f_number:g}",
-            f"{one.working_distance_mm:g} mm",
-            one.camera.depth_of_field_text,
+            proposal.body,
+            proposal.lens,
+            f"{proposal.camera.f_number:g}",
+            f"{proposal.working_distance_mm:g} mm",
+            proposal.camera.depth_of_field_text,
             f"{width:.0f} x {height:.0f}",
-            f"{len(one.able)}/{len(one.probability)}",
-            f"{100 * one.worst_share:.0f} %" if one.able else "-",
+            f"{len(proposal.able)}/{len(proposal.probability)}",
+            f"{100 * proposal.worst_share:.0f} %" if proposal.able else "-",
         )
         rows.append(row)
     return rows
@@ -312,7 +314,9 @@ def propose_optics(
 
 def _checked(distances_mm: Sequence[float]) -> list[float]:
     distances = [float(distance) for distance in distances_mm]
-    if not distances or not all(math.isfinite(one) and one > 0 for one in distances):
+    if not distances or not all(
+        math.isfinite(distance_mm) and distance_mm > 0 for distance_mm in distances
+    ):
         raise RequestError.of_rule(
             "distances_mm", "must be finite and positive, at least one", repr(distances_mm)
         )
@@ -496,11 +500,11 @@ def _best(view: _View, lens: Lens, means: Means) -> tuple[float, float, NDArray[
 
 
 def _rank(proposal: OpticsProposal) -> tuple[Any, ...]:
-    least = min(proposal.probability.values())
+    smallest = min(proposal.probability.values())
     return (
         -len(proposal.able),
         proposal.worst_share,
-        -least,
+        -smallest,
         proposal.working_distance_mm,
         proposal.body,
         proposal.lens,

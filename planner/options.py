@@ -220,18 +220,18 @@ class InspectionOptions(RunOptions):
         RequestError
             If it is nothing that a plan can know.
         """
-        how = self.registration
-        if how is None or isinstance(how, RegistrationRecord):
-            return how
-        if isinstance(how, PoseUncertainty):
-            return RegistrationRecord(GIVEN, None, how)
-        if not hasattr(how, "planned"):
+        registration = self.registration
+        if registration is None or isinstance(registration, RegistrationRecord):
+            return registration
+        if isinstance(registration, PoseUncertainty):
+            return RegistrationRecord(GIVEN, None, registration)
+        if not hasattr(registration, "planned"):
             raise RequestError.of_rule(
                 "registration",
                 "must be Registration.own_edges() or a PoseUncertainty",
-                type(how).__name__,
+                type(registration).__name__,
             )
-        planned: RegistrationRecord | None = how.planned()
+        planned: RegistrationRecord | None = registration.planned()
         return planned
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:

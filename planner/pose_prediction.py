@@ -172,16 +172,16 @@ def predict(
     pose = np.asarray(cam2world, dtype=np.float64)
     if pose.shape != (4, 4):
         raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
-    how = replace(options or InspectionOptions(), accuracy=accuracy)
+    settings = replace(options or InspectionOptions(), accuracy=accuracy)
     if localisation is not None:
-        how = replace(how, localisation=localisation)
-    known = _registered(how)
-    resolved = resolve_request(solid, wanted, camera, pose_uncertainty, how)
-    asked = resolved.request
-    regions = how.space or compute_regions(
-        solid, resolved.entities, workspace=asked.workspace, executor=how.executor
+        settings = replace(settings, localisation=localisation)
+    registered = _registered(settings)
+    resolved = resolve_request(solid, wanted, camera, pose_uncertainty, settings)
+    posed = resolved.request
+    regions = settings.space or compute_regions(
+        solid, resolved.entities, workspace=posed.workspace, executor=settings.executor
     )
-    request = problem_on(asked, regions, asked.targets, known)
+    request = problem_on(posed, regions, posed.targets, registered)
     seen = _observable(request.space, pose[:3, 3])
     return {
         target.name: _prediction(request, target, pose, bool(observable))
@@ -191,11 +191,11 @@ def predict(
 
 def _registered(options: InspectionOptions) -> PoseUncertainty | None:
     """Return how well the pose is known when values are read, if registration says so."""
-    how = options.registration_record
-    if how is not None and how.method == OWN_EDGES:
+    record = options.registration_record
+    if record is not None and record.method == OWN_EDGES:
         rule = "must be a PoseUncertainty for one pose"
         raise RequestError.of_rule("registration", rule, "Registration.own_edges()")
-    return None if how is None else how.pose_uncertainty
+    return None if record is None else record.pose_uncertainty
 
 
 def _prediction(

@@ -264,7 +264,7 @@ class _Course:
         Proven, and aimed at.
     y : array (e,)
         Weights.
-    limit, least : float
+    limit, least_limit : float
         What no pose may weigh, and below which the target is given up.
     allowed : float
         Boxes that may have been looked at when the target is given up.
@@ -279,7 +279,7 @@ class _Course:
     target: int
     y: NDArray[np.float64]
     limit: float
-    least: float
+    least_limit: float
     allowed: float
     undecided: bool
     parts: _Parts
@@ -352,7 +352,7 @@ class LinearBound:
         parts = at.parts
         while at.bound < at.target:
             # weights prove no more than their sum, and hardly that
-            hopeless = at.limit <= at.least or at.undecided
+            hopeless = at.limit <= at.least_limit or at.undecided
             chosen = None if hopeless else parts.next_ones(int(at.allowed) - self.made)
             if chosen is None:
                 # what is proven for a smaller limit is proven for this one; what is to spare must not make it smaller
@@ -380,7 +380,7 @@ class LinearBound:
                 at.target = min(at.bound + 1, n_settings)
                 at.allowed = _SHARE_OF_NEXT * max_nodes
                 at.limit = limit_for(at.y, at.target)
-                at.least = _LEAST_LIMIT_OF_NEXT
+                at.least_limit = _LEAST_LIMIT_OF_NEXT
             else:
                 # boxes too small to be halved: more of them would not decide
                 at.undecided = not (outcomes == SPENT).any() and not parts.waits.any()
@@ -414,7 +414,7 @@ class LinearBound:
         if relieved(at.y, sets, at.limit).sum() > at.limit * (at.target - 1) + SLACK:
             return True
         y = spread_weights(np.concatenate([self.columns, self.found, sets]))
-        return limit_for(y, at.target) > at.least
+        return limit_for(y, at.target) > at.least_limit
 
     def _make_room(self, at: _Course, sets: NDArray[np.bool_]) -> None:
         """Make the weights smaller where sets found exceed the limit; compute them anew if that is too much."""

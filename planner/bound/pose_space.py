@@ -119,8 +119,8 @@ def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
     camera takes in, so what is proven of it holds.
     """
     if not camera.is_centred:
-        left, top, right, bottom = camera.field(margin_px).outer
-        return np.maximum([max(-left, right), max(-top, bottom)], 0.0)
+        x_low, y_low, x_high, y_high = camera.field(margin_px).outer
+        return np.maximum([max(-x_low, x_high), max(-y_low, y_high)], 0.0)
     half = np.array(camera.sensor_size_mm) / 2 - margin_px * np.array(camera.pixel_pitch_mm)
     return np.maximum(half, 0.0) / camera.image_distance_mm
 

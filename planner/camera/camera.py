@@ -83,16 +83,16 @@ class Field(NamedTuple):
     ----------
     inner, outer : tuple of float
         Rectangles inside the field and around it.
-    least : float
+    least_stretch : float
         Least stretch by the lens in the inner one: smallest eigenvalue of J.
-    most : float
+    most_stretch : float
         Largest stretch in the outer one.
     """
 
     inner: Rectangle
     outer: Rectangle
-    least: float = 1.0
-    most: float = 1.0
+    least_stretch: float = 1.0
+    most_stretch: float = 1.0
 
 
 @lru_cache(maxsize=64)
@@ -116,15 +116,15 @@ def field_of(lens: Distortion, sides: Rectangle) -> Field:
     CameraError
         If the lens model folds within the field.
     """
-    left, top, right, bottom = sides
-    if not (left < right and top < bottom):
+    x_low, y_low, x_high, y_high = sides
+    if not (x_low < x_high and y_low < y_high):
         return Field(sides, sides)
     along = np.linspace(0.0, 1.0, _POINTS)
-    x = left + (right - left) * along
-    y = top + (bottom - top) * along
+    x = x_low + (x_high - x_low) * along
+    y = y_low + (y_high - y_low) * along
     walls = [
         np.stack(np.broadcast_arrays(*wall), axis=-1)
-        for wall in ((left, y), (x, top), (right, y), (x, bottom))
+        for wall in ((x_low, y), (x, y_low), (x_high, y), (x, y_high))
     ]
     ideal = [lens.undistort(wall) for wall in walls]
     every = np.concatenate(ideal)
@@ -147,21 +147,21 @@ def _first(
 ) -> Rectangle | None:
     """Return the first of ever wider, or narrower, rectangles that passes a check."""
     for k in range(_DOUBLINGS):
-        left, top, right, bottom = (start + _SLACK * 2**k * step).tolist()
-        if holds((left, top, right, bottom)):
-            return left, top, right, bottom
+        x_low, y_low, x_high, y_high = (start + _SLACK * 2**k * step).tolist()
+        if holds((x_low, y_low, x_high, y_high)):
+            return x_low, y_low, x_high, y_high
     return None
 
 
 def _off_sensor(lens: Distortion, box: Rectangle, sides: Rectangle) -> bool:
     (x_low, x_high), (y_low, y_high) = _border_images(lens, box)
-    left, top, right, bottom = sides
+    first_x, first_y, last_x, last_y = sides
     gap = _ROUNDING
     off = (
-        (x_high < left - gap)
-        | (x_low > right + gap)
-        | (y_high < top - gap)
-        | (y_low > bottom + gap)
+        (x_high < first_x - gap)
+        | (x_low > last_x + gap)
+        | (y_high < first_y - gap)
+        | (y_low > last_y + gap)
     )
     return bool(off.all())
 
@@ -170,24 +170,24 @@ def _on_sensor(lens: Distortion, box: Rectangle, sides: Rectangle) -> bool:
     if not (box[0] < box[2] and box[1] < box[3]):
         return False
     (x_low, x_high), (y_low, y_high) = _border_images(lens, box)
-    left, top, right, bottom = sides
+    first_x, first_y, last_x, last_y = sides
     gap = _ROUNDING
     on = (
-        (x_low > left + gap)
-        & (x_high < right - gap)
-        & (y_low > top + gap)
-        & (y_high < bottom - gap)
+        (x_low > first_x + gap)
+        & (x_high < last_x - gap)
+        & (y_low > first_y + gap)
+        & (y_high < last_y - gap)
     )
     return bool(on.all()) and _stretch(lens, box)[0] > 0.0
 
 
 def _border_images(lens: Distortion, box: Rectangle) -> tuple[_Interval, _Interval]:
     """Return bounds of the images of a rectangle's border, piece by piece: the middle's, and J times half a piece."""
-    left, top, right, bottom = box
-    xs = np.linspace(left, right, _PIECES + 1)
-    ys = np.linspace(top, bottom, _PIECES + 1)
-    pieces = [(_still(wall, _PIECES), (ys[:-1], ys[1:])) for wall in (left, right)]
-    pieces += [((xs[:-1], xs[1:]), _still(wall, _PIECES)) for wall in (top, bottom)]
+    x_low, y_low, x_high, y_high = box
+    xs = np.linspace(x_low, x_high, _PIECES + 1)
+    ys = np.linspace(y_low, y_high, _PIECES + 1)
+    pieces = [(_still(wall, _PIECES), (ys[:-1], ys[1:])) for wall in (x_low, x_high)]
+    pieces += [((xs[:-1], xs[1:]), _still(wall, _PIECES)) for wall in (y_low, y_high)]
     x = (
         np.concatenate([piece[0][0] for piece in pieces]),
         np.concatenate([piece[0][1] for piece in pieces]),
@@ -421,8 +421,8 @@ class Camera:
     def half_diagonal_rad(self) -> float:
         """Largest angle between the optical axis and a ray to the sensor, in its farthest corner."""
         if not self.is_centred:
-            left, top, right, bottom = self.field().outer
-            return math.atan(math.hypot(max(-left, right), max(-top, bottom)))
+            x_low, y_low, x_high, y_high = self.field().outer
+            return math.atan(math.hypot(max(-x_low, x_high), max(-y_low, y_high)))
         return math.atan(0.5 * math.hypot(*self.sensor_size_mm) / self.image_distance_mm)
 
     @property
@@ -491,13 +491,13 @@ class Camera:
         """
         if self.distortion is None:
             return self.pixel_pitch_mm
-        coarsest = max(self.pixel_pitch_mm) / self.field().least
+        coarsest = max(self.pixel_pitch_mm) / self.field().least_stretch
         return coarsest, coarsest
 
     @property
     def finest_pitch_mm(self) -> tuple[float, float]:
         """Lower bound of the pixel pitch in the undistorted image, over the outer field."""
-        largest_stretch = self.field().most
+        largest_stretch = self.field().most_stretch
         return self.pixel_pitch_mm[0] / largest_stretch, self.pixel_pitch_mm[1] / largest_stretch
 
     def focused_at(self, distance_mm: float) -> Camera:

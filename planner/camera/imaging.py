@@ -29,10 +29,10 @@ def image_of(camera: Camera, directions: NDArray[np.float64]) -> NDArray[np.floa
     matrix = camera.matrix
     if camera.distortion is None:
         return np.asarray((directions @ matrix.T)[..., :2])
-    left, top, right, bottom = camera.field(-_BEYOND_PX).outer
+    x_low, y_low, x_high, y_high = camera.field(-_BEYOND_PX).outer
     x = directions[..., 0]
     y = directions[..., 1]
-    inside = ((x >= left) & (x <= right) & (y >= top) & (y <= bottom))[..., None]
+    inside = ((x >= x_low) & (x <= x_high) & (y >= y_low) & (y <= y_high))[..., None]
     distorted = camera.distortion.distort(np.where(inside, directions[..., :2], 0.0))
     return np.where(inside, distorted * np.diag(matrix)[:2] + matrix[:2, 2], np.nan)
 

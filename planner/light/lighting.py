@@ -424,7 +424,7 @@ class Served:
         Of the part.
     pairs : sequence of Pair
         What is to show.
-    least, least_step : float
+    least_contrast, least_step : float
         Least contrast, and least step of grey values.
     clearance_mm : float
         Places nearer to the part are left out.
@@ -437,7 +437,7 @@ class Served:
     light: LightRegions | None
     scene: RayScene
     pairs: Sequence[Pair]
-    least: float
+    least_contrast: float
     least_step: float
     clearance_mm: float = 0.0
     tolerance_mm: float = 0.0
@@ -485,8 +485,10 @@ class Served:
 
         What is not wanted (n, pairs) is not asked about, and 0.
         """
-        wanted = np.ones((len(places), len(self.pairs)), dtype=bool) if wanted is None else wanted
-        contrast, step = self._at(places, wanted)
+        if wanted is None:
+            contrast, step = self._at(places, np.ones((len(places), len(self.pairs)), dtype=bool))
+        else:
+            contrast, step = self._at(places, wanted)
         for off in self.offsets[1:]:
             good = np.flatnonzero((contrast > 0).any(axis=1))
             beside = self._at(places[good] + off, contrast[good] > 0)
@@ -509,11 +511,11 @@ class Served:
                 behind = backdrop_contrasts(self.scene, pair.backdrops, places[lit])
                 contrast[lit, k] = np.minimum(contrast[lit, k], behind[0])
                 step[lit, k] = np.minimum(step[lit, k], behind[1])
-        shown = (contrast >= self.least) & (step >= self.least_step)
+        shown = (contrast >= self.least_contrast) & (step >= self.least_step)
         rows = np.flatnonzero(shown.any(axis=1))
         if self.corners is not None and rows.size:
             each = np.arange(rows.size)[:, None]
-            limits = (self.least, self.least_step)
+            limits = (self.least_contrast, self.least_step)
             shown[rows] = self.corners.shown(self.scene, places[rows], each, limits, shown[rows])
         return np.where(shown, contrast, 0.0), np.where(shown, step, 0.0)
 
@@ -539,7 +541,9 @@ class Served:
         every = np.ones((len(sets), len(self.pairs)), dtype=bool)
         if self.corners is None:
             return every
-        return self.corners.shown(self.scene, places, sets, (self.least, self.least_step), every)
+        return self.corners.shown(
+            self.scene, places, sets, (self.least_contrast, self.least_step), every
+        )
 
     def steps(self, name: str, places: Array) -> Array:
         """Return the step (n,) of a region's entity, without shadows."""

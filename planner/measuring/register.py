@@ -211,10 +211,10 @@ class Scanner:
 
         What an image hardly tells lies along a curved valley, which steps can leave.
         """
-        noise = noise_of(self._task, last.found)
-        largest_cost = cost_of(self._task, last.x, last.found, noise)
+        noise = noise_of(self._task, last.scans)
+        largest_cost = cost_of(self._task, last.x, last.scans, noise)
         for _ in range(MOST_HALVINGS):
-            if cost_of(self._task, scan.x, scan.found, noise) <= largest_cost:
+            if cost_of(self._task, scan.x, scan.scans, noise) <= largest_cost:
                 break
             scan = self.at((last.x + scan.x) / 2, half)
         return scan
@@ -379,7 +379,7 @@ def _attempted(
     rows: list[Rows] = []
     for level in range(len(start.windows) - 1, -1, -1):
         x, rows = solved(
-            task, scan.x, scan.across, scan.found, going_on=level > 0, whole=level < start.late
+            task, scan.x, scan.across, scan.scans, going_on=level > 0, whole=level < start.late
         )
         half = start.windows[-max(level, 1)]
         if level == len(start.windows) - 1:
@@ -388,7 +388,7 @@ def _attempted(
             scan = scanner.no_worse(scanner.at(x, half), scan, half)
     last = start.windows[-1]
     return Attempt(
-        task, pictures, scan, first, rows, out, start.lead, lambda x: scanner.at(x, last).found
+        task, pictures, scan, first, rows, out, start.lead, lambda x: scanner.at(x, last).scans
     )
 
 
@@ -440,8 +440,8 @@ def _stated(attempt: Attempt) -> Posterior:
         estimate = posterior(task.prior, rows, variance)
     # this step, too, may leave the valley
     x = estimate.mean
-    noise = noise_of(task, attempt.scan.found)
-    largest_cost = LITTLE_WORSE * cost_of(task, attempt.scan.x, attempt.scan.found, noise, variance)
+    noise = noise_of(task, attempt.scan.scans)
+    largest_cost = LITTLE_WORSE * cost_of(task, attempt.scan.x, attempt.scan.scans, noise, variance)
     for _ in range(MOST_HALVINGS):
         if cost_of(task, x, attempt.found_at(x), noise, variance) <= largest_cost:
             break

@@ -205,9 +205,9 @@ def find_edges(
     inside = np.asarray(np.abs(places) <= half_px)
     best = np.argmax(np.where(inside, strength, -np.inf), axis=1)
     rows = np.arange(len(grey))
-    left, middle, right = (strength[rows, best + k] for k in (-1, 0, 1))
-    bend = left - 2 * middle + right
-    shift = np.where(bend < 0, 0.5 * (left - right) / np.where(bend < 0, bend, -1.0), 0.0)
+    before, peak, after = (strength[rows, best + k] for k in (-1, 0, 1))
+    bend = before - 2 * peak + after
+    shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, -1.0), 0.0)
     offset = places[best] + SAMPLING_PX * np.clip(shift, -1.0, 1.0)
     beside = round(BESIDE_PX / SAMPLING_PX)
     low, high = (grey[rows, np.clip(best + k, 0, len(places) - 1)] for k in (-beside, beside))
@@ -215,15 +215,15 @@ def find_edges(
     brightest = np.where(near, grey, 0.0).max(axis=1)
     state = np.full(len(grey), int(State.FOUND))
     others = _second_strength(np.abs(slope), best, inside)
-    second = np.asarray(others >= SECOND_SHARE * middle)
+    second = np.asarray(others >= SECOND_SHARE * peak)
     state[second] = State.TWO_STEPS
     state[np.abs(offset) > half_px - 0.5] = State.AT_END
     state[brightest >= CLIPPED_SHARE * white] = State.CLIPPED
     # the filter sees the step of a sharp edge as this much gradient for each grey value
     weakest = max(WEAK_SHARE * white, NOISES * noise) / (np.sqrt(2 * np.pi) * 1.6 * SMOOTHING_PX)
-    state[middle < weakest] = State.WEAK
+    state[peak < weakest] = State.WEAK
     state[outside] = State.OUTSIDE
-    width = np.abs(high - low) / np.maximum(np.sqrt(2 * np.pi) * middle, 1e-12)
+    width = np.abs(high - low) / np.maximum(np.sqrt(2 * np.pi) * peak, 1e-12)
     return Scans(offset, state, (high - low) / white, _blur_of(width))
 
 

@@ -188,14 +188,14 @@ class Scan(NamedTuple):
         Unknowns.
     centres, across : array (m, 2)
         Where the samples are predicted, px, and unit vectors across.
-    found : list of Found
+    scans : list of Found
         What was found in each image.
     """
 
     x: Array
     centres: Array
     across: Array
-    found: list[Found]
+    scans: list[Found]
 
 
 def registration_task(
@@ -272,7 +272,7 @@ def solved(
         The unknowns.
     across : array (m, 2)
         Unit vectors across the edges there.
-    found : list of Found
+    scans : list of Found
         What was found there in each image.
     going_on : bool
         Whether rounds follow.
@@ -344,7 +344,7 @@ def cost_of(
         What is registered.
     x : array (n,)
         The unknowns.
-    found : list of Found
+    scans : list of Found
         What was found there in each image.
     noise : float
         Standard deviation of found points, px.

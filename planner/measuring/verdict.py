@@ -394,7 +394,7 @@ class Attempt:
     @cached_property
     def agreeing(self) -> list[Bools]:
         """Which samples (m,) each image shows where the part has them, but for their edge's bias."""
-        return [self._agreeing(scan) for scan in self.scan.found]
+        return [self._agreeing(scan) for scan in self.scan.scans]
 
     @cached_property
     def share(self) -> float:
@@ -417,7 +417,7 @@ class Attempt:
         return [
             self._light(picture, scan, agreeing)
             for picture, scan, agreeing in zip(
-                self.pictures, self.scan.found, self.agreeing, strict=True
+                self.pictures, self.scan.scans, self.agreeing, strict=True
             )
         ]
 
@@ -500,7 +500,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         If too little agrees, or the pose is too far from the planned one.
     """
     task = attempt.task
-    scans = attempt.scan.found
+    scans = attempt.scan.scans
     chi2 = attempt.chi2
     if not attempt.convincing:
         raise NotRegisteredError(
@@ -555,7 +555,7 @@ def _states(attempt: Attempt, agree: Bools) -> NDArray[np.void]:
     samples["edge"] = attempt.task.samples.edge
     samples["planned_u"], samples["planned_v"] = attempt.first.T
     samples["u"], samples["v"] = attempt.scan.centres.T
-    best = max(attempt.scan.found, key=lambda one: int(one.good.sum()))
+    best = max(attempt.scan.scans, key=lambda one: int(one.good.sum()))
     lost = np.where(best.good, int(State.OUTLIER), best.state)
     samples["state"] = np.where(agree, int(State.FOUND), lost)
     return samples

@@ -126,10 +126,10 @@ class SceneFrame:
         rotation = setting.cam2world[:3, :3]
         ahead = setting.position + depth * rotation[:, 2]
         eye, centre = self.placed([setting.position, ahead])
-        left, top, right, bottom = camera.field().outer
+        x_low, y_low, x_high, y_high = camera.field().outer
         lines = (("eye", eye), ("center", centre), ("up", -rotation[:, 1]))
         view: dict[str, Any] = {key: dict(zip("xyz", v.tolist(), strict=True)) for key, v in lines}
-        view["field"] = {"x": max(-left, right), "y": max(-top, bottom)}
+        view["field"] = {"x": max(-x_low, x_high), "y": max(-y_low, y_high)}
         return view
 
 
@@ -440,8 +440,13 @@ def _frustum_trace(setting: SensorSetting, camera: Camera, k: int, group: str) -
 
 def _corners(setting: SensorSetting, camera: Camera) -> np.ndarray:
     """Return the corners (4, 3) of what the camera sees in the plane in focus, mm."""
-    left, top, right, bottom = camera.field().inner
-    tangents = [[left, top, 1.0], [right, top, 1.0], [right, bottom, 1.0], [left, bottom, 1.0]]
+    x_low, y_low, x_high, y_high = camera.field().inner
+    tangents = [
+        [x_low, y_low, 1.0],
+        [x_high, y_low, 1.0],
+        [x_high, y_high, 1.0],
+        [x_low, y_high, 1.0],
+    ]
     corners = camera.focus_distance_mm * np.array(tangents)
     return np.asarray(corners @ setting.cam2world[:3, :3].T + setting.position)
 

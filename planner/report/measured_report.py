@@ -149,8 +149,8 @@ def image_data(picture: Picture, window: tuple[int, int, int, int], width: int) 
     """Return a part of an image as a data URI: left, top, width, height in px; shrunk to a width."""
     from PIL import Image
 
-    left, top, wide, high = window
-    part = picture.grey[top : top + high, left : left + wide]
+    column, row, wide, high = window
+    part = picture.grey[row : row + high, column : column + wide]
     grey = np.clip(part * (255.0 / picture.white), 0, 255).astype(np.uint8)
     image = Image.fromarray(grey)
     if wide > width:
@@ -236,8 +236,8 @@ def entity_image(picture: Picture, entities: Sequence[NDArray[np.void]], title: 
     height, width = picture.grey.shape
     low = np.clip(places.min(axis=0) - _ROOM_PX, 0, [width - 2, height - 2]).astype(int)
     high = np.clip(places.max(axis=0) + _ROOM_PX, low + 2, [width, height]).astype(int)
-    left, top = low.tolist()
-    window = (left, top, int(high[0] - left), int(high[1] - top))
+    column, row = low.tolist()
+    window = (column, row, int(high[0] - column), int(high[1] - row))
     size = max(window[2], window[3])
     dots = [path for points in entities for path in _dots(points, size / 150)]
     whiskers = [Stroke(_whiskers(points), size / 500) for points in entities]

@@ -339,8 +339,8 @@ def _request(plan: InspectionPlan) -> dict[str, Any]:
     camera = plan.camera
     field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
     if not camera.is_centred:
-        left, top, right, bottom = camera.field().inner
-        field = np.array([right - left, bottom - top]) * camera.focus_distance_mm
+        x_low, y_low, x_high, y_high = camera.field().inner
+        field = np.array([x_high - x_low, y_high - y_low]) * camera.focus_distance_mm
     dimensions = plan.dimensions.values()
     models = dict.fromkeys(localisation_text(dimension.localisation) for dimension in dimensions)
     rough = any(dimension.surfaces_mm for dimension in dimensions)

@@ -527,7 +527,7 @@ class Interval(NamedTuple):
     """The interval of a frequency: in words, and where its bar and the prediction are, percent of the width."""
 
     text: str
-    left: float
+    start: float
     width: float
     mark: float
 

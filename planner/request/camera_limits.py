@@ -141,8 +141,8 @@ class FocusReserve(NamedTuple):
             Reserves, mm.
         """
         sigma = self.sigma_mm(points_cam)
-        most = np.maximum(self.most_mm, self.least_sigmas * sigma)
-        return np.asarray(np.minimum(self.sigmas * sigma, most))
+        ceiling = np.maximum(self.most_mm, self.least_sigmas * sigma)
+        return np.asarray(np.minimum(self.sigmas * sigma, ceiling))
 
 
 NO_RESERVE = FocusReserve()
@@ -305,7 +305,7 @@ def rooms(
     near, far = camera.depth_of_field_mm
     depth = (far - near) / 2 if np.isfinite(far) else camera.focus_distance_mm
     border_px = requirements.get("field_margin_px", 0.0) + requirements.get("surround_px", 0.0)
-    found = {
+    room_by_name = {
         "focus_mm": depth - max(focus_reserve_mm, requirements.get("focus_margin_mm", 0.0)),
         "field_of_view_px": min(camera.resolution) / 2 - border_px,
         "resolution_mm": requirements.get("min_length_px", 0.0) * max(camera.pixel_pitch_mm),
@@ -314,7 +314,7 @@ def rooms(
         "separation_px": requirements.get("separation_px", 0.0),
         "corner_deg": requirements.get("min_corner_deg", 0.0),
     }
-    return {name: float(room) for name, room in found.items() if room > 0.0}
+    return {name: float(room) for name, room in room_by_name.items() if room > 0.0}
 
 
 def shares(margins: Mapping[str, Any], room: Mapping[str, float]) -> dict[str, NDArray[np.float64]]:

@@ -137,12 +137,12 @@ class Requirements:
         dict of str to float
             By field.
         """
-        asked = {} if self.showing.asks_nothing else asdict(self.showing)
+        image_limits = {} if self.showing.asks_nothing else asdict(self.showing)
         if self.focus_reserve.sigmas > 0:
-            asked = {"focus_sigmas": self.focus_reserve.sigmas, **asked}
+            image_limits = {"focus_sigmas": self.focus_reserve.sigmas, **image_limits}
         return {
             name: float(value)
-            for name, value in {**{n: getattr(self, n) for n in _NUMBERS}, **asked}.items()
+            for name, value in {**{n: getattr(self, n) for n in _NUMBERS}, **image_limits}.items()
         }
 
     @property
@@ -267,11 +267,11 @@ class Constraints:
 
         Of many poses only what they miss matters, so lines that are far enough are not looked at.
         """
-        asked = self.requirements.showing
+        showing = self.requirements.showing
         shows: dict[str, Any] = {}
-        if asked.min_corner_deg > 0 and any(target.in_image for target in self.targets):
+        if showing.min_corner_deg > 0 and any(target.in_image for target in self.targets):
             shows["corner_deg"] = lambda pose: self._shown("corner_deg", pose)[..., None]
-        if asked.separation_px > 0:
+        if showing.separation_px > 0:
             shows["separation_px"] = lambda pose: self._shown(
                 "separation_px", pose, MOST_PX if len(pose) <= FEW else 0.0
             )[..., None]
@@ -368,8 +368,8 @@ class Constraints:
             return True
         # the standard deviation is a convex function of the image point, so it is largest in a corner
         far = min(self.camera.depth_of_field_mm[1], 10.0 * self.camera.focus_distance_mm)
-        left, top, right, bottom = self.camera.field().outer
-        corners = [[x * far, y * far, far] for x in (left, right) for y in (top, bottom)]
+        x_low, y_low, x_high, y_high = self.camera.field().outer
+        corners = [[x * far, y * far, far] for x in (x_low, x_high) for y in (y_low, y_high)]
         return bool(reserve.most_mm >= reserve.sigmas * reserve.sigma_mm(corners).max())
 
     def _image_slacks(self, cam2world: np.ndarray) -> np.ndarray:
@@ -395,15 +395,15 @@ class Constraints:
         mask = image.min(axis=(1, 2)) >= 0
         # cheap constraints come first, and the costly ones see only what is left
         for name, check in self._checks.items():
-            left = np.flatnonzero(mask)
+            candidates = np.flatnonzero(mask)
             if name == "clearance_mm":
-                left = left[self._may_be_near(cam2world[left, :3, 3])]
-            if left.size:
-                mask[left] = check(cam2world[left]).min(axis=(1, 2)) >= 0
-        if self._shows and (left := np.flatnonzero(mask)).size:
-            mask[left] = self.image.show_all(cam2world[left])
-        if self.requirements.cell is not None and (left := np.flatnonzero(mask)).size:
-            mask[left] = self.is_reached(cam2world[left])
+                candidates = candidates[self._may_be_near(cam2world[candidates, :3, 3])]
+            if candidates.size:
+                mask[candidates] = check(cam2world[candidates]).min(axis=(1, 2)) >= 0
+        if self._shows and (candidates := np.flatnonzero(mask)).size:
+            mask[candidates] = self.image.show_all(cam2world[candidates])
+        if self.requirements.cell is not None and (candidates := np.flatnonzero(mask)).size:
+            mask[candidates] = self.is_reached(cam2world[candidates])
         return mask
 
     def is_reached(self, cam2world: np.ndarray) -> np.ndarray:

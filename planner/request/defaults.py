@@ -79,11 +79,11 @@ def corner_margin_px(
     z = camera.depth_of_field_mm[0]
     widest = 0.0
     half = np.array(camera.sensor_size_mm) / 2 / camera.image_distance_mm
-    most = 1.0
+    stretch = 1.0
     if not camera.is_centred:
-        (left, top, right, bottom) = camera.field().outer
-        most = camera.field().most
-        half = np.array([max(-left, right), max(-top, bottom)])
+        (x_low, y_low, x_high, y_high) = camera.field().outer
+        stretch = camera.field().most_stretch
+        half = np.array([max(-x_low, x_high), max(-y_low, y_high)])
     for u, v in half * [[1, 1], [1, -1]]:
         across = [-1 / z, 0, u / z, u * v, -(1 + u * u), v]
         down = [0, -1 / z, v / z, 1 + v * v, -u * v, -u]
@@ -92,7 +92,7 @@ def corner_margin_px(
             widest = max(
                 widest, camera.image_distance_mm / pitch * float(np.sqrt(max(variance, 0.0)))
             )
-    return min(sigmas * most * widest, min(camera.resolution) / 4)
+    return min(sigmas * stretch * widest, min(camera.resolution) / 4)
 
 
 def check_focus_margin(margin_mm: float, camera: Camera) -> float:

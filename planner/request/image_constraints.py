@@ -72,10 +72,10 @@ class Lens(NamedTuple):
             # the margin is counted in pixels of the real image, the sides in those of the undistorted one
             tangents = np.array(camera.field(margin_px).inner).reshape(2, 2)
             margin_px = 0.0
-            left, top, right, bottom = (
+            x_low, y_low, x_high, y_high = (
                 (tangents * np.diag(matrix)[:2] + matrix[:2, 2]).ravel().tolist()
             )
-            sides = left, top, right, bottom
+            sides = x_low, y_low, x_high, y_high
         scales = float(matrix[0, 0]), float(matrix[1, 1]), float(matrix[0, 2]), float(matrix[1, 2])
         near, far = map(float, camera.depth_of_field_mm)
         return cls(
@@ -140,8 +140,8 @@ def _focus_margin(least, reserve, x, y):
         - 2.0 * x * y * reserve.turn_xy
     )
     sigma = math.sqrt(max(variance, 0.0))
-    most = max(reserve.most_mm, reserve.least_sigmas * sigma)
-    return max(least, min(reserve.sigmas * sigma, most))
+    ceiling = max(reserve.most_mm, reserve.least_sigmas * sigma)
+    return max(least, min(reserve.sigmas * sigma, ceiling))
 
 
 @entry_kernel(error_model="numpy")
@@ -178,13 +178,13 @@ def _least_slacks(slacks, first, out):
     for i in range(slacks.shape[0]):
         for k in range(out.shape[1]):
             for c in range(slacks.shape[2]):
-                least = slacks[i, first[k], c]
+                smallest = slacks[i, first[k], c]
                 for j in range(first[k] + 1, first[k + 1]):
                     value = slacks[i, j, c]
                     # what is no number stays none, as numpy has it
-                    if value < least or value != value:
-                        least = value
-                out[i, k, c] = least
+                    if value < smallest or value != value:
+                        smallest = value
+                out[i, k, c] = smallest
 
 
 def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.ndarray:
@@ -203,7 +203,7 @@ def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.
     """
     half = math.atan(min(camera.sensor_size_mm) / (2 * camera.image_distance_mm))
     if not camera.is_centred:
-        left, top, right, bottom = camera.field().inner
-        half = math.atan(min(-left, -top, right, bottom))
+        x_low, y_low, x_high, y_high = camera.field().inner
+        half = math.atan(min(-x_low, -y_low, x_high, y_high))
     apex = centre_cam - [0.0, 0.0, radius_mm / math.sin(half)]
     return (apex[..., 2] - np.linalg.norm(apex, axis=-1) * math.cos(half))[:, None, None]

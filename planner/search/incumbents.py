@@ -83,7 +83,7 @@ class PlanState:
         Columns that the weights of the proof come from, if they are not those of the plan.
     inspected : array of bool (k,) or None
         Targets that some column inspects: the bound and the settings are for these.
-    known : int
+    n_known : int
         Settings of a cover that is known when the proof begins.
     joined : int
         How many times poses have joined the pools that the proof came across.
@@ -106,7 +106,7 @@ class PlanState:
     incompatible: tuple[str, ...] = ()
     weighing: Pools | None = None
     inspected: NDArray[np.bool_] | None = None
-    known: int = 0
+    n_known: int = 0
     joined: int = 0
     bound: int = 0
     proof: str = ""
@@ -838,8 +838,8 @@ class Incumbents:
         if not settings:
             return 0, "No entity is inspected."
         seen = np.isin(run.names, [name for setting in settings for name in setting.entities])
-        for_these = [(one.for_some(seen), one.proof) for one in self._proofs.values()]
-        return max([(1, _TRIVIAL), *for_these], key=lambda one: one[0])
+        for_these = [(bound.for_some(seen), bound.proof) for bound in self._proofs.values()]
+        return max([(1, _TRIVIAL), *for_these], key=lambda bound: bound[0])
 
 
 def _worth(plan: InspectionPlan) -> tuple[int, int]:

@@ -437,7 +437,7 @@ def search_pose(
     InfeasibleError
         If no feasible pose is found; it says why.
     """
-    known = np.empty((0, 4, 4)) if known is None else known
+    more_poses = np.empty((0, 4, 4)) if known is None else known
     sampler = _sampler(cells, constraints, search)
     if sampler.empty:
         raise explain_positions(constraints, cells, rng)
@@ -452,17 +452,17 @@ def search_pose(
         constraints,
         rng,
         search.max_draws,
-        known,
+        more_poses,
     )
-    known = known[constraints.feasible(known)]
+    feasible = more_poses[constraints.feasible(more_poses)]
     if len(start.bits):
         result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
         outcome = _outcome(result, encoding)
-    elif len(known):
+    elif len(feasible):
         # feasible only between the steps of the encoding: what is left is to refine
         result = None
         message = "No encoded pose is feasible; the known poses were refined."
-        outcome = FoundPose(known[0], -np.inf, 0, 0, message, ())
+        outcome = FoundPose(feasible[0], -np.inf, 0, 0, message, ())
     else:
         if not len(start.tried):
             raise explain_positions(constraints, cells, rng)
@@ -477,9 +477,9 @@ def search_pose(
         outcome.cam2world,
         outcome.fitness,
     )
-    ascent.consider(known)
+    ascent.consider(feasible)
     if search.refines and ascent.fitness < ascent.enough:
-        ascent.climb(np.concatenate([_starts(result, start.bits, ascent, search, rng), known]))
+        ascent.climb(np.concatenate([_starts(result, start.bits, ascent, search, rng), feasible]))
         ascent.mirror()
     nfev = outcome.nfev + ascent.nfev
     return replace(outcome, cam2world=ascent.cam2world, fitness=ascent.fitness, nfev=nfev)

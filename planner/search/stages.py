@@ -554,7 +554,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
 
     checkpoint = run.checkpoint()
     proven = checkpoint.get("proven")
-    enough = run.callbacks.deadline.wanted_bound(state.known)
+    enough = run.callbacks.deadline.wanted_bound(state.n_known)
     alone = len(state.incompatible)
     if not inspected[np.isin(run.names, state.incompatible)].all():
         alone = 0
@@ -589,7 +589,7 @@ def _inspected(run: Run) -> np.ndarray:
             membership = run.pool.membership[:, state.inspected]
             nodes = run.nodes(_REFUTING_SHARE)
             chosen = few_columns(membership, nodes, run.rng("known"))
-            state.known = len(chosen)
+            state.n_known = len(chosen)
     return state.inspected
 
 

@@ -157,9 +157,9 @@ class StepKernel:
             )
         if code == OUT_OF_MEMORY:
             return self._complaint({"error": "MemoryError"})
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        end = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         return ReadError(
-            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({how}), or runs out of "
+            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({end}), or runs out of "
             f"its memory_mb={self.limits.memory_mb:g} MB."
         )
 

@@ -111,9 +111,9 @@ def test_stretch_bounds_singular_values(coefficients):
         for e in np.eye(2)
     ]
     values = np.linalg.svd(np.stack(columns, axis=-1), compute_uv=False)
-    assert values.min() >= field.least - 1e-8
-    assert values.max() <= field.most + 1e-8
-    assert field.least > 0.5
+    assert values.min() >= field.least_stretch - 1e-8
+    assert values.max() <= field.most_stretch + 1e-8
+    assert field.least_stretch > 0.5
 
 
 def test_lens_that_folds_on_the_sensor_is_refused():

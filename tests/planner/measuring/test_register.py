@@ -420,8 +420,8 @@ def test_a_step_that_is_too_long_is_shortened(task):
     off[:2] = 0.3
     there = scanner.signed(right, 4.0, task.samples.edge)
     away = scanner.at(off, 4.0)
-    noise = noise_of(task, there.found)
-    assert cost_of(task, off, away.found, noise) > cost_of(task, right, there.found, noise) + 100
+    noise = noise_of(task, there.scans)
+    assert cost_of(task, off, away.scans, noise) > cost_of(task, right, there.scans, noise) + 100
     # towards the truth a step is taken as it is, and away from it hardly any
     assert scanner.no_worse(there, away, 4.0) is there
     np.testing.assert_allclose(scanner.no_worse(away, there, 4.0).x, off / 2**MOST_HALVINGS)

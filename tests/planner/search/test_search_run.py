@@ -253,7 +253,7 @@ def test_a_state_packs_itself_whole():
         incompatible=("a", "b"),
         weighing=weighing,
         inspected=np.array([True, False]),
-        known=3,
+        n_known=3,
         joined=1,
         bound=2,
         proof="by hand",
