@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from errors.exceptions import InvalidParameterError, MeasurandError
-from errors.measurands.geometry import Circle, Geometry, Line, Localisation
+from errors.measurands.geometry import Geometry, Line, Localisation, MeasuredCircle
 from errors.measurands.measurand import measurand
 from ground.convert import from_plain, to_plain
 from planner.camera.camera import Camera
@@ -614,7 +614,7 @@ def _geometry_of(witness: Mapping[str, Any]) -> tuple[Geometry, ...]:
     """Return the lines and circles that plain values hold."""
     shapes: list[Geometry] = []
     for item in witness["geometry"]:
-        kind: type[Line] | type[Circle] = Line if "p" in item else Circle
+        kind: type[Line] | type[MeasuredCircle] = Line if "p" in item else MeasuredCircle
         shapes.append(from_plain(kind, item, InvalidParameterError))
     return tuple(shapes)
 

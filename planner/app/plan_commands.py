@@ -47,7 +47,7 @@ from planner.app.batch import (
 from planner.app.checks import option, read_camera
 from planner.app.job import (
     Job,
-    Wanted,
+    JobTargets,
     check_nothing_read,
     check_same_part,
     chosen_entities,
@@ -570,14 +570,14 @@ def _print_planned(
     """Print a plan, and the files it is in."""
     files = [path_text(path) for path in written.files]
     if options.json:
-        print_json(plan_record(result, files, job.wanted.left_out))
+        print_json(plan_record(result, files, job.targets.left_out))
         return
     terminal_tables.print_plan(result)
     if result.cell:
         print_arm(result)
     _print_unit(job.part, job.reading.get("units"))
-    _print_left_out(job.wanted)
-    if text := localisation_text(options, job.wanted.items):
+    _print_left_out(job.targets)
+    if text := localisation_text(options, job.targets.items):
         print_text(text)
     if result.unfinished and leftovers:
         print("The same command with --resume continues from here.")
@@ -587,7 +587,7 @@ def _print_planned(
     terminal_tables.print_written(files, path_text(leftovers.folder), report)
 
 
-def _print_left_out(targets: Wanted) -> None:
+def _print_left_out(targets: JobTargets) -> None:
     """Print what the model states and nothing can measure, with the reasons."""
     for name, reason in targets.left_out.items():
         print_text(words(f"{name} is not planned: {reason}", [name]))
@@ -646,7 +646,7 @@ def _searched(
     request = job.request
     regions = visible_regions(
         job.solid,
-        job.wanted.entities,
+        job.targets.entities,
         request,
         executor=executor,
         progress=progress,

@@ -40,7 +40,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.bound.boxes import PROVEN, SPENT
-from planner.bound.pose_space import Found, PoseSpace, WitnessSets
+from planner.bound.pose_space import PoseSpace, SearchedPart, WitnessSets
 from planner.bound.pose_tree import PoseTree, TargetLeaves, find_conflicts
 from planner.bound.view import Cells, entity_cells
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
@@ -339,7 +339,7 @@ class LinearBound:
         self.made = 0
         self._poses: list[NDArray[np.float64]] = []
         # of a sweep that was interrupted, what came out of its first parts
-        self._swept: list[Found] = []
+        self._swept: list[SearchedPart] = []
 
     def raise_from(self, bound: int, n_settings: int, *, max_nodes: int) -> int:
         """Return what is proven, given what is proven already; at most ``n_settings``.
@@ -483,12 +483,12 @@ class LinearBound:
             np.array([part_result.doubt for part_result in done]),
         )
 
-    def _teller(self, at: _Course) -> Callable[[tuple[Found, ...]], None]:
+    def _teller(self, at: _Course) -> Callable[[tuple[SearchedPart, ...]], None]:
         """Return what keeps the parts of a sweep that are done; all else is as it is before the sweep."""
         poses = np.concatenate([np.zeros((0, 4, 4)), *self._poses])
         before = {"course": at.to_dict(), "found": self.found, "made": self.made, "poses": poses}
 
-        def tell(done: tuple[Found, ...]) -> None:
+        def tell(done: tuple[SearchedPart, ...]) -> None:
             viewpoints = self.space.grown_for()
             self.checkpoint.put(
                 "linear", {**before, "viewpoints": viewpoints, "swept": lambda: _packed(done)}
@@ -497,7 +497,7 @@ class LinearBound:
         return tell
 
 
-def _packed(done: tuple[Found, ...]) -> dict[str, NDArray[Any]]:
+def _packed(done: tuple[SearchedPart, ...]) -> dict[str, NDArray[Any]]:
     """Return what came out of parts, one at least, as a few arrays, for `_unpacked`."""
     return {
         "outcome": np.array([result.outcome for result in done]),
@@ -509,7 +509,7 @@ def _packed(done: tuple[Found, ...]) -> dict[str, NDArray[Any]]:
     }
 
 
-def _unpacked(packed: dict[str, NDArray[Any]]) -> list[Found]:
+def _unpacked(packed: dict[str, NDArray[Any]]) -> list[SearchedPart]:
     """Return what `_packed` made few arrays of."""
     cuts = np.cumsum(packed["n_poses"])[:-1]
     poses = np.split(packed["poses"], cuts)
@@ -522,7 +522,7 @@ def _unpacked(packed: dict[str, NDArray[Any]]) -> list[Found]:
         packed["doubt"],
         strict=True,
     )
-    return [Found(*row) for row in rows]
+    return [SearchedPart(*row) for row in rows]
 
 
 # largest number of nodes with boxes of positions. Proofs from pairs that exclude each other need

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from aspectgraph.entities.entity import Entity, resolve_entities
 from aspectgraph.solid.rims import Arc, Rim
-from errors.measurands import Circle
+from errors.measurands import MeasuredCircle
 from planner.detectability.conditions import Detectability
 from planner.detectability.corners import FITTED_PX
 from planner.detectability.image_check import ImageCheck
@@ -183,7 +183,7 @@ def _parts(target: Target, solid: Solid, name: str) -> tuple[Entity, ...]:
     """Return the edges, rims and arcs that something measured consists of."""
     return tuple(
         _curve(solid, name, item)
-        if isinstance(item, Circle)
+        if isinstance(item, MeasuredCircle)
         else _line(solid, name, (item.p, item.q))
         for item in target.geometry
     )
@@ -215,7 +215,7 @@ def _edge_through(solid: Solid, points: NDArray[np.float64]) -> int | None:
     return None
 
 
-def _curve(solid: Solid, name: str, circle: Circle) -> Entity:
+def _curve(solid: Solid, name: str, circle: MeasuredCircle) -> Entity:
     """Return the rim or arc with a circle."""
     size = _SAME * float(np.linalg.norm(np.ptp(solid.bounds, axis=0)))
     around = [arc for arc in (*solid.arcs(), *solid.rims()) if _is_on(arc, circle, size)]
@@ -236,7 +236,7 @@ def _curve(solid: Solid, name: str, circle: Circle) -> Entity:
     )
 
 
-def _is_on(arc: Arc, circle: Circle, size: float) -> bool:
+def _is_on(arc: Arc, circle: MeasuredCircle, size: float) -> bool:
     """Tell whether an arc or rim lies on a circle, to within a size, mm."""
     off = max(
         float(np.linalg.norm(arc.centre - circle.centre)), abs(arc.radius_mm - circle.radius_mm)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.checks import covariance_root
 from errors.measurands import (
-    Circle,
     Geometry,
     Line,
     Measurand,
+    MeasuredCircle,
 )
 from errors.measurands.geometry import Frame
 from errors.measurands.measurand import COVERAGE
@@ -179,7 +179,7 @@ def scan_entity(
     centres = pixels_of(places, pose, camera)
     across = across_of(places, samples.tangents, pose, camera)
     scans = _searched(picture, centres, across, samples, half_px)
-    if isinstance(edge.geometry, Circle):
+    if isinstance(edge.geometry, MeasuredCircle):
         scans.offset[:] -= _curvature(centres, across) / 2 * _along_variance(scans)
     scans.state[:] = _without_shadows(
         model, edge, samples, picture, registered, (centres, across), scans
@@ -433,7 +433,7 @@ def _drawn_fits(
 
 def _across(geometry: Geometry, flat: Array) -> Array:
     """Return unit vectors across an entity in its frame, at points (n, m, 2)."""
-    if isinstance(geometry, Circle):
+    if isinstance(geometry, MeasuredCircle):
         return np.asarray(flat / np.linalg.norm(flat, axis=-1, keepdims=True))
     return np.broadcast_to(np.array([0.0, 1.0]), flat.shape)
 

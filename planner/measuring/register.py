@@ -30,7 +30,7 @@ from planner.measuring.samples import POSE, PartModel
 from planner.measuring.scans import SAMPLING_PX, State, gradients_of, profiles_of
 from planner.measuring.task import (
     MOVE_SIGMAS,
-    Found,
+    ImageScan,
     NotRegisteredError,
     Scan,
     Task,
@@ -151,7 +151,7 @@ _ROOM_PX = 2.0
 _MOST_WINDOW_PX = 60.0
 
 
-class Start(NamedTuple):
+class SearchStart(NamedTuple):
     """Where a search begins.
 
     Attributes
@@ -236,10 +236,10 @@ def _scanned(
     half: float,
     sign: NDArray[np.int64],
     out: NDArray[np.bool_],
-) -> Found:
+) -> ImageScan:
     scans = picture.find(*places, half, sign)
     state = np.where(out & (scans.state == State.FOUND), int(State.SHADOW), scans.state)
-    return Found(scans.offset, state == State.FOUND, state, scans.blur_px)
+    return ImageScan(scans.offset, state == State.FOUND, state, scans.blur_px)
 
 
 def bias_of(floor_px: float) -> float:
@@ -301,7 +301,7 @@ def _check_one_pose(attempt: Attempt) -> None:
     task = attempt.task
     alone = []
     for picture in attempt.pictures:
-        start = Start(attempt.scan.x, attempt.lead)
+        start = SearchStart(attempt.scan.x, attempt.lead)
         alone_attempt = _attempted(task, [picture], start, task.samples.edge)
         if not alone_attempt.convincing:
             # farther off than edges are searched
@@ -327,7 +327,9 @@ def _check_one_pose(attempt: Attempt) -> None:
     check_one_pose(names, estimate.mean[n:], estimate.covariance)
 
 
-def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, dict[str, Lamp]]:
+def _best(
+    task: Task, pictures: list[Picture], start: SearchStart
+) -> tuple[Attempt, dict[str, Lamp]]:
     """Return the best attempt from a start, and the lamps that fit its images."""
     alike = task.samples.edge
     attempt = _attempted(task, pictures, start, alike)
@@ -346,7 +348,9 @@ def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, d
         attempt = _attempted(task, pictures, start, alike, out)
     if np.any(attempt.left_out) and not attempt.convincing:
         # shadows farther from their edges are not found then
-        start = Start(_without_pull(attempt, attempt.left_out), start.lead, start.late, NARROW_PX)
+        start = SearchStart(
+            _without_pull(attempt, attempt.left_out), start.lead, start.late, NARROW_PX
+        )
         other = _attempted(task, pictures, start, alike)
         attempt = other if other.convincing else attempt
     return attempt, first.lamps if attempt.convincing else {}
@@ -363,7 +367,7 @@ def _without_pull(attempt: Attempt, shadows: list[NDArray[np.bool_]]) -> Array:
 def _attempted(
     task: Task,
     pictures: list[Picture],
-    start: Start,
+    start: SearchStart,
     alike: NDArray[np.int64],
     left_out: list[NDArray[np.bool_]] | None = None,
 ) -> Attempt:
@@ -399,7 +403,7 @@ def _window_px(task: Task, design: Array) -> float:
     return min(_SIGMAS * float(np.sqrt(variance.max())) + _ROOM_PX, _MOST_WINDOW_PX)
 
 
-def _coarse(task: Task, pictures: list[Picture]) -> Start:
+def _coarse(task: Task, pictures: list[Picture]) -> SearchStart:
     """Return the unknowns that explain the coarse shift."""
     nothing = np.zeros(len(task.prior))
     centres, across = task.predicted(nothing)
@@ -420,7 +424,7 @@ def _coarse(task: Task, pictures: list[Picture]) -> Start:
     x = nothing.copy()
     # surfaces are not moved by it
     x[:POSE] = posterior(task.prior[:POSE, :POSE], rows, 0.0).mean
-    return Start(x, lead)
+    return SearchStart(x, lead)
 
 
 def _stated(attempt: Attempt) -> Posterior:

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from aspectgraph.entities.entity_rules import PARAMETERS, Carriers
 from aspectgraph.solid.ray_scene import RayScene
-from errors.measurands import Circle, Geometry, Line
+from errors.measurands import Geometry, Line, MeasuredCircle
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of
 from planner.camera.pose import world_to_cam
@@ -44,7 +44,7 @@ class PartEdge:
     ----------
     name : str
         Its id, such as "e17", "r3" or "a5".
-    geometry : Line or Circle
+    geometry : Line or MeasuredCircle
         Where it is, mm.
     edge_ids : tuple of int
         Edges of the solid: one, or the chords of a circle in their order.
@@ -83,12 +83,12 @@ class EdgeTable:
         self.edges = list(edges)
         self.chord_mm = np.array([edge.chord_mm for edge in edges])
         shapes = [edge.geometry for edge in edges]
-        self._round = np.array([isinstance(shape, Circle) for shape in shapes])
+        self._round = np.array([isinstance(shape, MeasuredCircle) for shape in shapes])
         self._radius = np.array(
-            [shape.radius_mm if isinstance(shape, Circle) else 1 for shape in shapes]
+            [shape.radius_mm if isinstance(shape, MeasuredCircle) else 1 for shape in shapes]
         )
         self._span = np.array(
-            [shape.span_rad if isinstance(shape, Circle) else 0 for shape in shapes]
+            [shape.span_rad if isinstance(shape, MeasuredCircle) else 0 for shape in shapes]
         )
         # where it starts or has its centre; the way along it, or two radii at right angles; its direction, or axis
         vectors = [
@@ -375,13 +375,13 @@ class ShownEdges:
         return ~np.any(np.isfinite(distance) & foreign, axis=1)
 
 
-def circle_of(curve: Arc) -> Circle:
+def circle_of(curve: Arc) -> MeasuredCircle:
     """Return a rim or arc as a circle that starts where its first chord does."""
     x = curve.reference
     y = np.cross(curve.axis, x)
     start = np.cos(curve.start_rad) * x + np.sin(curve.start_rad) * y
     span = min(curve.end_rad - curve.start_rad, 2 * np.pi)
-    return Circle(curve.centre, curve.axis, curve.radius_mm, start, span)
+    return MeasuredCircle(curve.centre, curve.axis, curve.radius_mm, start, span)
 
 
 def outlines_of(table: EdgeTable) -> Array:
@@ -545,7 +545,7 @@ class PartModel:
 
     def _entity(self, geometry: Geometry, target: str) -> PartEdge:
         """Return the part's edge for an entity of a target."""
-        if isinstance(geometry, Circle):
+        if isinstance(geometry, MeasuredCircle):
             return self._curve(geometry, target)
         from aspectgraph import resolve_entities
         from aspectgraph.exceptions import EntityError
@@ -579,7 +579,7 @@ class PartModel:
                 return self.edges.edge_of(edge.name, line, edge.edge_ids)
         return None
 
-    def _curve(self, geometry: Circle, target: str) -> PartEdge:
+    def _curve(self, geometry: MeasuredCircle, target: str) -> PartEdge:
         allowed = _SAME * geometry.radius_mm
         for curve in self._curves.values():
             same_size = abs(curve.radius_mm - geometry.radius_mm) <= allowed
@@ -620,7 +620,7 @@ class PartModel:
                         self.free.add(k)
 
 
-def _holds(curve: Arc, geometry: Circle) -> bool:
+def _holds(curve: Arc, geometry: MeasuredCircle) -> bool:
     """Return whether a rim or arc is the one of a circle's angles: one circle may carry several arcs."""
     span = curve.end_rad - curve.start_rad
     if span < geometry.span_rad - _ANGLE:

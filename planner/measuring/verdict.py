@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.solid.ray_scene import RayScene
-from errors.measurands import Circle
+from errors.measurands import MeasuredCircle
 from errors.registration import Posterior, Rows, undetermined
 from planner.camera.camera import Camera
 from planner.camera.imaging import tangents_of
@@ -23,7 +23,7 @@ from planner.measuring.task import (
     LEAST_NOISE_PX,
     MOST_CHI2,
     STRETCH_RAD,
-    Found,
+    ImageScan,
     NotRegisteredError,
     Scan,
     Task,
@@ -142,7 +142,9 @@ class Sampled:
         chords = np.array([edge.chord_mm for edge in self.edges])
         middles = np.array(
             [
-                edge.geometry.centre if isinstance(edge.geometry, Circle) else edge.geometry.middle
+                edge.geometry.centre
+                if isinstance(edge.geometry, MeasuredCircle)
+                else edge.geometry.middle
                 for edge in self.edges
             ]
         )
@@ -287,7 +289,9 @@ def beside_shadows(
 def stretches_of(edge: PartEdge, share: Array) -> NDArray[np.int64]:
     """Return the number of the stretch (m,) that samples at shares (m,) of an edge are in."""
     shape = edge.geometry
-    parts = round(shape.span_rad / STRETCH_RAD) if isinstance(shape, Circle) else _LINE_PARTS
+    parts = (
+        round(shape.span_rad / STRETCH_RAD) if isinstance(shape, MeasuredCircle) else _LINE_PARTS
+    )
     return np.minimum((share * max(parts, 1)).astype(np.int64), max(parts, 1) - 1)
 
 
@@ -389,7 +393,7 @@ class Attempt:
     rows: list[Rows]
     left_out: list[Bools]
     lead: float
-    found_at: Callable[[Array], list[Found]]
+    found_at: Callable[[Array], list[ImageScan]]
 
     @cached_property
     def agreeing(self) -> list[Bools]:
@@ -467,13 +471,13 @@ class Attempt:
         """How the image in which most is found compares with the light."""
         return self.light[int(np.argmax([int(agreeing.sum()) for agreeing in self.agreeing]))]
 
-    def _light(self, picture: Picture, one: Found, agree: Bools) -> Shown | None:
+    def _light(self, picture: Picture, one: ImageScan, agree: Bools) -> Shown | None:
         pose, _ = self.task.places(self.scan.x)
         across = self.scan.across
         edges = self.scan.centres + np.where(agree, one.offset, 0.0)[:, None] * across
         return shown(self.task, pose, picture, (edges, across), agree)
 
-    def _agreeing(self, one: Found) -> Bools:
+    def _agreeing(self, one: ImageScan) -> Bools:
         residual = one.offset - self.task.edge_means(one.offset, one.good)
         scale = max(residual_scale(residual[one.good]), LEAST_NOISE_PX)
         return np.asarray(one.good & (np.abs(residual) <= TUKEY * scale))
@@ -533,7 +537,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
     )
 
 
-def _dark_text(found: list[Found]) -> str:
+def _dark_text(found: list[ImageScan]) -> str:
     """Say how much of the edges the light does not show, if that is much; empty otherwise."""
     dark = np.all([scan.state == State.WEAK for scan in found], axis=0).mean()
     return f"{100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""

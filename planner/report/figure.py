@@ -21,7 +21,7 @@ from aspectgraph.plot.traces import (
     xyz,
 )
 from errors.formatting import probability_text
-from errors.measurands import Circle, Geometry
+from errors.measurands import Geometry, MeasuredCircle
 from planner.camera.pose import world_to_cam
 from planner.progress import TimeLeft
 from planner.request.reach import TargetSpace
@@ -234,12 +234,12 @@ def lines_of(geometry: Iterable[Geometry]) -> list[NDArray[np.float64]]:
 
     Parameters
     ----------
-    geometry : iterable of Line or Circle
+    geometry : iterable of Line or MeasuredCircle
         What is measured.
     """
     polygons = []
     for curve in geometry:
-        if isinstance(curve, Circle):
+        if isinstance(curve, MeasuredCircle):
             n = max(2, round(_PARTS_OF_CIRCLE * curve.span_rad / (2 * np.pi)))
             polygons.append(curve.points(np.linspace(0.0, curve.span_rad, n + 1)))
         else:

@@ -18,7 +18,7 @@ from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import Registered
 from planner.measuring.results import MeasurementResults, Result
 from planner.measuring.scans import STATE_TEXTS, State
-from planner.report.tables import Line
+from planner.report.tables import CellLine
 from planner.report.wording import count
 from planner.request.words import tolerance_text
 from planner.text_table import Column, Table, print_table, print_text, words
@@ -423,10 +423,10 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
     rows = []
     for result in ordered:
         bar = value_bar(result, results.rule)
-        lines = [] if bar is None else [Line(render_macro("planner", _PICTURES, "value", bar))]
+        lines = [] if bar is None else [CellLine(render_macro("planner", _PICTURES, "value", bar))]
         if result.reason:
-            lines.append(Line(result.reason, "note"))
-        decision = Line(result.decision.value, _CLASSES[result.decision])
+            lines.append(CellLine(result.reason, "note"))
+        decision = CellLine(result.decision.value, _CLASSES[result.decision])
         link = (_anchor(result, results), result.name)
         rows.append((link, _nominal_text(result), *_value_texts(result), lines, [decision]))
     return Table(columns, rows, style="stack")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Circle, Line, Measurand, MeasurandError
+from errors.measurands import Line, Measurand, MeasurandError, MeasuredCircle
 from errors.measurands.kinds import are_parallel
 from errors.measurands.measurand import measurand
 from planner.exceptions import RequestError
@@ -511,14 +511,16 @@ def _check_same_value(name: str, witnesses: list[Witness]) -> None:
             )
 
 
-def _geometry(solid: Solid, entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | Circle:
+def _geometry(
+    solid: Solid, entity: Entity, curves: Mapping[tuple[int, ...], Arc]
+) -> Line | MeasuredCircle:
     """Return an entity as the error model takes it."""
     if entity.kind == "edge":
         return Line(*entity.endpoints)
     arc = curves[entity.edge_ids] if entity.part is None else _run_arc(solid, entity)
     if entity.kind == "rim":
-        return Circle(arc.centre, arc.axis, arc.radius_mm)
-    return Circle(
+        return MeasuredCircle(arc.centre, arc.axis, arc.radius_mm)
+    return MeasuredCircle(
         arc.centre,
         arc.axis,
         arc.radius_mm,

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from errors.formatting import percent_text
-from errors.measurands import Circle, Line, Localisation, Measurand
+from errors.measurands import Line, Localisation, Measurand, MeasuredCircle
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
 from planner.camera.camera import Camera
@@ -798,12 +798,12 @@ def words_of(targets: Mapping[str, Target]) -> TargetWords:
 def sample_points(geometry: Geometry, n: int) -> NDArray[np.float64]:
     """Return n points at the middles of equal parts of a line or circle; (n, 3) mm."""
     shares = (np.arange(n) + 0.5) / n
-    if isinstance(geometry, Circle):
+    if isinstance(geometry, MeasuredCircle):
         return geometry.points(shares * geometry.span_rad)
     return np.asarray(geometry.p + shares[:, None] * (geometry.q - geometry.p))
 
 
-def _segments(geometry: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _segments(geometry: Line | MeasuredCircle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return pairs of points (s, 2, 3) that hold an entity in the picture, and which must be long enough; (s,)."""
     if isinstance(geometry, Line):
         return np.array([[geometry.p, geometry.q]]), np.ones(1, bool)
@@ -824,7 +824,7 @@ def _segments(geometry: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.
     return pairs, np.arange(len(pairs)) == 0
 
 
-def _points_on(geometry: Line | Circle) -> NDArray[np.float64]:
+def _points_on(geometry: Line | MeasuredCircle) -> NDArray[np.float64]:
     """Return points that lie on an entity itself; (m, 3)."""
     if isinstance(geometry, Line):
         return np.array([geometry.p, geometry.q])

@@ -423,7 +423,7 @@ def _near(
 # What simulation finds of what poses promise: each promise is simulated once, in any process.
 
 
-class Found(NamedTuple):
+class SimulatedPromise(NamedTuple):
     """What a simulation of a pose found.
 
     Attributes
@@ -440,7 +440,7 @@ class Found(NamedTuple):
 
 def simulate_promises(
     shared: Shared, cam2world: np.ndarray, stated: Mapping[str, float], seed: int
-) -> Found:
+) -> SimulatedPromise:
     """Simulate what is stated of entities at a pose, as a task for any executor.
 
     What comes out for an entity depends on nothing that is stated of others.
@@ -469,7 +469,7 @@ def simulate_promises(
             excess.update(promised_too_much(judge, posed, seed))
     upheld = tuple(name for name in stated if excess[name] <= 0.0)
     bounds = joint_bounds(judge, cam2world, upheld, seed) if upheld else {}
-    return Found({**excess, **missing(judge, bounds)}, bounds)
+    return SimulatedPromise({**excess, **missing(judge, bounds)}, bounds)
 
 
 class Promises:
@@ -496,7 +496,7 @@ class Promises:
         new = {n: p for n, p in stated.items() if (pose, n, p) not in self._excess}
         return self._shared, setting.cam2world, new, self._seed
 
-    def take(self, setting: SensorSetting, found: Found) -> None:
+    def take(self, setting: SensorSetting, found: SimulatedPromise) -> None:
         """Remember what was found of what a setting states."""
         pose = setting.cam2world.tobytes()
         for name, excess in found.excess.items():

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import beta
 
-from errors.measurands import Circle, Geometry, Localisation
+from errors.measurands import Geometry, Localisation, MeasuredCircle
 from ground.decorators import entry_kernel, kernel_without_refcounts
 from planner.camera.camera import Camera
 from planner.camera.imaging import image_of, undistorted_px
@@ -282,7 +282,9 @@ def measured_errors(
             ), outside
         flat = _carried_back(errors, planned, camera, np.array([frame.origin, frame.x, frame.y]))
         fits.append(
-            _circles(flat, geometry.radius_mm) if isinstance(geometry, Circle) else _lines(flat)
+            _circles(flat, geometry.radius_mm)
+            if isinstance(geometry, MeasuredCircle)
+            else _lines(flat)
         )
     return value.value(fits), outside
 
@@ -321,7 +323,7 @@ def _moved(poses: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray[np.f
 
 def _forward(one: Geometry, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return small steps (m, 3) along an entity from points of it."""
-    if isinstance(one, Circle):
+    if isinstance(one, MeasuredCircle):
         return np.asarray(_AHEAD * np.cross(one.axis, points - one.centre))
     return np.tile(_AHEAD * (one.q - one.p), (len(points), 1))
 
