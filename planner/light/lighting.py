@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,30 +55,6 @@ _APART = 1e-9
 _DOME_POINTS = 20_000
 # places drawn in a cell
 _DRAWN = 15
-
-
-class LampSpace(Protocol):
-    """Where lamps may be placed."""
-
-    @property
-    def clearance_mm(self) -> float:
-        """Distance that lamps keep from the part."""
-
-    @property
-    def bounds(self) -> Array:
-        """Lowest and highest corner of a box around it, (2, 3) mm."""
-
-    def places(self, n: int) -> Array:
-        """Return n places (n, 3) that are spread evenly, the same in every call."""
-
-    def misses(self, cell: Cell) -> bool:
-        """Tell whether a convex cell has no place; False where that is not sure."""
-
-    def places_in(self, cell: Cell) -> Array:
-        """Return some places (m, 3) in a convex cell; there may be none, and places though none is returned."""
-
-    def __str__(self) -> str:
-        """Return what a sentence calls it."""
 
 
 @dataclass(frozen=True)
@@ -340,6 +316,10 @@ class LampDome:
         places = self.places(_DOME_POINTS)
         inside = (places @ cell.half_spaces[:, :3].T + cell.half_spaces[:, 3] < 0).all(axis=1)
         return places[inside][:: max(1, int(inside.sum()) // 64)]
+
+
+LampSpace = LampBox | LampDome
+"""Where lamps may be placed."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,13 +156,6 @@ class Means:
     own_edges: OwnEdges | None = None
 
 
-class TargetModels(Protocol):
-    """How probably each of k targets is measured accurately."""
-
-    def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """Return P of poses (n, 4, 4) for those targets that are wanted (n, k), one after the other, row by row."""
-
-
 class EdgeModels:
     """The paper's density of image lengths.
 
@@ -231,7 +224,7 @@ class DimensionModels:
         self._keys = tuple(keys)
 
     def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """Return P of poses for wanted dimensions, as `TargetModels`."""
+        """Return P of poses for wanted dimensions, one after the other, row by row."""
         if self._own_edges is not None:
             return self._registered(self._own_edges, cam2world, wanted)
         result = np.zeros(wanted.shape)
@@ -293,3 +286,7 @@ def measurand_model(value: Measurand, permitted_error: float, means: Means) -> M
         surfaces_mm=means.surfaces_mm,
         by_surfaces=means.by_surfaces,
     )
+
+
+TargetModels = EdgeModels | DimensionModels
+"""How probably each of k targets is measured accurately."""
