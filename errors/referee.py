@@ -23,10 +23,11 @@ from errors.checks import (
     check_positive,
     check_probability,
     covariance_root,
+    frequency_text,
+    interval_text,
 )
 from errors.displacement import displace, image_segment, project
 from errors.exceptions import InvalidParameterError, InvalidShapeError
-from errors.formatting import frequency_text, interval_text
 from ground.decorators import njit
 
 # The referee: exact displaced poses, drawn at random, against which the other models are judged.

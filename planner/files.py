@@ -20,6 +20,9 @@ from typing import Any, NamedTuple
 
 from planner.exceptions import OutputError, PlanFileError
 
+# Writing files so that a reader never meets half of one: write beside the target, then rename.
+
+
 # hidden files and folders of a process that writes begin like this, then come its machine and its id
 _HIDDEN = ".aspectgraph-"
 _OWNED = re.compile(r"\.aspectgraph-([0-9a-f]{8})-(\d+)-")
@@ -691,3 +694,23 @@ def _check_text(text: str) -> None:
         raise _Refused(
             f"must hold text of whole characters. Got half of one in {ascii(text)[:60]}."
         ) from None
+
+
+# The program: a digest of the code that decides about plans, and its version.
+
+
+_PACKAGES = ("aspectgraph", "errors", "ga", "planner")
+# these show plans, and decide about none
+_SHOW_ONLY = (
+    "aspectgraph.plot",
+    "planner.app",
+    "planner.optics",
+    "planner.report",
+)
+
+
+def program_digest() -> str:
+    """Return a digest of all source files that a plan depends on, 64 hexadecimal digits."""
+    from aspectgraph.files import code_digest
+
+    return code_digest(_PACKAGES, _SHOW_ONLY)

@@ -20,6 +20,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, PlannerError, RequestError
+from planner.files import program_digest
 from planner.light.lighting import LampBox, LampDome, Lighting
 from planner.plan_file import field_name, shown
 from planner.request.constraints import Requirements
@@ -41,7 +42,6 @@ from planner.request.targets import (
     Target,
     Witness,
 )
-from planner.version import program_digest
 
 # In what two requests differ, in the words of the caller.
 

@@ -28,7 +28,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.identity import Request
-from planner.light.background import DEFAULT_STEP
+from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
 from planner.measuring.planned_edges import registered_problem

@@ -19,14 +19,15 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.identity import Request
 from planner.plan import InspectionPlan
-from planner.request.camera_limits import NO_RESERVE, FocusReserve
-from planner.request.constraints import Requirements
-from planner.request.defaults import (
+from planner.request.camera_limits import (
+    NO_RESERVE,
+    FocusReserve,
     check_focus_margin,
     check_showing,
     corner_margin_px,
     position_margin_mm,
 )
+from planner.request.constraints import Requirements
 from planner.request.reach import Reach, Space, StatedRegion
 from planner.request.registration import GIVEN, RegistrationRecord
 

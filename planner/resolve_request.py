@@ -16,7 +16,7 @@ from planner.effort import Effort
 from planner.exceptions import RequestError
 from planner.identity import PartRecord, Request, RingRecord
 from planner.options import InspectionOptions
-from planner.request.defaults import check_seed, default_workspace
+from planner.request.camera_limits import check_seed, default_workspace
 from planner.request.dimension import Dimension
 from planner.request.dimension_files import (
     localisation_or_default,

@@ -30,8 +30,8 @@ from aspectgraph.dimensions.tolerances import (
     resolve_stated_class,
 )
 from aspectgraph.exceptions import ReadError
+from aspectgraph.files import ReadLimits
 from aspectgraph.phases import phase
-from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
 from aspectgraph.read.step.step_file import StepKernel
 from aspectgraph.solid.solid import Solid, check_solid

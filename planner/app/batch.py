@@ -24,8 +24,7 @@ from aspectgraph import (
     resolve_entities,
     select_entities,
 )
-from aspectgraph.entities.entity_files import csv_text
-from aspectgraph.entities.entity_rules import check_selection
+from aspectgraph.entities.entity_rules import check_selection, csv_text
 from aspectgraph.exceptions import MissingExtraError, how_to_install
 from aspectgraph.read.mesh import check_units
 from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
@@ -54,9 +53,8 @@ from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.plan_file import check_schema
 from planner.progress import Progress, report
-from planner.report.folder_lock import folder_lock
-from planner.report.plan_folder import PLAN_FILES, with_source, write_outputs
-from planner.request.defaults import MOST_SEED
+from planner.report.plan_folder import PLAN_FILES, folder_lock, with_source, write_outputs
+from planner.request.camera_limits import MOST_SEED
 from planner.resolve_request import request_of_any_part, resolve_request
 from planner.verify.simulate_plan import simulate_in_time
 

@@ -22,7 +22,7 @@ from aspectgraph import (
     resolve_entities,
     select_entities,
 )
-from aspectgraph.entities.entity_files import parse_names
+from aspectgraph.entities.entity_rules import parse_names
 from aspectgraph.light import check_contrast
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
@@ -44,7 +44,7 @@ from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
 from planner.report.wording import count
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.dimension_files import SURFACES_MM, dimensions_to_plan, read_wanted
 from planner.request.resolve import resolve_wanted, with_places
 from planner.resolve_request import ResolvedRequest, resolve_request

@@ -58,7 +58,7 @@ def _named(metavar: str, *names: str) -> Parameter:
 
 _CORES = usable_cores()
 _CONTRAST = NumberRule("must lie strictly between 0 and 1", BETWEEN_0_AND_1.holds)
-# as `planner.request.defaults.MOST_SEED`, and `planner.light.background.DEFAULT_STEP`, which take long to load
+# as `planner.request.camera_limits.MOST_SEED`, and `planner.light.corner_light.DEFAULT_STEP`, which take long to load
 _MOST_SEED = 10**300
 _GREY_STEP = 0.1
 

@@ -75,10 +75,10 @@ from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import Progress, labelled, note, reading_shown, terminal_progress, visible
 from planner.report import terminal_tables
-from planner.report.folder_lock import folder_lock
 from planner.report.plan_folder import (
     PLAN_FILES,
     Written,
+    folder_lock,
     rescue,
     with_source,
     write_graph,
@@ -86,7 +86,7 @@ from planner.report.plan_folder import (
 )
 from planner.report.terminal_tables import graph_record, part_record, plan_record
 from planner.report.wording import cost_sentence, incumbent_line
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.dimension import Dimension
 from planner.request.words import features_text, n_not_planned
 from planner.resume import read_state, state_difference

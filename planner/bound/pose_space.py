@@ -49,7 +49,7 @@ _LESS = 0.999
 #
 # The measured length of an edge is wrong by x = q + e: q the quantization error of both ends, e
 # what the displaced pose causes, independent of it. It is measured accurately if x is in [L ln A,
-# L ln(2 - A)] (`errors.joint`), an interval of width 2h. The density of q is symmetric and falls
+# L ln(2 - A)] (`errors.model`), an interval of width 2h. The density of q is symmetric and falls
 # from the middle, so no interval of that width is more probable than [-h, h], and by averaging
 # over e (Anderson 1955)
 #

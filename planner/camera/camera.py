@@ -1,24 +1,15 @@
-"""The camera: a thin lens in front of a pixel grid.
-
-Notation (all distances along the optical axis from the front nodal point, in millimetres)
-------------------------------------------------------------------------------------------
-f   focal length                     s   focus distance: the object plane that is imaged sharply
-d   image distance, 1/f = 1/d + 1/s  a   aperture diameter f / f_number
-c   largest blur circle              z   depth of an object point
-
-A point at depth z would be sharp at the image distance d' with 1/f = 1/d' + 1/z. On the sensor, which stays at d, its
-cone of light has the diameter a·|d − d'|/d' = a·d·|1/s − 1/z|. Both limits of the depth of field follow from that line.
-
-A calibrated camera may have its principal point off the sensor's middle, and a lens with distortion. Lengths are then
-those of the undistorted image, and `Camera.field` says what of it the sensor holds.
-"""
+"""Cameras: those of the catalogue, their lens, sensor and field, and where points lie in their images."""
 
 from __future__ import annotations
 
+import difflib
+import json
 import math
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
+from importlib import resources
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -42,9 +33,153 @@ from planner.camera.calibration import (
     read_toml,
 )
 from planner.camera.calibration_files import calibrated_fields
-from planner.camera.catalogue import check_lens, find_camera
-from planner.exceptions import CameraError
+from planner.exceptions import CameraError, RequestError
 from planner.files import name_text
+
+# The catalogue of real cameras: bodies, lenses and pairs of them, read from ``catalogue.toml``.
+
+
+# A camera as the text of a TOML file.
+
+
+def toml_text(fields: Mapping[str, Any]) -> str:
+    """Return fields as TOML, one to a line; None is left out, because TOML has no word for it.
+
+    Parameters
+    ----------
+    fields : mapping of str to value
+        Texts, numbers, and sequences of them.
+    """
+    lines = [f"{key} = {_value(value)}" for key, value in fields.items() if value is not None]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        # TOML forbids DEL, which JSON leaves as it is
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_value, value))}]"
+    # the shortest digits that give the same number back
+    return repr(value)
+
+
+# what a camera takes from its body
+_BODY = ("pixel_pitch_mm", "resolution")
+
+
+def camera_names() -> tuple[str, ...]:
+    """Return the names of the cameras in the catalogue, sorted.
+
+    Returns
+    -------
+    tuple of str
+        Names for `Camera.named`. Each is a camera with a lens.
+
+    Examples
+    --------
+    >>> from planner import camera_names
+    >>> "basler-acA2440-20gm-8mm" in camera_names()
+    True
+    """
+    return tuple(sorted(catalogued()))
+
+
+def camera_parts() -> dict[str, dict[str, dict[str, Any]]]:
+    """Return the bodies and lenses of the catalogue with the facts of their data sheets and where these were read.
+
+    Returns
+    -------
+    dict
+        ``"body"`` and ``"lens"``: by name, the facts, their ``source`` (an address), and ``maker``: whether that is the
+        maker's own page.
+    """
+    data = _data()
+    return {
+        kind: {name: {"maker": True, **facts} for name, facts in data[kind].items()}
+        for kind in ("body", "lens")
+    }
+
+
+def check_bodies(names: Sequence[str]) -> None:
+    """Raise `RequestError` unless all names are bodies of the catalogue."""
+    bodies = _data()["body"]
+    for name in names:
+        if name not in bodies:
+            rule = f"must be of the catalogue: {', '.join(bodies)}"
+            raise RequestError.of_rule("bodies", rule, repr(name))
+
+
+@cache
+def _data() -> dict[str, Any]:
+    text = resources.files("planner.camera").joinpath("catalogue.toml").read_text(encoding="utf-8")
+    return dict(tomllib.loads(text))
+
+
+@cache
+def catalogued() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
+    """Read the catalogue: the fields of each camera, and its lens.
+
+    Bodies and lenses hold data-sheet facts, pairs say which are mounted and how they are set.
+    """
+    data = _data()
+    cameras = {}
+    for name, pair in data["pair"].items():
+        body = {k: data["body"][pair["body"]][k] for k in _BODY}
+        lens = data["lens"][pair["lens"]]
+        settings = {key: value for key, value in pair.items() if key not in ("body", "lens")}
+        cameras[name] = {"focal_length_mm": lens["focal_length_mm"], **body, **settings}, lens
+    return cameras
+
+
+def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """Return the name of a camera as the catalogue spells it, its fields and its lens; or raise `CameraError`."""
+    keys = {key.lower(): key for key in catalogued()}
+    key = keys.get(str(name).lower())
+    if key is None:
+        near = (
+            difflib.get_close_matches(str(name).lower(), keys, n=3, cutoff=0.3) or sorted(keys)[:3]
+        )
+        offered = ", ".join(keys[n] for n in near)
+        raise CameraError.of_rule(
+            "camera", "must be a name of the catalogue", repr(str(name)), hint=f"nearest: {offered}"
+        )
+    return key, *catalogued()[key]
+
+
+def check_lens(lens: Mapping[str, Any], f_number: float, focus_distance_mm: float) -> None:
+    """Raise `CameraError` unless a lens of the catalogue can be set so."""
+    widest = lens["widest_f_number"]
+    narrowest = lens["narrowest_f_number"]
+    closest = lens["closest_object_mm"]
+    if not widest <= f_number <= narrowest:
+        raise CameraError.of_rule(
+            "f_number", f"must be in {widest:g} to {narrowest:g}, the lens's range", f"{f_number:g}"
+        )
+    if focus_distance_mm < closest:
+        raise CameraError.of_rule(
+            "focus_distance_mm",
+            f"must be at least {closest:g}, the lens's closest object",
+            f"{focus_distance_mm:g}",
+        )
+
+
+# The camera: a thin lens in front of a pixel grid.
+#
+# Notation (all distances along the optical axis from the front nodal point, in millimetres)
+# ------------------------------------------------------------------------------------------
+# f   focal length                     s   focus distance: the object plane that is imaged sharply
+# d   image distance, 1/f = 1/d + 1/s  a   aperture diameter f / f_number
+# c   largest blur circle              z   depth of an object point
+#
+# A point at depth z would be sharp at the image distance d' with 1/f = 1/d' + 1/z. On the sensor,
+# which stays at d, its cone of light has the diameter a·|d − d'|/d' = a·d·|1/s − 1/z|. Both
+# limits of the depth of field follow from that line.
+#
+# A calibrated camera may have its principal point off the sensor's middle, and a lens with
+# distortion. Lengths are then those of the undistorted image, and `Camera.field` says what of it
+# the sensor holds.
+
 
 # Which ideal image points a lens with distortion brings onto the sensor: a rectangle inside and
 # one around them.
@@ -707,7 +842,6 @@ class Camera:
         ...     Camera.read(path) == camera
         True
         """
-        from planner.camera.catalogue import toml_text
         from planner.files import write_text
 
         write_text(path, toml_text(self.to_dict()))
@@ -745,3 +879,81 @@ class Camera:
         """
         check_keys(cls, data, CameraError)
         return cls(**data)
+
+
+# Where a camera images points, and what a lens without distortion would have imaged there.
+
+
+# what is rounded to the last pixel lies half a pixel off the sensor, with a random phase a whole one
+_BEYOND_PX = 1.0
+
+
+def image_of(camera: Camera, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where points are imaged.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    directions : array (..., 3)
+        Points in its frame over their depth, (x/z, y/z, 1).
+
+    Returns
+    -------
+    array (..., 2)
+        Pixels of the real, distorted image; nan where a lens with distortion has no field of view.
+    """
+    matrix = camera.matrix
+    if camera.distortion is None:
+        return np.asarray((directions @ matrix.T)[..., :2])
+    x_low, y_low, x_high, y_high = camera.field(-_BEYOND_PX).outer
+    x = directions[..., 0]
+    y = directions[..., 1]
+    inside = ((x >= x_low) & (x <= x_high) & (y >= y_low) & (y <= y_high))[..., None]
+    distorted = camera.distortion.distort(np.where(inside, directions[..., :2], 0.0))
+    return np.where(inside, distorted * np.diag(matrix)[:2] + matrix[:2, 2], np.nan)
+
+
+def tangents_of(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the directions that are seen at some pixels.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    pixels : array (..., 2)
+        Pixels of the real image.
+
+    Returns
+    -------
+    array (..., 2)
+        x/z and y/z; nan more than a pixel off the sensor where the lens distorts.
+    """
+    scale = np.diag(camera.matrix)[:2]
+    centre = camera.matrix[:2, 2]
+    if camera.distortion is None:
+        return np.asarray((pixels - centre) / scale)
+    limit = np.array(camera.resolution) - 0.5 + _BEYOND_PX
+    inside = np.all((pixels >= -0.5 - _BEYOND_PX) & (pixels <= limit), axis=-1, keepdims=True)
+    ideal = camera.distortion.undistort(np.where(inside, (pixels - centre) / scale, 0.0))
+    return np.where(inside, ideal, np.nan)
+
+
+def undistorted_px(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where a lens without distortion would have imaged what is seen at some pixels.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    pixels : array (..., 2)
+        Pixels of the real image.
+
+    Returns
+    -------
+    array (..., 2)
+        Pixels of the undistorted image; nan more than a pixel off the sensor where the lens distorts.
+    """
+    if camera.distortion is None:
+        return pixels
+    return tangents_of(camera, pixels) * np.diag(camera.matrix)[:2] + camera.matrix[:2, 2]

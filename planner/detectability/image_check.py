@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from errors.measurands.geometry import Geometry, MeasuredCircle
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability

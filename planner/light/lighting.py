@@ -21,19 +21,23 @@ from aspectgraph.light import (
     check_lamps,
     compute_light,
 )
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
-from planner.light.background import (
+from planner.light.corner_light import (
     DEFAULT_STEP,
     SHARES,
+    Corners,
+    Demands,
+    Pair,
     backdrop_contrasts,
+    corners_of,
+    demands_of,
     edge_steps,
     rays_beside,
     sure_contrast,
 )
-from planner.light.corner_light import Corners, Demands, Pair, corners_of, demands_of
 from planner.progress import Progress, labelled
 from planner.request.reach import Reach, check_reach, reach_margin
 from planner.verify.simulate_setting import Planned

@@ -16,8 +16,7 @@ from aspectgraph.light import DEFAULT_CONTRAST, LightRegions
 from planner.argument_kinds import check_kinds
 from planner.cover import maximal_columns, min_cover
 from planner.exceptions import RequestError
-from planner.light.background import DEFAULT_STEP
-from planner.light.corner_light import LampSets, fewest_together, sites_of
+from planner.light.corner_light import DEFAULT_STEP, LampSets, fewest_together, sites_of
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
 from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
 from planner.progress import Progress

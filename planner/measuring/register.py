@@ -26,8 +26,7 @@ from errors.registration import Posterior, Rows, bias_variance_of, posterior, su
 from ground.decorators import njit
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, Registered, prior_covariance
-from planner.measuring.samples import POSE, PartModel
-from planner.measuring.scans import SAMPLING_PX, State, gradients_of, profiles_of
+from planner.measuring.samples import POSE, SAMPLING_PX, PartModel, State, gradients_of, profiles_of
 from planner.measuring.task import (
     MOVE_SIGMAS,
     ImageScan,

@@ -9,16 +9,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from errors.measurands import MeasuredCircle
 from errors.registration import Posterior, Rows, undetermined
-from planner.camera.camera import Camera
-from planner.camera.imaging import tangents_of
+from planner.camera.camera import Camera, tangents_of
 from planner.measuring.fit import TUKEY
 from planner.measuring.images import Picture
 from planner.measuring.registered import LEAST_KNOWN, SAMPLE, Faces, Lamp, Registered, fitted
-from planner.measuring.samples import POSE, PartEdge, Samples, across_of, pixels_of
-from planner.measuring.scans import State, profiles_of
+from planner.measuring.samples import (
+    POSE,
+    PartEdge,
+    Samples,
+    State,
+    across_of,
+    pixels_of,
+    profiles_of,
+)
 from planner.measuring.task import (
     LEAST_NOISE_PX,
     MOST_CHI2,

@@ -17,7 +17,7 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import Registered
 from planner.measuring.results import MeasurementResults, Result
-from planner.measuring.scans import STATE_TEXTS, State
+from planner.measuring.samples import STATE_TEXTS, State
 from planner.report.tables import CellLine
 from planner.report.wording import count
 from planner.request.words import tolerance_text

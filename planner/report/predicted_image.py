@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.plot.traces import is_feature
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from ground.templates import render
-from planner.camera.camera import Camera
-from planner.camera.imaging import image_of, tangents_of
+from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.report.figure import chord_circles, on_circle
 

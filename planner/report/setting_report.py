@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scipy.spatial.transform import Rotation
 
-from aspectgraph.solid.ray_scene import RayScene
-from errors.formatting import interval_text, probability_text
+from aspectgraph.solid.solid import RayScene
+from errors.checks import interval_text, probability_text
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, exposure_of
@@ -48,9 +48,9 @@ if TYPE_CHECKING:
 
     from aspectgraph import Solid
     from planner.plan import InspectionPlan
+    from planner.plan_tables import Row
     from planner.progress import Progress
     from planner.request.targets import PlannedDimension
-    from planner.rows import Row
     from planner.sensor_setting import SensorSetting
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from errors.formatting import (
+from errors.checks import (
     frequency_text,
     interval_text,
     is_nearly_one,
@@ -19,6 +19,7 @@ from errors.formatting import (
 )
 from errors.measurands.measurand import SOURCES
 from planner.camera.pose import world_to_cam
+from planner.plan_tables import Row
 from planner.report.wording import names_by_reason
 from planner.request.camera_limits import (
     SIGMAS,
@@ -29,7 +30,6 @@ from planner.request.camera_limits import (
     sigmas_left,
 )
 from planner.request.targets import targets_of, words_of
-from planner.rows import Row
 from planner.sensor_setting import kind_of
 from planner.text_table import Column, Table
 from planner.verify.simulate_setting import (
@@ -42,8 +42,8 @@ from planner.verify.simulate_setting import (
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
+    from planner.plan_tables import WarningKind
     from planner.request.targets import Target
-    from planner.rows import WarningKind
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_setting import SuccessRate
 

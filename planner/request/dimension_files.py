@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aspectgraph.dimensions.features import unique_names
-from aspectgraph.entities.entity_files import parse_names
+from aspectgraph.entities.entity_rules import parse_names
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import Localisation

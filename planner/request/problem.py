@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.formatting import probability_text
+from errors.checks import probability_text
 from planner.argument_kinds import check_fraction
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errors.formatting import percent_text
+from errors.checks import percent_text
 from errors.measurands import Line, Localisation, Measurand, MeasuredCircle
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand

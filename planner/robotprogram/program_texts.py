@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from aspectgraph.entities.entity_files import NumberText, table_text
+from aspectgraph.entities.entity_rules import NumberText, table_text
 from planner.argument_kinds import (
     ABOVE_0_TO_1,
     NOT_NEGATIVE,

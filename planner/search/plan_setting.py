@@ -17,14 +17,16 @@ from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.effort import Search
 from planner.exceptions import InfeasibleError, RequestError
-from planner.request.camera_limits import focus_reach_mm, longest_image_mm, widest_view_mm
-from planner.request.constraints import Constraints, Requirements
-from planner.request.defaults import (
+from planner.request.camera_limits import (
     check_focus_margin,
     check_showing,
+    focus_reach_mm,
+    longest_image_mm,
     pose_margin_px,
     position_margin_mm,
+    widest_view_mm,
 )
+from planner.request.constraints import Constraints, Requirements
 from planner.request.problem import Objective, Problem
 from planner.request.reach import Reach, Space, cells_of
 from planner.request.targets import check_is_edge

@@ -20,14 +20,16 @@ from planner.search.columns import Judge, perturbed
 from planner.search.evolution import Centring, centred, least_share
 from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
-from planner.verify.p_all import (
+from planner.verify.simulate_setting import (
+    MODEL_TOLERANCE,
     MOST_REQUIRED,
     DisplacedChecks,
     JointCounts,
+    Posed,
     poses_needed,
+    simulate_setting,
     successes_needed,
 )
-from planner.verify.simulate_setting import MODEL_TOLERANCE, Posed, simulate_setting
 
 # displaced poses simulated to check a pose
 _TRIAL_POSES = 4000
@@ -42,7 +44,7 @@ ALL_TRIALS = 1000
 # displaced poses simulated if the first ones contradict a probability. The standard error of the
 # frequency is then at most 0.0025.
 _SURE_POSES = 40_000
-# displaced poses at first in which everything must hold, see `planner.verify.p_all`
+# displaced poses at first in which everything must hold, see `planner.verify.simulate_setting`
 JOINT_POSES = 1000
 # the same where the first ones do not decide, and at most for what a plan states
 JOINT_SURE_POSES = 20_000

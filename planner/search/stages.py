@@ -65,7 +65,7 @@ from planner.search.realise_column import (
     without_corners,
 )
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
-from planner.verify.p_all import MOST_REQUIRED
+from planner.verify.simulate_setting import MOST_REQUIRED
 
 if TYPE_CHECKING:
     from planner.camera.camera import Camera

@@ -7,11 +7,10 @@ import pytest
 from planner import Camera, CameraError, PoseUncertainty
 from planner.bound.pose_space import sensor_tangents
 from planner.camera.calibration import Distortion
-from planner.camera.camera import field_of
-from planner.camera.imaging import image_of, tangents_of, undistorted_px
+from planner.camera.camera import field_of, image_of, tangents_of, undistorted_px
 from planner.exceptions import UncertaintyError
-from planner.request.defaults import corner_margin_px
-from planner.request.image_constraints import cone_slacks, field_of_view_slacks
+from planner.request.camera_limits import corner_margin_px
+from planner.request.constraints import cone_slacks, field_of_view_slacks
 
 K = np.array([[2320.0, 0.0, 1251.5], [0.0, 2326.0, 1009.0], [0.0, 0.0, 1.0]])
 LENS = {"pixel_pitch_mm": 0.00345, "f_number": 8.0, "focus_distance_mm": 300.0}

@@ -20,7 +20,7 @@ from planner import Camera, Detectability, RequestError, Requirements, look_at
 from planner.camera.pose import world_to_cam
 from planner.detectability.corners import CONNECTED, OTHER, SHOWS
 from planner.detectability.image_check import MOST_PX, ImageCheck, ImagePieces, PartLines, Scanned
-from planner.request.defaults import check_showing
+from planner.request.camera_limits import check_showing
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks" / "images"))
 from rendered_images import Renderer

@@ -22,8 +22,7 @@ from planner.measuring import register as registering
 from planner.measuring import verdict as shadows
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, fitted, prior_covariance
-from planner.measuring.samples import PartModel
-from planner.measuring.scans import State
+from planner.measuring.samples import PartModel, State
 from planner.measuring.task import ImageScan, Scan, registration_task
 from planner.measuring.verdict import Attempt, Shown
 
