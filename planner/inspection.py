@@ -174,7 +174,7 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
         except TimeIsUpError:
             ended = settle_early(run, incumbents.latest, incumbents.proven)
             incumbents.publish(ended)
-            return _lit(ended, solid, request.lighting)
+            return with_light(ended, solid, request.lighting)
         finally:
             memo.save()
     assert memo.plan is not None
@@ -270,6 +270,13 @@ def space_of(request: Request, regions: VisibilityRegions) -> Space:
     return RingSpace(regions, request.camera, step)
 
 
-def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> InspectionPlan:
-    """Return a plan that was ended early, with lamps for the settings it has."""
-    return plan if lighting is None else replace(plan, light=chosen_lamps(lighting, plan, solid))
+def with_light(
+    plan: InspectionPlan,
+    solid: Solid,
+    lighting: Lighting | None,
+    progress: Progress | None = None,
+) -> InspectionPlan:
+    """Return a plan with the lamps asked for, if it has none yet: one that was ended early has not."""
+    if lighting is None or plan.light is not None:
+        return plan
+    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress))

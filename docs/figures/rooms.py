@@ -45,6 +45,7 @@ PLACES = {
         "plan": (4, "the plan and its file"),
         "travel": (2.4, "order of the poses"),
         "plan_tables": (4.4, "tables of a plan"),
+        "rows": (4.4, "measurements as rows"),
         "bound": (0.5, "no plan has fewer settings"),
         "light": (2.6, "lamps for a plan"),
         "cover": (0.2, "few columns for all targets"),

@@ -10,12 +10,12 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aspectgraph import (
     AspectGraphError,
@@ -48,15 +48,19 @@ from planner.executors import leave_signals_to_the_parent
 from planner.files import absolute, check_set_place, name_text, output_folder, read_json, write_text
 from planner.identity import Request, plain_fields
 from planner.identity import digest_of as digest_of_request
-from planner.inspection import plan_request, visible_regions
+from planner.inspection import plan_request, space_of, visible_regions, with_light
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.plan_file import check_schema
 from planner.progress import Progress, report
-from planner.report.plan_folder import PLAN_FILES, folder_lock, with_source, write_outputs
+from planner.report.plan_folder import PLAN_FILES, Written, folder_lock, with_source, write_outputs
 from planner.request.camera_limits import MOST_SEED
-from planner.resolve_request import request_of_any_part, resolve_request
+from planner.resolve_request import ResolvedRequest, request_of_any_part, resolve_request
 from planner.verify.simulate_plan import simulate_in_time
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.robotcell import Cell
 
 # What is asked for every part of a folder.
 
@@ -388,8 +392,117 @@ def reason_of(error: BaseException) -> str:
     )
 
 
+@dataclass(frozen=True)
+class FolderWork:
+    """What is planned, simulated and written into a folder, and what is kept there on the way.
+
+    Attributes
+    ----------
+    solid : Solid
+        The part.
+    resolved : ResolvedRequest
+        The request on it.
+    options : InspectionOptions
+        Of the search, with executor and progress, but without space, state and time limit.
+    deadline : Deadline
+        When all of it ends.
+    folder, state : pathlib.Path
+        Where files are written, and the state of the search.
+    regions : KeptRegions
+        Visible regions; they are computed before there is a state.
+    part, reading
+        The part's file, and how it is read, as `with_source` takes them.
+    simulate : int
+        Number of displaced poses per setting.
+    graph_limit : int or None
+        As `write_outputs` takes it.
+    cell : Cell, optional
+        That the plan is for.
+    """
+
+    solid: Solid
+    resolved: ResolvedRequest
+    options: InspectionOptions
+    deadline: Deadline
+    folder: Path
+    state: Path
+    regions: KeptRegions
+    part: str | Path
+    reading: Mapping[str, Any]
+    simulate: int
+    graph_limit: int | None
+    cell: Cell | None = None
+
+    def search(self, options: InspectionOptions) -> InspectionPlan:
+        """Return the plan of the search."""
+        return plan_request(self.solid, self.resolved, options)
+
+    def unwritten(self, plan: InspectionPlan, error: OutputError) -> OutputError:
+        """Return what to raise when a plan cannot be written."""
+        return error
+
+    def done(self) -> tuple[InspectionPlan, Written]:
+        """Plan, simulate and write. State and regions are deleted only after the end."""
+        request = self.resolved.request
+        progress = self.options.progress
+        with self.deadline.stated_whole():
+            regions = visible_regions(
+                self.solid,
+                self.resolved.entities,
+                request,
+                executor=self.options.executor,
+                progress=progress,
+                kept=self.regions,
+                deadline=self.deadline.of_regions(),
+            )
+            plan = self.search(
+                replace(
+                    self.options,
+                    space=space_of(request, regions),
+                    state=self.state,
+                    time_limit_s=self.deadline.seconds_left(SEARCH_SHARE),
+                )
+            )
+        until = self.deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S)
+        simulation, notes = simulate_in_time(
+            plan, self.simulate, request.seed, progress, self.solid, until
+        )
+        plan = replace(plan, simulation=simulation)
+        plan = with_light(plan, self.solid, request.lighting, progress)
+        plan = with_source(plan, self.folder, self.part, self.reading)
+        try:
+            written = write_outputs(
+                plan,
+                regions,
+                self.folder,
+                progress,
+                graph_limit=self.graph_limit,
+                deadline=self.deadline,
+                notes=notes,
+                cell=self.cell,
+            )
+        except OutputError as error:
+            raise self.unwritten(plan, error) from None
+        if not plan.unfinished:
+            # a longer limit goes on from there; what stays does no harm, it gives the same plan again
+            self.regions.remove()
+            with suppress(OSError):
+                self.state.unlink(missing_ok=True)
+        return plan, written
+
+
+class _PartWork(FolderWork):
+    def search(self, options: InspectionOptions) -> InspectionPlan:
+        try:
+            return super().search(options)
+        except PlanFileError:
+            # the state is of another request, or damaged
+            self.state.unlink(missing_ok=True)
+            return super().search(options)
+
+
 def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
-    """Read, plan, simulate and write."""
+    """Read a part, and plan it."""
     solid = read_solid(path, units=request.units)
     if request.select is None:
         entities = read_entities("all", solid)
@@ -399,39 +512,20 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     deadline = Deadline(options.time_limit_s, options.gap)
     # what cannot be measured is refused before the work
     resolved = resolve_request(solid, entities, request.camera, request.pose_uncertainty, options)
-    state = folder / STATE_FILE
-    store = KeptRegions(folder / REGIONS_FOLDER, resolved.request.identity())
-    regions = visible_regions(
-        solid, resolved.entities, resolved.request, kept=store, deadline=deadline.of_regions()
-    )
-    options = replace(
-        options, space=regions, state=state, time_limit_s=deadline.seconds_left(SEARCH_SHARE)
-    )
-    plan = partial(plan_request, solid, resolved, options)
-    with deadline.stated_whole():
-        try:
-            result = plan()
-        except PlanFileError:
-            # of another request, or damaged
-            state.unlink(missing_ok=True)
-            result = plan()
-    simulation, notes = simulate_in_time(
-        result,
-        request.simulate,
-        request.seed,
-        None,
+    work = _PartWork(
         solid,
-        deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
+        resolved,
+        options,
+        deadline,
+        folder,
+        folder / STATE_FILE,
+        KeptRegions(folder / REGIONS_FOLDER, resolved.request.identity()),
+        path,
+        {"units": request.units},
+        request.simulate,
+        request.graph_limit,
     )
-    result = replace(result, simulation=simulation)
-    result = with_source(result, folder, path, {"units": request.units})
-    limit = request.graph_limit
-    write_outputs(result, regions, folder, graph_limit=limit, deadline=deadline, notes=notes)
-    if not result.unfinished:
-        # a longer limit goes on from there
-        state.unlink(missing_ok=True)
-        store.remove()
-    return result
+    return work.done()[0]
 
 
 def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartResult:

@@ -37,9 +37,7 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
-from planner.inspection import plan_request
 from planner.light.lighting import RING, LampBox, LampDome, Lighting, check_lamps_given, check_step
-from planner.light.plan_light import chosen_lamps
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
@@ -51,7 +49,6 @@ from planner.resolve_request import ResolvedRequest, resolve_request
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, ModelDimension, Solid
-    from planner.progress import Progress
     from planner.robotcell import Cell
 
 
@@ -147,15 +144,6 @@ def _lamps(text: str | None) -> Any:
     elif Path(text).suffix.lower() == ".toml":
         return check_lamps_given(_from_file(Path(text)))
     raise RequestError(f"{_RULE} Got {text!r}.")
-
-
-def with_light(
-    plan: InspectionPlan, solid: Solid, lighting: Lighting | None, progress: Progress | None
-) -> InspectionPlan:
-    """Return a plan with the lamps asked for, if it has none yet: the best one before an interruption has not."""
-    if lighting is None or plan.light is not None:
-        return plan
-    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress))
 
 
 def _numbers(text: str, whole: str) -> list[float]:
@@ -430,10 +418,10 @@ class Job:
 
         return self.options.cell if isinstance(self.options.cell, Cell) else None
 
-    def plan(self, **more: Any) -> InspectionPlan:
-        """Plan it; ``more`` replaces some of the options of the run."""
-        resolved = ResolvedRequest(self.request, self.targets.entities)
-        return plan_request(self.solid, resolved, replace(self.options, **more))
+    @property
+    def resolved(self) -> ResolvedRequest:
+        """The request with what of the part it stands for."""
+        return ResolvedRequest(self.request, self.targets.entities)
 
 
 def read_job(options: Plan) -> Job:

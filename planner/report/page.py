@@ -22,7 +22,6 @@ from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.exceptions import RequestError
-from planner.plan_tables import measured_rows
 from planner.progress import report
 from planner.report.figure import (
     GraphPicture,
@@ -71,6 +70,7 @@ from planner.report.wording import (
     window_sentence,
 )
 from planner.request.targets import PlannedDimension, words_of
+from planner.rows import measured_rows
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 
 if TYPE_CHECKING:

@@ -48,9 +48,9 @@ if TYPE_CHECKING:
 
     from aspectgraph import Solid
     from planner.plan import InspectionPlan
-    from planner.plan_tables import Row
     from planner.progress import Progress
     from planner.request.targets import PlannedDimension
+    from planner.rows import Row
     from planner.sensor_setting import SensorSetting
 
 

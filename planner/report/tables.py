@@ -19,7 +19,6 @@ from errors.checks import (
 )
 from errors.measurands.measurand import SOURCES
 from planner.camera.pose import world_to_cam
-from planner.plan_tables import Row
 from planner.report.wording import names_by_reason
 from planner.request.camera_limits import (
     SIGMAS,
@@ -30,6 +29,7 @@ from planner.request.camera_limits import (
     sigmas_left,
 )
 from planner.request.targets import targets_of, words_of
+from planner.rows import Row
 from planner.sensor_setting import kind_of
 from planner.text_table import Column, Table
 from planner.verify.simulate_setting import (
@@ -42,8 +42,8 @@ from planner.verify.simulate_setting import (
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
-    from planner.plan_tables import WarningKind
     from planner.request.targets import Target
+    from planner.rows import WarningKind
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_setting import SuccessRate
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 from errors.checks import percent_text
 from planner.detectability.image_check import MOST_PX
-from planner.plan_tables import line_warning, unshown_warning
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
 from planner.request.dimension_files import SURFACES_MM
 from planner.request.targets import words_of
+from planner.rows import line_warning, unshown_warning
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
