@@ -18,6 +18,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
+from planner.files import program_digest
 from planner.light.lighting import Lighting
 from planner.plan_file import Amount, Coordinates, Count, Fraction
 from planner.request.constraints import Requirements
@@ -25,7 +26,6 @@ from planner.request.models import Means
 from planner.request.registration import RegistrationRecord
 from planner.request.target_records import plain_target, target_from
 from planner.request.targets import Target
-from planner.version import program_digest
 
 # In what two requests differ, in the words of the caller.
 

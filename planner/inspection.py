@@ -28,7 +28,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.identity import Request
-from planner.light.background import DEFAULT_STEP
+from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
 from planner.measuring.planned_edges import registered_problem
@@ -39,7 +39,7 @@ from planner.request.problem import Problem
 from planner.request.reach import Space
 from planner.resolve_request import ResolvedRequest, problem_on, resolve_request
 from planner.resume import PlanningState
-from planner.search.incumbents import Incumbents, Run, needed
+from planner.search.incumbents import Incumbents, SearchRun, needed
 from planner.search.stages import run_stages, settle_early
 
 if TYPE_CHECKING:
@@ -168,13 +168,13 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
     )
     incumbents = Incumbents(callbacks)
     if memo.plan is None:
-        run = Run(problem, request, memo, executor=options.executor, callbacks=callbacks)
+        run = SearchRun(problem, request, memo, executor=options.executor, callbacks=callbacks)
         try:
             memo.finish(run_stages(run, incumbents, request.lighting))
         except TimeIsUpError:
             ended = settle_early(run, incumbents.latest, incumbents.proven)
             incumbents.publish(ended)
-            return _lit(ended, solid, request.lighting)
+            return with_light(ended, solid, request.lighting)
         finally:
             memo.save()
     assert memo.plan is not None
@@ -270,6 +270,13 @@ def space_of(request: Request, regions: VisibilityRegions) -> Space:
     return RingSpace(regions, request.camera, step)
 
 
-def _lit(plan: InspectionPlan, solid: Solid, lighting: Lighting | None) -> InspectionPlan:
-    """Return a plan that was ended early, with lamps for the settings it has."""
-    return plan if lighting is None else replace(plan, light=chosen_lamps(lighting, plan, solid))
+def with_light(
+    plan: InspectionPlan,
+    solid: Solid,
+    lighting: Lighting | None,
+    progress: Progress | None = None,
+) -> InspectionPlan:
+    """Return a plan with the lamps asked for, if it has none yet: one that was ended early has not."""
+    if lighting is None or plan.light is not None:
+        return plan
+    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress))

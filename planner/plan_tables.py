@@ -213,7 +213,7 @@ class PlanTables:
 
     def _repr_html_(self) -> str:
         """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""
-        from errors.formatting import frequency_text, probability_text
+        from errors.checks import frequency_text, probability_text
 
         rows = []
         for number, setting in enumerate(self.settings, start=1):
@@ -261,7 +261,7 @@ class PlanTables:
 def _values(row: Row, n_features: int) -> dict[str, Any]:
     """Return a row without what it is made of."""
     # a plan is read without loading what computes errors
-    from errors.formatting import below_one
+    from errors.checks import below_one
     from errors.measurands.measurand import SOURCES
 
     rate = row.rate

@@ -27,13 +27,12 @@ from typing import Annotated, Any, Literal
 
 from ground.convert import Meta, from_plain, shown
 from planner.exceptions import OutputError, PlanFileError
-from planner.files import encoded, make_folder, read_json, write_text
+from planner.files import encoded, make_folder, program_digest, read_json, write_text
 from planner.identity import first_difference
 from planner.plan import InspectionPlan
 from planner.plan_file import Reasons, check_checkpoint, check_state, packed, unpacked
 from planner.plan_record import Kinds, PlanFile
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting, kind_of
-from planner.version import program_digest
 
 FORMAT = "aspectgraph planning state"
 VERSION = 4

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple
 
-from errors.formatting import frequency_text, probability_text
+from errors.checks import frequency_text, probability_text
 from errors.measurands.geometry import is_short
 from planner.request.registration import means_at
 from planner.request.targets import targets_of

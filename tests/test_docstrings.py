@@ -184,7 +184,7 @@ def test_headings_stand_on_lines_of_their_own():
     """A heading that was filled into its paragraph is none, and what stands under it is lost."""
     heading = re.compile(r"\b(Attributes|Examples|Notes|Parameters|Raises|Returns|Yields) -{3,}")
     files = [path for package in PACKAGES for path in Path(package.__path__[0]).rglob("*.py")]
-    assert len(files) > 200
+    assert len(files) > 180
     assert [str(path) for path in files if heading.search(path.read_text())] == []
 
 

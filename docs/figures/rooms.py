@@ -34,8 +34,7 @@ PLACES = {
         "app": (2.5, "options, commands, batch"),
         "inspection": (1.5, "the whole plan"),
         "report": (4.1, "page, pictures, words"),
-        "pose_prediction": (0.1, "probability from one pose"),
-        "optics": (1.1, "cameras and lenses, ranked"),
+        "optics": (0.6, "poses and lenses, judged"),
         "robotprogram": (2.1, "moves and programs"),
         "measuring": (3.1, "images to values"),
         "search": (1.5, "poses, columns, stages"),
@@ -64,7 +63,6 @@ PLACES = {
         "executors": (0, "work in processes"),
         "progress": (4, "how far it is"),
         "files": (5, "files written whole"),
-        "version": (3, "which code it was"),
         "compiling": (1, "says what is compiled"),
         "exceptions": (3, "for every room"),
     },
@@ -83,7 +81,6 @@ PLACES = {
         "files": (2.92, "files written whole"),
         "exceptions": (1.94, "for every room"),
         "phases": (0.97, "what takes time"),
-        "processes": (2.92, "workers that end in time"),
     },
 }
 LEAVES = {"errors": "error of a measured length", "ga": "a genetic algorithm"}

@@ -311,7 +311,7 @@ class Distance(Measurand):
 class Length(Measurand):
     """Length of an edge, mm: the nominal length times the length of its image over that at the nominal pose.
 
-    Both ends must be found; nothing is carried back. The error is expanded as a logarithm, see `errors.joint`.
+    Both ends must be found; nothing is carried back. The error is expanded as a logarithm, see `errors.model`.
 
     An end is a corner with another line, which has a floor of its own: along the edge each end is wrong by it. The edge
     may lie off its place in both directions across it, each as far as a surface does.

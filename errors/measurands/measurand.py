@@ -20,7 +20,6 @@ from errors.checks import (
     covariance_root,
 )
 from errors.exceptions import InvalidParameterError, InvalidShapeError, MeasurandError
-from errors.joint import quadratic_probability
 from errors.measurands.geometry import (
     Circle,
     FittedEntities,
@@ -30,6 +29,7 @@ from errors.measurands.geometry import (
     Localisation,
     is_short,
 )
+from errors.model import quadratic_probability
 from errors.registration import KnownPoses
 
 # What a measurement error means for a tolerance: uncertainty ratio, acceptance limits.
@@ -300,7 +300,7 @@ class Expansion(NamedTuple):
     variance : array (n, 3)
         Of the normal parts of the noise: localisation of single points, its floor, and surfaces.
     widths : array (n, 2)
-        Of the two triangular parts, see `errors.joint`.
+        Of the two triangular parts, see `errors.model`.
     scale : array (n,)
         Unit of x per unit of the value.
     logarithmic : bool

@@ -10,12 +10,12 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from aspectgraph import (
     AspectGraphError,
@@ -24,8 +24,7 @@ from aspectgraph import (
     resolve_entities,
     select_entities,
 )
-from aspectgraph.entities.entity_files import csv_text
-from aspectgraph.entities.entity_rules import check_selection
+from aspectgraph.entities.entity_rules import check_selection, csv_text
 from aspectgraph.exceptions import MissingExtraError, how_to_install
 from aspectgraph.read.mesh import check_units
 from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
@@ -50,16 +49,19 @@ from planner.executors import leave_signals_to_the_parent
 from planner.files import absolute, check_set_place, name_text, output_folder, read_json, write_text
 from planner.identity import Request
 from planner.identity import digest_of as digest_of_request
-from planner.inspection import plan_request, visible_regions
+from planner.inspection import plan_request, space_of, visible_regions, with_light
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.plan_file import Amount, Count
 from planner.progress import Progress, report
-from planner.report.folder_lock import folder_lock
-from planner.report.plan_folder import PLAN_FILES, with_source, write_outputs
-from planner.request.defaults import MOST_SEED
-from planner.resolve_request import request_of_any_part, resolve_request
+from planner.report.plan_folder import PLAN_FILES, Written, folder_lock, with_source, write_outputs
+from planner.request.camera_limits import MOST_SEED
+from planner.resolve_request import ResolvedRequest, request_of_any_part, resolve_request
 from planner.verify.simulate_plan import simulate_in_time
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.robotcell import Cell
 
 # What is asked for every part of a folder.
 
@@ -401,8 +403,117 @@ def reason_of(error: BaseException) -> str:
     )
 
 
+@dataclass(frozen=True)
+class FolderWork:
+    """What is planned, simulated and written into a folder, and what is kept there on the way.
+
+    Attributes
+    ----------
+    solid : Solid
+        The part.
+    resolved : ResolvedRequest
+        The request on it.
+    options : InspectionOptions
+        Of the search, with executor and progress, but without space, state and time limit.
+    deadline : Deadline
+        When all of it ends.
+    folder, state : pathlib.Path
+        Where files are written, and the state of the search.
+    regions : KeptRegions
+        Visible regions; they are computed before there is a state.
+    part, reading
+        The part's file, and how it is read, as `with_source` takes them.
+    simulate : int
+        Number of displaced poses per setting.
+    graph_limit : int or None
+        As `write_outputs` takes it.
+    cell : Cell, optional
+        That the plan is for.
+    """
+
+    solid: Solid
+    resolved: ResolvedRequest
+    options: InspectionOptions
+    deadline: Deadline
+    folder: Path
+    state: Path
+    regions: KeptRegions
+    part: str | Path
+    reading: Mapping[str, Any]
+    simulate: int
+    graph_limit: int | None
+    cell: Cell | None = None
+
+    def search(self, options: InspectionOptions) -> InspectionPlan:
+        """Return the plan of the search."""
+        return plan_request(self.solid, self.resolved, options)
+
+    def unwritten(self, plan: InspectionPlan, error: OutputError) -> OutputError:
+        """Return what to raise when a plan cannot be written."""
+        return error
+
+    def done(self) -> tuple[InspectionPlan, Written]:
+        """Plan, simulate and write. State and regions are deleted only after the end."""
+        request = self.resolved.request
+        progress = self.options.progress
+        with self.deadline.stated_whole():
+            regions = visible_regions(
+                self.solid,
+                self.resolved.entities,
+                request,
+                executor=self.options.executor,
+                progress=progress,
+                kept=self.regions,
+                deadline=self.deadline.of_regions(),
+            )
+            plan = self.search(
+                replace(
+                    self.options,
+                    space=space_of(request, regions),
+                    state=self.state,
+                    time_limit_s=self.deadline.seconds_left(SEARCH_SHARE),
+                )
+            )
+        until = self.deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S)
+        simulation, notes = simulate_in_time(
+            plan, self.simulate, request.seed, progress, self.solid, until
+        )
+        plan = replace(plan, simulation=simulation)
+        plan = with_light(plan, self.solid, request.lighting, progress)
+        plan = with_source(plan, self.folder, self.part, self.reading)
+        try:
+            written = write_outputs(
+                plan,
+                regions,
+                self.folder,
+                progress,
+                graph_limit=self.graph_limit,
+                deadline=self.deadline,
+                notes=notes,
+                cell=self.cell,
+            )
+        except OutputError as error:
+            raise self.unwritten(plan, error) from None
+        if not plan.unfinished:
+            # a longer limit goes on from there; what stays does no harm, it gives the same plan again
+            self.regions.remove()
+            with suppress(OSError):
+                self.state.unlink(missing_ok=True)
+        return plan, written
+
+
+class _PartWork(FolderWork):
+    def search(self, options: InspectionOptions) -> InspectionPlan:
+        try:
+            return super().search(options)
+        except PlanFileError:
+            # the state is of another request, or damaged
+            self.state.unlink(missing_ok=True)
+            return super().search(options)
+
+
 def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
-    """Read, plan, simulate and write."""
+    """Read a part, and plan it."""
     solid = read_solid(path, units=request.units)
     if request.select is None:
         entities = read_entities("all", solid)
@@ -412,39 +523,20 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
     deadline = Deadline(options.time_limit_s, options.gap)
     # what cannot be measured is refused before the work
     resolved = resolve_request(solid, entities, request.camera, request.pose_uncertainty, options)
-    state = folder / STATE_FILE
-    store = KeptRegions(folder / REGIONS_FOLDER, resolved.request.identity())
-    regions = visible_regions(
-        solid, resolved.entities, resolved.request, kept=store, deadline=deadline.of_regions()
-    )
-    options = replace(
-        options, space=regions, state=state, time_limit_s=deadline.seconds_left(SEARCH_SHARE)
-    )
-    plan = partial(plan_request, solid, resolved, options)
-    with deadline.stated_whole():
-        try:
-            result = plan()
-        except PlanFileError:
-            # of another request, or damaged
-            state.unlink(missing_ok=True)
-            result = plan()
-    simulation, notes = simulate_in_time(
-        result,
-        request.simulate,
-        request.seed,
-        None,
+    work = _PartWork(
         solid,
-        deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
+        resolved,
+        options,
+        deadline,
+        folder,
+        folder / STATE_FILE,
+        KeptRegions(folder / REGIONS_FOLDER, resolved.request.identity()),
+        path,
+        {"units": request.units},
+        request.simulate,
+        request.graph_limit,
     )
-    result = replace(result, simulation=simulation)
-    result = with_source(result, folder, path, {"units": request.units})
-    limit = request.graph_limit
-    write_outputs(result, regions, folder, graph_limit=limit, deadline=deadline, notes=notes)
-    if not result.unfinished:
-        # a longer limit goes on from there
-        state.unlink(missing_ok=True)
-        store.remove()
-    return result
+    return work.done()[0]
 
 
 def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartResult:
@@ -516,7 +608,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
 _AT_A_TIME = 1000
 
 
-class Task(NamedTuple):
+class PartTask(NamedTuple):
     """What `plan_part` takes."""
 
     request: PartRequest
@@ -529,10 +621,10 @@ class Task(NamedTuple):
         return PartResult(self.part, status, reason, request=self.request.fingerprint)
 
 
-def on_executor(tasks: Sequence[Task], executor: Executor) -> Iterator[PartResult]:
+def on_executor(tasks: Sequence[PartTask], executor: Executor) -> Iterator[PartResult]:
     """Yield results as they come from an executor, which replaces its own workers."""
-    waiting: deque[Task] = deque(tasks)
-    running: dict[Future[PartResult], Task] = {}
+    waiting: deque[PartTask] = deque(tasks)
+    running: dict[Future[PartResult], PartTask] = {}
     try:
         while waiting or running:
             while waiting and len(running) < _AT_A_TIME:
@@ -546,14 +638,14 @@ def on_executor(tasks: Sequence[Task], executor: Executor) -> Iterator[PartResul
             future.cancel()
 
 
-def on_own_processes(tasks: Sequence[Task], jobs: int) -> Iterator[PartResult]:
+def on_own_processes(tasks: Sequence[PartTask], jobs: int) -> Iterator[PartResult]:
     """Yield results as they come from processes of this machine.
 
     When one dies, all parts that were being planned are suspects. Each is planned alone then: so it is known on which
     part a process dies.
     """
-    waiting: deque[Task] = deque(tasks)
-    suspects: deque[Task] = deque()
+    waiting: deque[PartTask] = deque(tasks)
+    suspects: deque[PartTask] = deque()
     while waiting or suspects:
         if suspects:
             task = suspects.popleft()
@@ -565,11 +657,11 @@ def on_own_processes(tasks: Sequence[Task], jobs: int) -> Iterator[PartResult]:
 
 
 def _while_whole(
-    pool: Executor, waiting: deque[Task], jobs: int
-) -> Generator[PartResult, None, list[Task]]:
+    pool: Executor, waiting: deque[PartTask], jobs: int
+) -> Generator[PartResult, None, list[PartTask]]:
     """Yield results until all are there or a process dies; return the parts without a result."""
-    running: dict[Future[PartResult], Task] = {}
-    lost: list[Task] = []
+    running: dict[Future[PartResult], PartTask] = {}
+    lost: list[PartTask] = []
     while (waiting and not lost) or running:
         while waiting and not lost and len(running) < jobs:
             task = waiting.popleft()
@@ -586,13 +678,13 @@ def _while_whole(
     return lost
 
 
-def _first(running: dict[Future[PartResult], Task]) -> list[Future[PartResult]]:
+def _first(running: dict[Future[PartResult], PartTask]) -> list[Future[PartResult]]:
     """Wait; return what is done, in the order in which it was begun."""
     done, _ = wait(running, return_when=FIRST_COMPLETED)
     return [future for future in running if future in done]
 
 
-def _result(task: Task, future: Future[PartResult]) -> PartResult:
+def _result(task: PartTask, future: Future[PartResult]) -> PartResult:
     try:
         return future.result()
     except BrokenProcessPool:
@@ -700,11 +792,11 @@ def plan_folder(
         check_set_place(Path(out), TABLES, is_table, "out")
     with output_folder(out, TABLES, "out") as target, folder_lock(target):
         results: dict[str, PartResult] = {}
-        waiting: list[Task] = []
+        waiting: list[PartTask] = []
         ours = parts_in(target / TABLES[0]) or set()
         for path in part_files(source, target):
             name = name_text(path.relative_to(source))
-            task = Task(request, name, path, target / path.relative_to(source))
+            task = PartTask(request, name, path, target / path.relative_to(source))
             earlier_result = _earlier_result(task, replace or name in ours)
             if earlier_result is None:
                 waiting.append(task)
@@ -725,7 +817,7 @@ def plan_folder(
     return sorted(results.values(), key=lambda part_result: part_result.part)
 
 
-def _earlier_result(task: Task, may_replace: bool) -> PartResult | None:
+def _earlier_result(task: PartTask, may_replace: bool) -> PartResult | None:
     """Return the result of a part without planning it; None if it is to be planned."""
     if not task.path.is_file():
         kind = "a link that leads nowhere" if task.path.is_symlink() else "a pipe or a device"
@@ -774,7 +866,7 @@ def _kinds() -> str:
 
 
 def _planned_of_folder_of_parts(
-    waiting: list[Task], jobs: int, executor: Executor | None
+    waiting: list[PartTask], jobs: int, executor: Executor | None
 ) -> Iterator[PartResult]:
     if executor is not None:
         yield from on_executor(waiting, executor)

@@ -8,7 +8,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,6 +37,7 @@ from planner.app.batch import (
     REGIONS_FOLDER,
     STATE_FILE,
     TABLES,
+    FolderWork,
     PartRequest,
     dask_executor,
     is_table,
@@ -47,7 +48,7 @@ from planner.app.batch import (
 from planner.app.checks import option, read_camera
 from planner.app.job import (
     Job,
-    Wanted,
+    JobTargets,
     check_nothing_read,
     check_same_part,
     chosen_entities,
@@ -57,47 +58,43 @@ from planner.app.job import (
     read_limits,
     read_part,
     read_request,
-    with_light,
     workspace_of,
 )
 from planner.app.options import Batch, Dimensions, Graph, Info, Optics, Plan, Simulate
 from planner.app.process import DONE, INCOMPLETE
-from planner.callbacks import LEAST_SIMULATION_S, SEARCH_SHARE, SIMULATION_SHARE, Deadline
+from planner.callbacks import Deadline
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
 from planner.executors import usable_cores
 from planner.files import absolute, check_set_place, output_folder, path_text, print_json
 from planner.identity import Request, first_difference
-from planner.inspection import space_of, visible_regions
 from planner.optics import DISTANCES_MM, OPTICS_COLUMNS, OpticsProposal, optics_rows, propose_optics
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import Progress, labelled, note, reading_shown, terminal_progress, visible
 from planner.report import terminal_tables
-from planner.report.folder_lock import folder_lock
 from planner.report.plan_folder import (
     PLAN_FILES,
     Written,
+    folder_lock,
     rescue,
-    with_source,
     write_graph,
-    write_outputs,
 )
 from planner.report.terminal_tables import graph_record, part_record, plan_record
 from planner.report.wording import cost_sentence, incumbent_line
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.dimension import Dimension
 from planner.request.words import features_text, n_not_planned
 from planner.resume import read_state, state_difference
 from planner.robotcell.arm import unchecked_text
 from planner.text_table import Column, print_table, print_text, words
-from planner.verify.simulate_plan import simulate_in_time, simulate_plan
+from planner.verify.simulate_plan import simulate_plan
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from aspectgraph import EntityAspectGraph, Solid, VisibilityRegions
+    from aspectgraph import EntityAspectGraph, Solid
 
 
 # The best plan so far: a line in the log for each, and something to write when the work is
@@ -321,12 +318,6 @@ class Leftovers:
             raise OutputError(
                 f"--out must be a folder that can be written. Got {reason}."
             ) from None
-
-    def remove(self) -> None:
-        """Delete all of it, after the end; what stays does no harm: it gives the same plan again."""
-        self.regions.remove()
-        with suppress(OSError):
-            self.state.unlink(missing_ok=True)
 
     @contextmanager
     def with_advice(self) -> Iterator[None]:
@@ -570,14 +561,14 @@ def _print_planned(
     """Print a plan, and the files it is in."""
     files = [path_text(path) for path in written.files]
     if options.json:
-        print_json(plan_record(result, files, job.wanted.left_out))
+        print_json(plan_record(result, files, job.targets.left_out))
         return
     terminal_tables.print_plan(result)
     if result.cell:
         print_arm(result)
     _print_unit(job.part, job.reading.get("units"))
-    _print_left_out(job.wanted)
-    if text := localisation_text(options, job.wanted.items):
+    _print_left_out(job.targets)
+    if text := localisation_text(options, job.targets.items):
         print_text(text)
     if result.unfinished and leftovers:
         print("The same command with --resume continues from here.")
@@ -587,84 +578,50 @@ def _print_planned(
     terminal_tables.print_written(files, path_text(leftovers.folder), report)
 
 
-def _print_left_out(targets: Wanted) -> None:
+def _print_left_out(targets: JobTargets) -> None:
     """Print what the model states and nothing can measure, with the reasons."""
     for name, reason in targets.left_out.items():
         print_text(words(f"{name} is not planned: {reason}", [name]))
 
 
+class _CommandWork(FolderWork):
+    def search(self, options: InspectionOptions) -> InspectionPlan:
+        """Return the plan, or the best so far if the search is interrupted."""
+        try:
+            return super().search(options)
+        except KeyboardInterrupt:
+            if not isinstance(options.on_incumbent, BestSoFar):
+                raise
+            return options.on_incumbent.instead()
+
+    def unwritten(self, plan: InspectionPlan, error: OutputError) -> OutputError:
+        """Return an error that says where the plan is instead."""
+        return OutputError(f"{error} {rescue(plan, self.state)}")
+
+
 def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionPlan, Written, bool]:
-    """Plan and write; return plan, files, and whether it was interrupted. The state is deleted only after the end."""
-    solid = job.solid
+    """Plan and write; return plan, files, and whether it was interrupted."""
     with (
         terminal_progress(quiet=options.quiet, lines=options.verbose) as progress,
         _executor(options.jobs) as executor,
     ):
         best = BestSoFar(progress)
-        deadline = Deadline(options.time_limit, begun=options.begun)
-        with deadline.stated_whole():
-            result, regions = _searched(job, leftovers, best, deadline, executor, progress)
-        simulation, notes = simulate_in_time(
-            result,
+        run = replace(job.options, on_incumbent=best, executor=executor, progress=progress)
+        work = _CommandWork(
+            job.solid,
+            job.resolved,
+            run,
+            Deadline(options.time_limit, begun=options.begun),
+            Path(path_text(leftovers.folder)),
+            leftovers.state,
+            leftovers.regions,
+            job.part,
+            job.reading,
             options.simulate,
-            job.request.seed,
-            progress,
-            solid,
-            deadline.time_left(SIMULATION_SHARE, LEAST_SIMULATION_S),
+            options.graph_limit,
+            job.cell,
         )
-        result = replace(result, simulation=simulation)
-        result = with_light(result, solid, job.request.lighting, progress)
-        result = with_source(result, leftovers.folder, job.part, job.reading)
-        try:
-            folder = Path(path_text(leftovers.folder))
-            written = write_outputs(
-                result,
-                regions,
-                folder,
-                progress,
-                graph_limit=options.graph_limit,
-                deadline=deadline,
-                notes=notes,
-                cell=job.cell,
-            )
-        except OutputError as error:
-            raise OutputError(f"{error} {rescue(result, leftovers.state)}") from None
-    if not result.unfinished:
-        leftovers.remove()
-    return result, written, best.interrupted
-
-
-def _searched(
-    job: Job,
-    leftovers: Leftovers,
-    best: BestSoFar,
-    deadline: Deadline,
-    executor: Executor | None,
-    progress: Progress | None,
-) -> tuple[InspectionPlan, VisibilityRegions]:
-    """Return the plan, or the best so far if the search is interrupted, and the regions it rests on."""
-    request = job.request
-    regions = visible_regions(
-        job.solid,
-        job.wanted.entities,
-        request,
-        executor=executor,
-        progress=progress,
-        kept=leftovers.regions,
-        deadline=deadline.of_regions(),
-    )
-    try:
-        plan = job.plan(
-            time_limit_s=deadline.seconds_left(SEARCH_SHARE),
-            on_incumbent=best,
-            space=space_of(request, regions),
-            state=leftovers.state,
-            executor=executor,
-            progress=progress,
-        )
-    except KeyboardInterrupt:
-        plan = best.instead()
-    return plan, regions
+        return *work.done(), best.interrupted
 
 
 def batch(options: Batch) -> int:

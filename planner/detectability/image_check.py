@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from errors.measurands.geometry import Circle, Geometry
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
@@ -159,7 +159,7 @@ class Scanned:
         return cls(tuple(edge_ids), np.asarray(geometry.p) + shares[:, None] * way)
 
 
-class Pieces(NamedTuple):
+class ImagePieces(NamedTuple):
     """Pieces (c) of entities, each of which is asked how near other lines come.
 
     Attributes
@@ -182,7 +182,7 @@ class Pieces(NamedTuple):
         edge_ids: Sequence[Sequence[int] | None],
         ends: Array,
         scanned: Sequence[Sequence[Scanned]],
-    ) -> tuple[Pieces, list[tuple[int, ...]]]:
+    ) -> tuple[ImagePieces, list[tuple[int, ...]]]:
         """Return the pieces of entities, and the edges that they belong to.
 
         Parameters
@@ -329,7 +329,7 @@ class ImageCheck:
         self._lens = _lens_of(camera)
         self._stretches = _stretches_of(camera)
         self._has_corners = np.array([ids is not None for ids in edge_ids], bool)
-        self._pieces, scanned_lines = Pieces.of(
+        self._pieces, scanned_lines = ImagePieces.of(
             edge_ids, self._ends, scanned or [()] * len(edge_ids)
         )
         self._has_pieces = np.diff(self._pieces.first) > 0

@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.convert import STATED, Meta, NullIs, Shape, from_plain, to_plain
-from planner.camera.camera import Camera
-from planner.camera.imaging import image_of, tangents_of
+from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
 from planner.plan_file import Amount, Coordinates, Count, Fraction, Reasons, Share
 from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
-    from aspectgraph.solid.ray_scene import RayScene
+    from aspectgraph.solid.solid import RayScene
     from planner.verify.simulate_setting import Planned
 
 

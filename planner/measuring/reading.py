@@ -23,8 +23,7 @@ from errors.measurands.geometry import Frame
 from errors.measurands.measurand import COVERAGE
 from errors.registration import rests_on_prior
 from ground.convert import NOT_STORED, Key, Meta
-from planner.camera.camera import Camera
-from planner.camera.imaging import tangents_of
+from planner.camera.camera import Camera, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.detectability.image_check import SECTORS
 from planner.measuring.fit import (
@@ -38,8 +37,18 @@ from planner.measuring.fit import (
 )
 from planner.measuring.images import Picture
 from planner.measuring.registered import NumberOrNull, Registered, displaced
-from planner.measuring.samples import POSE, PartEdge, PartModel, Samples, across_of, pixels_of
-from planner.measuring.scans import ALONG_VARIANCE, STATE_TEXTS, Scans, State
+from planner.measuring.samples import (
+    ALONG_VARIANCE,
+    POSE,
+    STATE_TEXTS,
+    PartEdge,
+    PartModel,
+    Samples,
+    Scans,
+    State,
+    across_of,
+    pixels_of,
+)
 from planner.measuring.verdict import Sampled, beside_shadows, stretches_of
 
 Array = NDArray[np.float64]

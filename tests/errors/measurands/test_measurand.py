@@ -34,8 +34,14 @@ KINDS = {
     "distance": LINES,
     "diameter": (RIM,),
     "radius": (RIM,),
-    "centre_distance": (Circle((-10, 0, 0), (0, 0, 1), 4.0), Circle((10, 0, 0), (0, 0, 1), 6.0)),
-    "centre_to_edge": (Circle((0, 10, 0), (0, 0, 1), 4.0), Line((-15, -10, 0), (15, -10, 0))),
+    "centre_distance": (
+        Circle((-10, 0, 0), (0, 0, 1), 4.0),
+        Circle((10, 0, 0), (0, 0, 1), 6.0),
+    ),
+    "centre_to_edge": (
+        Circle((0, 10, 0), (0, 0, 1), 4.0),
+        Line((-15, -10, 0), (15, -10, 0)),
+    ),
     "angle": (Line((-10, 0, 0), (10, 0, 0)), Line((-10, -10, 0), (10, 10, 0))),
 }
 
@@ -332,7 +338,10 @@ RIGHT = Circle((10, 0, 0), (0, 0, 1), 6.0)
             lambda: Circle((0, 0, 0), (0, 0, 0), 1.0),
             r"axis must have a length\. Got \[0\.0, 0\.0, 0\.0\]",
         ),
-        (lambda: Circle((0, 0, 0), (0, 0, 1), math.inf), r"radius_mm must be positive\. Got inf"),
+        (
+            lambda: Circle((0, 0, 0), (0, 0, 1), math.inf),
+            r"radius_mm must be positive\. Got inf",
+        ),
         (
             lambda: Circle((0, 0, 0), (0, 0, 1), 1.0, (1, 0, 0), 7.0),
             r"span_rad must be in \(0, 2 pi\]\. Got 7\.0",

@@ -231,7 +231,7 @@ def interrupt(*arguments, **options):
 
 
 def test_resuming_is_not_offered_where_nothing_is_kept(folder, quick, capsys, monkeypatch):
-    monkeypatch.setattr("planner.app.plan_commands.visible_regions", interrupt)
+    monkeypatch.setattr("planner.app.batch.visible_regions", interrupt)
     assert failure(capsys, [*PLAN, "--jobs", "1"], INCOMPLETE)[-1] == "aspectgraph: interrupted"
     assert not (folder / "out").exists()
 
@@ -304,7 +304,7 @@ def test_a_plan_that_can_be_kept_nowhere_in_its_folder_is_elsewhere(
     (folder / "tmp").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(folder / "tmp"))
     monkeypatch.setattr("planner.resume.write_text", full)
-    monkeypatch.setattr(commands, "write_outputs", unwritable)
+    monkeypatch.setattr("planner.app.batch.write_outputs", unwritable)
     last = failure(capsys, [*PLAN, "--simulate", "100"])[-1]
     place = next((folder / "tmp").glob("aspectgraph-*/plan.json"))
     assert last == f"aspectgraph: disk full The plan is in {place} instead."

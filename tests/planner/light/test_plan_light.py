@@ -13,7 +13,7 @@ from plan_examples import CAMERA, plan, setting
 from aspectgraph import LightError, compute_light, contrast, read_solid, resolve_entities
 from aspectgraph.cells.arrays import Cell
 from aspectgraph.light import silhouettes_from
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Line
 from planner import RequestError, RingSpace, SphereRegion, plan_light
 from planner.light import plan_light as fewest

@@ -22,9 +22,8 @@ from planner.measuring import register as registering
 from planner.measuring import verdict as shadows
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, fitted, prior_covariance
-from planner.measuring.samples import PartModel
-from planner.measuring.scans import State
-from planner.measuring.task import Found, Scan, registration_task
+from planner.measuring.samples import PartModel, State
+from planner.measuring.task import ImageScan, Scan, registration_task
 from planner.measuring.verdict import Attempt, Shown
 
 LAMP_VERDICT = Lamp(np.zeros(3), 0.0, 1.0, 0.8, 0.1, 0.0)
@@ -41,7 +40,7 @@ def attempt_of(task, found, light=None, left_out=None, lead=1.0):
     """An attempt in one image that finds some samples (m,), right where they are."""
     count = len(task.samples.edge)
     nothing = np.zeros(count)
-    one = Found(nothing, found, np.where(found, 0, 1), nothing)
+    one = ImageScan(nothing, found, np.where(found, 0, 1), nothing)
     x = np.zeros(len(task.prior))
     scan = Scan(x, *task.predicted(x), [one])
     out = np.zeros(count, dtype=bool) if left_out is None else left_out

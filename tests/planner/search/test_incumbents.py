@@ -33,7 +33,7 @@ from planner.exceptions import RequestError
 from planner.light.light_plan import LightPlan
 from planner.plan import InspectionPlan, read_plan
 from planner.report.tables import nearest_limits
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
 from planner.rows import measured_rows
 from planner.search import incumbents as supported_columns
