@@ -353,3 +353,21 @@ def test_conditional_expressions_are_few(package):
 @pytest.mark.parametrize("package", TREE)
 def test_comprehensions_are_few(package):
     assert per_1000_lines(package, COMPREHENSIONS) <= MOST_COMPREHENSIONS[package]
+
+
+# records
+
+
+# methods that write and read a record without the converter: the number only falls
+MOST_OW37ERSIONS = 37
+
+
+def test_records_are_converted_by_the_converter():
+    """A new record states its rules on its fields, see `ground.convert`."""
+    conversions = [
+        node.name
+        for path in sources(TREE)
+        for node in functions(path.read_text())
+        if getattr(node, "name", "") in ("to_dict", "from_dict")
+    ]
+    assert len(conversions) <= MOST_OW37ERSIONS
