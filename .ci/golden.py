@@ -99,7 +99,7 @@ PROGRAMS = ("urscript", "rapid", "krl", "ros", "csv", "json")
 ACCOUNT = ("request", "program", "version", "source", "made", "plan")
 # what a plan says of its request in fields of its own: their layout may change, what follows from them may not
 ASKED = ("part", "accuracy", "probability", "seed", "workspace", "requirements", "camera")
-ASKED += ("pose_uncertainty", "entities", "dimensions", "features", "units", "minimal")
+ASKED += ("pose_uncertainty", "entities", "dimensions", "features", "units", "minimal", "targets")
 _ACCOUNT_IN_TEXT = re.compile(r"\b(?:[0-9a-f]{64}|\d{4}-\d\d-\d\d)\b")
 
 

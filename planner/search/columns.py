@@ -259,7 +259,7 @@ class Judge:
 
     def __getstate__(self) -> dict[str, Any]:
         """Keep request and effort only: the rest is made from them again."""
-        return {"request": self.problem, "effort": self.effort}
+        return {"problem": self.problem, "effort": self.effort}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__init__(**state)  # type: ignore[misc]

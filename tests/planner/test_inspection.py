@@ -377,14 +377,14 @@ def test_conflicts_are_real(judge):
     long = BoxSpace((900.0, 80.0, 60.0), WORKSPACE, ["-y+x", "-y-x", "+y+x"])
     far = Judge(Problem(long, long.entity_names, CAMERA, UNCERTAINTY, 0.98, 0.9))
     cells = Cells([long.covering_cells([name]) for name in long.entity_names])
-    found = find_conflicts(far.request, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
+    found = find_conflicts(far.problem, np.arange(3), np.zeros((0, 3), dtype=bool), cells)
     assert found.tolist() == [[False, True, False], [True, False, True], [False, True, False]]
     # the middle one excludes both others, so two of them are a largest clique; the two outer ones alone are none
-    exclusive = exclusive_entities(far.request, np.arange(3), np.zeros((0, 3), dtype=bool))
+    exclusive = exclusive_entities(far.problem, np.arange(3), np.zeros((0, 3), dtype=bool))
     assert exclusive.tolist() in ([0, 1], [1, 2])
-    assert exclusion_proof(far.request, 2).startswith("Of 2 edges no two can be inspected together")
-    assert len(exclusive_entities(far.request, np.array([0, 2]), np.zeros((0, 2), dtype=bool))) == 1
-    assert exclusion_proof(far.request, 1) == "Fewer settings than one inspect nothing."
+    assert exclusion_proof(far.problem, 2).startswith("Of 2 edges no two can be inspected together")
+    assert len(exclusive_entities(far.problem, np.array([0, 2]), np.zeros((0, 2), dtype=bool))) == 1
+    assert exclusion_proof(far.problem, 1) == "Fewer settings than one inspect nothing."
 
 
 @pytest.mark.uncompiled

@@ -84,7 +84,7 @@ def test_visible_all_around_decides_where_regions_only_touch():
         need = Requirements(visibility_radius_mm=radius)
         strict = Judge(Problem(judge.space, EDGES, CAMERA, UNCERTAINTY, 0.98, 0.9, need))
         space = PoseSpace(
-            strict.request, np.arange(len(pair)), regions, np.zeros((2, 2), dtype=bool)
+            strict.problem, np.arange(len(pair)), regions, np.zeros((2, 2), dtype=bool)
         )
         tree = viewpoints_for(
             space.nodal_points, space.entities, space.view, np.ones(2), 1.5, finest=4.0
