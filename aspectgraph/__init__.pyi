@@ -13,7 +13,7 @@ from .entities.entity import pieces_of_edge as pieces_of_edge
 from .entities.entity import resolve_entities as resolve_entities
 from .entities.entity import run_arc as run_arc
 from .entities.entity import runs_of as runs_of
-from .entities.entity_files import read_entities as read_entities
+from .entities.entity_rules import read_entities as read_entities
 from .entities.entity_rules import select_entities as select_entities
 from .exceptions import AspectGraphError as AspectGraphError
 from .exceptions import ContradictionError as ContradictionError
@@ -37,6 +37,8 @@ from .exceptions import ToleranceError as ToleranceError
 from .exceptions import TouchingError as TouchingError
 from .exceptions import WidthError as WidthError
 from .exceptions import WorkspaceError as WorkspaceError
+from .files import ReadLimits as ReadLimits
+from .files import SolidChoice as SolidChoice
 from .graph.aspect_graph import Crossing as Crossing
 from .graph.aspect_graph import EntityAspectGraph as EntityAspectGraph
 from .graph.aspect_graph import ListOfEntities as ListOfEntities
@@ -49,9 +51,9 @@ from .graph.aspect_graph import write_graphml as write_graphml
 from .graph.build_graph import JointEstimate as JointEstimate
 from .graph.build_graph import JointForecast as JointForecast
 from .graph.build_graph import build_aspect_graph as build_aspect_graph
+from .graph.build_graph import complete_aspect_graph as complete_aspect_graph
 from .graph.build_graph import estimate_graph as estimate_graph
 from .graph.build_graph import graph_of as graph_of
-from .graph.complete_graph import complete_aspect_graph as complete_aspect_graph
 from .light import LightGraph as LightGraph
 from .light import LightRegions as LightRegions
 from .light import build_light_graph as build_light_graph
@@ -59,16 +61,14 @@ from .light import compute_light as compute_light
 from .light import contrast as contrast
 from .light import light_graph_of as light_graph_of
 from .light import light_region as light_region
-from .plot.graph_plot import GraphDrawing as GraphDrawing
-from .plot.graph_plot import plot_graph as plot_graph
 from .plot.picker import edge_figure as edge_figure
 from .plot.picker import write_edge_picture as write_edge_picture
+from .plot.views import GraphDrawing as GraphDrawing
 from .plot.views import SectionDrawing as SectionDrawing
 from .plot.views import plot_domains as plot_domains
+from .plot.views import plot_graph as plot_graph
 from .plot.views import plot_section as plot_section
 from .plot.views import plot_solid as plot_solid
-from .read.limits import ReadLimits as ReadLimits
-from .read.limits import SolidChoice as SolidChoice
 from .read.part_file import read_solid as read_solid
 from .solid.rims import Arc as Arc
 from .solid.rims import Circle as Circle

@@ -24,8 +24,7 @@ from aspectgraph.exact.grid import Grid, plane_through
 from aspectgraph.exceptions import LightError
 from aspectgraph.graph.aspect_graph import EntityAspectGraph
 from aspectgraph.graph.build_graph import graph_of
-from aspectgraph.solid.ray_scene import RayScene
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import RayScene, Solid
 from aspectgraph.visibility.blocked_sets import blockers
 from aspectgraph.visibility.entity_region import Region, carved_region
 from aspectgraph.visibility.scene import (

@@ -1,14 +1,20 @@
-"""Phases of long work, reported to whoever waits for it.
-
-A listener is called as ``progress(done, total, label)``. It holds for the current context, so that no
-function between the caller and the work needs a parameter for it. It may raise to cancel the work.
-"""
+"""Long work: its phases are reported to whoever waits, and its processes end with who started them."""
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+
+# Phases of long work, reported to whoever waits for it.
+#
+# A listener is called as ``progress(done, total, label)``. It holds for the current context, so
+# that no function between the caller and the work needs a parameter for it. It may raise to
+# cancel the work.
+
 
 _LISTENER: ContextVar[Callable[[int, int, str], None] | None] = ContextVar("phases", default=None)
 
@@ -56,3 +62,25 @@ def phase(label: str) -> Iterator[None]:
     report_phase(0, 1, label)
     yield
     report_phase(1, 1, label)
+
+
+# Processes that do not outlive the one that started them.
+
+
+_DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG
+
+
+def die_with(parent: int) -> None:
+    """Arrange that the death of the parent kills this process, whatever it is doing; on Linux.
+
+    Parameters
+    ----------
+    parent : int
+        Id of the process to die with. If it is dead already, this one ends at once.
+    """
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)

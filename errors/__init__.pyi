@@ -11,8 +11,8 @@ from .exceptions import DegenerateSegmentError as DegenerateSegmentError
 from .exceptions import InvalidParameterError as InvalidParameterError
 from .exceptions import InvalidShapeError as InvalidShapeError
 from .exceptions import MeasurementModelError as MeasurementModelError
-from .joint import length_expansion as length_expansion
 from .model import SuccessModel as SuccessModel
+from .model import length_expansion as length_expansion
 from .model import success_probability as success_probability
 from .referee import MonteCarloEstimate as MonteCarloEstimate
 from .referee import binomial_interval as binomial_interval

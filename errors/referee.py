@@ -23,10 +23,11 @@ from errors.checks import (
     check_positive,
     check_probability,
     covariance_root,
+    frequency_text,
+    interval_text,
 )
 from errors.displacement import displace, image_segment, project
 from errors.exceptions import InvalidParameterError, InvalidShapeError
-from errors.formatting import frequency_text, interval_text
 from ground.decorators import njit
 
 # The referee: exact displaced poses, drawn at random, against which the other models are judged.
@@ -67,13 +68,11 @@ class MonteCarloEstimate:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         shape = np.shape(self.probability)
-        found = f"shape {shape}"
+        estimate = f"shape {shape}"
         if not shape:
             drawn = frequency_text(round(float(self.probability) * self.samples), self.samples)
-            found = f"{drawn}, in {interval_text(float(self.lower), float(self.upper))}"
-        return (
-            f"<MonteCarloEstimate: {found}, confidence {self.confidence:g}, {self.samples} samples>"
-        )
+            estimate = f"{drawn}, in {interval_text(float(self.lower), float(self.upper))}"
+        return f"<MonteCarloEstimate: {estimate}, confidence {self.confidence:g}, {self.samples} samples>"
 
 
 def simulate_success(

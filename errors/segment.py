@@ -264,7 +264,7 @@ def _smooth_square(x: FloatArray, b: FloatArray) -> FloatArray:
 #
 # Kept for comparison: one displaced pose moves both ends together, so their displacements nearly
 # cancel in the length, and this model overstates the error of a typical edge a hundredfold (see
-# `errors.joint` for the model to use).
+# `errors.model` for the model to use).
 #
 # Sums of independent variables multiply characteristic functions, so each law here is a product
 # of those of `NormalRatio` (eqs 10-11) and `SegmentQuantization` (eq 3), inverted on equidistant

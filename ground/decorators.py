@@ -65,7 +65,7 @@ _SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DEBUGINFO
 class _State:
     """What this process has met so far: whether it said so, and whether something could not be kept."""
 
-    told: bool = False
+    is_told: bool = False
     lost: bool = False
 
 
@@ -334,9 +334,9 @@ def _lose(reason: str) -> None:
 
 def _tell_once(text: str) -> None:
     """Log the first text of this process; worker processes leave it to the one that started them."""
-    if not _state.told and multiprocessing.parent_process() is None:
+    if not _state.is_told and multiprocessing.parent_process() is None:
         _logger.warning("%s", text)
-    _state.told = True
+    _state.is_told = True
 
 
 # Compiling loops: for as few signatures as can be, and without bookkeeping where they are called
@@ -480,7 +480,7 @@ def put_table(target: Any, values: Any) -> None:
 @kernel
 def holds_value(values: Any, wanted: Any) -> bool:
     """Whether one of the values (n,) is the wanted one; an expression of arrays takes longer to compile."""
-    found = False
+    holds = False
     for value in values:
-        found |= value == wanted
-    return found
+        holds |= value == wanted
+    return holds

@@ -70,9 +70,9 @@ class _Linked(JITCodeLibrary):
         """Leave it to the callers, which do it with what they inline."""
 
     def _finalize_final_module(self) -> None:
-        own: Any = self
-        own._finalize_dynamic_globals()
-        own._verify_declare_only_symbols()
+        library: Any = self
+        library._finalize_dynamic_globals()
+        library._verify_declare_only_symbols()
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -122,11 +122,11 @@ class _Flags(Flags):
     """
 
     def _counting(self) -> dict[str, Any]:
-        known: Any = self.options  # type: ignore[attr-defined]
+        options: Any = self.options  # type: ignore[attr-defined]
         return {
             name: value
             for name, value in self._values.items()
-            if name not in _ENTERING and value != known[name].default
+            if name not in _ENTERING and value != options[name].default
         }
 
     def __eq__(self, other: object) -> bool:

@@ -38,7 +38,7 @@ from rendered_images import Renderer, found_points
 from scipy.stats import binomtest
 
 from aspectgraph import read_dimensions, read_solid
-from errors.formatting import frequency_text, interval_text, probability_text
+from errors.checks import frequency_text, interval_text, probability_text
 from errors.measurands import Localisation, MeasurandModel, acceptance_limits, uncertainty_ratio
 from planner import Camera, Effort, PoseUncertainty, plan_inspection
 from planner.request.dimension import Dimension

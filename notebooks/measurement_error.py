@@ -45,7 +45,7 @@ from errors import (
     simulate_success,
     success_probability,
 )
-from errors.formatting import probability_text
+from errors.checks import probability_text
 
 F = 25.0
 PITCH = (0.010, 0.013)

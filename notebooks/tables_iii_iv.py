@@ -55,7 +55,7 @@ from paper_tables import (
 )
 from rivals import Problem
 
-from errors.formatting import probability_text
+from errors.checks import probability_text
 from planner import Search
 from planner.camera.pose import world_to_cam
 from planner.report.predicted_image import PictureMaker

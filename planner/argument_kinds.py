@@ -119,7 +119,7 @@ def _is(value: object, kind: str) -> bool:
         return isinstance(value, Mapping | Sequence) and not isinstance(value, str | bytes)
     if kind == MAPPING:
         return isinstance(value, Mapping)
-    return kind in (one.__name__ for one in type(value).__mro__)
+    return kind in (ancestor.__name__ for ancestor in type(value).__mro__)
 
 
 def _kind_shown(value: object) -> str:

@@ -159,11 +159,13 @@ def _function_of(event: Any) -> Any:
 
 def _loops() -> int:
     """Return how many compiled functions the modules loaded have."""
-    own = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] in _OURS]
+    modules = [
+        module for name, module in list(sys.modules.items()) if name.partition(".")[0] in _OURS
+    ]
     return len(
         {
             id(value)
-            for module in own
+            for module in modules
             for value in vars(module).values()
             if isinstance(value, Dispatcher)
         }

@@ -571,14 +571,14 @@ class Exchange(NamedTuple):
         The columns of a state that misses the fewest entities.
     missing : int
         How many it misses; 0: they are a cover.
-    wanted : array of bool (w, e)
+    missing_sets : array of bool (w, e)
         Distinct sets. Each contains one entity that a state with so few missing misses, and what one of its columns
         alone contains: a column that contains the set could take that one's place, and one entity fewer were missing.
     """
 
     chosen: np.ndarray
     missing: int
-    wanted: np.ndarray
+    missing_sets: np.ndarray
 
 
 def exchange_columns(
@@ -631,7 +631,7 @@ def exchange_columns(
         chosen[leaves[i]] = comes[k]
     if wishes:
         sets = np.concatenate(wishes)
-        best = best._replace(wanted=sets[np.sort(distinct_rows(sets)[0])])
+        best = best._replace(missing_sets=sets[np.sort(distinct_rows(sets)[0])])
     return best
 
 

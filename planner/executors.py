@@ -121,10 +121,10 @@ def leave_signals_to_the_parent(parent: int) -> None:
         Id of the process it works for. A forked worker dies with it: nobody else would end it.
     """
     # here, as the command line asks for help without it
-    from aspectgraph.processes import die_with
+    from aspectgraph.phases import die_with
 
     if multiprocessing.get_start_method() == "fork":
         die_with(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for one in TERMINATING:
-        signal.signal(one, signal.SIG_DFL)
+    for signal_number in TERMINATING:
+        signal.signal(signal_number, signal.SIG_DFL)

@@ -20,6 +20,9 @@ from typing import Any, NamedTuple
 
 from planner.exceptions import OutputError, PlanFileError
 
+# Writing files so that a reader never meets half of one: write beside the target, then rename.
+
+
 # hidden files and folders of a process that writes begin like this, then come its machine and its id
 _HIDDEN = ".aspectgraph-"
 _OWNED = re.compile(r"\.aspectgraph-([0-9a-f]{8})-(\d+)-")
@@ -270,21 +273,23 @@ def output_folder(
         If it is no folder, cannot be made or written, or a folder is in a file's way.
     """
     # errors name it as it was given, the work may not depend on where the process is
-    given = Path(path)
-    check_path_text(given, parameter)
-    path = absolute(given)
+    stated_path = Path(path)
+    check_path_text(stated_path, parameter)
+    path = absolute(stated_path)
     made: list[Path] = []
     try:
         try:
-            make_folder(given, made)
+            make_folder(stated_path, made)
             for name in names:
-                _check_not_in_the_way(given / name, given)
-                _check_replaceable(given / name)
-            for folder in dict.fromkeys([given, *((given / name).parent for name in names)]):
+                _check_not_in_the_way(stated_path / name, stated_path)
+                _check_replaceable(stated_path / name)
+            for folder in dict.fromkeys(
+                [stated_path, *((stated_path / name).parent for name in names)]
+            ):
                 if folder.exists():
                     _try_to_write(folder)
         except OSError as error:
-            raise _refused(given, error, parameter) from None
+            raise _refused(stated_path, error, parameter) from None
         yield path
     finally:
         _remove_empty(made)
@@ -610,9 +615,9 @@ def read_json(path: str | os.PathLike[str], what: str) -> Any:
     except UnicodeDecodeError:
         raise PlanFileError(f"{path}: {what} must be UTF-8 text. Got other bytes.") from None
     except json.JSONDecodeError as error:
-        found = f": {error.msg}" if text.strip() else " an empty file"
+        received = f": {error.msg}" if text.strip() else " an empty file"
         raise PlanFileError(
-            f"{path}:{error.lineno}:{error.colno}: {what} must be JSON. Got{found}."
+            f"{path}:{error.lineno}:{error.colno}: {what} must be JSON. Got{received}."
         ) from None
     except RecursionError:
         raise PlanFileError(
@@ -689,3 +694,23 @@ def _check_text(text: str) -> None:
         raise _Refused(
             f"must hold text of whole characters. Got half of one in {ascii(text)[:60]}."
         ) from None
+
+
+# The program: a digest of the code that decides about plans, and its version.
+
+
+_PACKAGES = ("aspectgraph", "errors", "ga", "planner")
+# these show plans, and decide about none
+_SHOW_ONLY = (
+    "aspectgraph.plot",
+    "planner.app",
+    "planner.optics",
+    "planner.report",
+)
+
+
+def program_digest() -> str:
+    """Return a digest of all source files that a plan depends on, 64 hexadecimal digits."""
+    from aspectgraph.files import code_digest
+
+    return code_digest(_PACKAGES, _SHOW_ONLY)

@@ -13,13 +13,14 @@ from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from errors.exceptions import InvalidParameterError, MeasurandError
-from errors.measurands.geometry import Circle, Geometry, Line, Localisation
+from errors.measurands.geometry import Geometry, Line, Localisation, MeasuredCircle
 from errors.measurands.measurand import measurand
 from ground.convert import from_plain, to_plain
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, PlannerError, RequestError
+from planner.files import program_digest
 from planner.light.lighting import LampBox, LampDome, Lighting
 from planner.plan_file import field_name, shown
 from planner.request.constraints import Requirements
@@ -41,7 +42,6 @@ from planner.request.targets import (
     Target,
     Witness,
 )
-from planner.version import program_digest
 
 # In what two requests differ, in the words of the caller.
 
@@ -614,7 +614,7 @@ def _geometry_of(witness: Mapping[str, Any]) -> tuple[Geometry, ...]:
     """Return the lines and circles that plain values hold."""
     shapes: list[Geometry] = []
     for item in witness["geometry"]:
-        kind: type[Line] | type[Circle] = Line if "p" in item else Circle
+        kind: type[Line] | type[MeasuredCircle] = Line if "p" in item else MeasuredCircle
         shapes.append(from_plain(kind, item, InvalidParameterError))
     return tuple(shapes)
 

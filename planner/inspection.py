@@ -28,7 +28,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.identity import Request
-from planner.light.background import DEFAULT_STEP
+from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
 from planner.measuring.planned_edges import registered_problem
@@ -39,7 +39,7 @@ from planner.request.problem import Problem
 from planner.request.reach import Space
 from planner.resolve_request import ResolvedRequest, problem_on, resolve_request
 from planner.resume import PlanningState
-from planner.search.incumbents import Incumbents, Run, needed
+from planner.search.incumbents import Incumbents, SearchRun, needed
 from planner.search.stages import run_stages, settle_early
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
     )
     incumbents = Incumbents(callbacks)
     if memo.plan is None:
-        run = Run(problem, request, memo, executor=options.executor, callbacks=callbacks)
+        run = SearchRun(problem, request, memo, executor=options.executor, callbacks=callbacks)
         try:
             memo.finish(run_stages(run, incumbents, request.lighting))
         except TimeIsUpError:

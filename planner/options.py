@@ -19,14 +19,15 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.identity import Request
 from planner.plan import InspectionPlan
-from planner.request.camera_limits import NO_RESERVE, FocusReserve
-from planner.request.constraints import Requirements
-from planner.request.defaults import (
+from planner.request.camera_limits import (
+    NO_RESERVE,
+    FocusReserve,
     check_focus_margin,
     check_showing,
     corner_margin_px,
     position_margin_mm,
 )
+from planner.request.constraints import Requirements
 from planner.request.reach import Reach, Space, StatedRegion
 from planner.request.registration import GIVEN, RegistrationRecord
 
@@ -220,18 +221,18 @@ class InspectionOptions(RunOptions):
         RequestError
             If it is nothing that a plan can know.
         """
-        how = self.registration
-        if how is None or isinstance(how, RegistrationRecord):
-            return how
-        if isinstance(how, PoseUncertainty):
-            return RegistrationRecord(GIVEN, None, how)
-        if not hasattr(how, "planned"):
+        registration = self.registration
+        if registration is None or isinstance(registration, RegistrationRecord):
+            return registration
+        if isinstance(registration, PoseUncertainty):
+            return RegistrationRecord(GIVEN, None, registration)
+        if not hasattr(registration, "planned"):
             raise RequestError.of_rule(
                 "registration",
                 "must be Registration.own_edges() or a PoseUncertainty",
-                type(how).__name__,
+                type(registration).__name__,
             )
-        planned: RegistrationRecord | None = how.planned()
+        planned: RegistrationRecord | None = registration.planned()
         return planned
 
     def requirements(self, camera: Camera, pose_uncertainty: PoseUncertainty) -> Requirements:

@@ -172,7 +172,7 @@ class InspectionPlan(PlanTables):
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        from errors.formatting import probability_text
+        from errors.checks import probability_text
 
         n = len(self.settings)
         settings = f"{n} setting{'' if n == 1 else 's'} (at least {self.lower_bound} needed)"

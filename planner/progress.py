@@ -206,9 +206,9 @@ def terminal_progress(
         with _bars(stream) as progress, _compiling(progress):
             yield progress
     else:
-        told = _LineStream(stream)
-        with _compiling(told):
-            yield told
+        line_stream = _LineStream(stream)
+        with _compiling(line_stream):
+            yield line_stream
 
 
 @contextmanager
@@ -232,8 +232,8 @@ def reading_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[None]
         with _bars(sys.stderr, transient=True) as progress, phases_reported_to(progress):
             yield
         return
-    told = _LineStream(sys.stderr)
-    with _Waiting(told, all_told=lines) as waiting, phases_reported_to(waiting):
+    stream = _LineStream(sys.stderr)
+    with _Waiting(stream, all_told=lines) as waiting, phases_reported_to(waiting):
         yield
 
 
@@ -342,12 +342,12 @@ class Pace:
         few = pieces < max(_PIECES, _SHARE * total) or seconds < _SECONDS
         if done >= total or few or now < self._again.get(label, 0.0):
             return None
-        left = seconds * (total - done) / pieces
-        if left < _LONG_S:
+        remaining_s = seconds * (total - done) / pieces
+        if remaining_s < _LONG_S:
             return None
-        self._again[label] = now + 2.0 * left
-        most = ", or less" if label in _AT_MOST else ""
-        return f"{label}: about {duration(left)} more{most}, at the pace of the first {done} of {total}"
+        self._again[label] = now + 2.0 * remaining_s
+        suffix = ", or less" if label in _AT_MOST else ""
+        return f"{label}: about {duration(remaining_s)} more{suffix}, at the pace of the first {done} of {total}"
 
 
 # a pace is told from so many pieces, such a share of them and so many seconds on, if so much more is to come
@@ -432,10 +432,10 @@ class _Bars:
         self._tasks: dict[str, TaskID] = {}
 
     def __call__(self, done: int, total: int, label: str) -> None:
-        known = None if label == LOOPS and done < total else total
+        stated_total = None if label == LOOPS and done < total else total
         if label not in self._tasks:
-            self._tasks[label] = self._bars.add_task(visible(label), total=known)
-        self._bars.update(self._tasks[label], completed=done, total=known)
+            self._tasks[label] = self._bars.add_task(visible(label), total=stated_total)
+        self._bars.update(self._tasks[label], completed=done, total=stated_total)
         if (line := self._pace(done, total, label)) is not None:
             self.note(line)
 

@@ -16,7 +16,7 @@ from planner.effort import Effort
 from planner.exceptions import RequestError
 from planner.identity import PartRecord, Request, RingRecord
 from planner.options import InspectionOptions
-from planner.request.defaults import check_seed, default_workspace
+from planner.request.camera_limits import check_seed, default_workspace
 from planner.request.dimension import Dimension
 from planner.request.dimension_files import (
     localisation_or_default,
@@ -233,10 +233,10 @@ def _resolved(
     if rounded and not any(
         isinstance(item, Dimension) or is_circle(item) for item in items.values()
     ):
-        known = {} if options.space is None else options.space.entities
-        others = {name: item for name, item in items.items() if name not in known}
+        present = {} if options.space is None else options.space.entities
+        others = {name: item for name, item in items.items() if name not in present}
         resolved = resolve_entities(solid, others) if others else {}
-        entities = {name: known[name] if name in known else resolved[name] for name in items}
+        entities = {name: present[name] if name in present else resolved[name] for name in items}
         for name, entity in entities.items():
             check_is_edge(name, entity)
         return entities, edge_targets(entities, tuple(entities))

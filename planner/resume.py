@@ -25,12 +25,11 @@ from pathlib import Path
 from typing import Any
 
 from planner.exceptions import OutputError, PlanFileError
-from planner.files import encoded, make_folder, read_json, write_text
+from planner.files import encoded, make_folder, program_digest, read_json, write_text
 from planner.identity import first_difference
 from planner.plan import InspectionPlan
 from planner.plan_file import check_checkpoint, check_schema, check_state, packed, shown, unpacked
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting, kind_of
-from planner.version import program_digest
 
 FORMAT = "aspectgraph planning state"
 VERSION = 4

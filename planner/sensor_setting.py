@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from errors.formatting import probability_text
+from errors.checks import probability_text
 from planner.files import number
 from planner.request.registration import PoseKnowledge
 
@@ -155,7 +155,7 @@ class SensorSetting:
         Per entity, the probability P_all that the displaced camera measures it. The entity is then
         in the picture, in focus, unhidden and apart from other lines, and the error is at most the
         permitted one. It is a lower bound with 99.9 % confidence, counted over `p_all_poses`
-        displaced poses, see `planner.verify.p_all`. Empty if it was not counted.
+        displaced poses, see `planner.verify.simulate_setting`. Empty if it was not counted.
     p_all_together : float
         The same for all entities at once; nan if it was not counted.
     p_all_poses : int
@@ -226,7 +226,7 @@ class SensorSetting:
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
-        from errors.formatting import probability_text
+        from errors.checks import probability_text
 
         place = ", ".join(f"{c:.1f}" for c in self.position)
         worst = (

@@ -191,7 +191,7 @@ class Table:
 
     def csv(self) -> str:
         """Return its values as CSV with a heading (RFC 4180), without loss."""
-        from aspectgraph.entities.entity_files import table_text
+        from aspectgraph.entities.entity_rules import table_text
 
         return table_text([column.title for column in self.columns], self.rows)
 

@@ -608,7 +608,7 @@ _Pair: TypeAlias = tuple[Arc, Arc | int]
 
 
 @dataclass(frozen=True)
-class Measure:
+class MeasuringWays:
     """How a dimension can be measured.
 
     Attributes
@@ -641,7 +641,7 @@ class Measure:
     missing: tuple[str | None, ...] = (None,)
 
 
-class Measurer:
+class WaysFinder:
     """Finds the measures of dimensions of one solid.
 
     Parameters
@@ -660,7 +660,7 @@ class Measurer:
             edge.id: ends for edge, ends in zip(attachments.edges, attachments.ends, strict=True)
         }
 
-    def size(self, kind: str, features: Sequence[Feature], n_unread: int = 0) -> Measure:
+    def size(self, kind: str, features: Sequence[Feature], n_unread: int = 0) -> MeasuringWays:
         """Return how a diameter or radius is measured.
 
         Parameters
@@ -680,7 +680,7 @@ class Measurer:
         n_features = len(axes) + n_unread
         if not axes:
             reason = "it is attached to no cylinder and no circle"
-            return Measure(kind, reason=reason, n_features=max(n_features, 1))
+            return MeasuringWays(kind, reason=reason, n_features=max(n_features, 1))
         factor = 2.0 if kind == "diameter" else 1.0
         ways = tuple(tuple((arc.id,) for arc in circles) for circles in self._of_pattern(axes))
         missing = (
@@ -689,9 +689,9 @@ class Measurer:
         ways += ((),) * n_unread
         reason = "" if any(ways) else "no sharp circular edge bounds what it is attached to"
         values = tuple(factor * (axis.radius_mm or 0.0) for axis in axes)
-        return Measure(kind, values, ways, reason, n_features=n_features, missing=missing)
+        return MeasuringWays(kind, values, ways, reason, n_features=n_features, missing=missing)
 
-    def between(self, feature: Feature, other: Feature) -> Measure:
+    def between(self, feature: Feature, other: Feature) -> MeasuringWays:
         """Return how the distance of two features is measured.
 
         Parameters
@@ -709,19 +709,21 @@ class Measurer:
             return self._centre_to_edge(other, feature)
         direction = _across(feature, other)
         if direction is None:
-            return Measure("distance", reason="the two features it is attached to are not parallel")
+            return MeasuringWays(
+                "distance", reason="the two features it is attached to are not parallel"
+            )
         value = abs(float((other.point - feature.point) @ direction))
         if value <= self.match_mm:
-            return Measure(
+            return MeasuringWays(
                 "distance",
                 (value,),
                 reason="both of its ends are attached to the same plane or line",
             )
         ways = self._edge_pairs(feature, other, direction)
         reason = "" if ways else "no two parallel sharp straight edges bound what it is attached to"
-        return Measure("distance", (value,), (ways,), reason, direction)
+        return MeasuringWays("distance", (value,), (ways,), reason, direction)
 
-    def angle(self, feature: Feature, other: Feature) -> Measure:
+    def angle(self, feature: Feature, other: Feature) -> MeasuringWays:
         """Return how the angle of two features is measured; its values are the angle and its supplement.
 
         Parameters
@@ -736,11 +738,11 @@ class Measurer:
             first = feature.along
             second = other.along
         else:
-            return Measure(
+            return MeasuringWays(
                 "angle", reason="it is attached to other than two planes or two straight edges"
             )
         if parallel(first, second):
-            return Measure("angle", reason="the two features it is attached to are parallel")
+            return MeasuringWays("angle", reason="the two features it is attached to are parallel")
         turn = math.degrees(
             math.atan2(float(np.linalg.norm(np.cross(first, second))), float(first @ second))
         )
@@ -756,7 +758,7 @@ class Measurer:
             if pairs
             else "no two sharp straight edges across its fold bound what it is attached to"
         )
-        return Measure("angle", (turn, 180.0 - turn), (tuple(pairs),), reason)
+        return MeasuringWays("angle", (turn, 180.0 - turn), (tuple(pairs),), reason)
 
     def _of_pattern(self, axes: Sequence[Axis]) -> list[list[Arc]]:
         """Return the circles of each feature, best first.
@@ -811,13 +813,13 @@ class Measurer:
         shorter = min(self.sight.length_mm(a), self.sight.length_mm(b))
         return not self.sight.together(a, b), apart, -shorter, round(offset, 6), a, b
 
-    def _centre_distance(self, axis: Axis, other: Axis) -> Measure:
+    def _centre_distance(self, axis: Axis, other: Axis) -> MeasuringWays:
         if not parallel(axis.along, other.along):
-            return Measure(
+            return MeasuringWays(
                 "centre_distance", reason="the two axes it is attached to are not parallel"
             )
         if self.coaxial(axis, other):
-            return Measure(
+            return MeasuringWays(
                 "centre_distance", (0.0,), reason="both of its ends are attached to the same axis"
             )
         offset = other.point - axis.point
@@ -830,15 +832,15 @@ class Measurer:
         reason = "" if apart else "no sharp circular edge is around one of its axes"
         return self._with_circle("centre_distance", value, apart, reason, across / value)
 
-    def _centre_to_edge(self, axis: Axis, other: Plane | StraightLine) -> Measure:
+    def _centre_to_edge(self, axis: Axis, other: Plane | StraightLine) -> MeasuringWays:
         direction = other.normal if isinstance(other, Plane) else np.cross(axis.along, other.along)
         if isinstance(other, StraightLine) and not perpendicular(axis.along, other.along):
-            return Measure(
+            return MeasuringWays(
                 "centre_to_edge",
                 reason="the edge and the axis it is attached to are not perpendicular",
             )
         if isinstance(other, Plane) and not perpendicular(axis.along, other.normal):
-            return Measure(
+            return MeasuringWays(
                 "centre_to_edge", reason="the plane and the axis it is attached to are not parallel"
             )
         value = abs(float((axis.point - other.point) @ direction))
@@ -866,7 +868,7 @@ class Measurer:
         apart: Mapping[_Pair, float],
         reason: str,
         direction: FloatArray,
-    ) -> Measure:
+    ) -> MeasuringWays:
         """Return the measure by pairs of a circle and another entity, given how far they are apart along the axis."""
 
         def key(pair: _Pair) -> tuple[object, ...]:
@@ -889,7 +891,7 @@ class Measurer:
         ways = tuple(
             (arc.id, other.id if isinstance(other, Arc) else other) for arc, other in ranked
         )
-        return Measure(kind, (value,), (ways,), reason, direction, note if offset else "")
+        return MeasuringWays(kind, (value,), (ways,), reason, direction, note if offset else "")
 
 
 def _across(feature: Plane | StraightLine, other: Plane | StraightLine) -> FloatArray | None:

@@ -12,12 +12,12 @@ import numpy as np
 from aspectgraph.dimensions.features import (
     Attachments,
     Feature,
-    Measure,
-    Measurer,
+    MeasuringWays,
     ModelDimension,
     Sight,
     SurfaceZones,
     Way,
+    WaysFinder,
     describe_shape,
     unique_names,
 )
@@ -30,8 +30,8 @@ from aspectgraph.dimensions.tolerances import (
     resolve_stated_class,
 )
 from aspectgraph.exceptions import ReadError
+from aspectgraph.files import ReadLimits
 from aspectgraph.phases import phase
-from aspectgraph.read.limits import ReadLimits
 from aspectgraph.read.part_file import STEP_SUFFIXES, plain_step_file
 from aspectgraph.read.step.step_file import StepKernel
 from aspectgraph.solid.solid import Solid, check_solid
@@ -163,7 +163,7 @@ class _Reader:
     def __init__(self, solid: Solid, agreement_mm: float, agreement_deg: float):
         self.solid = solid
         self.attachments = Attachments(solid)
-        self.measurer = Measurer(self.attachments, Sight(solid))
+        self.measurer = WaysFinder(self.attachments, Sight(solid))
         self.agreement_mm = agreement_mm
         self.agreement_deg = agreement_deg
         self.file_solids = solid.file_solids
@@ -222,7 +222,7 @@ class _Reader:
             role=stated.role or None,
         )
 
-    def _in_hole(self, measure: Measure) -> bool | None:
+    def _in_hole(self, measure: MeasuringWays) -> bool | None:
         """Return whether a diameter is one of holes; None if it is not known, or differs."""
         arcs = {arc.id: arc for arc in self.attachments.circles}
         first = [ways[0][0] for ways in measure.ways if ways and measure.kind == "diameter"]
@@ -243,7 +243,7 @@ class _Reader:
             )
         return ""
 
-    def _measure(self, row: dict[str, Any]) -> Measure:
+    def _measure(self, row: dict[str, Any]) -> MeasuringWays:
         kind = _kind(row)
         first, second = (self.attachments.features(side) for side in row["sides"])
         n_unread = sum(row["unread"])
@@ -252,7 +252,7 @@ class _Reader:
         round_values = _round_values(kind, row["sides"])
         if kind not in ("distance", "angle") or round_values:
             quantity = "angle of a cone" if kind == "angle" else kind.replace("_", " ")
-            return Measure(
+            return MeasuringWays(
                 kind,
                 round_values,
                 reason=f"no edges, rims and arcs measure the {quantity}",
@@ -260,7 +260,7 @@ class _Reader:
             )
         ends = _two_ends(first, second, bool(row["sides"][1]))
         if isinstance(ends, str):
-            return Measure(kind, reason=ends)
+            return MeasuringWays(kind, reason=ends)
         return self.measurer.angle(*ends) if kind == "angle" else self.measurer.between(*ends)
 
     def _n_round(
@@ -275,7 +275,7 @@ class _Reader:
                 centres.append(centre)
         return max(1, len(centres) or len(features))
 
-    def _disagreement(self, measure: Measure, stated: Statement) -> str | None:
+    def _disagreement(self, measure: MeasuringWays, stated: Statement) -> str | None:
         """Return how the stated value differs from the geometry of a feature, or None if it does not."""
         unit, allowed = (
             ("degrees", self.agreement_deg)
@@ -355,7 +355,7 @@ def _others(features: Sequence[Sequence[Way]]) -> tuple[Way, ...]:
     return tuple(way for ways in features for way in ways)[1:]
 
 
-def _direction(measure: Measure) -> tuple[float, float, float] | None:
+def _direction(measure: MeasuringWays) -> tuple[float, float, float] | None:
     if measure.direction is None:
         return None
     x, y, z = (float(c) + 0.0 for c in measure.direction)

@@ -19,9 +19,8 @@ from scipy.optimize import linear_sum_assignment
 from aspectgraph.exceptions import EntityError, MissingExtraError, PictureError, how_to_install
 from aspectgraph.files import replacing
 from aspectgraph.plot.traces import is_feature, line_trace, part_traces, scene_figure, xyz
-from aspectgraph.solid.ray_scene import RayScene
 from aspectgraph.solid.rims import Arc, Rim
-from aspectgraph.solid.solid import Solid
+from aspectgraph.solid.solid import RayScene, Solid
 from ground.templates import asset, render
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.exceptions import ReadError
-from aspectgraph.read.limits import more_of
+from aspectgraph.files import more_of
 
 # Extensions of glTF: those that leave the shape alone, those that are read, and all others, which
 # are refused.

@@ -15,10 +15,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from aspectgraph.exceptions import OrientationError, ReadError
+from aspectgraph.files import ReadLimits, more_of
 from aspectgraph.phases import phase
 from aspectgraph.read.glb import parse_glb
 from aspectgraph.read.join_faces import Tessellation, assemble, find_twins
-from aspectgraph.read.limits import ReadLimits, more_of
 from aspectgraph.solid.checks import (
     check_vertices,
     default_planarity_mm,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aspectgraph.exceptions import PartFileNotFoundError, ReadError
-from aspectgraph.read.limits import ReadLimits, SolidChoice, more_of
+from aspectgraph.files import ReadLimits, SolidChoice, more_of
 from aspectgraph.read.mesh import read_mesh
 from aspectgraph.read.step.step_file import read_step
 from aspectgraph.solid.solid import Solid

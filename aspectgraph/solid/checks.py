@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
-from typing import Protocol
 
 import numpy as np
 import shapely
@@ -19,9 +18,9 @@ from aspectgraph.exceptions import (
 )
 from aspectgraph.phases import report_phase
 from aspectgraph.solid.topology import (
-    Edge,
     Face,
     FaceLoops,
+    Surface,
     describe_edge,
     describe_point,
     newell_area_vector,
@@ -299,26 +298,7 @@ _EDGES_AT_ONCE = 100_000
 _LABEL = "look for contacts"
 
 
-class ContactSurface(Protocol):
-    """What is read of a solid here; see `Solid` for shapes and units."""
-
-    @property
-    def vertices(self) -> np.ndarray: ...  # noqa: D102
-
-    @property
-    def edges(self) -> Sequence[Edge]: ...  # noqa: D102
-
-    @property
-    def triangles(self) -> np.ndarray: ...  # noqa: D102
-
-    @property
-    def triangle_face(self) -> np.ndarray: ...  # noqa: D102
-
-    @property
-    def face_shell(self) -> np.ndarray: ...  # noqa: D102
-
-
-def check_contacts(solid: ContactSurface) -> None:
+def check_contacts(solid: Surface) -> None:
     """Check that the surface meets itself only in common edges and vertices.
 
     Raises
@@ -364,9 +344,7 @@ def _pairs(pairs: Iterable[tuple[int, int]]) -> np.ndarray:
     return np.fromiter(chain.from_iterable(pairs), dtype=np.int64).reshape(-1, 2)
 
 
-def _complain(
-    solid: ContactSurface, edge_id: int, triangle: int, pierces: bool, n_contacts: int
-) -> None:
+def _complain(solid: Surface, edge_id: int, triangle: int, pierces: bool, n_contacts: int) -> None:
     edge = solid.edges[edge_id]
     face = int(solid.triangle_face[triangle])
     same = solid.face_shell[face] == solid.face_shell[edge.faces[0]]
@@ -385,7 +363,7 @@ def _complain(
 
 
 def _near_pairs(
-    solid: ContactSurface, points: np.ndarray, ends: np.ndarray, tolerance: float
+    solid: Surface, points: np.ndarray, ends: np.ndarray, tolerance: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield edges and triangles whose boxes meet and that are no neighbours, some edges at a time."""
     edge_faces = _pairs(edge.faces for edge in solid.edges)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import shapely
@@ -673,3 +673,28 @@ def signed_volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
     local = vertices - vertices.mean(axis=0)
     a, b, c = (local[triangles[:, k]] for k in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+class Surface(Protocol):
+    """What modules below `Solid` read of one; see there for shapes and units."""
+
+    @property
+    def vertices(self) -> np.ndarray: ...  # noqa: D102
+
+    @property
+    def faces(self) -> tuple[Face, ...]: ...  # noqa: D102
+
+    @property
+    def edges(self) -> tuple[Edge, ...]: ...  # noqa: D102
+
+    @property
+    def normals(self) -> np.ndarray: ...  # noqa: D102
+
+    @property
+    def triangles(self) -> np.ndarray: ...  # noqa: D102
+
+    @property
+    def triangle_face(self) -> np.ndarray: ...  # noqa: D102
+
+    @property
+    def face_shell(self) -> np.ndarray: ...  # noqa: D102

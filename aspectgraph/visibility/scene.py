@@ -12,13 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from aspectgraph.entities.entity import Entity, Stretch
-from aspectgraph.exact.canonical import Listing, list_solid, own_frame, resolving_grid
 from aspectgraph.exact.grid import (
     DISPLACED_RESOLUTION,
     Grid,
+    Listing,
     face_planes,
     height,
+    list_solid,
+    own_frame,
     plane_through,
+    resolving_grid,
     side_of,
     turned,
 )

@@ -25,7 +25,7 @@ from exact_checker import ExactChecker  # noqa: E402
 from rational_twin import twin_graph  # noqa: E402
 
 from aspectgraph import build_aspect_graph, compute_regions, graph_of, read_solid  # noqa: E402
-from aspectgraph.graph.complete_graph import SightLines  # noqa: E402
+from aspectgraph.graph.build_graph import SightLines  # noqa: E402
 
 
 def cells_per_domain(eag):

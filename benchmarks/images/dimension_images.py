@@ -33,7 +33,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binomtest
 
 from aspectgraph import compute_regions, read_dimensions, read_solid
-from errors.measurands import Circle, Localisation, MeasurandModel
+from errors.measurands import Localisation, MeasurandModel, MeasuredCircle
 from planner import Camera, PoseUncertainty, look_at
 from planner.request.dimension import Dimension
 from planner.request.resolve import resolve_wanted
@@ -125,8 +125,8 @@ def triangles_of(path: Path, chord_mm: float = 0.005, turn_rad: float = 0.02):
 
 def as_measured(planned: PlannedDimension) -> Measured:
     """Return a dimension as the images are measured, in plain numbers."""
-    circles = [one for one in planned.geometry if isinstance(one, Circle)]
-    lines = [(one.p, one.q) for one in planned.geometry if not isinstance(one, Circle)]
+    circles = [one for one in planned.geometry if isinstance(one, MeasuredCircle)]
+    lines = [(one.p, one.q) for one in planned.geometry if not isinstance(one, MeasuredCircle)]
     arcs = [None if one.is_closed else (one.start, one.span_rad) for one in circles]
     way = None if planned.direction is None else np.array(planned.direction)
     return Measured(

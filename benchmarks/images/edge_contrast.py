@@ -30,7 +30,7 @@ import numpy as np
 from rendered_images import PATCH, Lamp, Renderer
 
 from aspectgraph import Solid, compute_regions, contrast, read_solid
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from planner import LampBox, look_at, plan_light, read_plan
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -46,7 +46,7 @@ from planner import Camera, InspectionPlan, PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED
 from planner.inspection import plan_inspection
 from planner.options import InspectionOptions
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
 from planner.search.columns import Judge
 from planner.search.realise_column import joint_counts

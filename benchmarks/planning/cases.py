@@ -17,7 +17,7 @@ import numpy as np
 
 from aspectgraph import compute_regions, read_entities, read_solid
 from planner import Camera, PoseUncertainty
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

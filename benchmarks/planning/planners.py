@@ -35,8 +35,8 @@ from planner.camera.pose import look_at
 from planner.cover import greedy_cover, min_cover
 from planner.detectability.conditions import NOT_ASKED
 from planner.inspection import plan_inspection
+from planner.request.camera_limits import position_margin_mm
 from planner.request.constraints import Constraints, Requirements
-from planner.request.defaults import position_margin_mm
 from planner.request.problem import Problem
 from planner.search.columns import Judge, entity_poses
 from planner.search.poses import PoseEncoding, ViewpointSampler

@@ -37,7 +37,7 @@ from rendered_images import Renderer
 from seen_lines import Lines
 
 from aspectgraph import read_solid
-from errors.measurands import Circle
+from errors.measurands import MeasuredCircle
 from planner import read_plan
 from planner.request.targets import targets_of
 
@@ -52,7 +52,7 @@ def plain_geometry(target):
     """Return lines and circles as the plain tuples of the second program."""
     found = []
     for one in target.geometry:
-        if isinstance(one, Circle):
+        if isinstance(one, MeasuredCircle):
             found.append(("circle", one.centre, one.axis, one.radius_mm, one.start, one.span_rad))
         else:
             found.append(("line", one.p, one.q))
@@ -147,8 +147,8 @@ def target_points(target):
         return target.ends[0] * (1 - share) + target.ends[1] * share
     points = []
     for one, plain in zip(target.geometry, plain_geometry(target), strict=True):
-        points.append(points_of(plain, 72 if isinstance(one, Circle) else DENSE))
-        if not isinstance(one, Circle):
+        points.append(points_of(plain, 72 if isinstance(one, MeasuredCircle) else DENSE))
+        if not isinstance(one, MeasuredCircle):
             points.append(np.array([one.p, one.q]))
     return np.concatenate(points)
 
@@ -160,7 +160,7 @@ def points_on_part(target, solid):
     found = []
     ends = solid.vertices[[edge.vertices for edge in solid.edges]]
     for one in target.geometry:
-        if not isinstance(one, Circle):
+        if not isinstance(one, MeasuredCircle):
             share = np.linspace(0, 1, DENSE)[:, None]
             found.append(np.asarray(one.p) * (1 - share) + np.asarray(one.q) * share)
             continue
@@ -237,7 +237,7 @@ def apart_of(target, lines, renderer, least_px):
         return lambda pose: lines.nearest_px(renderer, pose, target.ends, own) >= least_px
     scanned = []
     for one, plain in zip(target.geometry, plain_geometry(target), strict=True):
-        if isinstance(one, Circle):
+        if isinstance(one, MeasuredCircle):
             scanned.append((points_of(plain, SCANNED), chords_on(one, lines.solid)))
         else:
             share = (np.arange(SCANNED)[:, None] + 0.5) / SCANNED

@@ -26,8 +26,8 @@ from cases import SETUPS, regions
 from scipy.optimize import differential_evolution, minimize
 
 from planner import Search
+from planner.request.camera_limits import position_margin_mm
 from planner.request.constraints import Constraints, Requirements
-from planner.request.defaults import position_margin_mm
 from planner.request.models import Means
 from planner.request.problem import Objective
 from planner.search.plan_setting import search_pose

@@ -68,15 +68,13 @@ PLACES = {
 # modules that stand beside the wings of their floor
 BESIDE = {
     "planner": {
-        "pose_prediction": "probability from one pose",
         "optics": "cameras and lenses, ranked",
         "resolve_request": "from arguments to the request",
         "resume": "continue an interrupted plan",
         "options": "keywords and defaults",
         "travel": "order of the poses",
         "identity": "the request as one value",
-        "plan_tables": "tables of a plan",
-        "rows": "measurements as rows",
+        "plan_tables": "tables and rows of a plan",
         "cover": "few columns for all targets",
         "sensor_setting": "one pose, its targets",
         "effort": "how long to search",
@@ -87,7 +85,6 @@ BESIDE = {
         "executors": "work in processes",
         "files": "files written whole",
         "progress": "how far it is",
-        "version": "digest of the program",
         "compiling": "what is compiled",
         "exceptions": "for every wing",
     },
@@ -95,7 +92,6 @@ BESIDE = {
         "files": "files written whole",
         "exceptions": "for every wing",
         "phases": "what takes time",
-        "processes": "workers that end in time",
     },
 }
 LEAVES = {"errors": "error of a measured length", "ga": "a genetic algorithm"}

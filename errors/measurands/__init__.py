@@ -7,7 +7,7 @@ part, where lines and circles are fitted; a displaced pose moves all of it toget
 
 import errors.measurands.kinds  # noqa: F401  registers them
 from errors.exceptions import MeasurandError
-from errors.measurands.geometry import Circle, Geometry, Line, Localisation
+from errors.measurands.geometry import Geometry, Line, Localisation, MeasuredCircle
 from errors.measurands.measurand import (
     Decision,
     DecisionRule,
@@ -24,7 +24,7 @@ from errors.measurands.measurand import (
 )
 
 __all__ = [
-    "Circle",
+    "MeasuredCircle",
     "Decision",
     "DecisionRule",
     "Geometry",

@@ -66,7 +66,7 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Circle:
+class MeasuredCircle:
     """A rim, or an arc of it.
 
     Parameters
@@ -140,7 +140,7 @@ class Circle:
         )
 
 
-Geometry = Line | Circle
+Geometry = Line | MeasuredCircle
 
 
 def _vector(name: str, value: object) -> NDArray[np.float64]:
@@ -704,7 +704,7 @@ class FittedEntities:
 
     Parameters
     ----------
-    geometry : tuple of Line or Circle
+    geometry : tuple of Line or MeasuredCircle
         The entities.
     frames : tuple of Frame
         Their planes.
@@ -750,7 +750,7 @@ class FittedEntities:
         angles = np.zeros((len(self.shapes), points, 2))
         solve = np.zeros((len(self.shapes), 6, points))
         for k, shape in enumerate(self._geometry):
-            if isinstance(shape, Circle):
+            if isinstance(shape, MeasuredCircle):
                 angles[k], solve[k] = circle_fit(shape, points)
         n = len(poses)
         sigma = localisation.sigma_px
@@ -788,7 +788,7 @@ class FittedEntities:
         angles = np.zeros((len(self.shapes), POINTS, 2))
         solve = np.zeros((len(self.shapes), 6, POINTS))
         for k, shape in enumerate(self._geometry):
-            if isinstance(shape, Circle):
+            if isinstance(shape, MeasuredCircle):
                 angles[k], solve[k] = circle_fit(shape, POINTS)
         gradient = np.zeros((len(poses), len(self.shapes), 6))
         entities = (self.shapes, self.frames, self.sizes, angles, solve)
@@ -811,7 +811,7 @@ def _surfaces(frames: tuple[Frame, ...]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def circle_fit(
-    circle: Circle, points: int = POINTS
+    circle: MeasuredCircle, points: int = POINTS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return cosines and sines (m, 2) of the points that are fitted, and the linear fit (6, m) of `expand_circle`."""
     step = circle.span_rad / points
@@ -824,7 +824,7 @@ def circle_fit(
 
 def is_short(shape: Geometry) -> bool:
     """Whether an entity is an arc of less than half a circle: its fit has no moments, only quantiles."""
-    return isinstance(shape, Circle) and shape.span_rad < math.pi
+    return isinstance(shape, MeasuredCircle) and shape.span_rad < math.pi
 
 
 @njit(error_model="numpy")

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from errors.checks import MIN_IMAGE_LENGTH_MM
 from errors.exceptions import MeasurandError
 from errors.measurands.geometry import (
-    Circle,
     Frame,
     Line,
     Localisation,
+    MeasuredCircle,
     add_product,
     add_square,
     plane_row,
@@ -49,13 +49,13 @@ def are_perpendicular(first: NDArray[np.float64], second: NDArray[np.float64]) -
 # Diameter and radius of a rim or arc, fitted in its own plane.
 
 
-def circle_frame(circle: Circle) -> Frame:
+def circle_frame(circle: MeasuredCircle) -> Frame:
     """Return the plane of a circle: x towards its start."""
     return Frame(circle.centre, *circle.basis)
 
 
 class _CircleSize(Measurand):
-    takes = (Circle,)
+    takes = (MeasuredCircle,)
     factor = 1.0
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
@@ -132,7 +132,7 @@ class Angle(Measurand):
 class CentreDistance(Measurand):
     """Distance of two centres across their common axis, mm; given a direction, along it."""
 
-    takes = (Circle, Circle)
+    takes = (MeasuredCircle, MeasuredCircle)
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
         """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
@@ -200,7 +200,7 @@ class CentreDistance(Measurand):
 class CentreToEdge(Measurand):
     """Distance from a centre to the line of an edge that is parallel to the rim's plane, seen along the axis, mm."""
 
-    takes = (Circle, Line)
+    takes = (MeasuredCircle, Line)
 
     def describe(self) -> tuple[float, tuple[Frame, ...], NDArray[np.float64], NDArray[np.float64]]:
         """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
@@ -311,7 +311,7 @@ class Distance(Measurand):
 class Length(Measurand):
     """Length of an edge, mm: the nominal length times the length of its image over that at the nominal pose.
 
-    Both ends must be found; nothing is carried back. The error is expanded as a logarithm, see `errors.joint`.
+    Both ends must be found; nothing is carried back. The error is expanded as a logarithm, see `errors.model`.
 
     An end is a corner with another line, which has a floor of its own: along the edge each end is wrong by it. The edge
     may lie off its place in both directions across it, each as far as a surface does.

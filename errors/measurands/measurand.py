@@ -20,16 +20,16 @@ from errors.checks import (
     covariance_root,
 )
 from errors.exceptions import InvalidParameterError, InvalidShapeError, MeasurandError
-from errors.joint import quadratic_probability
 from errors.measurands.geometry import (
-    Circle,
     FittedEntities,
     Frame,
     Geometry,
     Line,
     Localisation,
+    MeasuredCircle,
     is_short,
 )
+from errors.model import quadratic_probability
 from errors.registration import KnownPoses
 
 # What a measurement error means for a tolerance: uncertainty ratio, acceptance limits.
@@ -300,7 +300,7 @@ class Expansion(NamedTuple):
     variance : array (n, 3)
         Of the normal parts of the noise: localisation of single points, its floor, and surfaces.
     widths : array (n, 2)
-        Of the two triangular parts, see `errors.joint`.
+        Of the two triangular parts, see `errors.model`.
     scale : array (n,)
         Unit of x per unit of the value.
     logarithmic : bool
@@ -324,7 +324,7 @@ class Measurand:
 
     Parameters
     ----------
-    geometry : tuple of Line or Circle
+    geometry : tuple of Line or MeasuredCircle
         The entities in the part's frame.
     direction : array (3,), optional
         Direction of a distance.
@@ -408,9 +408,9 @@ def lines_of(geometry: tuple[Geometry, ...]) -> list[Line]:
     return [shape for shape in geometry if isinstance(shape, Line)]
 
 
-def circles_of(geometry: tuple[Geometry, ...]) -> list[Circle]:
+def circles_of(geometry: tuple[Geometry, ...]) -> list[MeasuredCircle]:
     """Return the circles among entities."""
-    return [shape for shape in geometry if isinstance(shape, Circle)]
+    return [shape for shape in geometry if isinstance(shape, MeasuredCircle)]
 
 
 # Kinds of dimensions by name: a kind is one class in one file, and nothing else has a branch for
@@ -443,7 +443,7 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
     ----------
     name : str
         Kind, one of `kinds`.
-    geometry : sequence of Line or Circle
+    geometry : sequence of Line or MeasuredCircle
         Its entities in the part's frame.
     direction : array (3,), optional
         Direction of a distance. Default: across the lines.
@@ -477,7 +477,7 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
 
 
 def _several(takes: Sequence[type]) -> str:
-    words = {"Line": "straight edge", "Circle": "rim or arc"}
+    words = {"Line": "straight edge", "MeasuredCircle": "rim or arc"}
     return " and ".join("one " + words[kind.__name__] for kind in takes)
 
 

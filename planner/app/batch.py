@@ -24,8 +24,7 @@ from aspectgraph import (
     resolve_entities,
     select_entities,
 )
-from aspectgraph.entities.entity_files import csv_text
-from aspectgraph.entities.entity_rules import check_selection
+from aspectgraph.entities.entity_rules import check_selection, csv_text
 from aspectgraph.exceptions import MissingExtraError, how_to_install
 from aspectgraph.read.mesh import check_units
 from aspectgraph.read.part_file import MESH_SUFFIXES, STEP_SUFFIXES
@@ -54,9 +53,8 @@ from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.plan_file import check_schema
 from planner.progress import Progress, report
-from planner.report.folder_lock import folder_lock
-from planner.report.plan_folder import PLAN_FILES, with_source, write_outputs
-from planner.request.defaults import MOST_SEED
+from planner.report.plan_folder import PLAN_FILES, folder_lock, with_source, write_outputs
+from planner.request.camera_limits import MOST_SEED
 from planner.resolve_request import request_of_any_part, resolve_request
 from planner.verify.simulate_plan import simulate_in_time
 
@@ -505,7 +503,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
 _AT_A_TIME = 1000
 
 
-class Task(NamedTuple):
+class PartTask(NamedTuple):
     """What `plan_part` takes."""
 
     request: PartRequest
@@ -518,10 +516,10 @@ class Task(NamedTuple):
         return PartResult(self.part, status, reason, request=self.request.fingerprint)
 
 
-def on_executor(tasks: Sequence[Task], executor: Executor) -> Iterator[PartResult]:
+def on_executor(tasks: Sequence[PartTask], executor: Executor) -> Iterator[PartResult]:
     """Yield results as they come from an executor, which replaces its own workers."""
-    waiting: deque[Task] = deque(tasks)
-    running: dict[Future[PartResult], Task] = {}
+    waiting: deque[PartTask] = deque(tasks)
+    running: dict[Future[PartResult], PartTask] = {}
     try:
         while waiting or running:
             while waiting and len(running) < _AT_A_TIME:
@@ -535,14 +533,14 @@ def on_executor(tasks: Sequence[Task], executor: Executor) -> Iterator[PartResul
             future.cancel()
 
 
-def on_own_processes(tasks: Sequence[Task], jobs: int) -> Iterator[PartResult]:
+def on_own_processes(tasks: Sequence[PartTask], jobs: int) -> Iterator[PartResult]:
     """Yield results as they come from processes of this machine.
 
     When one dies, all parts that were being planned are suspects. Each is planned alone then: so it is known on which
     part a process dies.
     """
-    waiting: deque[Task] = deque(tasks)
-    suspects: deque[Task] = deque()
+    waiting: deque[PartTask] = deque(tasks)
+    suspects: deque[PartTask] = deque()
     while waiting or suspects:
         if suspects:
             task = suspects.popleft()
@@ -554,11 +552,11 @@ def on_own_processes(tasks: Sequence[Task], jobs: int) -> Iterator[PartResult]:
 
 
 def _while_whole(
-    pool: Executor, waiting: deque[Task], jobs: int
-) -> Generator[PartResult, None, list[Task]]:
+    pool: Executor, waiting: deque[PartTask], jobs: int
+) -> Generator[PartResult, None, list[PartTask]]:
     """Yield results until all are there or a process dies; return the parts without a result."""
-    running: dict[Future[PartResult], Task] = {}
-    lost: list[Task] = []
+    running: dict[Future[PartResult], PartTask] = {}
+    lost: list[PartTask] = []
     while (waiting and not lost) or running:
         while waiting and not lost and len(running) < jobs:
             task = waiting.popleft()
@@ -575,13 +573,13 @@ def _while_whole(
     return lost
 
 
-def _first(running: dict[Future[PartResult], Task]) -> list[Future[PartResult]]:
+def _first(running: dict[Future[PartResult], PartTask]) -> list[Future[PartResult]]:
     """Wait; return what is done, in the order in which it was begun."""
     done, _ = wait(running, return_when=FIRST_COMPLETED)
     return [future for future in running if future in done]
 
 
-def _result(task: Task, future: Future[PartResult]) -> PartResult:
+def _result(task: PartTask, future: Future[PartResult]) -> PartResult:
     try:
         return future.result()
     except BrokenProcessPool:
@@ -689,11 +687,11 @@ def plan_folder(
         check_set_place(Path(out), TABLES, is_table, "out")
     with output_folder(out, TABLES, "out") as target, folder_lock(target):
         results: dict[str, PartResult] = {}
-        waiting: list[Task] = []
+        waiting: list[PartTask] = []
         ours = parts_in(target / TABLES[0]) or set()
         for path in part_files(source, target):
             name = name_text(path.relative_to(source))
-            task = Task(request, name, path, target / path.relative_to(source))
+            task = PartTask(request, name, path, target / path.relative_to(source))
             earlier_result = _earlier_result(task, replace or name in ours)
             if earlier_result is None:
                 waiting.append(task)
@@ -714,7 +712,7 @@ def plan_folder(
     return sorted(results.values(), key=lambda part_result: part_result.part)
 
 
-def _earlier_result(task: Task, may_replace: bool) -> PartResult | None:
+def _earlier_result(task: PartTask, may_replace: bool) -> PartResult | None:
     """Return the result of a part without planning it; None if it is to be planned."""
     if not task.path.is_file():
         kind = "a link that leads nowhere" if task.path.is_symlink() else "a pipe or a device"
@@ -763,7 +761,7 @@ def _kinds() -> str:
 
 
 def _planned_of_folder_of_parts(
-    waiting: list[Task], jobs: int, executor: Executor | None
+    waiting: list[PartTask], jobs: int, executor: Executor | None
 ) -> Iterator[PartResult]:
     if executor is not None:
         yield from on_executor(waiting, executor)

@@ -12,8 +12,7 @@ from cyclopts import Argument
 from planner.app.options import COMMANDS, Cameras, Completion, texts_of
 from planner.app.parsing import arguments_of, choices_of, first_line, takes_value
 from planner.app.process import DONE
-from planner.camera.camera import Camera
-from planner.camera.catalogue import camera_names, camera_parts
+from planner.camera.camera import Camera, camera_names, camera_parts
 from planner.files import print_json
 from planner.progress import visible
 from planner.text_table import Column, print_table, print_text, words

@@ -346,7 +346,7 @@ def _check_optics(values: Mapping[str, Any]) -> None:
         raise RequestError.of_rule("distances", rule, repr(distances))
     if values.get("body"):
         # here, because it loads the catalogue
-        from planner.camera.catalogue import check_bodies
+        from planner.camera.camera import check_bodies
 
         check_bodies(values["body"])
 

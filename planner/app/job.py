@@ -22,14 +22,14 @@ from aspectgraph import (
     resolve_entities,
     select_entities,
 )
-from aspectgraph.entities.entity_files import parse_names
+from aspectgraph.entities.entity_rules import parse_names
 from aspectgraph.light import check_contrast
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
 from errors.measurands.geometry import FLOOR_PX
 from errors.measurands.measurand import kinds
 from planner.app.checks import in_words_of_shell, named_by, option, read_camera
-from planner.app.options import Batch, Entities, Light, Optics, Plan, Reading, Workspace
+from planner.app.options import Batch, ChosenEntities, Light, Optics, PartReading, Plan, Workspace
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
@@ -44,7 +44,7 @@ from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
 from planner.report.wording import count
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.dimension_files import SURFACES_MM, dimensions_to_plan, read_wanted
 from planner.request.resolve import resolve_wanted, with_places
 from planner.resolve_request import ResolvedRequest, resolve_request
@@ -195,7 +195,7 @@ _LEFT_OUT = {
 
 
 @dataclass(frozen=True)
-class Wanted:
+class JobTargets:
     """What is to be inspected.
 
     Attributes
@@ -216,7 +216,7 @@ class Wanted:
     left_out: dict[str, str] = field(default_factory=dict)
 
 
-def read_request(options: Plan | Optics, solid: Solid) -> Wanted:
+def read_request(options: Plan | Optics, solid: Solid) -> JobTargets:
     """Return what the options of `plan` ask for.
 
     Raises
@@ -236,7 +236,7 @@ def read_request(options: Plan | Optics, solid: Solid) -> Wanted:
         # what cannot be measured is refused before the work
         with named_by("entities" if options.select is None else "select", vars(options)):
             resolve_wanted(solid, entities, options.accuracy)
-        return Wanted(entities, entities, localisation)
+        return JobTargets(entities, entities, localisation)
     localisation = read_localisation(options.localisation or "gaussian")
     with named_by("dimensions", vars(options)):
         return _wanted_dimensions(options, solid, localisation)
@@ -246,7 +246,9 @@ def _all_of_model(options: Plan | Optics) -> bool:
     return options.dimensions is not None and options.dimensions.strip().lower() == "all"
 
 
-def _wanted_dimensions(options: Plan | Optics, solid: Solid, localisation: Localisation) -> Wanted:
+def _wanted_dimensions(
+    options: Plan | Optics, solid: Solid, localisation: Localisation
+) -> JobTargets:
     """Return the dimensions of the model, or those of a file."""
     left_out: dict[str, str] = {}
     items: Mapping[str, Any]
@@ -267,7 +269,7 @@ def _wanted_dimensions(options: Plan | Optics, solid: Solid, localisation: Local
         )
     rounded = localisation.model == "rounding"
     entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
-    return Wanted(items, entities, localisation, left_out)
+    return JobTargets(items, entities, localisation, left_out)
 
 
 def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestError:
@@ -285,7 +287,7 @@ def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestErro
     return error
 
 
-def chosen_entities(options: Entities, solid: Solid) -> dict[str, Entity]:
+def chosen_entities(options: ChosenEntities, solid: Solid) -> dict[str, Entity]:
     """Return the entities that ``--entities`` or ``--select`` stand for.
 
     Raises
@@ -299,7 +301,7 @@ def chosen_entities(options: Entities, solid: Solid) -> dict[str, Entity]:
         return resolve_entities(solid, select_entities(solid, options.select))
 
 
-def read_limits(options: Reading) -> ReadLimits:
+def read_limits(options: PartReading) -> ReadLimits:
     """Return what reading the part may take."""
     seconds = options.read_time_limit
     return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
@@ -402,7 +404,7 @@ class Job:
         What is asked.
     solid : Solid
         The part.
-    wanted : Wanted
+    targets : JobTargets
         What is to be inspected, and what of it cannot be.
     options : InspectionOptions
         Options of `plan_inspection`.
@@ -414,7 +416,7 @@ class Job:
 
     request: Request
     solid: Solid
-    wanted: Wanted
+    targets: JobTargets
     options: InspectionOptions
     part: str
     reading: dict[str, Any]
@@ -430,7 +432,7 @@ class Job:
 
     def plan(self, **more: Any) -> InspectionPlan:
         """Plan it; ``more`` replaces some of the options of the run."""
-        resolved = ResolvedRequest(self.request, self.wanted.entities)
+        resolved = ResolvedRequest(self.request, self.targets.entities)
         return plan_request(self.solid, resolved, replace(self.options, **more))
 
 
@@ -520,7 +522,7 @@ def _job_again(options: Plan) -> Job:
     request, entities = resolve_request(
         solid, items, request.camera, request.pose_uncertainty, plan_options
     )
-    targets = Wanted(items, entities, request.localisation)
+    targets = JobTargets(items, entities, request.localisation)
     return Job(request, solid, targets, plan_options, part, reading)
 
 
@@ -566,7 +568,7 @@ def _part_again(options: Plan, path: Path, source: Mapping[str, Any]) -> tuple[s
     return str(path.parent / source["file"]), {k: v for k, v in source.items() if k != "file"}
 
 
-def reading_of(options: Reading) -> dict[str, Any]:
+def reading_of(options: PartReading) -> dict[str, Any]:
     """Return how the part is to be read, as `aspectgraph.read_solid` takes it, with ``occluders`` apart."""
     return {
         "units": options.units,
@@ -576,7 +578,7 @@ def reading_of(options: Reading) -> dict[str, Any]:
     }
 
 
-def check_nothing_read(options: Reading) -> None:
+def check_nothing_read(options: PartReading) -> None:
     """Refuse options that say how a part is read where there is none.
 
     Raises
@@ -589,13 +591,13 @@ def check_nothing_read(options: Reading) -> None:
             raise RequestError.of_rule(name, "must be given with a part", "none")
 
 
-def read_part(part: str, options: Reading) -> Solid:
+def read_part(part: str, options: PartReading) -> Solid:
     """Read the part; an error names the file."""
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         return _read(part, reading_of(options), options)
 
 
-def _read(part: str, reading: dict[str, Any], options: Reading) -> Solid:
+def _read(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
     arguments = dict(reading)
     occluders = arguments.pop("occluders", None)
     if occluders:

@@ -58,7 +58,7 @@ def _named(metavar: str, *names: str) -> Parameter:
 
 _CORES = usable_cores()
 _CONTRAST = NumberRule("must lie strictly between 0 and 1", BETWEEN_0_AND_1.holds)
-# as `planner.request.defaults.MOST_SEED`, and `planner.light.background.DEFAULT_STEP`, which take long to load
+# as `planner.request.camera_limits.MOST_SEED`, and `planner.light.corner_light.DEFAULT_STEP`, which take long to load
 _MOST_SEED = 10**300
 _GREY_STEP = 0.1
 
@@ -145,7 +145,7 @@ class Units:
 
 
 @dataclass(kw_only=True)
-class Reading(Units, Messages):
+class PartReading(Units, Messages):
     """Reading the part.
 
     Attributes
@@ -167,7 +167,7 @@ class Reading(Units, Messages):
 
 
 @dataclass(kw_only=True)
-class PartFile(Reading):
+class PartFile(PartReading):
     """Reading the part.
 
     Attributes
@@ -180,7 +180,7 @@ class PartFile(Reading):
 
 
 @dataclass(kw_only=True)
-class Entities:
+class ChosenEntities:
     """What to measure, by one of the first options.
 
     Attributes
@@ -208,7 +208,7 @@ class Entities:
 
 
 @dataclass(kw_only=True)
-class Wanted(Entities):
+class ChosenTargets(ChosenEntities):
     """What to measure, by one of the first options.
 
     Attributes
@@ -235,7 +235,7 @@ class Wanted(Entities):
         flatness and profile tolerances of the part state, else 0.02; with rounding 0)
     """
 
-    exactly_one: ClassVar[tuple[str, ...]] = (*Entities.exactly_one, "--dimensions")
+    exactly_one: ClassVar[tuple[str, ...]] = (*ChosenEntities.exactly_one, "--dimensions")
 
     dimensions: Annotated[str | None, _named("FILE|all")] = None
     one_per_pattern: bool = False
@@ -345,7 +345,7 @@ class Showing:
 
 
 @dataclass(kw_only=True)
-class Search:
+class SearchEffort:
     """Search.
 
     Attributes
@@ -373,7 +373,7 @@ class Search:
 
 
 @dataclass(kw_only=True)
-class Registration:
+class ImageRegistration:
     """Registration of images.
 
     Attributes
@@ -454,15 +454,15 @@ class ForCell(Workspace):
 
 @dataclass(kw_only=True)
 class Plan(
-    Wanted,
+    ChosenTargets,
     Promise,
     WithCamera,
     PlanOutput,
-    Search,
+    SearchEffort,
     Limits,
     ForCell,
     Showing,
-    Registration,
+    ImageRegistration,
     Light,
     PartFile,
 ):
@@ -544,7 +544,7 @@ class OpticsPromise(Promise):
 
 
 @dataclass(kw_only=True)
-class Optics(Wanted, OpticsPromise, Limits, Workspace, Showing, PartFile):
+class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, PartFile):
     """Rank bodies, lenses, distances and apertures by how well they measure a part.
 
     Attributes
@@ -572,7 +572,7 @@ class Optics(Wanted, OpticsPromise, Limits, Workspace, Showing, PartFile):
 
 
 @dataclass(kw_only=True)
-class Simulate(Reading):
+class Simulate(PartReading):
     """Check a plan by drawing displaced poses.
 
     Attributes
@@ -597,7 +597,7 @@ class Simulate(Reading):
 
 
 @dataclass(kw_only=True)
-class InCell(Reading):
+class InCell(PartReading):
     """Options.
 
     Attributes
@@ -649,7 +649,7 @@ class Reach(InCell):
 
 
 @dataclass(kw_only=True)
-class Arm:
+class ArmErrors:
     """Uncertainty of the arm; with one of these, the program states P for each setting.
 
     Attributes
@@ -671,7 +671,7 @@ class Arm:
 
 
 @dataclass(kw_only=True)
-class Program(Arm, InCell):
+class Program(ArmErrors, InCell):
     """Write a robot program that takes the images of a plan.
 
     Attributes
@@ -763,7 +763,7 @@ class Deciding:
 
 
 @dataclass(kw_only=True)
-class Measure(Deciding, Images, Reading):
+class Measure(Deciding, Images, PartReading):
     """Measure a part in images of a plan's settings, and decide whether it conforms.
 
     Attributes
@@ -820,7 +820,7 @@ class BatchOutput:
 
 
 @dataclass(kw_only=True)
-class Batch(Promise, WithCamera, BatchOutput, Search, Limits, Showing, Units, Messages):
+class Batch(Promise, WithCamera, BatchOutput, SearchEffort, Limits, Showing, Units, Messages):
     """Plan every part of a folder, on many processes.
 
     Attributes
@@ -847,7 +847,7 @@ class Batch(Promise, WithCamera, BatchOutput, Search, Limits, Showing, Units, Me
 
 
 @dataclass(kw_only=True)
-class Graph(Entities, Workspace, PartFile):
+class Graph(ChosenEntities, Workspace, PartFile):
     """Build the entity-based aspect graph and write it.
 
     Attributes

@@ -47,7 +47,7 @@ from planner.app.batch import (
 from planner.app.checks import option, read_camera
 from planner.app.job import (
     Job,
-    Wanted,
+    JobTargets,
     check_nothing_read,
     check_same_part,
     chosen_entities,
@@ -75,10 +75,10 @@ from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import Progress, labelled, note, reading_shown, terminal_progress, visible
 from planner.report import terminal_tables
-from planner.report.folder_lock import folder_lock
 from planner.report.plan_folder import (
     PLAN_FILES,
     Written,
+    folder_lock,
     rescue,
     with_source,
     write_graph,
@@ -86,7 +86,7 @@ from planner.report.plan_folder import (
 )
 from planner.report.terminal_tables import graph_record, part_record, plan_record
 from planner.report.wording import cost_sentence, incumbent_line
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.dimension import Dimension
 from planner.request.words import features_text, n_not_planned
 from planner.resume import read_state, state_difference
@@ -570,14 +570,14 @@ def _print_planned(
     """Print a plan, and the files it is in."""
     files = [path_text(path) for path in written.files]
     if options.json:
-        print_json(plan_record(result, files, job.wanted.left_out))
+        print_json(plan_record(result, files, job.targets.left_out))
         return
     terminal_tables.print_plan(result)
     if result.cell:
         print_arm(result)
     _print_unit(job.part, job.reading.get("units"))
-    _print_left_out(job.wanted)
-    if text := localisation_text(options, job.wanted.items):
+    _print_left_out(job.targets)
+    if text := localisation_text(options, job.targets.items):
         print_text(text)
     if result.unfinished and leftovers:
         print("The same command with --resume continues from here.")
@@ -587,7 +587,7 @@ def _print_planned(
     terminal_tables.print_written(files, path_text(leftovers.folder), report)
 
 
-def _print_left_out(targets: Wanted) -> None:
+def _print_left_out(targets: JobTargets) -> None:
     """Print what the model states and nothing can measure, with the reasons."""
     for name, reason in targets.left_out.items():
         print_text(words(f"{name} is not planned: {reason}", [name]))
@@ -646,7 +646,7 @@ def _searched(
     request = job.request
     regions = visible_regions(
         job.solid,
-        job.wanted.entities,
+        job.targets.entities,
         request,
         executor=executor,
         progress=progress,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from errors.formatting import probability_text
+from errors.checks import probability_text
 from planner.app.job import check_same_part, read_part
 from planner.app.options import Program, Reach
 from planner.app.process import DONE, INCOMPLETE

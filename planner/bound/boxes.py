@@ -113,7 +113,7 @@ class PosesBox(NamedTuple):
     matrix: np.ndarray
     half: np.ndarray
     swing: np.ndarray
-    rest: float
+    turn: float
 
 
 class Asked(NamedTuple):
@@ -649,7 +649,7 @@ class BoxAtWork(NamedTuple):
     room: np.ndarray
     swing: np.ndarray
     nodal: np.ndarray
-    least: np.ndarray
+    lowest: np.ndarray
     y: np.ndarray
     group: np.ndarray
     scores: np.ndarray
@@ -739,7 +739,7 @@ def keep_members(stack, i, work, live):
             stack.cells[i, at] = stack.cells[i, c]
             at += 1
         work.y[n_live] = work.y[a]
-        put(work.least[n_live], work.least[a])
+        put(work.lowest[n_live], work.lowest[a])
         total += work.y[a]
         n_live += 1
     stack.n_members[i] = n_live
@@ -931,7 +931,7 @@ def _tighten(stack, i, chart, entities, view, y, work):
     radius = math.sqrt(np.sum((eye[1] - eye[0]) ** 2)) / 2
     for a in range(stack.n_members[i]):
         e = stack.members[i, a]
-        lowest = work.least[n_live]
+        lowest = work.lowest[n_live]
         ends = entities.ends[e]
         length = entities.lengths[e]
         ratio = entities.length_ratio[e]
@@ -1010,7 +1010,7 @@ def _may_see(stack, i, task, view, work, x, meets):
     x[3:] = 0.0
     meets[:m] = True
     exclusive_groups(stack.members[i, :m], task.conflict, work.group)
-    lowest = work.least[:m]
+    lowest = work.lowest[:m]
     group = work.group[:m]
     y = work.y[:m]
     if np.isfinite(stack.met[i, 0]):

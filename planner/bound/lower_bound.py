@@ -40,7 +40,7 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
 from planner.bound.boxes import PROVEN, SPENT
-from planner.bound.pose_space import Found, PoseSpace, WitnessSets
+from planner.bound.pose_space import PoseSpace, SearchedPart, WitnessSets
 from planner.bound.pose_tree import PoseTree, TargetLeaves, find_conflicts
 from planner.bound.view import Cells, entity_cells
 from planner.callbacks import NOBODY, Callbacks, Checkpoint
@@ -264,7 +264,7 @@ class _Course:
         Proven, and aimed at.
     y : array (e,)
         Weights.
-    limit, least : float
+    limit, least_limit : float
         What no pose may weigh, and below which the target is given up.
     allowed : float
         Boxes that may have been looked at when the target is given up.
@@ -279,7 +279,7 @@ class _Course:
     target: int
     y: NDArray[np.float64]
     limit: float
-    least: float
+    least_limit: float
     allowed: float
     undecided: bool
     parts: _Parts
@@ -339,7 +339,7 @@ class LinearBound:
         self.made = 0
         self._poses: list[NDArray[np.float64]] = []
         # of a sweep that was interrupted, what came out of its first parts
-        self._swept: list[Found] = []
+        self._swept: list[SearchedPart] = []
 
     def raise_from(self, bound: int, n_settings: int, *, max_nodes: int) -> int:
         """Return what is proven, given what is proven already; at most ``n_settings``.
@@ -352,7 +352,7 @@ class LinearBound:
         parts = at.parts
         while at.bound < at.target:
             # weights prove no more than their sum, and hardly that
-            hopeless = at.limit <= at.least or at.undecided
+            hopeless = at.limit <= at.least_limit or at.undecided
             chosen = None if hopeless else parts.next_ones(int(at.allowed) - self.made)
             if chosen is None:
                 # what is proven for a smaller limit is proven for this one; what is to spare must not make it smaller
@@ -380,7 +380,7 @@ class LinearBound:
                 at.target = min(at.bound + 1, n_settings)
                 at.allowed = _SHARE_OF_NEXT * max_nodes
                 at.limit = limit_for(at.y, at.target)
-                at.least = _LEAST_LIMIT_OF_NEXT
+                at.least_limit = _LEAST_LIMIT_OF_NEXT
             else:
                 # boxes too small to be halved: more of them would not decide
                 at.undecided = not (outcomes == SPENT).any() and not parts.waits.any()
@@ -414,7 +414,7 @@ class LinearBound:
         if relieved(at.y, sets, at.limit).sum() > at.limit * (at.target - 1) + SLACK:
             return True
         y = spread_weights(np.concatenate([self.columns, self.found, sets]))
-        return limit_for(y, at.target) > at.least
+        return limit_for(y, at.target) > at.least_limit
 
     def _make_room(self, at: _Course, sets: NDArray[np.bool_]) -> None:
         """Make the weights smaller where sets found exceed the limit; compute them anew if that is too much."""
@@ -483,12 +483,12 @@ class LinearBound:
             np.array([part_result.doubt for part_result in done]),
         )
 
-    def _teller(self, at: _Course) -> Callable[[tuple[Found, ...]], None]:
+    def _teller(self, at: _Course) -> Callable[[tuple[SearchedPart, ...]], None]:
         """Return what keeps the parts of a sweep that are done; all else is as it is before the sweep."""
         poses = np.concatenate([np.zeros((0, 4, 4)), *self._poses])
         before = {"course": at.to_dict(), "found": self.found, "made": self.made, "poses": poses}
 
-        def tell(done: tuple[Found, ...]) -> None:
+        def tell(done: tuple[SearchedPart, ...]) -> None:
             viewpoints = self.space.grown_for()
             self.checkpoint.put(
                 "linear", {**before, "viewpoints": viewpoints, "swept": lambda: _packed(done)}
@@ -497,7 +497,7 @@ class LinearBound:
         return tell
 
 
-def _packed(done: tuple[Found, ...]) -> dict[str, NDArray[Any]]:
+def _packed(done: tuple[SearchedPart, ...]) -> dict[str, NDArray[Any]]:
     """Return what came out of parts, one at least, as a few arrays, for `_unpacked`."""
     return {
         "outcome": np.array([result.outcome for result in done]),
@@ -509,7 +509,7 @@ def _packed(done: tuple[Found, ...]) -> dict[str, NDArray[Any]]:
     }
 
 
-def _unpacked(packed: dict[str, NDArray[Any]]) -> list[Found]:
+def _unpacked(packed: dict[str, NDArray[Any]]) -> list[SearchedPart]:
     """Return what `_packed` made few arrays of."""
     cuts = np.cumsum(packed["n_poses"])[:-1]
     poses = np.split(packed["poses"], cuts)
@@ -522,7 +522,7 @@ def _unpacked(packed: dict[str, NDArray[Any]]) -> list[Found]:
         packed["doubt"],
         strict=True,
     )
-    return [Found(*row) for row in rows]
+    return [SearchedPart(*row) for row in rows]
 
 
 # largest number of nodes with boxes of positions. Proofs from pairs that exclude each other need

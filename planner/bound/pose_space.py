@@ -49,7 +49,7 @@ _LESS = 0.999
 #
 # The measured length of an edge is wrong by x = q + e: q the quantization error of both ends, e
 # what the displaced pose causes, independent of it. It is measured accurately if x is in [L ln A,
-# L ln(2 - A)] (`errors.joint`), an interval of width 2h. The density of q is symmetric and falls
+# L ln(2 - A)] (`errors.model`), an interval of width 2h. The density of q is symmetric and falls
 # from the middle, so no interval of that width is more probable than [-h, h], and by averaging
 # over e (Anderson 1955)
 #
@@ -119,8 +119,8 @@ def sensor_tangents(camera: Camera, margin_px: float) -> NDArray[np.float64]:
     camera takes in, so what is proven of it holds.
     """
     if not camera.is_centred:
-        left, top, right, bottom = camera.field(margin_px).outer
-        return np.maximum([max(-left, right), max(-top, bottom)], 0.0)
+        x_low, y_low, x_high, y_high = camera.field(margin_px).outer
+        return np.maximum([max(-x_low, x_high), max(-y_low, y_high)], 0.0)
     half = np.array(camera.sensor_size_mm) / 2 - margin_px * np.array(camera.pixel_pitch_mm)
     return np.maximum(half, 0.0) / camera.image_distance_mm
 
@@ -217,7 +217,7 @@ class WitnessSets:
         return apart
 
 
-class Found(NamedTuple):
+class SearchedPart(NamedTuple):
     """What comes out of a part of the space of poses.
 
     Attributes
@@ -292,7 +292,7 @@ class PoseSpace:
         *,
         parts: Sequence[int] | NDArray[np.int_] | None = None,
         most: int = 1,
-    ) -> Generator[Found, None, None]:
+    ) -> Generator[SearchedPart, None, None]:
         """Search part after part for poses that inspect a weight above a limit.
 
         Parameters
@@ -312,20 +312,20 @@ class PoseSpace:
 
         Yields
         ------
-        Found
+        SearchedPart
             What comes out of each part, in their order.
         """
         stop = np.zeros(1, dtype=bool)
         y = y[self.witnesses.owner]
         tree = self._viewpoints(y, limit)
 
-        def look(k: int, max_nodes: int) -> Found:
+        def look(k: int, max_nodes: int) -> SearchedPart:
             return self._search_part(k, tree, y, limit, max_nodes, most, stop)
 
         # compiled before the threads need it
         look(0, 0)
 
-        waiting: deque[Future[Found]] = deque()
+        waiting: deque[Future[SearchedPart]] = deque()
         with ThreadPoolExecutor(THREADS) as pool:
             try:
                 indices = np.arange(len(self.parts)) if parts is None else np.asarray(parts)
@@ -379,7 +379,7 @@ class PoseSpace:
         max_nodes: int,
         most: int,
         stop: NDArray[np.bool_],
-    ) -> Found:
+    ) -> SearchedPart:
         chart, part = self.parts[k]
         y = y.copy()
         made = 0
@@ -405,7 +405,7 @@ class PoseSpace:
         posed = np.array(poses).reshape(-1, 4, 4)
         inspected_sets = to_targets(np.array(sets, dtype=bool).reshape(-1, len(y)))
         doubt = to_targets((inspected & (outcome == SPENT))[None])[0]
-        return Found(FOUND if poses else outcome, made, posed, inspected_sets, doubt)
+        return SearchedPart(FOUND if poses else outcome, made, posed, inspected_sets, doubt)
 
 
 def _cut(root: NDArray[np.float64], n: int) -> list[NDArray[np.float64]]:

@@ -232,22 +232,22 @@ def farthest(s, length, ratio, t, room, view, far, opened):
         middle = a[2] + view.middle
         depth = max(view.near, middle - room[2] - moved)
         deepest = max(depth, min(view.far, middle + room[2] + moved))
-        left, right = _directions(a[0], room[0] + moved, depth, deepest, view.tan_x)
+        x_low, x_high = _directions(a[0], room[0] + moved, depth, deepest, view.tan_x)
         low, high = _directions(a[1], room[1] + moved, depth, deepest, view.tan_y)
         e_x = b[0] - a[0]
         e_y = b[1] - a[1]
         e_z = b[2] - a[2]
-        x = max(abs(e_x - left * e_z), abs(e_x - right * e_z))
+        x = max(abs(e_x - x_low * e_z), abs(e_x - x_high * e_z))
         y = max(abs(e_y - low * e_z), abs(e_y - high * e_z))
         across = math.sqrt(x * x + y * y)
         # e is turned by so much, and is never longer
         whole = length * math.sqrt(
-            1.0 + max(left * left, right * right) + max(low * low, high * high)
+            1.0 + max(x_low * x_low, x_high * x_high) + max(low * low, high * high)
         )
         spread = max(min(turn * whole, whole - across), 0.0)
         far[1 - i] = min(view.far, (across + spread) / required)
         if far[1 - i] < view.far:
-            x = e_x - 0.5 * (left + right) * e_z
+            x = e_x - 0.5 * (x_low + x_high) * e_z
             y = e_y - 0.5 * (low + high) * e_z
             opened[0] = max(opened[0], (across - math.sqrt(x * x + y * y)) / required)
             opened[1] = max(opened[1], spread / required)
@@ -258,9 +258,9 @@ def _directions(x, slack, depth, deepest, tangent):
     """Return between which tangents a point at x, give or take the slack, is seen on the sensor from these depths."""
     low = x - slack
     high = x + slack
-    left = low / (depth if low < 0.0 else deepest)
-    right = high / (depth if high > 0.0 else deepest)
-    return max(left, -tangent), min(right, tangent)
+    smallest = low / (depth if low < 0.0 else deepest)
+    largest = high / (depth if high > 0.0 else deepest)
+    return max(smallest, -tangent), min(largest, tangent)
 
 
 # Whether windows that are linear in all six coordinates of a small box of poses meet. Compiled

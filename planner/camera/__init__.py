@@ -5,8 +5,7 @@ an uncertainty that cannot be is refused when it is made.
 """
 
 from planner.camera.calibration import Distortion
-from planner.camera.camera import Camera
-from planner.camera.catalogue import camera_names
+from planner.camera.camera import Camera, camera_names
 from planner.camera.pose import PoseUncertainty, aim, cam_to_paper, look_at, moved, world_to_cam
 
 __all__ = [

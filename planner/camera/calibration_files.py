@@ -824,15 +824,15 @@ def _distortion(values: NamedValues, is_distorted: bool) -> list[float] | None:
 
 def _delivered(values: NamedValues, full: Calibration) -> Calibration:
     """Return the camera of the delivered image: ROS cuts out the region, then bins its pixels."""
-    left, top, width, height = _region(values, full.image_size)
+    column, row, width, height = _region(values, full.image_size)
     across = _binning(values, BINNING_X, width)
     down = _binning(values, BINNING_Y, height)
     # the middle of a binned pixel is the middle of its pixels
     matrix = camera_matrix(
         full.matrix[0, 0] / across,
         full.matrix[1, 1] / down,
-        (full.matrix[0, 2] - left + 0.5) / across - 0.5,
-        (full.matrix[1, 2] - top + 0.5) / down - 0.5,
+        (full.matrix[0, 2] - column + 0.5) / across - 0.5,
+        (full.matrix[1, 2] - row + 0.5) / down - 0.5,
     )
     size = (width // across, height // down)
     is_whole = (width, height) == full.image_size
@@ -840,7 +840,7 @@ def _delivered(values: NamedValues, full: Calibration) -> Calibration:
         raise values.error(
             "roi",
             f"must hold the principal point ({full.matrix[0, 2]:g}, {full.matrix[1, 2]:g})",
-            f"{width} x {height} pixels at ({left}, {top})",
+            f"{width} x {height} pixels at ({column}, {row})",
         )
     if is_whole and (across, down) == (1, 1):
         return full
@@ -868,19 +868,19 @@ def _region(values: NamedValues, image_size: tuple[int, int]) -> tuple[int, int,
         for name in roi:
             if name not in _ROI_KEYS:
                 raise values.error(key, f"must hold {', '.join(_ROI_KEYS)}", shown(name, str))
-        left, top, width, height = (
+        column, row, width, height = (
             values.count(f"{name} of {key}", roi.get(name, 0)) for name in _ROI_KEYS[:4]
         )
-        if not (left or top or width or height):
+        if not (column or row or width or height):
             return whole
-        is_inside = left + width <= image_size[0] and top + height <= image_size[1]
+        is_inside = column + width <= image_size[0] and row + height <= image_size[1]
         if not (width and height and is_inside):
             raise values.error(
                 key,
                 f"must be in the image of {image_size[0]} x {image_size[1]} pixels",
-                f"{width} x {height} at ({left}, {top})",
+                f"{width} x {height} at ({column}, {row})",
             )
-        return left, top, width, height
+        return column, row, width, height
     return whole
 
 

@@ -1,24 +1,15 @@
-"""The camera: a thin lens in front of a pixel grid.
-
-Notation (all distances along the optical axis from the front nodal point, in millimetres)
-------------------------------------------------------------------------------------------
-f   focal length                     s   focus distance: the object plane that is imaged sharply
-d   image distance, 1/f = 1/d + 1/s  a   aperture diameter f / f_number
-c   largest blur circle              z   depth of an object point
-
-A point at depth z would be sharp at the image distance d' with 1/f = 1/d' + 1/z. On the sensor, which stays at d, its
-cone of light has the diameter a·|d − d'|/d' = a·d·|1/s − 1/z|. Both limits of the depth of field follow from that line.
-
-A calibrated camera may have its principal point off the sensor's middle, and a lens with distortion. Lengths are then
-those of the undistorted image, and `Camera.field` says what of it the sensor holds.
-"""
+"""Cameras: those of the catalogue, their lens, sensor and field, and where points lie in their images."""
 
 from __future__ import annotations
 
+import difflib
+import json
 import math
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
+from importlib import resources
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -42,9 +33,153 @@ from planner.camera.calibration import (
     read_toml,
 )
 from planner.camera.calibration_files import calibrated_fields
-from planner.camera.catalogue import check_lens, find_camera
-from planner.exceptions import CameraError
+from planner.exceptions import CameraError, RequestError
 from planner.files import name_text
+
+# The catalogue of real cameras: bodies, lenses and pairs of them, read from ``catalogue.toml``.
+
+
+# A camera as the text of a TOML file.
+
+
+def toml_text(fields: Mapping[str, Any]) -> str:
+    """Return fields as TOML, one to a line; None is left out, because TOML has no word for it.
+
+    Parameters
+    ----------
+    fields : mapping of str to value
+        Texts, numbers, and sequences of them.
+    """
+    lines = [f"{key} = {_value(value)}" for key, value in fields.items() if value is not None]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        # TOML forbids DEL, which JSON leaves as it is
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_value, value))}]"
+    # the shortest digits that give the same number back
+    return repr(value)
+
+
+# what a camera takes from its body
+_BODY = ("pixel_pitch_mm", "resolution")
+
+
+def camera_names() -> tuple[str, ...]:
+    """Return the names of the cameras in the catalogue, sorted.
+
+    Returns
+    -------
+    tuple of str
+        Names for `Camera.named`. Each is a camera with a lens.
+
+    Examples
+    --------
+    >>> from planner import camera_names
+    >>> "basler-acA2440-20gm-8mm" in camera_names()
+    True
+    """
+    return tuple(sorted(catalogued()))
+
+
+def camera_parts() -> dict[str, dict[str, dict[str, Any]]]:
+    """Return the bodies and lenses of the catalogue with the facts of their data sheets and where these were read.
+
+    Returns
+    -------
+    dict
+        ``"body"`` and ``"lens"``: by name, the facts, their ``source`` (an address), and ``maker``: whether that is the
+        maker's own page.
+    """
+    data = _data()
+    return {
+        kind: {name: {"maker": True, **facts} for name, facts in data[kind].items()}
+        for kind in ("body", "lens")
+    }
+
+
+def check_bodies(names: Sequence[str]) -> None:
+    """Raise `RequestError` unless all names are bodies of the catalogue."""
+    bodies = _data()["body"]
+    for name in names:
+        if name not in bodies:
+            rule = f"must be of the catalogue: {', '.join(bodies)}"
+            raise RequestError.of_rule("bodies", rule, repr(name))
+
+
+@cache
+def _data() -> dict[str, Any]:
+    text = resources.files("planner.camera").joinpath("catalogue.toml").read_text(encoding="utf-8")
+    return dict(tomllib.loads(text))
+
+
+@cache
+def catalogued() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
+    """Read the catalogue: the fields of each camera, and its lens.
+
+    Bodies and lenses hold data-sheet facts, pairs say which are mounted and how they are set.
+    """
+    data = _data()
+    cameras = {}
+    for name, pair in data["pair"].items():
+        body = {k: data["body"][pair["body"]][k] for k in _BODY}
+        lens = data["lens"][pair["lens"]]
+        settings = {key: value for key, value in pair.items() if key not in ("body", "lens")}
+        cameras[name] = {"focal_length_mm": lens["focal_length_mm"], **body, **settings}, lens
+    return cameras
+
+
+def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """Return the name of a camera as the catalogue spells it, its fields and its lens; or raise `CameraError`."""
+    keys = {key.lower(): key for key in catalogued()}
+    key = keys.get(str(name).lower())
+    if key is None:
+        near = (
+            difflib.get_close_matches(str(name).lower(), keys, n=3, cutoff=0.3) or sorted(keys)[:3]
+        )
+        offered = ", ".join(keys[n] for n in near)
+        raise CameraError.of_rule(
+            "camera", "must be a name of the catalogue", repr(str(name)), hint=f"nearest: {offered}"
+        )
+    return key, *catalogued()[key]
+
+
+def check_lens(lens: Mapping[str, Any], f_number: float, focus_distance_mm: float) -> None:
+    """Raise `CameraError` unless a lens of the catalogue can be set so."""
+    widest = lens["widest_f_number"]
+    narrowest = lens["narrowest_f_number"]
+    closest = lens["closest_object_mm"]
+    if not widest <= f_number <= narrowest:
+        raise CameraError.of_rule(
+            "f_number", f"must be in {widest:g} to {narrowest:g}, the lens's range", f"{f_number:g}"
+        )
+    if focus_distance_mm < closest:
+        raise CameraError.of_rule(
+            "focus_distance_mm",
+            f"must be at least {closest:g}, the lens's closest object",
+            f"{focus_distance_mm:g}",
+        )
+
+
+# The camera: a thin lens in front of a pixel grid.
+#
+# Notation (all distances along the optical axis from the front nodal point, in millimetres)
+# ------------------------------------------------------------------------------------------
+# f   focal length                     s   focus distance: the object plane that is imaged sharply
+# d   image distance, 1/f = 1/d + 1/s  a   aperture diameter f / f_number
+# c   largest blur circle              z   depth of an object point
+#
+# A point at depth z would be sharp at the image distance d' with 1/f = 1/d' + 1/z. On the sensor,
+# which stays at d, its cone of light has the diameter a·|d − d'|/d' = a·d·|1/s − 1/z|. Both
+# limits of the depth of field follow from that line.
+#
+# A calibrated camera may have its principal point off the sensor's middle, and a lens with
+# distortion. Lengths are then those of the undistorted image, and `Camera.field` says what of it
+# the sensor holds.
+
 
 # Which ideal image points a lens with distortion brings onto the sensor: a rectangle inside and
 # one around them.
@@ -83,16 +218,16 @@ class Field(NamedTuple):
     ----------
     inner, outer : tuple of float
         Rectangles inside the field and around it.
-    least : float
+    least_stretch : float
         Least stretch by the lens in the inner one: smallest eigenvalue of J.
-    most : float
+    most_stretch : float
         Largest stretch in the outer one.
     """
 
     inner: Rectangle
     outer: Rectangle
-    least: float = 1.0
-    most: float = 1.0
+    least_stretch: float = 1.0
+    most_stretch: float = 1.0
 
 
 @lru_cache(maxsize=64)
@@ -116,15 +251,15 @@ def field_of(lens: Distortion, sides: Rectangle) -> Field:
     CameraError
         If the lens model folds within the field.
     """
-    left, top, right, bottom = sides
-    if not (left < right and top < bottom):
+    x_low, y_low, x_high, y_high = sides
+    if not (x_low < x_high and y_low < y_high):
         return Field(sides, sides)
     along = np.linspace(0.0, 1.0, _POINTS)
-    x = left + (right - left) * along
-    y = top + (bottom - top) * along
+    x = x_low + (x_high - x_low) * along
+    y = y_low + (y_high - y_low) * along
     walls = [
         np.stack(np.broadcast_arrays(*wall), axis=-1)
-        for wall in ((left, y), (x, top), (right, y), (x, bottom))
+        for wall in ((x_low, y), (x, y_low), (x_high, y), (x, y_high))
     ]
     ideal = [lens.undistort(wall) for wall in walls]
     every = np.concatenate(ideal)
@@ -147,21 +282,21 @@ def _first(
 ) -> Rectangle | None:
     """Return the first of ever wider, or narrower, rectangles that passes a check."""
     for k in range(_DOUBLINGS):
-        left, top, right, bottom = (start + _SLACK * 2**k * step).tolist()
-        if holds((left, top, right, bottom)):
-            return left, top, right, bottom
+        x_low, y_low, x_high, y_high = (start + _SLACK * 2**k * step).tolist()
+        if holds((x_low, y_low, x_high, y_high)):
+            return x_low, y_low, x_high, y_high
     return None
 
 
 def _off_sensor(lens: Distortion, box: Rectangle, sides: Rectangle) -> bool:
     (x_low, x_high), (y_low, y_high) = _border_images(lens, box)
-    left, top, right, bottom = sides
+    first_x, first_y, last_x, last_y = sides
     gap = _ROUNDING
     off = (
-        (x_high < left - gap)
-        | (x_low > right + gap)
-        | (y_high < top - gap)
-        | (y_low > bottom + gap)
+        (x_high < first_x - gap)
+        | (x_low > last_x + gap)
+        | (y_high < first_y - gap)
+        | (y_low > last_y + gap)
     )
     return bool(off.all())
 
@@ -170,24 +305,24 @@ def _on_sensor(lens: Distortion, box: Rectangle, sides: Rectangle) -> bool:
     if not (box[0] < box[2] and box[1] < box[3]):
         return False
     (x_low, x_high), (y_low, y_high) = _border_images(lens, box)
-    left, top, right, bottom = sides
+    first_x, first_y, last_x, last_y = sides
     gap = _ROUNDING
     on = (
-        (x_low > left + gap)
-        & (x_high < right - gap)
-        & (y_low > top + gap)
-        & (y_high < bottom - gap)
+        (x_low > first_x + gap)
+        & (x_high < last_x - gap)
+        & (y_low > first_y + gap)
+        & (y_high < last_y - gap)
     )
     return bool(on.all()) and _stretch(lens, box)[0] > 0.0
 
 
 def _border_images(lens: Distortion, box: Rectangle) -> tuple[_Interval, _Interval]:
     """Return bounds of the images of a rectangle's border, piece by piece: the middle's, and J times half a piece."""
-    left, top, right, bottom = box
-    xs = np.linspace(left, right, _PIECES + 1)
-    ys = np.linspace(top, bottom, _PIECES + 1)
-    pieces = [(_still(wall, _PIECES), (ys[:-1], ys[1:])) for wall in (left, right)]
-    pieces += [((xs[:-1], xs[1:]), _still(wall, _PIECES)) for wall in (top, bottom)]
+    x_low, y_low, x_high, y_high = box
+    xs = np.linspace(x_low, x_high, _PIECES + 1)
+    ys = np.linspace(y_low, y_high, _PIECES + 1)
+    pieces = [(_still(wall, _PIECES), (ys[:-1], ys[1:])) for wall in (x_low, x_high)]
+    pieces += [((xs[:-1], xs[1:]), _still(wall, _PIECES)) for wall in (y_low, y_high)]
     x = (
         np.concatenate([piece[0][0] for piece in pieces]),
         np.concatenate([piece[0][1] for piece in pieces]),
@@ -421,8 +556,8 @@ class Camera:
     def half_diagonal_rad(self) -> float:
         """Largest angle between the optical axis and a ray to the sensor, in its farthest corner."""
         if not self.is_centred:
-            left, top, right, bottom = self.field().outer
-            return math.atan(math.hypot(max(-left, right), max(-top, bottom)))
+            x_low, y_low, x_high, y_high = self.field().outer
+            return math.atan(math.hypot(max(-x_low, x_high), max(-y_low, y_high)))
         return math.atan(0.5 * math.hypot(*self.sensor_size_mm) / self.image_distance_mm)
 
     @property
@@ -491,13 +626,13 @@ class Camera:
         """
         if self.distortion is None:
             return self.pixel_pitch_mm
-        coarsest = max(self.pixel_pitch_mm) / self.field().least
+        coarsest = max(self.pixel_pitch_mm) / self.field().least_stretch
         return coarsest, coarsest
 
     @property
     def finest_pitch_mm(self) -> tuple[float, float]:
         """Lower bound of the pixel pitch in the undistorted image, over the outer field."""
-        largest_stretch = self.field().most
+        largest_stretch = self.field().most_stretch
         return self.pixel_pitch_mm[0] / largest_stretch, self.pixel_pitch_mm[1] / largest_stretch
 
     def focused_at(self, distance_mm: float) -> Camera:
@@ -707,7 +842,6 @@ class Camera:
         ...     Camera.read(path) == camera
         True
         """
-        from planner.camera.catalogue import toml_text
         from planner.files import write_text
 
         write_text(path, toml_text(self.to_dict()))
@@ -745,3 +879,81 @@ class Camera:
         """
         check_keys(cls, data, CameraError)
         return cls(**data)
+
+
+# Where a camera images points, and what a lens without distortion would have imaged there.
+
+
+# what is rounded to the last pixel lies half a pixel off the sensor, with a random phase a whole one
+_BEYOND_PX = 1.0
+
+
+def image_of(camera: Camera, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where points are imaged.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    directions : array (..., 3)
+        Points in its frame over their depth, (x/z, y/z, 1).
+
+    Returns
+    -------
+    array (..., 2)
+        Pixels of the real, distorted image; nan where a lens with distortion has no field of view.
+    """
+    matrix = camera.matrix
+    if camera.distortion is None:
+        return np.asarray((directions @ matrix.T)[..., :2])
+    x_low, y_low, x_high, y_high = camera.field(-_BEYOND_PX).outer
+    x = directions[..., 0]
+    y = directions[..., 1]
+    inside = ((x >= x_low) & (x <= x_high) & (y >= y_low) & (y <= y_high))[..., None]
+    distorted = camera.distortion.distort(np.where(inside, directions[..., :2], 0.0))
+    return np.where(inside, distorted * np.diag(matrix)[:2] + matrix[:2, 2], np.nan)
+
+
+def tangents_of(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the directions that are seen at some pixels.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    pixels : array (..., 2)
+        Pixels of the real image.
+
+    Returns
+    -------
+    array (..., 2)
+        x/z and y/z; nan more than a pixel off the sensor where the lens distorts.
+    """
+    scale = np.diag(camera.matrix)[:2]
+    centre = camera.matrix[:2, 2]
+    if camera.distortion is None:
+        return np.asarray((pixels - centre) / scale)
+    limit = np.array(camera.resolution) - 0.5 + _BEYOND_PX
+    inside = np.all((pixels >= -0.5 - _BEYOND_PX) & (pixels <= limit), axis=-1, keepdims=True)
+    ideal = camera.distortion.undistort(np.where(inside, (pixels - centre) / scale, 0.0))
+    return np.where(inside, ideal, np.nan)
+
+
+def undistorted_px(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where a lens without distortion would have imaged what is seen at some pixels.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    pixels : array (..., 2)
+        Pixels of the real image.
+
+    Returns
+    -------
+    array (..., 2)
+        Pixels of the undistorted image; nan more than a pixel off the sensor where the lens distorts.
+    """
+    if camera.distortion is None:
+        return pixels
+    return tangents_of(camera, pixels) * np.diag(camera.matrix)[:2] + camera.matrix[:2, 2]

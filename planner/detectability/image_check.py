@@ -16,8 +16,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.ray_scene import RayScene
-from errors.measurands.geometry import Circle, Geometry
+from aspectgraph.solid.solid import RayScene
+from errors.measurands.geometry import Geometry, MeasuredCircle
 from planner.camera.camera import Camera
 from planner.detectability.conditions import Detectability
 from planner.detectability.corners import (
@@ -153,13 +153,13 @@ class Scanned:
     def of(cls, edge_ids: Sequence[int], geometry: Geometry) -> Scanned:
         """Return what is scanned of an entity."""
         shares = (np.arange(_POINTS) + 0.5) / _POINTS
-        if isinstance(geometry, Circle):
+        if isinstance(geometry, MeasuredCircle):
             return cls(tuple(edge_ids), geometry.points(shares * geometry.span_rad))
         way = np.asarray(geometry.q) - np.asarray(geometry.p)
         return cls(tuple(edge_ids), np.asarray(geometry.p) + shares[:, None] * way)
 
 
-class Pieces(NamedTuple):
+class ImagePieces(NamedTuple):
     """Pieces (c) of entities, each of which is asked how near other lines come.
 
     Attributes
@@ -182,7 +182,7 @@ class Pieces(NamedTuple):
         edge_ids: Sequence[Sequence[int] | None],
         ends: Array,
         scanned: Sequence[Sequence[Scanned]],
-    ) -> tuple[Pieces, list[tuple[int, ...]]]:
+    ) -> tuple[ImagePieces, list[tuple[int, ...]]]:
         """Return the pieces of entities, and the edges that they belong to.
 
         Parameters
@@ -329,7 +329,7 @@ class ImageCheck:
         self._lens = _lens_of(camera)
         self._stretches = _stretches_of(camera)
         self._has_corners = np.array([ids is not None for ids in edge_ids], bool)
-        self._pieces, scanned_lines = Pieces.of(
+        self._pieces, scanned_lines = ImagePieces.of(
             edge_ids, self._ends, scanned or [()] * len(edge_ids)
         )
         self._has_pieces = np.diff(self._pieces.first) > 0

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.camera.camera import Camera
-from planner.camera.imaging import image_of, tangents_of
+from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.request.targets import targets_of
 
 if TYPE_CHECKING:
-    from aspectgraph.solid.ray_scene import RayScene
+    from aspectgraph.solid.solid import RayScene
     from planner.verify.simulate_setting import Planned
 
 

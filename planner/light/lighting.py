@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,19 +20,23 @@ from aspectgraph.light import (
     check_lamps,
     compute_light,
 )
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
-from planner.light.background import (
+from planner.light.corner_light import (
     DEFAULT_STEP,
     SHARES,
+    Corners,
+    Demands,
+    Pair,
     backdrop_contrasts,
+    corners_of,
+    demands_of,
     edge_steps,
     rays_beside,
     sure_contrast,
 )
-from planner.light.corner_light import Corners, Demands, Pair, corners_of, demands_of
 from planner.progress import Progress, labelled
 from planner.request.reach import Reach, check_reach, reach_margin
 from planner.verify.simulate_setting import Planned
@@ -54,30 +58,6 @@ _APART = 1e-9
 _DOME_POINTS = 20_000
 # places drawn in a cell
 _DRAWN = 15
-
-
-class LampSpace(Protocol):
-    """Where lamps may be placed."""
-
-    @property
-    def clearance_mm(self) -> float:
-        """Distance that lamps keep from the part."""
-
-    @property
-    def bounds(self) -> Array:
-        """Lowest and highest corner of a box around it, (2, 3) mm."""
-
-    def places(self, n: int) -> Array:
-        """Return n places (n, 3) that are spread evenly, the same in every call."""
-
-    def misses(self, cell: Cell) -> bool:
-        """Tell whether a convex cell has no place; False where that is not sure."""
-
-    def places_in(self, cell: Cell) -> Array:
-        """Return some places (m, 3) in a convex cell; there may be none, and places though none is returned."""
-
-    def __str__(self) -> str:
-        """Return what a sentence calls it."""
 
 
 @dataclass(frozen=True)
@@ -341,6 +321,10 @@ class LampDome:
         return places[inside][:: max(1, int(inside.sum()) // 64)]
 
 
+LampSpace = LampBox | LampDome
+"""Where lamps may be placed."""
+
+
 def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
     """Return a space of lamps, the places (n, 3) of fixed ones, or "ring" for the lamp on the camera.
 
@@ -403,7 +387,7 @@ class Served:
         Of the part.
     pairs : sequence of Pair
         What is to show.
-    least, least_step : float
+    least_contrast, least_step : float
         Least contrast, and least step of grey values.
     clearance_mm : float
         Places nearer to the part are left out.
@@ -416,7 +400,7 @@ class Served:
     light: LightRegions | None
     scene: RayScene
     pairs: Sequence[Pair]
-    least: float
+    least_contrast: float
     least_step: float
     clearance_mm: float = 0.0
     tolerance_mm: float = 0.0
@@ -464,8 +448,10 @@ class Served:
 
         What is not wanted (n, pairs) is not asked about, and 0.
         """
-        wanted = np.ones((len(places), len(self.pairs)), dtype=bool) if wanted is None else wanted
-        contrast, step = self._at(places, wanted)
+        if wanted is None:
+            contrast, step = self._at(places, np.ones((len(places), len(self.pairs)), dtype=bool))
+        else:
+            contrast, step = self._at(places, wanted)
         for off in self.offsets[1:]:
             good = np.flatnonzero((contrast > 0).any(axis=1))
             beside = self._at(places[good] + off, contrast[good] > 0)
@@ -488,11 +474,11 @@ class Served:
                 behind = backdrop_contrasts(self.scene, pair.backdrops, places[lit])
                 contrast[lit, k] = np.minimum(contrast[lit, k], behind[0])
                 step[lit, k] = np.minimum(step[lit, k], behind[1])
-        shown = (contrast >= self.least) & (step >= self.least_step)
+        shown = (contrast >= self.least_contrast) & (step >= self.least_step)
         rows = np.flatnonzero(shown.any(axis=1))
         if self.corners is not None and rows.size:
             each = np.arange(rows.size)[:, None]
-            limits = (self.least, self.least_step)
+            limits = (self.least_contrast, self.least_step)
             shown[rows] = self.corners.shown(self.scene, places[rows], each, limits, shown[rows])
         return np.where(shown, contrast, 0.0), np.where(shown, step, 0.0)
 
@@ -518,7 +504,9 @@ class Served:
         every = np.ones((len(sets), len(self.pairs)), dtype=bool)
         if self.corners is None:
             return every
-        return self.corners.shown(self.scene, places, sets, (self.least, self.least_step), every)
+        return self.corners.shown(
+            self.scene, places, sets, (self.least_contrast, self.least_step), every
+        )
 
     def steps(self, name: str, places: Array) -> Array:
         """Return the step (n,) of a region's entity, without shadows."""

@@ -16,8 +16,7 @@ from aspectgraph.light import DEFAULT_CONTRAST, LightRegions
 from planner.argument_kinds import check_kinds
 from planner.cover import maximal_columns, min_cover
 from planner.exceptions import RequestError
-from planner.light.background import DEFAULT_STEP
-from planner.light.corner_light import LampSets, fewest_together, sites_of
+from planner.light.corner_light import DEFAULT_STEP, LampSets, fewest_together, sites_of
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
 from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
 from planner.progress import Progress
@@ -333,7 +332,7 @@ class _Work:
             unlit[served.pairs[i].setting][served.pairs[i].name] = reason
         return LightPlan(
             kind,
-            served.least,
+            served.least_contrast,
             served.least_step,
             self.ground,
             places,
@@ -449,7 +448,7 @@ def _all_on(work: _Work, given: LampSpace | NDArray[np.float64]) -> LightPlan:
         served.offsets,
         served.corners_under,
     )
-    fewest = fewest_together(sets, served.least, served.least_step)
+    fewest = fewest_together(sets, served.least_contrast, served.least_step)
     lit = [i for i in every if fewest.contrast[i] > 0]
     which = "of the given lamps" if fixed else f"of {len(places)} positions in {given}"
     dark = {
@@ -527,14 +526,14 @@ def _why_dark(served: Served, i: int) -> str:
         axis=0
     )
     steps = np.array([served.steps(entity.name, served.places) for entity in entities]).min(axis=0)
-    even = raw < served.least
+    even = raw < served.least_contrast
     weak = ~even & (steps < served.least_step)
     behind = ", or no contrast with its background" if pair.backdrops else ""
     behind += ", or no other line at an end" if served.needs_corners(i) else ""
     behind += _SHADOW if served.clear_beside(i) else ""
     start = f"none of {n} lamps shows it" if n > 1 else "the lamp does not show it"
     return (
-        f"{start}: {even.sum()} with a contrast under {served.least:g}, {weak.sum()} with a step "
+        f"{start}: {even.sum()} with a contrast under {served.least_contrast:g}, {weak.sum()} with a step "
         f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}."
     )
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Circle, Geometry
+from errors.measurands import Geometry, MeasuredCircle
 from errors.measurands.geometry import Frame
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class Fit(NamedTuple):
 
 def floor_modes(geometry: Geometry, design: Array) -> Array:
     """Return how far points (m, q) are off in each mode of the localisation's floor, px."""
-    if isinstance(geometry, Circle):
+    if isinstance(geometry, MeasuredCircle):
         return np.stack([np.ones(len(design)), *(0.5 * design[:, :2].T)], axis=1)
     along = design[:, 1]
     low = along.min()
@@ -136,7 +136,7 @@ def fit_entities(geometry: Geometry, flat: Array, weight: Array) -> tuple[Array,
 
     Parameters
     ----------
-    geometry : Line or Circle
+    geometry : Line or MeasuredCircle
         What is fitted.
     flat : array (n, m, 2)
         Points, mm.
@@ -152,7 +152,7 @@ def fit_entities(geometry: Geometry, flat: Array, weight: Array) -> tuple[Array,
     residual : array (n, m)
         Distances, mm.
     """
-    if isinstance(geometry, Circle):
+    if isinstance(geometry, MeasuredCircle):
         return _circles(flat, weight, geometry.radius_mm)
     along = flat[..., 0]
     columns = [np.ones_like(along), along]
@@ -205,7 +205,7 @@ def robust_fit(geometry: Geometry, flat: Array, px_per_mm: Array) -> tuple[Fit, 
 
     Parameters
     ----------
-    geometry : Line or Circle
+    geometry : Line or MeasuredCircle
         What is fitted.
     flat : array (m, 2)
         Points in its frame, mm; enough of them.
@@ -245,7 +245,7 @@ def _first_residual(geometry: Geometry, flat: Array, px_per_mm: Array) -> Array:
     A quarter of a rim may be a shadow: a fit to all points lies between both, and weights do not leave it again.
     Rousseeuw, Least median of squares regression, J. Am. Stat. Assoc. 79 (1984).
     """
-    count = 3 if isinstance(geometry, Circle) else 2
+    count = 3 if isinstance(geometry, MeasuredCircle) else 2
     # the same subsets for the same number of points
     rng = np.random.default_rng(len(flat))
     # one point of each of several equal parts, so that no subset is narrow
@@ -255,7 +255,7 @@ def _first_residual(geometry: Geometry, flat: Array, px_per_mm: Array) -> Array:
     chosen = shifted if count == 3 else chosen
     fitted, _, _ = fit_entities(geometry, flat[chosen], np.ones(count))
     good = np.isfinite(fitted).all(axis=1)
-    if isinstance(geometry, Circle):
+    if isinstance(geometry, MeasuredCircle):
         away = flat - fitted[good, None, :2]
         residual = np.hypot(away[..., 0], away[..., 1]) - fitted[good, 2:]
     else:

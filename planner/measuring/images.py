@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.formatting import percent_text
+from errors.checks import percent_text
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
-from planner.measuring.scans import CLIPPED_SHARE, Scans, find_edges, noise_of
+from planner.measuring.samples import CLIPPED_SHARE, Scans, find_edges, noise_of
 from planner.sensor_setting import setting_name
 
 if TYPE_CHECKING:
@@ -251,7 +251,7 @@ class Picture:
         half_px: float,
         sign: NDArray[np.int64] | None = None,
     ) -> Scans:
-        """Scan across edges, see `planner.measuring.scans.find_edges`."""
+        """Scan across edges, see `planner.measuring.samples.find_edges`."""
         return find_edges(
             self.grey, centres, across, half_px, white=self.white, noise=self.noise, sign=sign
         )

@@ -30,8 +30,7 @@ from planner.measuring.register import bias_of, check_lens, looks_like, register
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
 from planner.measuring.results import MeasurementResults, Result, Source, merged
-from planner.measuring.samples import POSE, PartModel
-from planner.measuring.scans import CLIPPED_SHARE
+from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
     NotRegisteredError,
     TooFarError,
@@ -47,7 +46,7 @@ from planner.verify.setting_record import search_windows_px
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from aspectgraph.solid.ray_scene import RayScene
+    from aspectgraph.solid.solid import RayScene
     from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
 

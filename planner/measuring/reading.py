@@ -14,17 +14,16 @@ from numpy.typing import NDArray
 from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.checks import covariance_root
 from errors.measurands import (
-    Circle,
     Geometry,
     Line,
     Measurand,
+    MeasuredCircle,
 )
 from errors.measurands.geometry import Frame
 from errors.measurands.measurand import COVERAGE
 from errors.registration import rests_on_prior
 from ground.convert import NOT_STORED, Key, Meta
-from planner.camera.camera import Camera
-from planner.camera.imaging import tangents_of
+from planner.camera.camera import Camera, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.detectability.image_check import SECTORS
 from planner.measuring.fit import (
@@ -38,8 +37,18 @@ from planner.measuring.fit import (
 )
 from planner.measuring.images import Picture
 from planner.measuring.registered import NumberOrNull, Registered, displaced
-from planner.measuring.samples import POSE, PartEdge, PartModel, Samples, across_of, pixels_of
-from planner.measuring.scans import ALONG_VARIANCE, STATE_TEXTS, Scans, State
+from planner.measuring.samples import (
+    ALONG_VARIANCE,
+    POSE,
+    STATE_TEXTS,
+    PartEdge,
+    PartModel,
+    Samples,
+    Scans,
+    State,
+    across_of,
+    pixels_of,
+)
 from planner.measuring.verdict import Sampled, beside_shadows, stretches_of
 
 Array = NDArray[np.float64]
@@ -179,7 +188,7 @@ def scan_entity(
     centres = pixels_of(places, pose, camera)
     across = across_of(places, samples.tangents, pose, camera)
     scans = _searched(picture, centres, across, samples, half_px)
-    if isinstance(edge.geometry, Circle):
+    if isinstance(edge.geometry, MeasuredCircle):
         scans.offset[:] -= _curvature(centres, across) / 2 * _along_variance(scans)
     scans.state[:] = _without_shadows(
         model, edge, samples, picture, registered, (centres, across), scans
@@ -433,7 +442,7 @@ def _drawn_fits(
 
 def _across(geometry: Geometry, flat: Array) -> Array:
     """Return unit vectors across an entity in its frame, at points (n, m, 2)."""
-    if isinstance(geometry, Circle):
+    if isinstance(geometry, MeasuredCircle):
         return np.asarray(flat / np.linalg.norm(flat, axis=-1, keepdims=True))
     return np.broadcast_to(np.array([0.0, 1.0]), flat.shape)
 

@@ -26,11 +26,10 @@ from errors.registration import Posterior, Rows, bias_variance_of, posterior, su
 from ground.decorators import njit
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, Registered, prior_covariance
-from planner.measuring.samples import POSE, PartModel
-from planner.measuring.scans import SAMPLING_PX, State, gradients_of, profiles_of
+from planner.measuring.samples import POSE, SAMPLING_PX, PartModel, State, gradients_of, profiles_of
 from planner.measuring.task import (
     MOVE_SIGMAS,
-    Found,
+    ImageScan,
     NotRegisteredError,
     Scan,
     Task,
@@ -151,7 +150,7 @@ _ROOM_PX = 2.0
 _MOST_WINDOW_PX = 60.0
 
 
-class Start(NamedTuple):
+class SearchStart(NamedTuple):
     """Where a search begins.
 
     Attributes
@@ -211,10 +210,10 @@ class Scanner:
 
         What an image hardly tells lies along a curved valley, which steps can leave.
         """
-        noise = noise_of(self._task, last.found)
-        largest_cost = cost_of(self._task, last.x, last.found, noise)
+        noise = noise_of(self._task, last.scans)
+        largest_cost = cost_of(self._task, last.x, last.scans, noise)
         for _ in range(MOST_HALVINGS):
-            if cost_of(self._task, scan.x, scan.found, noise) <= largest_cost:
+            if cost_of(self._task, scan.x, scan.scans, noise) <= largest_cost:
                 break
             scan = self.at((last.x + scan.x) / 2, half)
         return scan
@@ -236,10 +235,10 @@ def _scanned(
     half: float,
     sign: NDArray[np.int64],
     out: NDArray[np.bool_],
-) -> Found:
+) -> ImageScan:
     scans = picture.find(*places, half, sign)
     state = np.where(out & (scans.state == State.FOUND), int(State.SHADOW), scans.state)
-    return Found(scans.offset, state == State.FOUND, state, scans.blur_px)
+    return ImageScan(scans.offset, state == State.FOUND, state, scans.blur_px)
 
 
 def bias_of(floor_px: float) -> float:
@@ -301,7 +300,7 @@ def _check_one_pose(attempt: Attempt) -> None:
     task = attempt.task
     alone = []
     for picture in attempt.pictures:
-        start = Start(attempt.scan.x, attempt.lead)
+        start = SearchStart(attempt.scan.x, attempt.lead)
         alone_attempt = _attempted(task, [picture], start, task.samples.edge)
         if not alone_attempt.convincing:
             # farther off than edges are searched
@@ -327,7 +326,9 @@ def _check_one_pose(attempt: Attempt) -> None:
     check_one_pose(names, estimate.mean[n:], estimate.covariance)
 
 
-def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, dict[str, Lamp]]:
+def _best(
+    task: Task, pictures: list[Picture], start: SearchStart
+) -> tuple[Attempt, dict[str, Lamp]]:
     """Return the best attempt from a start, and the lamps that fit its images."""
     alike = task.samples.edge
     attempt = _attempted(task, pictures, start, alike)
@@ -346,7 +347,9 @@ def _best(task: Task, pictures: list[Picture], start: Start) -> tuple[Attempt, d
         attempt = _attempted(task, pictures, start, alike, out)
     if np.any(attempt.left_out) and not attempt.convincing:
         # shadows farther from their edges are not found then
-        start = Start(_without_pull(attempt, attempt.left_out), start.lead, start.late, NARROW_PX)
+        start = SearchStart(
+            _without_pull(attempt, attempt.left_out), start.lead, start.late, NARROW_PX
+        )
         other = _attempted(task, pictures, start, alike)
         attempt = other if other.convincing else attempt
     return attempt, first.lamps if attempt.convincing else {}
@@ -363,7 +366,7 @@ def _without_pull(attempt: Attempt, shadows: list[NDArray[np.bool_]]) -> Array:
 def _attempted(
     task: Task,
     pictures: list[Picture],
-    start: Start,
+    start: SearchStart,
     alike: NDArray[np.int64],
     left_out: list[NDArray[np.bool_]] | None = None,
 ) -> Attempt:
@@ -379,7 +382,7 @@ def _attempted(
     rows: list[Rows] = []
     for level in range(len(start.windows) - 1, -1, -1):
         x, rows = solved(
-            task, scan.x, scan.across, scan.found, going_on=level > 0, whole=level < start.late
+            task, scan.x, scan.across, scan.scans, going_on=level > 0, whole=level < start.late
         )
         half = start.windows[-max(level, 1)]
         if level == len(start.windows) - 1:
@@ -388,7 +391,7 @@ def _attempted(
             scan = scanner.no_worse(scanner.at(x, half), scan, half)
     last = start.windows[-1]
     return Attempt(
-        task, pictures, scan, first, rows, out, start.lead, lambda x: scanner.at(x, last).found
+        task, pictures, scan, first, rows, out, start.lead, lambda x: scanner.at(x, last).scans
     )
 
 
@@ -399,7 +402,7 @@ def _window_px(task: Task, design: Array) -> float:
     return min(_SIGMAS * float(np.sqrt(variance.max())) + _ROOM_PX, _MOST_WINDOW_PX)
 
 
-def _coarse(task: Task, pictures: list[Picture]) -> Start:
+def _coarse(task: Task, pictures: list[Picture]) -> SearchStart:
     """Return the unknowns that explain the coarse shift."""
     nothing = np.zeros(len(task.prior))
     centres, across = task.predicted(nothing)
@@ -420,7 +423,7 @@ def _coarse(task: Task, pictures: list[Picture]) -> Start:
     x = nothing.copy()
     # surfaces are not moved by it
     x[:POSE] = posterior(task.prior[:POSE, :POSE], rows, 0.0).mean
-    return Start(x, lead)
+    return SearchStart(x, lead)
 
 
 def _stated(attempt: Attempt) -> Posterior:
@@ -440,8 +443,8 @@ def _stated(attempt: Attempt) -> Posterior:
         estimate = posterior(task.prior, rows, variance)
     # this step, too, may leave the valley
     x = estimate.mean
-    noise = noise_of(task, attempt.scan.found)
-    largest_cost = LITTLE_WORSE * cost_of(task, attempt.scan.x, attempt.scan.found, noise, variance)
+    noise = noise_of(task, attempt.scan.scans)
+    largest_cost = LITTLE_WORSE * cost_of(task, attempt.scan.x, attempt.scan.scans, noise, variance)
     for _ in range(MOST_HALVINGS):
         if cost_of(task, x, attempt.found_at(x), noise, variance) <= largest_cost:
             break

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.entity_rules import PARAMETERS
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from ground.convert import NOT_STORED, Meta, NullIs, Shape
 from planner.camera.camera import Camera
 from planner.measuring.samples import POSE, PartEdge, PartModel
@@ -275,7 +275,7 @@ class Registered:
     prior : array (6 + 3k, 6 + 3k) or None
         What was known before the image; None if nothing is estimated.
     samples : structured array (m,)
-        u, v: the samples at the registered pose, px; state: see `planner.measuring.scans.State`; edge: number of
+        u, v: the samples at the registered pose, px; state: see `planner.measuring.samples.State`; edge: number of
         the sample's edge; planned_u, planned_v: the sample at the planned pose.
     lamps : dict of str to Lamp
         The lamps of images that one fits.

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi_squared
 
-from aspectgraph.entities.entity_files import csv_text
+from aspectgraph.entities.entity_rules import csv_text
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands import conformance_probability, decide

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2 as chi_squared
 
-from errors.measurands import Circle
+from errors.measurands import MeasuredCircle
 from errors.registration import Rows, posterior
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
@@ -117,7 +117,7 @@ class Task:
     def spans(self) -> list[float]:
         """Angle of each edge that is round, rad; 0 of lines."""
         shapes = (edge.geometry for edge in self.edges)
-        return [shape.span_rad if isinstance(shape, Circle) else 0.0 for shape in shapes]
+        return [shape.span_rad if isinstance(shape, MeasuredCircle) else 0.0 for shape in shapes]
 
     @cached_property
     def stretch(self) -> NDArray[np.int64]:
@@ -170,7 +170,7 @@ class Task:
 
 
 @dataclass
-class Found:
+class ImageScan:
     """What was found in one image: offsets (m,) across, and which samples count."""
 
     offset: Array
@@ -188,14 +188,14 @@ class Scan(NamedTuple):
         Unknowns.
     centres, across : array (m, 2)
         Where the samples are predicted, px, and unit vectors across.
-    found : list of Found
+    scans : list of ImageScan
         What was found in each image.
     """
 
     x: Array
     centres: Array
     across: Array
-    found: list[Found]
+    scans: list[ImageScan]
 
 
 def registration_task(
@@ -257,7 +257,7 @@ LEAST_KEPT = 0.6
 
 
 def solved(
-    task: Task, x: Array, across: Array, found: list[Found], *, going_on: bool, whole: bool
+    task: Task, x: Array, across: Array, found: list[ImageScan], *, going_on: bool, whole: bool
 ) -> tuple[Array, list[Rows]]:
     """Return the next unknowns, and the rows that they are from.
 
@@ -272,7 +272,7 @@ def solved(
         The unknowns.
     across : array (m, 2)
         Unit vectors across the edges there.
-    found : list of Found
+    scans : list of ImageScan
         What was found there in each image.
     going_on : bool
         Whether rounds follow.
@@ -325,13 +325,13 @@ def damped(prior: Array, x: Array, rows: list[Rows], variance: float) -> Array:
     return np.where(is_told, then, x)
 
 
-def noise_of(task: Task, found: list[Found]) -> float:
+def noise_of(task: Task, found: list[ImageScan]) -> float:
     """Return the standard deviation of found points about their edges, px."""
     return _noise([scan.offset - task.edge_means(scan.offset, scan.good) for scan in found], found)
 
 
 def cost_of(
-    task: Task, x: Array, found: list[Found], noise: float, biases: float | None = None
+    task: Task, x: Array, found: list[ImageScan], noise: float, biases: float | None = None
 ) -> float:
     """Return how badly unknowns explain what was found: -2 log of the density, but for a constant.
 
@@ -344,7 +344,7 @@ def cost_of(
         What is registered.
     x : array (n,)
         The unknowns.
-    found : list of Found
+    scans : list of ImageScan
         What was found there in each image.
     noise : float
         Standard deviation of found points, px.
@@ -377,7 +377,7 @@ def _square(offset: Array, modes: Array, variance: float, biases: float) -> floa
     return float(offset @ offset / variance - common @ np.linalg.solve(inner, common))
 
 
-def _noise(left: list[Array], found: list[Found]) -> float:
+def _noise(left: list[Array], found: list[ImageScan]) -> float:
     good = [residual[scan.good] for residual, scan in zip(left, found, strict=True)]
     return max(residual_scale(np.concatenate(good)), LEAST_NOISE_PX)
 
@@ -387,7 +387,7 @@ def _correlated(noise: float) -> float:
     return noise**2 * max(1.0, CORRELATION_PX / STEP_PX)
 
 
-def _of_whole_edges(task: Task, one: Found, weight: Array) -> Array:
+def _of_whole_edges(task: Task, one: ImageScan, weight: Array) -> Array:
     """Return weights of samples (m,), none of edges of which much of what was found is left out.
 
     What is left of such an edge is where it crosses the prediction, and it seems to lie there.

@@ -9,21 +9,27 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.ray_scene import RayScene
-from errors.measurands import Circle
+from aspectgraph.solid.solid import RayScene
+from errors.measurands import MeasuredCircle
 from errors.registration import Posterior, Rows, undetermined
-from planner.camera.camera import Camera
-from planner.camera.imaging import tangents_of
+from planner.camera.camera import Camera, tangents_of
 from planner.measuring.fit import TUKEY
 from planner.measuring.images import Picture
 from planner.measuring.registered import LEAST_KNOWN, SAMPLE, Faces, Lamp, Registered, fitted
-from planner.measuring.samples import POSE, PartEdge, Samples, across_of, pixels_of
-from planner.measuring.scans import State, profiles_of
+from planner.measuring.samples import (
+    POSE,
+    PartEdge,
+    Samples,
+    State,
+    across_of,
+    pixels_of,
+    profiles_of,
+)
 from planner.measuring.task import (
     LEAST_NOISE_PX,
     MOST_CHI2,
     STRETCH_RAD,
-    Found,
+    ImageScan,
     NotRegisteredError,
     Scan,
     Task,
@@ -142,7 +148,9 @@ class Sampled:
         chords = np.array([edge.chord_mm for edge in self.edges])
         middles = np.array(
             [
-                edge.geometry.centre if isinstance(edge.geometry, Circle) else edge.geometry.middle
+                edge.geometry.centre
+                if isinstance(edge.geometry, MeasuredCircle)
+                else edge.geometry.middle
                 for edge in self.edges
             ]
         )
@@ -287,7 +295,9 @@ def beside_shadows(
 def stretches_of(edge: PartEdge, share: Array) -> NDArray[np.int64]:
     """Return the number of the stretch (m,) that samples at shares (m,) of an edge are in."""
     shape = edge.geometry
-    parts = round(shape.span_rad / STRETCH_RAD) if isinstance(shape, Circle) else _LINE_PARTS
+    parts = (
+        round(shape.span_rad / STRETCH_RAD) if isinstance(shape, MeasuredCircle) else _LINE_PARTS
+    )
     return np.minimum((share * max(parts, 1)).astype(np.int64), max(parts, 1) - 1)
 
 
@@ -389,12 +399,12 @@ class Attempt:
     rows: list[Rows]
     left_out: list[Bools]
     lead: float
-    found_at: Callable[[Array], list[Found]]
+    found_at: Callable[[Array], list[ImageScan]]
 
     @cached_property
     def agreeing(self) -> list[Bools]:
         """Which samples (m,) each image shows where the part has them, but for their edge's bias."""
-        return [self._agreeing(scan) for scan in self.scan.found]
+        return [self._agreeing(scan) for scan in self.scan.scans]
 
     @cached_property
     def share(self) -> float:
@@ -417,7 +427,7 @@ class Attempt:
         return [
             self._light(picture, scan, agreeing)
             for picture, scan, agreeing in zip(
-                self.pictures, self.scan.found, self.agreeing, strict=True
+                self.pictures, self.scan.scans, self.agreeing, strict=True
             )
         ]
 
@@ -467,13 +477,13 @@ class Attempt:
         """How the image in which most is found compares with the light."""
         return self.light[int(np.argmax([int(agreeing.sum()) for agreeing in self.agreeing]))]
 
-    def _light(self, picture: Picture, one: Found, agree: Bools) -> Shown | None:
+    def _light(self, picture: Picture, one: ImageScan, agree: Bools) -> Shown | None:
         pose, _ = self.task.places(self.scan.x)
         across = self.scan.across
         edges = self.scan.centres + np.where(agree, one.offset, 0.0)[:, None] * across
         return shown(self.task, pose, picture, (edges, across), agree)
 
-    def _agreeing(self, one: Found) -> Bools:
+    def _agreeing(self, one: ImageScan) -> Bools:
         residual = one.offset - self.task.edge_means(one.offset, one.good)
         scale = max(residual_scale(residual[one.good]), LEAST_NOISE_PX)
         return np.asarray(one.good & (np.abs(residual) <= TUKEY * scale))
@@ -500,7 +510,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         If too little agrees, or the pose is too far from the planned one.
     """
     task = attempt.task
-    scans = attempt.scan.found
+    scans = attempt.scan.scans
     chi2 = attempt.chi2
     if not attempt.convincing:
         raise NotRegisteredError(
@@ -533,7 +543,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
     )
 
 
-def _dark_text(found: list[Found]) -> str:
+def _dark_text(found: list[ImageScan]) -> str:
     """Say how much of the edges the light does not show, if that is much; empty otherwise."""
     dark = np.all([scan.state == State.WEAK for scan in found], axis=0).mean()
     return f"{100 * dark:.0f} % lack contrast" if dark >= MUCH_DARK else ""
@@ -555,7 +565,7 @@ def _states(attempt: Attempt, agree: Bools) -> NDArray[np.void]:
     samples["edge"] = attempt.task.samples.edge
     samples["planned_u"], samples["planned_v"] = attempt.first.T
     samples["u"], samples["v"] = attempt.scan.centres.T
-    best = max(attempt.scan.found, key=lambda one: int(one.good.sum()))
+    best = max(attempt.scan.scans, key=lambda one: int(one.good.sum()))
     lost = np.where(best.good, int(State.OUTLIER), best.state)
     samples["state"] = np.where(agree, int(State.FOUND), lost)
     return samples

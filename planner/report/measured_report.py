@@ -17,8 +17,8 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import Registered
 from planner.measuring.results import MeasurementResults, Result
-from planner.measuring.scans import STATE_TEXTS, State
-from planner.report.tables import Line
+from planner.measuring.samples import STATE_TEXTS, State
+from planner.report.tables import CellLine
 from planner.report.wording import count
 from planner.request.words import tolerance_text
 from planner.text_table import Column, Table, print_table, print_text, words
@@ -149,8 +149,8 @@ def image_data(picture: Picture, window: tuple[int, int, int, int], width: int) 
     """Return a part of an image as a data URI: left, top, width, height in px; shrunk to a width."""
     from PIL import Image
 
-    left, top, wide, high = window
-    part = picture.grey[top : top + high, left : left + wide]
+    column, row, wide, high = window
+    part = picture.grey[row : row + high, column : column + wide]
     grey = np.clip(part * (255.0 / picture.white), 0, 255).astype(np.uint8)
     image = Image.fromarray(grey)
     if wide > width:
@@ -236,8 +236,8 @@ def entity_image(picture: Picture, entities: Sequence[NDArray[np.void]], title: 
     height, width = picture.grey.shape
     low = np.clip(places.min(axis=0) - _ROOM_PX, 0, [width - 2, height - 2]).astype(int)
     high = np.clip(places.max(axis=0) + _ROOM_PX, low + 2, [width, height]).astype(int)
-    left, top = low.tolist()
-    window = (left, top, int(high[0] - left), int(high[1] - top))
+    column, row = low.tolist()
+    window = (column, row, int(high[0] - column), int(high[1] - row))
     size = max(window[2], window[3])
     dots = [path for points in entities for path in _dots(points, size / 150)]
     whiskers = [Stroke(_whiskers(points), size / 500) for points in entities]
@@ -423,10 +423,10 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
     rows = []
     for result in ordered:
         bar = value_bar(result, results.rule)
-        lines = [] if bar is None else [Line(render_macro("planner", _PICTURES, "value", bar))]
+        lines = [] if bar is None else [CellLine(render_macro("planner", _PICTURES, "value", bar))]
         if result.reason:
-            lines.append(Line(result.reason, "note"))
-        decision = Line(result.decision.value, _CLASSES[result.decision])
+            lines.append(CellLine(result.reason, "note"))
+        decision = CellLine(result.decision.value, _CLASSES[result.decision])
         link = (_anchor(result, results), result.name)
         rows.append((link, _nominal_text(result), *_value_texts(result), lines, [decision]))
     return Table(columns, rows, style="stack")

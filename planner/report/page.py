@@ -1,23 +1,42 @@
-"""The report: one self-contained HTML file about a plan, for the screen, the printer and the customer."""
+"""The report of a plan as one HTML page, and the overview with which it begins."""
 
 from __future__ import annotations
 
 import base64
+import datetime
 import math
-from collections.abc import Sequence
+import os
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from errors.formatting import percent_text, probability_text
+from aspectgraph.plot.picker import LabelLayout, Spot, label_layout
+from errors.checks import percent_text, probability_text
+from ground.faces import project_version
 from ground.templates import asset, render
 from planner.argument_kinds import check_kinds
+from planner.camera.camera import Camera
+from planner.camera.pose import look_at, world_to_cam
 from planner.exceptions import RequestError
+from planner.plan_tables import measured_rows
 from planner.progress import report
-from planner.report.figure import color_of, figure_html, figure_views, plan_figure, scene_frame
-from planner.report.graph_picture import GraphPicture, arm_section, graph_picture
-from planner.report.overview import facts, overview, sigma_text, target_picker
+from planner.report.figure import (
+    GraphPicture,
+    arm_section,
+    color_of,
+    figure_html,
+    figure_views,
+    graph_picture,
+    lines_of,
+    plan_figure,
+    polylines,
+    scene_frame,
+)
+from planner.report.predicted_image import PictureMaker, png_data
 from planner.report.setting_report import (
     SettingSection,
     dimensions_table,
@@ -51,16 +70,480 @@ from planner.report.wording import (
     unfinished_sentence,
     window_sentence,
 )
-from planner.request.targets import words_of
-from planner.rows import measured_rows
+from planner.request.targets import PlannedDimension, words_of
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 
 if TYPE_CHECKING:
-    from aspectgraph import EntityAspectGraph
+    from markupsafe import Markup
+
+    from aspectgraph import EntityAspectGraph, Solid
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.request.reach import Space
     from planner.robotcell import Cell
+    from planner.sensor_setting import SensorSetting
+
+# The part with all targets called out: the first picture of a report.
+#
+# A picture shows the part from outside, hidden lines removed. Targets that the first one hides
+# are called out in a second one, from another side. Only what both hide is dashed. A thin line
+# joins the two entities of a dimension, and carries its name. The names are laid out twice: for a
+# desktop, and for a phone.
+
+
+# Where a plan comes from: program, date, part, camera and uncertainty, for the head of a report.
+
+
+# digits of a digest that tell parts apart at a glance
+_DIGEST_DIGITS = 12
+# more seconds than that are beyond the year 5138
+_SECONDS_DIGITS = 11
+
+
+def report_date(environment: Mapping[str, str] | None = None) -> str:
+    """Return the date for a report: of ``SOURCE_DATE_EPOCH`` if that is set, otherwise today (UTC).
+
+    Parameters
+    ----------
+    environment : mapping of str to str, optional
+        The environment. Default: that of the process.
+
+    Returns
+    -------
+    str
+        Such as ``"2026-03-01"``. A plan file holds no date, so equal requests give equal plans.
+    """
+    text = (os.environ if environment is None else environment).get("SOURCE_DATE_EPOCH", "")
+    is_seconds = text.isascii() and text.isdigit() and len(text) <= _SECONDS_DIGITS
+    seconds = int(text) if is_seconds else time.time()
+    return datetime.datetime.fromtimestamp(seconds, datetime.UTC).date().isoformat()
+
+
+def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
+    """Return the facts at the head of a report by their names.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    date : str, optional
+        When the report was written; nothing is said of it otherwise.
+    """
+    camera = plan.camera
+    rows = {
+        "Part": plan.part or "part",
+        "Digest of the part": _digest(plan),
+        "Camera": f"{camera.name or 'camera'}, f = {camera.focal_length_mm:g} mm, "
+        f"f/{camera.f_number:g}, focused at {camera.focus_distance_mm:g} mm",
+        "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
+        "Program": f"aspectgraph {project_version()}",
+        "Date": date or "",
+    }
+    return {name: value for name, value in rows.items() if value}
+
+
+def _digest(plan: InspectionPlan) -> str:
+    """Return the first digits of the part's digest."""
+    part = plan.request.part
+    return "" if part is None else part.digest[:_DIGEST_DIGITS]
+
+
+def sigma_text(sigmas: np.ndarray) -> str:
+    """Return standard deviations (6,) of a camera pose, mm and rad, as short as they allow.
+
+    Parameters
+    ----------
+    sigmas : ndarray, shape (6,)
+        Along and about x, y, z.
+    """
+    groups = []
+    for values, unit in ((sigmas[:3], "mm"), (sigmas[3:], "rad")):
+        texts = [f"{value:.4g}" for value in values]
+        if len(set(texts)) == 1:
+            texts = texts[:1]
+        groups.append(f"{', '.join(texts)} {unit}")
+    return f"σ = {groups[0]} and {groups[1]}"
+
+
+_Array = NDArray[np.float64]
+
+NOT_INSPECTED = "#c0152f"
+"""Colour of targets that no setting measures."""
+
+MOST_NAMES = 120
+"""Of more targets the pictures hold no names, which would be too small to read."""
+
+_SIDES = tuple((x, y, z) for z in (0.75, -0.75) for x in (1.1, -1.1) for y in (-1.3, 1.3))
+# from the part's middle to the eye, in diagonals of its box: little perspective
+_DISTANCE = 4.0
+_RESOLUTION = 2400
+_FOCAL_MM = 10.0
+# the part's diagonal takes this share of the virtual sensor
+_FILLED = 0.8
+_SAMPLES = 9
+# a target is called out where at least this share of it is visible
+_VISIBLE = 0.5
+# larger side of the first picture and of the second one, pt
+_SIZES_PT = (800.0, 480.0)
+# on a phone, whose page is 370 px wide
+_PHONE_PT = 266.0
+# smaller names on a phone are left out
+_LEAST_FONT_PT = 5.0
+
+
+class OverviewView(NamedTuple):
+    """A picture: pose of its eye (4, 4), and the targets it calls out."""
+
+    cam2world: _Array
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Target:
+    """A target: its lines, mm, points along them, and the line (2, 3) that joins two entities."""
+
+    lines: list[_Array]
+    samples: _Array
+    span: _Array | None = None
+
+
+def overview(plan: InspectionPlan, solid: Solid) -> Markup | str:
+    """Return the part with all targets called out, as HTML; nothing of a plan without targets.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    solid : Solid
+        Its part.
+    """
+    if not plan.entities:
+        return ""
+    targets = {name: _target(polylines(plan, name)) for name in plan.entities}
+    maker = PictureMaker(solid, _eye_camera(solid))
+    views = choose_views(maker, {name: target.samples for name, target in targets.items()})
+    colors = target_colors(plan)
+    seen = {name for view in views for name in view.names}
+    pictures = []
+    for k, view in enumerate(views):
+        hidden = [name for name in targets if name not in seen] if k == 0 else []
+        drawing = _drawing(maker, view, hidden, targets, colors)
+        pictures.append(_picture(maker, drawing, k, len(targets) <= MOST_NAMES))
+    return render(
+        "planner",
+        "report/templates/overview.html",
+        views=pictures,
+        plan=plan,
+        any_hidden=len(seen) < len(targets),
+        most_names=MOST_NAMES,
+    )
+
+
+def target_colors(plan: InspectionPlan) -> dict[str, str]:
+    """Return the colour of each target: of the setting with its largest probability.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    best: dict[str, tuple[float, int]] = {}
+    for k, setting in enumerate(plan.settings):
+        for name in setting.entities:
+            best[name] = max(best.get(name, (-1.0, 0)), (setting.probability[name], -k))
+    return {
+        name: color_of(-best[name][1]) if name in best else NOT_INSPECTED for name in plan.entities
+    }
+
+
+def choose_views(maker: PictureMaker, samples: Mapping[str, _Array]) -> list[OverviewView]:
+    """Return one view, or two if the first one hides targets that another one shows.
+
+    Parameters
+    ----------
+    maker : PictureMaker
+        Of the part.
+    samples : mapping of str to ndarray, shape (n, 3)
+        Points along each target, mm.
+    """
+    bounds = maker.solid.bounds
+    middle = bounds.mean(axis=0)
+    distance = _DISTANCE * float(np.linalg.norm(bounds[1] - bounds[0]))
+    names = list(samples)
+    points = np.concatenate(list(samples.values()))
+    owner = np.repeat(np.arange(len(names)), list(map(len, samples.values())))
+    total = np.bincount(owner, minlength=len(names))
+    poses = []
+    shows = []
+    for side in _SIDES:
+        towards = np.array(side) / np.linalg.norm(side)
+        pose = look_at((middle + distance * towards)[None], middle)[0]
+        visible = maker.visible(pose, points)
+        n_visible = np.bincount(owner, weights=visible, minlength=len(names))
+        poses.append(_upright(pose))
+        shows.append(n_visible >= _VISIBLE * total)
+    first = int(np.argmax([visible.sum() for visible in shows]))
+    views = [_view(poses[first], names, shows[first])]
+    more = [visible & ~shows[first] for visible in shows]
+    second = int(np.argmax([visible.sum() for visible in more]))
+    if more[second].any():
+        views.append(_view(poses[second], names, more[second]))
+    return views
+
+
+def _view(pose: _Array, names: Sequence[str], shown: NDArray[np.bool_]) -> OverviewView:
+    return OverviewView(
+        pose, tuple(name for name, is_shown in zip(names, shown.tolist(), strict=True) if is_shown)
+    )
+
+
+def _upright(pose: _Array) -> _Array:
+    """Return a pose turned about its axis so that z points up in the image."""
+    forward = pose[:3, 2]
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    upright = pose.copy()
+    upright[:3, 0] = right
+    upright[:3, 1] = np.cross(forward, right)
+    return upright
+
+
+def _eye_camera(solid: Solid) -> Camera:
+    """Return a camera that holds the part at the distance of the eye; sharpness does not matter."""
+    diagonal = float(np.linalg.norm(solid.bounds[1] - solid.bounds[0]))
+    distance = _DISTANCE * diagonal
+    focal = min(_FOCAL_MM, distance / 10)
+    image_distance = focal * distance / (distance - focal)
+    pitch = image_distance * diagonal / (distance * _FILLED * _RESOLUTION)
+    return Camera(focal, (pitch, pitch), (_RESOLUTION, _RESOLUTION), 8.0, distance)
+
+
+def _target(lines: list[_Array]) -> _Target:
+    pieces = []
+    for line in lines:
+        pieces.append(_along(line) if len(line) == 2 else (line[:-1] + line[1:]) / 2)
+    middles = [piece.mean(axis=0) for piece in pieces]
+    span = np.array(middles) if len(middles) == 2 else None
+    return _Target(lines, np.concatenate(pieces), span)
+
+
+def _along(line: _Array) -> _Array:
+    """Return points along a line (2, 3)."""
+    share = (np.arange(_SAMPLES) + 0.5)[:, None] / _SAMPLES
+    return np.asarray((1 - share) * line[0] + share * line[1])
+
+
+class _Stroke(NamedTuple):
+    """A line of a picture: its class, its colour, the data of its SVG path."""
+
+    kind: str
+    color: str
+    path: str
+    dashed: bool = False
+
+
+class _Drawing(NamedTuple):
+    """What a view shows: pose (4, 4), corners of the part in the image, targets and their spots."""
+
+    pose: _Array
+    low: _Array
+    high: _Array
+    lines: list[_Stroke]
+    spots: list[Spot]
+
+
+def _drawing(
+    maker: PictureMaker,
+    view: OverviewView,
+    hidden: Sequence[str],
+    targets: Mapping[str, _Target],
+    colors: Mapping[str, str],
+) -> _Drawing:
+    """Return the targets of a view, and where their names may be."""
+    pose = view.cam2world
+
+    def seen(points: _Array) -> _Array:
+        return np.asarray(maker.project(world_to_cam(points, pose)))
+
+    corners = seen(maker.solid.vertices)
+    spots = []
+    lines = []
+    for name in [*view.names, *hidden]:
+        target = targets[name]
+        color = colors[name]
+        path = _path([seen(line) for line in target.lines])
+        lines.append(_Stroke("entity", color, path, name in hidden))
+        if target.span is None:
+            spots.append(Spot(name, color, seen(target.samples)))
+            continue
+        lines.append(_Stroke("leader", color, _path([seen(target.span)])))
+        spots.append(Spot(name, color, seen(_along(target.span))))
+    return _Drawing(pose, corners.min(axis=0), corners.max(axis=0), lines, spots)
+
+
+def _path(lines: Sequence[_Array]) -> str:
+    """Return lines (n, 2) as the data of an SVG path."""
+    return "".join("M" + "L".join(f"{u:.1f} {v:.1f}" for u, v in line) for line in lines)
+
+
+class _Label(NamedTuple):
+    """A name on its target, beside it or at the frame; a leader joins it with the target's middle."""
+
+    text: str
+    color: str
+    place: tuple[float, ...]
+    middle: tuple[float, ...]
+    leader: bool
+
+
+class _Names(NamedTuple):
+    """The names of a picture: left, top, width and height of it, units of it to the pt, size of the font."""
+
+    box: tuple[int, ...]
+    unit: float
+    font: float
+    labels: list[_Label]
+
+
+def _picture(maker: PictureMaker, drawing: _Drawing, number: int, is_named: bool) -> dict[str, Any]:
+    """Return a view for a desktop, and for a phone with the same drawing and names of its own."""
+    extent = (drawing.high - drawing.low) / (drawing.high - drawing.low).max()
+    spots = drawing.spots if is_named else []
+    wide = label_layout(spots, drawing.low, drawing.high, extent * _SIZES_PT[number])
+    narrow = label_layout(spots, drawing.low, drawing.high, extent * _PHONE_PT)
+    if narrow.font_pt < _LEAST_FONT_PT:
+        narrow = label_layout([], drawing.low, drawing.high, extent * _PHONE_PT)
+    low = np.floor(np.minimum(wide.low, narrow.low)).astype(int).tolist()
+    high = np.ceil(np.maximum(wide.high, narrow.high)).astype(int).tolist()
+    window = (low[0], low[1], high[0] - low[0], high[1] - low[1])
+    return {
+        "name": f"targets-{number + 1}",
+        "window": window,
+        "png": png_data(maker.shaded(drawing.pose, window=window)),
+        "edges": maker.edge_path(drawing.pose),
+        "lines": drawing.lines,
+        "wide": _names(wide, spots, _SIZES_PT[number]),
+        "narrow": _names(narrow, spots, _PHONE_PT),
+    }
+
+
+def _names(layout: LabelLayout, spots: Sequence[Spot], size_pt: float) -> _Names:
+    unit = float((layout.high - layout.low).max() / size_pt)
+    labels = []
+    for n, place in layout.places.items():
+        spot = spots[n]
+        middle = tuple(spot.middle.tolist())
+        leader = n not in layout.carried
+        labels.append(_Label(spot.text, spot.colour, tuple(place.tolist()), middle, leader))
+    corner = np.floor(layout.low).astype(int).tolist()
+    size = np.ceil(layout.high - layout.low).astype(int).tolist()
+    return _Names((*corner, *size), unit, layout.font_pt * unit, labels)
+
+
+# Choosing a target in the 3-D view: what each setting measures of it, and by which witness.
+
+
+# digits behind the point, mm
+_DIGITS = 3
+
+
+class TargetPicker(NamedTuple):
+    """What a page needs to choose targets.
+
+    Attributes
+    ----------
+    groups : dict
+        The list to choose from: names of targets by their values, in groups with labels.
+    data : dict
+        What each entry shows, by its value in the list.
+    """
+
+    groups: dict[str, dict[str, str]]
+    data: dict[str, dict[str, Any]]
+
+
+def target_picker(plan: InspectionPlan) -> TargetPicker:
+    """Return a list of the targets of each setting, and what is shown of each.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    shown: dict[str, dict[str, Any]] = {}
+    groups = {}
+    for k, setting in enumerate(plan.settings):
+        values = {f"{k + 1}:{i}": name for i, name in enumerate(setting.entities)}
+        shown |= {value: _shown(plan, k, name) for value, name in values.items()}
+        groups[f"Setting {k + 1}"] = values
+    if plan.uninspectable:
+        missing = {f"none:{i}": name for i, name in enumerate(plan.uninspectable)}
+        shown |= {value: _not_inspected(plan, name) for value, name in missing.items()}
+        groups["Not inspected"] = missing
+    return TargetPicker(groups, shown)
+
+
+def _shown(plan: InspectionPlan, k: int, name: str) -> dict[str, Any]:
+    """Return the lines by which a setting measures a target, those of its other witnesses, and what to say."""
+    setting = plan.settings[k]
+    target = plan.targets[name]
+    others: list[NDArray[np.float64]] = []
+    if isinstance(target, PlannedDimension):
+        used = setting.witness.get(name, 0)
+        others = [
+            line
+            for i, way in enumerate(target.witnesses)
+            if i != used
+            for line in lines_of(way.geometry)
+        ]
+    return {
+        "color": color_of(k),
+        "lines": _rounded(polylines(plan, name, setting)),
+        "others": _rounded(others),
+        "setting": k + 1,
+        "text": _text(plan, k, name),
+    }
+
+
+def _not_inspected(plan: InspectionPlan, name: str) -> dict[str, Any]:
+    return {
+        "color": "#c0152f",
+        "lines": _rounded(polylines(plan, name)),
+        "others": [],
+        "setting": None,
+        "text": f"{name} is not inspected: {plan.uninspectable[name]}",
+    }
+
+
+def _text(plan: InspectionPlan, k: int, name: str) -> str:
+    """Say by which witness a setting measures a target, why by no other, and which settings measure it, too."""
+    setting = plan.settings[k]
+    target = plan.targets[name]
+    text = f"Setting {k + 1} measures {name}"
+    if isinstance(target, PlannedDimension):
+        used = target.choosing(setting.witness.get(name, 0))
+        text += f" by {' and '.join(used.entities)}"
+        if len(target.ways) > 1:
+            text += f", one of {count(len(target.ways), 'way')}{_passed_over(setting, name)}"
+    others = [
+        str(i + 1) for i, other in enumerate(plan.settings) if i != k and name in other.entities
+    ]
+    too = f" Measured in setting {' and '.join(others)}, too." if others else ""
+    return f"{text}.{too}"
+
+
+def _passed_over(setting: SensorSetting, name: str) -> str:
+    over = setting.passed_over.get(name, {})
+    parts = [f"{entities}: {reason}" for entities, reason in over.items()]
+    return f". Not used: {'; '.join(parts)}" if parts else ""
+
+
+def _rounded(lines: Iterable[Sequence[Any] | NDArray[np.float64]]) -> list[list[list[float]]]:
+    return [np.round(np.asarray(line, dtype=np.float64), _DIGITS).tolist() for line in lines]
+
+
+# The report: one self-contained HTML file about a plan, for the screen, the printer and the
+# customer.
 
 
 _POSE = "camera pose"
@@ -339,8 +822,8 @@ def _request(plan: InspectionPlan) -> dict[str, Any]:
     camera = plan.camera
     field = np.array(camera.sensor_size_mm) / camera.image_distance_mm * camera.focus_distance_mm
     if not camera.is_centred:
-        left, top, right, bottom = camera.field().inner
-        field = np.array([right - left, bottom - top]) * camera.focus_distance_mm
+        x_low, y_low, x_high, y_high = camera.field().inner
+        field = np.array([x_high - x_low, y_high - y_low]) * camera.focus_distance_mm
     dimensions = plan.dimensions.values()
     models = dict.fromkeys(localisation_text(dimension.localisation) for dimension in dimensions)
     rough = any(dimension.surfaces_mm for dimension in dimensions)

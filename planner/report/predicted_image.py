@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.plot.traces import is_feature
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from ground.templates import render
-from planner.camera.camera import Camera
-from planner.camera.imaging import image_of, tangents_of
+from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.report.figure import chord_circles, on_circle
 
@@ -203,7 +202,7 @@ class PictureMaker:
         self, cam2world: np.ndarray, entities: dict[str, Any], window: Window, *, named: bool
     ) -> list[_Mark]:
         """Return the entities with their names, which lie inside the window and apart from each other."""
-        left, top, width, height = window
+        column, row, width, height = window
         size = width / (42 if len(entities) <= _MANY_NAMES else 54)
         marks: list[_Mark] = []
         taken: list[tuple[float, ...]] = []
@@ -214,8 +213,8 @@ class PictureMaker:
                 continue
             u, v = uv.reshape(-1, 2).mean(axis=0)
             length = 0.6 * size * len(name)
-            is_left = u > left + 0.75 * width or left + width - u < length < u - left
-            v = min(max(v - 0.4 * size, top + 1.2 * size), top + height - 0.6 * size)
+            is_left = u > column + 0.75 * width or column + width - u < length < u - column
+            v = min(max(v - 0.4 * size, row + 1.2 * size), row + height - 0.6 * size)
             v = _free_line(taken, u - length if is_left else u, v, size, length)
             label = _Label(name, u, v, size, "end" if is_left else "start")
             marks.append(_Mark(_path(lines), label))
@@ -345,14 +344,14 @@ class PictureMaker:
     ) -> np.ndarray:
         """Return a small grey image (h, w) of uint8, by lamps (3,) or (n, 3), or from its left shoulder."""
         matrix = self.camera.matrix
-        (left, top, width, height) = window or (0, 0, *self.camera.resolution)
+        (column, row, width, height) = window or (0, 0, *self.camera.resolution)
         scale = width / _SHADED_WIDTH
         u, v = np.meshgrid(
             (np.arange(_SHADED_WIDTH) + 0.5) * scale,
             (np.arange(round(height / scale)) + 0.5) * scale,
         )
-        u = u + left
-        v = v + top
+        u = u + column
+        v = v + row
         if self.camera.distortion is None:
             x = (u - matrix[0, 2]) / matrix[0, 0]
             y = (v - matrix[1, 2]) / matrix[1, 1]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scipy.spatial.transform import Rotation
 
-from aspectgraph.solid.ray_scene import RayScene
-from errors.formatting import interval_text, probability_text
+from aspectgraph.solid.solid import RayScene
+from errors.checks import interval_text, probability_text
 from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, exposure_of
@@ -18,7 +18,7 @@ from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
 from planner.report.tables import (
     COLOURS,
-    Line,
+    CellLine,
     Promised,
     Share,
     binding_sentence,
@@ -48,9 +48,9 @@ if TYPE_CHECKING:
 
     from aspectgraph import Solid
     from planner.plan import InspectionPlan
+    from planner.plan_tables import Row
     from planner.progress import Progress
     from planner.request.targets import PlannedDimension
-    from planner.rows import Row
     from planner.sensor_setting import SensorSetting
 
 
@@ -101,7 +101,7 @@ def settings_table(plan: InspectionPlan, nouns: tuple[str, str]) -> Table:
     return Table(columns, rows, style="stack", notes=[note])
 
 
-class Shot(NamedTuple):
+class CaptionedPicture(NamedTuple):
     """A picture of a setting with its caption."""
 
     picture: Markup
@@ -119,7 +119,7 @@ class SettingSection(NamedTuple):
         Its colour.
     pose : str
         How its camera stands, and where.
-    shots : list of Shot
+    shots : list of CaptionedPicture
         Predicted images and edge maps; empty if there was no time for them.
     measured : Table
         What it measures.
@@ -134,7 +134,7 @@ class SettingSection(NamedTuple):
     number: int
     color: str
     pose: str
-    shots: list[Shot]
+    shots: list[CaptionedPicture]
     measured: Table
     sentences: str
     margins: str
@@ -226,7 +226,7 @@ def _pose_text(plan: InspectionPlan, setting: SensorSetting) -> str:
     )
 
 
-def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> list[Shot]:
+def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> list[CaptionedPicture]:
     """Return predicted image and edge map; next to each the targets enlarged, if they are small in the image."""
     pose = plan.settings[k].cam2world
     entities = drawn(plan, plan.settings[k].entities, plan.settings[k])
@@ -238,17 +238,17 @@ def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> list[Shot]:
         shaded += f", under {lamps_named(images[0])}"
     window = maker.window(pose, entities)
     times = maker.camera.resolution[0] / window[2]
-    edge_map = Shot(maker.edge_map_svg(pose, entities), _map_caption(plan))
+    edge_map = CaptionedPicture(maker.edge_map_svg(pose, entities), _map_caption(plan))
     if times < _WORTH_ENLARGING:
-        return [Shot(maker.image_svg(pose, entities, color, lamp), shaded), edge_map]
+        return [CaptionedPicture(maker.image_svg(pose, entities, color, lamp), shaded), edge_map]
     enlarged = f"the frame enlarged {times:.3g} times ({window[2]} x {window[3]} px)"
     near = maker.image_svg(pose, entities, color, lamp, window=window)
     near_map = maker.edge_map_svg(pose, entities, window=window)
     return [
-        Shot(maker.image_svg(pose, entities, color, lamp, outlined=window), shaded),
-        Shot(near, f"Predicted image: {enlarged}"),
+        CaptionedPicture(maker.image_svg(pose, entities, color, lamp, outlined=window), shaded),
+        CaptionedPicture(near, f"Predicted image: {enlarged}"),
         edge_map,
-        Shot(near_map, f"Edge map: {enlarged}"),
+        CaptionedPicture(near_map, f"Edge map: {enlarged}"),
     ]
 
 
@@ -353,7 +353,7 @@ def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> l
     dimension = plan.dimensions[name].choosing(chosen)
     expanded = measurement.expanded_uncertainty
     return [
-        [Line(name), Line(_what(dimension), "note")],
+        [CellLine(name), CellLine(_what(dimension), "note")],
         _nominal(dimension),
         unbroken(f"{expanded:.3g} {dimension.unit}"),
         _ratio(dimension, expanded),
@@ -367,13 +367,13 @@ def _row(plan: InspectionPlan, k: int, name: str, measurement: Measurement) -> l
     ]
 
 
-def _ratio(dimension: PlannedDimension, expanded: float) -> list[Line]:
+def _ratio(dimension: PlannedDimension, expanded: float) -> list[CellLine]:
     """Return U/T, or why there is none."""
     if dimension.tolerance is None:
-        return [Line("none stated")]
+        return [CellLine("none stated")]
     if is_one_sided(dimension.tolerance):
-        return [Line("one limit")]
-    return [Line(f"{uncertainty_ratio(expanded, dimension.tolerance):.3f}", "strong")]
+        return [CellLine("one limit")]
+    return [CellLine(f"{uncertainty_ratio(expanded, dimension.tolerance):.3f}", "strong")]
 
 
 def _what(dimension: PlannedDimension) -> str:
@@ -383,36 +383,36 @@ def _what(dimension: PlannedDimension) -> str:
     return f"{text}; {features}" if features else text
 
 
-def _permitted(dimension: PlannedDimension, measurement: Measurement) -> list[Line]:
+def _permitted(dimension: PlannedDimension, measurement: Measurement) -> list[CellLine]:
     """Return the permitted error, in the image too, and its share of the tolerance."""
-    lines = [Line(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))]
+    lines = [CellLine(unbroken(f"±{dimension.permitted_error:.4g} {dimension.unit}"))]
     if measurement.permitted_error_px is not None:
-        lines.append(Line(unbroken(f"{measurement.permitted_error_px:.3g} px")))
+        lines.append(CellLine(unbroken(f"{measurement.permitted_error_px:.3g} px")))
     if dimension.share_text:
-        lines.append(Line(unbroken(dimension.share_text), "note"))
+        lines.append(CellLine(unbroken(dimension.share_text), "note"))
     return lines
 
 
-def _nominal(dimension: PlannedDimension) -> list[Line]:
+def _nominal(dimension: PlannedDimension) -> list[CellLine]:
     text = f"{dimension.nominal:.6g} {dimension.unit}"
     if dimension.tolerance is None:
-        return [Line(text)]
+        return [CellLine(text)]
     if is_one_sided(dimension.tolerance):
-        return [Line(text), Line(tolerance_text(dimension.tolerance))]
+        return [CellLine(text), CellLine(tolerance_text(dimension.tolerance))]
     lower, upper = dimension.tolerance
-    return [Line(text), Line(deviation_text(upper)), Line(deviation_text(lower))]
+    return [CellLine(text), CellLine(deviation_text(upper)), CellLine(deviation_text(lower))]
 
 
-def _probability(plan: InspectionPlan, k: int, name: str) -> list[Line]:
+def _probability(plan: InspectionPlan, k: int, name: str) -> list[CellLine]:
     setting = plan.settings[k]
-    lines = [Line(probability_text(setting.promise[name], plan.probability))]
+    lines = [CellLine(probability_text(setting.promise[name], plan.probability))]
     if setting.p_all:
         alone = probability_text(setting.probability[name], plan.probability)
-        lines.append(Line(unbroken(f"P {alone}"), "note"))
+        lines.append(CellLine(unbroken(f"P {alone}"), "note"))
     rates = plan.simulation.rates[k] if plan.simulation is not None else {}
     if name in rates:
         rate = rates[name]
-        lines.append(Line(f"simulated {interval_text(rate.low, rate.high)}", "note"))
+        lines.append(CellLine(f"simulated {interval_text(rate.low, rate.high)}", "note"))
     return lines
 
 
@@ -423,19 +423,19 @@ def _budget(dimension: PlannedDimension, measurement: Measurement) -> str | list
     return [Share(source_text(key), value, COLOURS[key]) for key, value in percents.items()]
 
 
-def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[Line]:
+def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[CellLine]:
     if dimension.tolerance is None:
-        return [Line("no tolerance stated")]
+        return [CellLine("no tolerance stated")]
     limits = acceptance_limits(dimension.tolerance, measurement.expanded_uncertainty)
     if limits is None:
-        return [Line("nothing: U takes the whole tolerance", "bad")]
+        return [CellLine("nothing: U takes the whole tolerance", "bad")]
     low, high = (dimension.nominal + limit for limit in limits)
     upper = unbroken(f"{high:.6g} {dimension.unit}")
     if math.isinf(low):
-        return [Line(f"up to {upper}")]
+        return [CellLine(f"up to {upper}")]
     if math.isinf(high):
-        return [Line(f"from {unbroken(f'{low:.6g} {dimension.unit}')}")]
-    return [Line(f"{low:.6g} and {upper}")]
+        return [CellLine(f"from {unbroken(f'{low:.6g} {dimension.unit}')}")]
+    return [CellLine(f"{low:.6g} and {upper}")]
 
 
 def _images_text(plan: InspectionPlan) -> list[str]:

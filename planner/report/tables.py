@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from errors.formatting import (
+from errors.checks import (
     frequency_text,
     interval_text,
     is_nearly_one,
@@ -19,6 +19,7 @@ from errors.formatting import (
 )
 from errors.measurands.measurand import SOURCES
 from planner.camera.pose import world_to_cam
+from planner.plan_tables import Row
 from planner.report.wording import names_by_reason
 from planner.request.camera_limits import (
     SIGMAS,
@@ -29,7 +30,6 @@ from planner.request.camera_limits import (
     sigmas_left,
 )
 from planner.request.targets import targets_of, words_of
-from planner.rows import Row
 from planner.sensor_setting import kind_of
 from planner.text_table import Column, Table
 from planner.verify.simulate_setting import (
@@ -42,8 +42,8 @@ from planner.verify.simulate_setting import (
 
 if TYPE_CHECKING:
     from planner.plan import InspectionPlan
+    from planner.plan_tables import WarningKind
     from planner.request.targets import Target
-    from planner.rows import WarningKind
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_setting import SuccessRate
 
@@ -58,7 +58,7 @@ COLOURS = {
 """Of the sources of variance, in every bar."""
 
 
-class Line(NamedTuple):
+class CellLine(NamedTuple):
     """A line of a cell, and its class in the page."""
 
     text: str
@@ -436,7 +436,7 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> Table:
         target = plan.targets[row.name]
         values = [
             row.name,
-            [Line(words.value.format(target)), *_by(row, target)],
+            [CellLine(words.value.format(target)), *_by(row, target)],
             permitted(row, target),
             budget_shares(row),
             *promised.cells(row.promise, row.probability),
@@ -448,12 +448,12 @@ def setting_table(plan: InspectionPlan, measured: Sequence[Row]) -> Table:
     return Table(columns, rows, style="stack", below=below, notes=[note])
 
 
-def _by(row: Row, target: Target) -> list[Line]:
+def _by(row: Row, target: Target) -> list[CellLine]:
     """Say by which entities a target is measured, where others could, too."""
     if len(target.ways) == 1:
         return []
     text = f"by {', '.join(row.entities)}, one of {len(target.ways)} ways"
-    return [Line(text, "note")]
+    return [CellLine(text, "note")]
 
 
 def passed_over_sentence(setting: SensorSetting) -> str:
@@ -527,7 +527,7 @@ class Interval(NamedTuple):
     """The interval of a frequency: in words, and where its bar and the prediction are, percent of the width."""
 
     text: str
-    left: float
+    start: float
     width: float
     mark: float
 
@@ -544,7 +544,7 @@ def _rate(rate: SuccessRate | None, threshold: float) -> list[Any]:
     return [
         frequency_text(rate.successes, rate.n),
         Interval(text, low, max(high - low, 1.5), mark),
-        [Line(rate.verdict, _STYLES[rate.verdict])],
+        [CellLine(rate.verdict, _STYLES[rate.verdict])],
     ]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph import Arc, Edge, EntityAspectGraph, Rim, Solid
-from errors.formatting import frequency_text, interval_text, probability_text
+from errors.checks import frequency_text, interval_text, probability_text
 from planner.plan import InspectionPlan
 from planner.progress import visible
 from planner.report.tables import nearest_limits

@@ -10,14 +10,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from errors.formatting import percent_text
+from errors.checks import percent_text
 from planner.detectability.image_check import MOST_PX
+from planner.plan_tables import line_warning, unshown_warning
 from planner.progress import duration
-from planner.request.camera_limits import LEAST_SIGMAS
-from planner.request.defaults import corner_margin_px
+from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
 from planner.request.dimension_files import SURFACES_MM
 from planner.request.targets import words_of
-from planner.rows import line_warning, unshown_warning
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -148,14 +147,14 @@ def promise_sentence(plan: InspectionPlan) -> str:
     error = words.error.format(share=percent_text(1 - plan.accuracy))
     alone = (
         f"P is the probability that the error is at most {error}, given a registered image in which "
-        f"{words.found}."
+        f"{words.finding}."
     )
     if registered := registration_text(plan):
         alone += f" Here, {registered}, so the camera's own uncertainty limits where it looks, not what it reads."
     poses = min((view.p_all_poses for view in plan.settings if view.p_all), default=0)
     if not poses:
         return alone
-    item = words.found.removesuffix(" is found")
+    item = words.finding.removesuffix(" is found")
     return (
         f"{alone} P_all asks for everything at once: the displaced camera has {item} in the picture, in "
         "focus, unhidden and apart from other lines, and the error is at most the permitted one. It is counted over "

@@ -46,7 +46,7 @@ def checked_class(text: str, kind: str) -> str:
     from aspectgraph.dimensions.tolerances import KINDS_WITH_CLASS, ToleranceClass
 
     try:
-        found = str(ToleranceClass.of(text))
+        class_text = str(ToleranceClass.of(text))
     except ToleranceError as error:
         raise RequestError.of_rule("tolerance", error.rule, error.got, hint=error.hint) from None
     if kind not in KINDS_WITH_CLASS:
@@ -54,9 +54,9 @@ def checked_class(text: str, kind: str) -> str:
             "tolerance",
             f"must be two numbers, because only a {', '.join(KINDS_WITH_CLASS[:-1])} or {KINDS_WITH_CLASS[-1]} "
             "has a tolerance class",
-            f"{found!r} for a {kind.replace('_', ' ')}",
+            f"{class_text!r} for a {kind.replace('_', ' ')}",
         )
-    return found
+    return class_text
 
 
 def class_limits(tolerance_class: str, nominal_mm: float) -> tuple[float, float]:
@@ -248,14 +248,14 @@ class Dimension:
                 object.__setattr__(self, "tolerance_class", tolerance)
         elif tolerance is not None:
             object.__setattr__(self, "tolerance", checked_tolerance(tolerance))
-        given = [name for name in _REQUIREMENTS if getattr(self, name) is not None]
+        stated = [name for name in _REQUIREMENTS if getattr(self, name) is not None]
         if self.tolerance is not None and is_one_sided(self.tolerance):
-            given.remove("tolerance")
+            stated.remove("tolerance")
         if isinstance(tolerance, str) and self.tolerance_class != tolerance:
-            given.insert(0, "tolerance")
-        if len(given) > 1:
+            stated.insert(0, "tolerance")
+        if len(stated) > 1:
             raise RequestError(
-                f"a dimension must have one of tolerance, max_error and accuracy. Got {', '.join(given)}."
+                f"a dimension must have one of tolerance, max_error and accuracy. Got {', '.join(stated)}."
             )
 
     @classmethod
@@ -420,16 +420,16 @@ class Dimension:
         >>> Dimension.any_of([upper, lower]).witnesses
         (('r3',), ('r7',))
         """
-        given = tuple(dimensions)
-        if not given:
+        choices = tuple(dimensions)
+        if not choices:
             raise RequestError.of_rule("any_of", "must hold at least one dimension", "none")
-        first = given[0]
-        for other in given[1:]:
+        first = choices[0]
+        for other in choices[1:]:
             if replace(other, entities=first.entities, alternatives=first.alternatives) != first:
                 raise RequestError.of_rule(
                     "any_of", "must hold dimensions that differ only in their entities", repr(other)
                 )
-        others = [way for one in given for way in one.witnesses][1:]
+        others = [way for choice in choices for way in choice.witnesses][1:]
         return replace(first, alternatives=tuple(others))
 
     @property

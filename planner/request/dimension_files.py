@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aspectgraph.dimensions.features import unique_names
-from aspectgraph.entities.entity_files import parse_names
+from aspectgraph.entities.entity_rules import parse_names
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import Localisation
@@ -224,9 +224,9 @@ def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float) -> Any:
 
 def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     unit = value.get("unit", "deg" if kind == "angle" else "mm")
-    known = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
-    if unit not in known:
-        raise RequestError.of_rule("unit", f"must be one of {', '.join(known)}", repr(unit))
+    units = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
+    if unit not in units:
+        raise RequestError.of_rule("unit", f"must be one of {', '.join(units)}", repr(unit))
     options = {key: value[key] for key in _OPTIONS if key in value and key not in ("unit", "any")}
     factor = _UNITS[unit]
     if isinstance(options.get("tolerance"), Mapping):
@@ -346,17 +346,19 @@ def dimensions_to_plan(
     omitted = [
         role for role, planned in (("reference", reference), ("basic", basic)) if not planned
     ]
-    found = [item for one in stated for item in _items(one, share, one_per_pattern, omitted)]
+    items = [
+        item for statement in stated for item in _items(statement, share, one_per_pattern, omitted)
+    ]
     # the model may already use a name that a feature of a pattern gets
-    names = unique_names([name for name, _ in found])
-    wanted: dict[str, Dimension] = {}
+    names = unique_names([name for name, _ in items])
+    named: dict[str, Dimension] = {}
     left_out: dict[str, str] = {}
-    for name, (_, item) in zip(names, found, strict=True):
+    for name, (_, item) in zip(names, items, strict=True):
         if isinstance(item, Dimension):
-            wanted[name] = item
+            named[name] = item
         else:
             left_out[name] = item
-    return wanted, left_out
+    return named, left_out
 
 
 def _items(
@@ -369,22 +371,22 @@ def _items(
     if stated.entities is None:
         return [(stated.name, stated.reason or "")]
     # without a list of features the entities are those of the only one
-    own = [k for k, ways in enumerate(stated.features) if ways and ways[0] == stated.entities]
-    first = stated.features[own[0]] if own else (stated.entities,)
+    places = [k for k, ways in enumerate(stated.features) if ways and ways[0] == stated.entities]
+    first = stated.features[places[0]] if places else (stated.entities,)
     n = len(stated.features)
     # of records that were made by hand, none may be stated
     zones = stated.surfaces or (None,) * n
     if one_per_pattern or n == 1:
-        zone = zones[own[0]] if own else None
+        zone = zones[places[0]] if places else None
         count = stated.n_features if one_per_pattern else 1
         return [(stated.name, _dimension_of_model_dimensions(stated, first, share, zone, count))]
-    found: list[tuple[str, Dimension | str]] = []
+    result: list[tuple[str, Dimension | str]] = []
     for k, (ways, reason) in enumerate(zip(stated.features, stated.feature_reasons, strict=True)):
         item = (
             _dimension_of_model_dimensions(stated, ways, share, zones[k]) if ways else reason or ""
         )
-        found.append((characteristic_name(stated.name, k + 1, n), item))
-    return found
+        result.append((characteristic_name(stated.name, k + 1, n), item))
+    return result
 
 
 def _dimension_of_model_dimensions(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,13 +156,6 @@ class Means:
     own_edges: OwnEdges | None = None
 
 
-class TargetModels(Protocol):
-    """How probably each of k targets is measured accurately."""
-
-    def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """Return P of poses (n, 4, 4) for those targets that are wanted (n, k), one after the other, row by row."""
-
-
 class EdgeModels:
     """The paper's density of image lengths.
 
@@ -192,8 +185,8 @@ class EdgeModels:
         if self._own_edges is None:
             return self.probability_of(ends)
         used = np.flatnonzero(wanted.any(axis=1))
-        known = self._own_edges.poses(np.linalg.inv(cam2world[used]))
-        root = paper_displacement_jacobian(self._image_distance) @ known.root
+        uncertainty = self._own_edges.poses(np.linalg.inv(cam2world[used]))
+        root = paper_displacement_jacobian(self._image_distance) @ uncertainty.root
         rows = np.nonzero(wanted[used])[0]
         return self._probability(cam_to_paper(ends, self._image_distance), root[rows])
 
@@ -231,7 +224,7 @@ class DimensionModels:
         self._keys = tuple(keys)
 
     def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """Return P of poses for wanted dimensions, as `TargetModels`."""
+        """Return P of poses for wanted dimensions, one after the other, row by row."""
         if self._own_edges is not None:
             return self._registered(self._own_edges, cam2world, wanted)
         result = np.zeros(wanted.shape)
@@ -247,14 +240,14 @@ class DimensionModels:
         used = np.flatnonzero(wanted.any(axis=1))
         inverse = np.linalg.inv(cam2world[used])
         rows, columns = np.nonzero(wanted[used])
-        known = self.known(own_edges, inverse, rows, columns)
-        excess = np.maximum(known.variance - known.by_pose, 0.0)
+        knowledge = self.known(own_edges, inverse, rows, columns)
+        excess = np.maximum(knowledge.variance - knowledge.by_pose, 0.0)
         result = np.zeros(len(rows))
         for i in np.unique(columns):
-            own = columns == i
-            at = rows[own]
-            poses = known._replace(covariance=known.covariance[at], root=known.root[at])
-            result[own] = self.models[i].probability_at(inverse[at], poses, excess[own])
+            mask = columns == i
+            at = rows[mask]
+            poses = knowledge._replace(covariance=knowledge.covariance[at], root=knowledge.root[at])
+            result[mask] = self.models[i].probability_at(inverse[at], poses, excess[mask])
         return result
 
     def known(
@@ -271,10 +264,10 @@ class DimensionModels:
         size = max(len(model.measurand.geometry) for model in self.models)
         gradient = np.zeros((len(rows), size, 6))
         for i in np.unique(columns):
-            own = columns == i
+            mask = columns == i
             model = self.models[i]
-            by_entity = model.measurand.by_entity(world_to_camera[rows[own]], model.image)
-            gradient[own, : by_entity.shape[1]] = by_entity
+            by_entity = model.measurand.by_entity(world_to_camera[rows[mask]], model.image)
+            gradient[mask, : by_entity.shape[1]] = by_entity
         keys = [self._keys[i] for i in columns]
         return own_edges.known(world_to_camera, rows, keys, gradient)
 
@@ -293,3 +286,7 @@ def measurand_model(value: Measurand, permitted_error: float, means: Means) -> M
         surfaces_mm=means.surfaces_mm,
         by_surfaces=means.by_surfaces,
     )
+
+
+TargetModels = EdgeModels | DimensionModels
+"""How probably each of k targets is measured accurately."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.formatting import probability_text
+from errors.checks import probability_text
 from planner.argument_kinds import check_fraction
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -64,9 +64,9 @@ class Objective:
         self.kind = kind
         # targets of one kind are evaluated together
         self._models = []
-        for own in dict.fromkeys(type(target) for target in targets):
-            columns = [i for i, target in enumerate(targets) if type(target) is own]
-            self._models.append((columns, own.models([targets[i] for i in columns], means)))
+        for target_kind in dict.fromkeys(type(target) for target in targets):
+            columns = [i for i, target in enumerate(targets) if type(target) is target_kind]
+            self._models.append((columns, target_kind.models([targets[i] for i in columns], means)))
 
     @classmethod
     def of_edges(cls, ends: np.ndarray, means: Means, kind: str = "sum") -> Objective:
@@ -75,17 +75,17 @@ class Objective:
 
     def probability(self, cam2world: np.ndarray) -> np.ndarray:
         """Return P (n, k) of poses (n, 4, 4); 0 for a target not wholly in front of the camera."""
-        wanted = np.ones((len(cam2world), self.n_targets), dtype=bool)
-        return self.probability_where(cam2world, wanted).reshape(wanted.shape)
+        everything = np.ones((len(cam2world), self.n_targets), dtype=bool)
+        return self.probability_where(cam2world, everything).reshape(everything.shape)
 
     def probability_where(self, cam2world: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """Return P of poses (n, 4, 4) for those targets that are wanted (n, k), one after the other, row by row."""
         result = np.zeros(wanted.shape)
         for columns, models in self._models:
-            own = np.zeros_like(wanted)
-            own[:, columns] = wanted[:, columns]
-            if own.any():
-                result[own] = models.probability_where(cam2world, own[:, columns])
+            mask = np.zeros_like(wanted)
+            mask[:, columns] = wanted[:, columns]
+            if mask.any():
+                result[mask] = models.probability_where(cam2world, mask[:, columns])
         return result[wanted]
 
     @property
@@ -188,12 +188,14 @@ def best_witnesses(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> list
         Of each target, counted from 0 among its own.
     """
     states = _states(witnesses, cam2world)
-    found = []
+    result = []
     for target in range(witnesses.owner[-1] + 1):
-        own = np.flatnonzero(witnesses.owner == target)
-        order = np.lexsort((np.arange(len(own)), -states.probability[own], states.missed[own]))
-        found.append(int(order[0]))
-    return found
+        indices = np.flatnonzero(witnesses.owner == target)
+        order = np.lexsort(
+            (np.arange(len(indices)), -states.probability[indices], states.missed[indices])
+        )
+        result.append(int(order[0]))
+    return result
 
 
 def witness_reasons(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> list[list[str]]:
@@ -294,7 +296,7 @@ class Problem:
 
     def __getstate__(self) -> dict[str, object]:
         """Leave what is computed behind: the constraints' scene cannot cross a process boundary."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def ends(self) -> NDArray[np.float64]:
@@ -318,12 +320,12 @@ class Problem:
     @property
     def means(self) -> Means:
         """What the targets are measured with, and how accurately."""
-        how = self.registered
-        given = how if isinstance(how, PoseUncertainty) else None
-        own_edges = how if isinstance(how, OwnEdges) else None
+        knowledge = self.registered
+        uncertainty = knowledge if isinstance(knowledge, PoseUncertainty) else None
+        own_edges = knowledge if isinstance(knowledge, OwnEdges) else None
         return Means(
             self.camera,
-            given or self.pose_uncertainty,
+            uncertainty or self.pose_uncertainty,
             self.accuracy,
             self.localisation,
             surfaces_mm=self.surfaces_mm,
@@ -397,12 +399,12 @@ class Problem:
         names : sequence of str, optional
             The targets. Default: all.
         """
-        some = self if names is None else self.restricted_to(names)
-        if not some.has_choice:
-            return some
-        own = {t.name: chosen[t.name] for t in some.targets if len(t.witnesses) > 1}
-        targets = [target.choosing(own.get(target.name, 0)) for target in some.targets]
-        return self._of_targets(targets, {**some.chosen, **own})
+        problem = self if names is None else self.restricted_to(names)
+        if not problem.has_choice:
+            return problem
+        choice = {t.name: chosen[t.name] for t in problem.targets if len(t.witnesses) > 1}
+        targets = [target.choosing(choice.get(target.name, 0)) for target in problem.targets]
+        return self._of_targets(targets, {**problem.chosen, **choice})
 
     def at_pose(self, cam2world: NDArray[np.float64], names: Sequence[str]) -> Problem:
         """Return the same request for some of the targets, each with the witness that a pose shows best.
@@ -416,15 +418,15 @@ class Problem:
         names : sequence of str
             The targets.
         """
-        some = self.restricted_to(names)
-        if not some.has_choice:
-            return some
-        known = self._witnesses_at.setdefault(np.asarray(cam2world).tobytes(), {})
-        new = [t.name for t in some.targets if len(t.witnesses) > 1 and t.name not in known]
+        problem = self.restricted_to(names)
+        if not problem.has_choice:
+            return problem
+        choice = self._witnesses_at.setdefault(np.asarray(cam2world).tobytes(), {})
+        new = [t.name for t in problem.targets if len(t.witnesses) > 1 and t.name not in choice]
         if new:
             best = best_witnesses(self.restricted_to(new).witnesses, cam2world)
-            known.update(zip(new, best, strict=True))
-        return self.choosing(known, names)
+            choice.update(zip(new, best, strict=True))
+        return self.choosing(choice, names)
 
     @cached_property
     def _witnesses_at(self) -> dict[bytes, dict[str, int]]:

@@ -21,7 +21,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from planner.argument_kinds import POSITIVE, check_number
 from planner.exceptions import RequestError
 
@@ -157,14 +157,14 @@ _distances: WeakKeyDictionary[Solid, SignedDistance] = WeakKeyDictionary()
 def distance_to(solid: Solid) -> SignedDistance:
     """Return the distance to a part; its rays' scene is built once."""
     try:
-        found = _distances.get(solid)
+        distance = _distances.get(solid)
     except TypeError:
         # a part of somebody's own, that cannot be a key
         return SignedDistance(solid.vertices, solid.triangles)
-    if found is None:
-        found = SignedDistance(solid.vertices, solid.triangles)
-        _distances[solid] = found
-    return found
+    if distance is None:
+        distance = SignedDistance(solid.vertices, solid.triangles)
+        _distances[solid] = distance
+    return distance
 
 
 @dataclass(frozen=True)
@@ -531,9 +531,9 @@ class TargetSpace:
     ) -> NDArray[np.bool_]:
         """Return which targets are observable from which viewpoints (n, 3); (n, k) bool."""
         names = self.entity_names if names is None else names
-        wanted = self.entities_of(names)
-        column = {name: i for i, name in enumerate(wanted)}
-        seen = self.space.observable(points, wanted)
+        entities = self.entities_of(names)
+        column = {name: i for i, name in enumerate(entities)}
+        seen = self.space.observable(points, entities)
         if all(self.entities[name].is_entity(name) for name in names):
             return seen
         result = np.zeros((len(seen), len(names)), dtype=bool)
@@ -550,11 +550,11 @@ class TargetSpace:
         if all(self.entities[name].is_entity(name) for name in names):
             return observable_where(self.space, points, entities, wanted)
         column = {name: i for i, name in enumerate(entities)}
-        asked = np.zeros((len(wanted), len(entities)), dtype=bool)
+        pairs = np.zeros((len(wanted), len(entities)), dtype=bool)
         for k, name in enumerate(names):
             for entity in self.entities_of([name]):
-                asked[:, column[entity]] |= wanted[:, k]
-        seen = observable_where(self.space, points, entities, asked)
+                pairs[:, column[entity]] |= wanted[:, k]
+        seen = observable_where(self.space, points, entities, pairs)
         result = np.zeros_like(wanted)
         for k, name in enumerate(names):
             for witness in self.entities[name].witnesses:
@@ -671,11 +671,11 @@ def visible_where(
     # so many rows at a time, for the memory
     size = max(1, _PAIRS // (len(AROUND) * max(1, len(names))))
     for first in range(0, len(rows), size):
-        some = rows[first : first + size]
-        eyes = (positions[some, None] + radius_mm * AROUND).reshape(-1, 3)
-        asked = np.repeat(visible[some], len(AROUND), axis=0)
-        around = _observable_where(space, eyes, names, asked)
-        visible[some] = around.reshape(len(some), len(AROUND), -1).all(axis=1)
+        chunk = rows[first : first + size]
+        eyes = (positions[chunk, None] + radius_mm * AROUND).reshape(-1, 3)
+        pairs = np.repeat(visible[chunk], len(AROUND), axis=0)
+        around = _observable_where(space, eyes, names, pairs)
+        visible[chunk] = around.reshape(len(chunk), len(AROUND), -1).all(axis=1)
     return visible
 
 

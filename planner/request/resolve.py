@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Circle, Line, Measurand, MeasurandError
+from errors.measurands import Line, Measurand, MeasurandError, MeasuredCircle
 from errors.measurands.kinds import are_parallel
 from errors.measurands.measurand import measurand
 from planner.exceptions import RequestError
@@ -76,16 +76,16 @@ def stretch_ways(
     if not cut:
         return []
     pieces = {k: _pieces(solid, way[k], stretch_mm) for k in cut}
-    if any(not own for own in pieces.values()):
+    if any(not parts for parts in pieces.values()):
         return []
     longest, *others = sorted(cut, key=lambda k: -len(pieces[k]))
-    found = []
+    result = []
     for stretch, middle in pieces[longest]:
         chosen: dict[int, Any] = {longest: stretch}
         for k in others:
             chosen[k] = _nearest(pieces[k], middle)
-        found.append(tuple(chosen.get(k, entity) for k, entity in enumerate(way)))
-    return list(dict.fromkeys(found))
+        result.append(tuple(chosen.get(k, entity) for k, entity in enumerate(way)))
+    return list(dict.fromkeys(result))
 
 
 def _is_long(entity: Entity, stretch_mm: float) -> bool:
@@ -115,7 +115,7 @@ def _pieces(
         cut = [Stretch(edge, *ends) for ends in pairwise(cuts)]
     else:
         cut = pieces_of_edge(solid, edge, stretch_mm, at_most=MOST_PIECES)
-    return [(one, start + float(one.start + one.end) / 2 * (end - start)) for one in cut]
+    return [(piece, start + float(piece.start + piece.end) / 2 * (end - start)) for piece in cut]
 
 
 def _nearest(
@@ -168,28 +168,28 @@ def with_places(solid: Solid, wanted: Mapping[str, Any]) -> dict[str, Any]:
     RequestError
         If the edges of such a dimension have no such places; it names the dimension.
     """
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for name, item in wanted.items():
         if not isinstance(item, Dimension) or item.places == 1:
-            found[name] = item
+            result[name] = item
             continue
         try:
             parts = _at_places(solid, item)
         except RequestError as error:
             raise RequestError(f"dimension {name!r}: {error}") from error
         names = [place_name(name, k + 1, item.places) for k in range(item.places)]
-        taken = [one for one in names if one in wanted]
+        taken = [part_name for part_name in names if part_name in wanted]
         if taken:
             raise RequestError.of_rule(
                 "the name", f"of a place of {name!r} must be free", repr(taken[0])
             )
-        found.update(zip(names, parts, strict=True))
-    return found
+        result.update(zip(names, parts, strict=True))
+    return result
 
 
 def _at_places(solid: Solid, dimension: Dimension) -> list[Dimension]:
     """Return the dimension at each of its places."""
-    ways = [[_side(solid, given) for given in way] for way in dimension.witnesses]
+    ways = [[_side(solid, item) for item in way] for way in dimension.witnesses]
     first = ways[0]
     origin = first[0].ends[0]
     along = _direction(first[0])
@@ -247,7 +247,10 @@ def _side(solid: Solid, given: Any) -> _Side:
     start, end = (Fraction(0), Fraction(1)) if part is None else (part.start, part.end)
     first, last = solid.edge_points(edge)
     return _Side(
-        edge, start, end, np.array([first + float(one) * (last - first) for one in (start, end)])
+        edge,
+        start,
+        end,
+        np.array([first + float(share) * (last - first) for share in (start, end)]),
     )
 
 
@@ -266,12 +269,12 @@ def _stretches(
         return [None] * (len(cuts) - 1)
     low, high = ((side.ends - origin) @ along).tolist()
     shares = [_share((cut - low) / (high - low)) for cut in cuts]
-    found: list[Any] = []
+    result: list[Any] = []
     for ends in pairwise(shares):
         first, last = sorted(side.start + share * (side.end - side.start) for share in ends)
         fits = side.start <= first < last <= side.end
-        found.append(_part(Stretch, side.edge, first, last) if fits else None)
-    return found
+        result.append(_part(Stretch, side.edge, first, last) if fits else None)
+    return result
 
 
 def _share(value: float) -> Fraction:
@@ -340,14 +343,14 @@ def resolve_wanted(
     """
     from aspectgraph import resolve_entities
 
-    wanted = with_places(solid, wanted)
-    plain = {name: item for name, item in wanted.items() if not isinstance(item, Dimension)}
+    items = with_places(solid, wanted)
+    plain = {name: item for name, item in items.items() if not isinstance(item, Dimension)}
     entities: dict[str, Entity] = resolve_entities(solid, plain) if plain else {}
-    known = {_key(entity): name for name, entity in entities.items()}
+    labels = {_key(entity): name for name, entity in entities.items()}
     targets: list[Target] = []
-    for name, item in wanted.items():
+    for name, item in items.items():
         if isinstance(item, Dimension):
-            ways = _ways(solid, name, item, choice, (known, entities))
+            ways = _ways(solid, name, item, choice, (labels, entities))
             targets.append(_dimension_target(solid, name, item, ways, accuracy, choice))
             continue
         entity = entities[name]
@@ -361,7 +364,9 @@ def resolve_wanted(
             continue
         dimension = Dimension(_MEASURED_OF[entity.kind], (name,), accuracy=accuracy)
         targets.append(_dimension_target(solid, name, dimension, [[entity]], accuracy, choice))
-    needed = {entity for one in targets for witness in one.witnesses for entity in witness.entities}
+    needed = {
+        entity for target in targets for witness in target.witnesses for entity in witness.entities
+    }
     return {name: entity for name, entity in entities.items() if name in needed}, tuple(targets)
 
 
@@ -377,14 +382,12 @@ def _ways(
     solid: Solid, name: str, dimension: Dimension, choice: WitnessChoice, found: _Known
 ) -> list[list[Entity]]:
     """Return the entities of each witness: those that are given, and stretches in place of long edges."""
-    whole = [
-        [_entity_of(solid, name, given, found) for given in way] for way in dimension.witnesses
-    ]
+    whole = [[_entity_of(solid, name, item, found) for item in way] for way in dimension.witnesses]
     if not math.isfinite(choice.stretch_mm):
         return whole
     cut = [
-        [_entity_of(solid, name, given, found) for given in stretched]
-        for way in whole[: choice.most]
+        [_entity_of(solid, name, item, found) for item in stretched]
+        for way in whole[: choice.n_witnesses]
         for stretched in stretch_ways(solid, dimension.kind, way, choice.stretch_mm)
     ]
     return [*whole, *cut]
@@ -394,19 +397,19 @@ def _entity_of(solid: Solid, name: str, given: Any, found: _Known) -> Entity:
     """Return what an item of a dimension stands for; an entity that others need, too, is the same one."""
     from aspectgraph import EntityError, resolve_entities
 
-    known, entities = found
+    labels, entities = found
     try:
         resolved = resolve_entities(solid, {_label(given): given})
     except EntityError as error:
         raise RequestError(f"dimension {name!r}: {error}") from error
     label, entity = next(iter(resolved.items()))
     key = _key(entity)
-    if key not in known:
+    if key not in labels:
         # an item may have the name that an id would give
         label = next(text for text in _labels(label) if text not in entities)
-        known[key] = label
+        labels[key] = label
         entities[label] = next(iter(resolve_entities(solid, {label: given}).values()))
-    return entities[known[key]]
+    return entities[labels[key]]
 
 
 def _labels(label: str) -> Iterator[str]:
@@ -448,25 +451,31 @@ def _dimension_target(
         ways, values = _without_other_stretches(dimension, ways, values)
         if dimension.tolerance_class is not None:
             dimension = dimension.with_limits(values[0].nominal)
-        permitted = min(dimension.permitted_error(one.nominal, accuracy) for one in values)
+        permitted = min(
+            dimension.permitted_error(measured.nominal, accuracy) for measured in values
+        )
     except (MeasurandError, RequestError) as error:
         raise RequestError(f"dimension {name!r}: {error}") from error
     witnesses = [_witness(parts, value) for parts, value in zip(ways, values, strict=True)]
     _check_same_value(name, witnesses)
-    kept = kept_witnesses(witnesses, choice)
-    for entity in {one.name: one for k in kept for one in ways[k]}.values():
+    indices = kept_witnesses(witnesses, choice)
+    for entity in {measured.name: measured for k in indices for measured in ways[k]}.values():
         _check_chords(name, entity, curves, permitted)
-    return PlannedDimension.of(name, tuple(witnesses[k] for k in kept), dimension, permitted)
+    return PlannedDimension.of(name, tuple(witnesses[k] for k in indices), dimension, permitted)
 
 
 def _without_other_stretches(
     dimension: Dimension, ways: list[list[Entity]], values: list[Measurand]
 ) -> tuple[list[list[Entity]], list[Measurand]]:
     """Leave out stretches in place of long edges that give another value, as of edges that are not quite parallel."""
-    given = len(dimension.witnesses)
+    n_stated = len(dimension.witnesses)
     first = values[0].nominal
-    own = [k for k, one in enumerate(values) if k < given or abs(one.nominal - first) <= SAME_VALUE]
-    return [ways[k] for k in own], [values[k] for k in own]
+    indices = [
+        k
+        for k, value in enumerate(values)
+        if k < n_stated or abs(value.nominal - first) <= SAME_VALUE
+    ]
+    return [ways[k] for k in indices], [values[k] for k in indices]
 
 
 def _value_of(
@@ -502,14 +511,16 @@ def _check_same_value(name: str, witnesses: list[Witness]) -> None:
             )
 
 
-def _geometry(solid: Solid, entity: Entity, curves: Mapping[tuple[int, ...], Arc]) -> Line | Circle:
+def _geometry(
+    solid: Solid, entity: Entity, curves: Mapping[tuple[int, ...], Arc]
+) -> Line | MeasuredCircle:
     """Return an entity as the error model takes it."""
     if entity.kind == "edge":
         return Line(*entity.endpoints)
     arc = curves[entity.edge_ids] if entity.part is None else _run_arc(solid, entity)
     if entity.kind == "rim":
-        return Circle(arc.centre, arc.axis, arc.radius_mm)
-    return Circle(
+        return MeasuredCircle(arc.centre, arc.axis, arc.radius_mm)
+    return MeasuredCircle(
         arc.centre,
         arc.axis,
         arc.radius_mm,

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errors.formatting import percent_text
-from errors.measurands import Circle, Line, Localisation, Measurand
+from errors.checks import percent_text
+from errors.measurands import Line, Localisation, Measurand, MeasuredCircle
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
 from planner.camera.camera import Camera
@@ -81,14 +81,14 @@ def knowledge_of(
         return PoseKnowledge(symmetric(own_edges.poses(inverse).covariance[0]))
     models = PlannedDimension.models(dimensions, means)
     columns = np.arange(len(dimensions))
-    known = models.known(own_edges, inverse, np.zeros(len(columns), dtype=np.int64), columns)
-    excess = np.sqrt(np.maximum(known.variance - known.by_pose, 0.0))
+    knowledge = models.known(own_edges, inverse, np.zeros(len(columns), dtype=np.int64), columns)
+    excess = np.sqrt(np.maximum(knowledge.variance - knowledge.by_pose, 0.0))
     scales = [model.scale(inverse) for model in models.models]
     by_surfaces = {
-        target.name: float(own / scale) if scale > 0 else 0.0
-        for target, own, scale in zip(dimensions, excess, scales, strict=True)
+        target.name: float(deviation / scale) if scale > 0 else 0.0
+        for target, deviation, scale in zip(dimensions, excess, scales, strict=True)
     }
-    return PoseKnowledge(symmetric(known.covariance[0]), by_surfaces)
+    return PoseKnowledge(symmetric(knowledge.covariance[0]), by_surfaces)
 
 
 EDGE = "edge"
@@ -375,8 +375,8 @@ class Target(ABC):
         array (n,)
             P.
         """
-        wanted = np.ones((len(cam2world), 1), dtype=bool)
-        return self.models([self], means).probability_where(cam2world, wanted)
+        everything = np.ones((len(cam2world), 1), dtype=bool)
+        return self.models([self], means).probability_where(cam2world, everything)
 
     def description(self, means: Means) -> MeasurandModel:
         """Return the model that describes uncertainty and budget of the value at a pose."""
@@ -798,12 +798,12 @@ def words_of(targets: Mapping[str, Target]) -> TargetWords:
 def sample_points(geometry: Geometry, n: int) -> NDArray[np.float64]:
     """Return n points at the middles of equal parts of a line or circle; (n, 3) mm."""
     shares = (np.arange(n) + 0.5) / n
-    if isinstance(geometry, Circle):
+    if isinstance(geometry, MeasuredCircle):
         return geometry.points(shares * geometry.span_rad)
     return np.asarray(geometry.p + shares[:, None] * (geometry.q - geometry.p))
 
 
-def _segments(geometry: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _segments(geometry: Line | MeasuredCircle) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return pairs of points (s, 2, 3) that hold an entity in the picture, and which must be long enough; (s,)."""
     if isinstance(geometry, Line):
         return np.array([[geometry.p, geometry.q]]), np.ones(1, bool)
@@ -824,7 +824,7 @@ def _segments(geometry: Line | Circle) -> tuple[NDArray[np.float64], NDArray[np.
     return pairs, np.arange(len(pairs)) == 0
 
 
-def _points_on(geometry: Line | Circle) -> NDArray[np.float64]:
+def _points_on(geometry: Line | MeasuredCircle) -> NDArray[np.float64]:
     """Return points that lie on an entity itself; (m, 3)."""
     if isinstance(geometry, Line):
         return np.array([geometry.p, geometry.q])
@@ -850,7 +850,7 @@ class WitnessChoice(NamedTuple):
 
     Attributes
     ----------
-    most : int
+    n_witnesses : int
         Witnesses of a dimension at most.
     widest_mm : float
         Two points that are farther apart are never in one sharp image.
@@ -858,7 +858,7 @@ class WitnessChoice(NamedTuple):
         Of edges that are longer, stretches of about this length are considered, too.
     """
 
-    most: int = 1
+    n_witnesses: int = 1
     widest_mm: float = np.inf
     stretch_mm: float = np.inf
 
@@ -888,20 +888,20 @@ def kept_witnesses(witnesses: Sequence[Witness], choice: WitnessChoice) -> list[
     sets = [frozenset(witness.entities) for witness in witnesses]
     needed = [
         k
-        for k, own in enumerate(sets)
+        for k, needs in enumerate(sets)
         # of equal sets the first stays
-        if not any(other < own or (other == own and i < k) for i, other in enumerate(sets))
+        if not any(other < needs or (other == needs and i < k) for i, other in enumerate(sets))
     ]
     fitting = [k for k in needed if _extent_mm(witnesses[k]) <= choice.widest_mm]
-    left = fitting or needed[:1]
-    middles = np.array([witnesses[k].segments.reshape(-1, 3).mean(axis=0) for k in left])
+    candidates = fitting or needed[:1]
+    middles = np.array([witnesses[k].segments.reshape(-1, 3).mean(axis=0) for k in candidates])
     chosen = [0]
-    while len(chosen) < min(choice.most, len(left)):
+    while len(chosen) < min(choice.n_witnesses, len(candidates)):
         apart = np.linalg.norm(middles[:, None] - middles[chosen], axis=-1).min(axis=1)
         apart[chosen] = -1.0
         # of equally far ones the first: distances that differ by rounding are equal
         chosen.append(int(np.argmax(np.round(apart, 6))))
-    return sorted(left[k] for k in chosen)
+    return sorted(candidates[k] for k in chosen)
 
 
 def _extent_mm(witness: Witness) -> float:

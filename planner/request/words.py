@@ -138,7 +138,7 @@ class TargetWords:
     value: str
     accuracy: str
     error: str
-    found: str
+    finding: str
     simulated: str
     bold: str
     localisation: tuple[str, ...] = ()
@@ -153,7 +153,7 @@ EDGES = TargetWords(
     value="{0.nominal:.3f}",
     accuracy="error at most {share} of an edge's image",
     error="{share} of the edge's image length",
-    found="the edge is found",
+    finding="the edge is found",
     simulated="projected the edges, rounded their ends to pixels and measured them. "
     "An end outside the image counts as a failure.",
     bold="measured edges and their ends in bold",
@@ -167,7 +167,7 @@ DIMENSIONS = TargetWords(
     value="{0.value_text}",
     accuracy="dimensions without a tolerance: error at most {share} of the nominal value",
     error="the permitted one",
-    found="the target is found",
+    finding="the target is found",
     simulated="moved the faces by the error of their position, projected points of the entities, "
     "added the error of the localisation model, carried them back to the part with the planned pose, and fitted them. "
     "A point outside the image counts as a failure.",
@@ -184,7 +184,7 @@ MIXED = TargetWords(
     value=DIMENSIONS.value,
     accuracy=f"{DIMENSIONS.accuracy}; {EDGES.accuracy}",
     error=f"{DIMENSIONS.error} (for an edge, {{share}} of its image length)",
-    found=DIMENSIONS.found,
+    finding=DIMENSIONS.finding,
     localisation=("of edges, both ends on whole pixels",),
     simulated=f"{DIMENSIONS.simulated} For edges that are not dimensions, it {EDGES.simulated}",
     bold=f"{DIMENSIONS.bold}, edges with their ends",

@@ -18,7 +18,7 @@ from planner.robotcell.bodies import Hull, hull_of, read_triangles, round_points
 from planner.robotcell.branches import Branches, Chain
 from planner.robotcell.urdf import (
     N_JOINTS,
-    Shape,
+    LinkShape,
     UrdfArm,
     carry,
     check_pose,
@@ -685,7 +685,9 @@ def _hulls(
     return tuple(hulls)
 
 
-def _points(shape: Shape, folder: Path, packages: Mapping[str, str | PathLike[str]]) -> np.ndarray:
+def _points(
+    shape: LinkShape, folder: Path, packages: Mapping[str, str | PathLike[str]]
+) -> np.ndarray:
     """Return the corners (n, 3) of a shape in its own frame, mm."""
     if shape.kind == "box":
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])

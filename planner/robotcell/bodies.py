@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.mesh import parse_obj, parse_off, parse_ply, parse_stl
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from planner.argument_kinds import POSITIVE, check_number, shown
 from planner.exceptions import RobotError
 from planner.robotcell.branches import needed

@@ -162,7 +162,7 @@ N_JOINTS = 6
 
 
 @dataclass(frozen=True)
-class Shape:
+class LinkShape:
     """Geometry that is fixed to a segment.
 
     Attributes
@@ -221,7 +221,7 @@ class UrdfArm:
         Frame of the tip in that of the last joint.
     segments : tuple of str
         Names of the base link and of the links behind the joints.
-    shapes : tuple of tuple of Shape
+    shapes : tuple of tuple of LinkShape
         What is fixed to each segment.
     notes : tuple of str
         What of the file does not count, in words.
@@ -231,7 +231,7 @@ class UrdfArm:
     joints: tuple[UrdfJoint, ...]
     tip: np.ndarray
     segments: tuple[str, ...]
-    shapes: tuple[tuple[Shape, ...], ...]
+    shapes: tuple[tuple[LinkShape, ...], ...]
     notes: tuple[str, ...] = ()
 
 
@@ -487,7 +487,7 @@ def _stated_speed(values: Mapping[str, str], name: str) -> float:
     return speed
 
 
-def _shapes(link: ElementTree.Element, pose: np.ndarray, notes: list[str]) -> list[Shape]:
+def _shapes(link: ElementTree.Element, pose: np.ndarray, notes: list[str]) -> list[LinkShape]:
     """Return the geometry of a link whose frame is given, and note what is no body."""
     for kind in ("collision", "visual"):
         shapes = [_shape(element, pose, _name(link)) for element in link.findall(kind)]
@@ -502,11 +502,11 @@ def _shapes(link: ElementTree.Element, pose: np.ndarray, notes: list[str]) -> li
     return []
 
 
-def _is_body(shape: Shape) -> bool:
+def _is_body(shape: LinkShape) -> bool:
     return shape.kind == "mesh" or min(shape.size) > 0
 
 
-def _shape(element: ElementTree.Element, pose: np.ndarray, link: str) -> Shape:
+def _shape(element: ElementTree.Element, pose: np.ndarray, link: str) -> LinkShape:
     """Return one geometry."""
     placed = compose(pose, _origin(element))
     geometry = element.find("geometry")
@@ -515,7 +515,7 @@ def _shape(element: ElementTree.Element, pose: np.ndarray, link: str) -> Shape:
         if shape.tag == "mesh":
             scale = _numbers(shape.get("scale", "1 1 1"), 3, f"scale of {label}")
             size = tuple(_MM * number for number in scale)
-            return Shape("mesh", size, placed, shape.get("filename", ""))
+            return LinkShape("mesh", size, placed, shape.get("filename", ""))
         if shape.tag == "box":
             size = _numbers(shape.get("size", ""), 3, f"size of {label}")
         elif shape.tag == "cylinder":
@@ -530,7 +530,7 @@ def _shape(element: ElementTree.Element, pose: np.ndarray, link: str) -> Shape:
         # a dummy that marks a frame has no size at all; one number of 0 among others is a slip
         if min(size) < 0 or (min(size) == 0 and max(size) > 0):
             raise RobotError.of_rule("urdf", f"must have a positive size for {label}", repr(size))
-        return Shape(shape.tag, tuple(_MM * number for number in size), placed)
+        return LinkShape(shape.tag, tuple(_MM * number for number in size), placed)
     raise RobotError.of_rule(
         "urdf", f"must have a mesh, box, cylinder or sphere in link {link!r}", "none"
     )

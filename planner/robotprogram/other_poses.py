@@ -59,12 +59,12 @@ _MESSAGE = "another pose that inspects the same"
 
 def why_no_other_poses(plan: InspectionPlan) -> str:
     """Return why no other poses can be found for a plan, in words; empty if they can."""
-    asked = plan.request
-    if plan.light is not None or asked.ring is not None:
+    request = plan.request
+    if plan.light is not None or request.ring is not None:
         return "its lamps were chosen for its poses"
-    if isinstance(asked.requirements.reach, StatedRegion):
+    if isinstance(request.requirements.reach, StatedRegion):
         return "the plan's request cannot be made again"
-    if asked.registration is not None and asked.registration.method == OWN_EDGES:
+    if request.registration is not None and request.registration.method == OWN_EDGES:
         return "its values are read from images registered to the part's own edges"
     return ""
 

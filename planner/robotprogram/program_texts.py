@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from aspectgraph.entities.entity_files import NumberText, table_text
+from aspectgraph.entities.entity_rules import NumberText, table_text
 from planner.argument_kinds import (
     ABOVE_0_TO_1,
     NOT_NEGATIVE,
@@ -183,7 +183,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Picture:
+class ImageStep:
     """An image to be taken.
 
     Attributes
@@ -205,12 +205,12 @@ class Picture:
         return self.image.rpartition(".")[0]
 
 
-def steps_of(tour: FixturedTour, program: RobotProgram) -> Iterator[Drive | Picture]:
+def steps_of(tour: FixturedTour, program: RobotProgram) -> Iterator[Drive | ImageStep]:
     """Yield the moves and images of a round in their order; it begins and ends at home."""
     rates = program.rates_of(tour)
     for stop in tour.stops:
         yield from _drives(stop.move, rates, program.controller)
-        yield Picture(stop.setting_idx)
+        yield ImageStep(stop.setting_idx)
     yield from _drives(tour.back, rates, program.controller)
 
 
@@ -570,7 +570,7 @@ def ros_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
                     for stop in tour.stops
                     for step in (
                         _trajectory(stop.move, tour, program),
-                        _image(Picture(stop.setting_idx), signals),
+                        _image(ImageStep(stop.setting_idx), signals),
                     )
                 ]
                 + [_trajectory(tour.back, tour, program)],
@@ -608,7 +608,7 @@ def _driver_lines(program: RobotProgram) -> list[str]:
     return ["All positions are joints of the URDF: the driver of the robot must couple its axes."]
 
 
-def _image(picture: Picture, signals: CameraSignals) -> dict[str, Any]:
+def _image(picture: ImageStep, signals: CameraSignals) -> dict[str, Any]:
     return {
         "settle_s": signals.settle_s,
         "trigger": picture.label,

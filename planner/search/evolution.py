@@ -456,12 +456,12 @@ class _MarginStep:
         """Return which share (n,) of the part's outline is outside the picture; 0 where it cannot all be in it."""
         local = world_to_cam(self._outline, poses)
         depth = local[..., 2]
-        left, top, right, bottom = self._request.camera.field().inner
+        x_low, y_low, x_high, y_high = self._request.camera.field().inner
         x = local[..., 0] / np.where(depth > 0, depth, np.nan)
         y = local[..., 1] / np.where(depth > 0, depth, np.nan)
-        inside = (x >= left) & (x <= right) & (y >= top) & (y <= bottom)
+        inside = (x >= x_low) & (x <= x_high) & (y >= y_low) & (y <= y_high)
         diagonal = float(np.linalg.norm(np.ptp(self._outline, axis=0)))
-        fits = diagonal <= depth.mean(axis=1) * min(right - left, bottom - top)
+        fits = diagonal <= depth.mean(axis=1) * min(x_high - x_low, y_high - y_low)
         return np.where(fits, 1.0 - inside.mean(axis=1), 0.0)
 
 

@@ -83,7 +83,7 @@ class PlanState:
         Columns that the weights of the proof come from, if they are not those of the plan.
     inspected : array of bool (k,) or None
         Targets that some column inspects: the bound and the settings are for these.
-    known : int
+    n_known : int
         Settings of a cover that is known when the proof begins.
     joined : int
         How many times poses have joined the pools that the proof came across.
@@ -106,7 +106,7 @@ class PlanState:
     incompatible: tuple[str, ...] = ()
     weighing: Pools | None = None
     inspected: NDArray[np.bool_] | None = None
-    known: int = 0
+    n_known: int = 0
     joined: int = 0
     bound: int = 0
     proof: str = ""
@@ -158,7 +158,7 @@ def empty_pools(n_targets: int) -> Pools:
 SILENT_S = 1.0
 
 
-class Run:
+class SearchRun:
     """One planning run: the pools of columns that the steps fill.
 
     Parameters
@@ -451,7 +451,7 @@ _LATE = Reason.of(
 
 
 def assembled(
-    run: Run,
+    run: SearchRun,
     settings: Sequence[SensorSetting],
     bound: int,
     proof: str,
@@ -462,7 +462,7 @@ def assembled(
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Its request, and its reasons for what is not inspected.
     settings : sequence of SensorSetting
     bound : int
@@ -525,7 +525,7 @@ def needed(target: Target) -> set[str]:
     return {name for witness in target.witnesses for name in witness.entities}
 
 
-def _reasons(run: Run, unfinished: bool, seen: set[str]) -> dict[str, Reason]:
+def _reasons(run: SearchRun, unfinished: bool, seen: set[str]) -> dict[str, Reason]:
     """Return why entities are not inspected, in the order in which that was found out."""
     reasons = dict(run.state.uninspectable)
     if unfinished:
@@ -533,7 +533,7 @@ def _reasons(run: Run, unfinished: bool, seen: set[str]) -> dict[str, Reason]:
     return {name: reason for name, reason in reasons.items() if name not in seen}
 
 
-def _late_names(run: Run) -> list[str]:
+def _late_names(run: SearchRun) -> list[str]:
     """Return the targets whose region was not complete in time."""
     return [target.name for target in run.request.targets if target.name not in run.names]
 
@@ -557,13 +557,13 @@ class SupportedColumns:
         self._in_vain: Counter[str] = Counter()
 
     def cover(
-        self, run: Run, pool: ColumnPool, beaten: tuple[int, int], covers: int = _COVERS
+        self, run: SearchRun, pool: ColumnPool, beaten: tuple[int, int], covers: int = _COVERS
     ) -> list[SensorSetting] | None:
         """Choose few columns of a pool that simulation supports, for as many entities as possible.
 
         Parameters
         ----------
-        run : Run
+        run : SearchRun
             Its request says what is asked, its seed how poses are displaced.
         pool : ColumnPool
         beaten : (int, int)
@@ -604,7 +604,9 @@ class SupportedColumns:
                 chosen = shorter
         return None if chosen is None else self._as_settings(run, pool, chosen)
 
-    def _corrected(self, run: Run, pool: ColumnPool) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _corrected(
+        self, run: SearchRun, pool: ColumnPool
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return the columns of a pool (c, k) as far as they are known to be supported, and which (c,) were tried."""
         membership = pool.membership.copy()
         done = np.zeros(len(pool), dtype=bool)
@@ -615,12 +617,14 @@ class SupportedColumns:
         self._give_up(run, membership, done)
         return membership, done
 
-    def _give_up(self, run: Run, membership: NDArray[np.bool_], done: NDArray[np.bool_]) -> None:
+    def _give_up(
+        self, run: SearchRun, membership: NDArray[np.bool_], done: NDArray[np.bool_]
+    ) -> None:
         """Clear the edges that no pose tried supports, although many promise them."""
         often = np.array([self._in_vain[name] >= _IN_VAIN for name in run.names])
         membership[:, often & ~membership[done].any(axis=0)] = False
 
-    def _supported(self, run: Run, pool: ColumnPool, c: int) -> NDArray[np.bool_]:
+    def _supported(self, run: SearchRun, pool: ColumnPool, c: int) -> NDArray[np.bool_]:
         """Return which entities (k,) of a column simulation supports; it is tried if it was not."""
         key = _key(run, pool, c)
         if key not in self._tried:
@@ -631,13 +635,15 @@ class SupportedColumns:
         return np.isin(run.names, _entities(self._tried[key]))
 
     def _as_settings(
-        self, run: Run, pool: ColumnPool, chosen: NDArray[np.int_]
+        self, run: SearchRun, pool: ColumnPool, chosen: NDArray[np.int_]
     ) -> list[SensorSetting]:
         tried = [self._tried[_key(run, pool, c)] for c in chosen.tolist()]
         return [setting for setting in tried if setting is not None]
 
 
-def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> list[SensorSetting]:
+def candidate_settings(
+    run: SearchRun, pool: ColumnPool, columns: Iterable[int]
+) -> list[SensorSetting]:
     """Return the poses of columns as settings."""
     columns_of = [(pool.poses[c], run.names_of(pool.membership[c])) for c in columns]
     return [
@@ -646,7 +652,7 @@ def candidate_settings(run: Run, pool: ColumnPool, columns: Iterable[int]) -> li
     ]
 
 
-def as_simulated(run: Run, settings: Iterable[SensorSetting]) -> list[SensorSetting]:
+def as_simulated(run: SearchRun, settings: Iterable[SensorSetting]) -> list[SensorSetting]:
     """Return settings that state what simulation does not contradict; those that state nothing are left out."""
     supported = []
     for setting in settings:
@@ -656,7 +662,7 @@ def as_simulated(run: Run, settings: Iterable[SensorSetting]) -> list[SensorSett
     return [setting for setting in supported if setting.entities]
 
 
-def _key(run: Run, pool: ColumnPool, c: int) -> tuple[bytes, tuple[str, ...]]:
+def _key(run: SearchRun, pool: ColumnPool, c: int) -> tuple[bytes, tuple[str, ...]]:
     return pool.poses[c].tobytes(), run.names_of(pool.membership[c])
 
 
@@ -738,7 +744,7 @@ class Incumbents:
         self._spent_s = 0.0
         self._offer_again = self._begun + LEAST_SEARCH_S
 
-    def glance(self, run: Run) -> None:
+    def glance(self, run: SearchRun) -> None:
         """Make a plan of very few poses, so that there is one at once; the run does not take these poses in."""
         deadline = self._callbacks.deadline
         # how long a direction takes
@@ -761,7 +767,7 @@ class Incumbents:
             each = (time.monotonic() - begun) / directions
         self._offer_again = time.monotonic() + LEAST_SEARCH_S
 
-    def _judged_in_parts(self, run: Run, poses: NDArray[np.float64]) -> Judgement:
+    def _judged_in_parts(self, run: SearchRun, poses: NDArray[np.float64]) -> Judgement:
         """Judge poses as many at a time as the judge does itself, and report between."""
         parts = [run.judge(poses[:0])]
         for first in range(0, len(poses), BATCH):
@@ -769,7 +775,7 @@ class Incumbents:
             self._callbacks.report(first + len(parts[-1].inspects), len(poses), "first poses")
         return Judgement.joined(parts)
 
-    def offer_on_the_way(self, run: Run) -> None:
+    def offer_on_the_way(self, run: SearchRun) -> None:
         """Where the time is limited, see now and then what the columns of an unfinished stage are good for."""
         if not self._callbacks.deadline.limited:
             return
@@ -779,7 +785,7 @@ class Incumbents:
             took = time.monotonic() - now
             self._offer_again = now + took + max(LEAST_SEARCH_S, _OFFERS_APART * took)
 
-    def offer(self, run: Run) -> None:
+    def offer(self, run: SearchRun) -> None:
         """See whether the columns of a run make a better plan."""
         if self._callbacks.wants_plans and run.pool.membership.any() and self._is_affordable():
             self._offer(run, run.pool)
@@ -792,7 +798,7 @@ class Incumbents:
             return True
         return self._spent_s <= max(_FREE_S, _SHARE * (time.monotonic() - self._begun))
 
-    def _offer(self, run: Run, pool: ColumnPool, covers: int = _COVERS) -> None:
+    def _offer(self, run: SearchRun, pool: ColumnPool, covers: int = _COVERS) -> None:
         """See whether the columns of a pool make a better plan."""
         begun = time.monotonic()
         cover = self._columns.cover(
@@ -805,7 +811,7 @@ class Incumbents:
                 self.publish(plan)
         self._spent_s += time.monotonic() - begun
 
-    def on_bound(self, run: Run, proven: ProvenBound) -> None:
+    def on_bound(self, run: SearchRun, proven: ProvenBound) -> None:
         """Take in a bound that was proven for some entities."""
         self._callbacks.bound(proven.n, proven.weights)
         self._proofs[proven.proof] = proven
@@ -814,7 +820,7 @@ class Incumbents:
             if n_needed > self.best.lower_bound:
                 self.publish(replace(self.best, lower_bound=n_needed, bound_proof=proof))
 
-    def on_incompatible(self, run: Run) -> None:
+    def on_incompatible(self, run: SearchRun) -> None:
         """Take in the bound of entities that exclude each other, if some are known."""
         incompatible = run.state.incompatible
         n = len(incompatible)
@@ -833,13 +839,13 @@ class Incumbents:
         self.best = plan
         self._callbacks.best(plan)
 
-    def proven(self, run: Run, settings: Sequence[SensorSetting]) -> tuple[int, str]:
+    def proven(self, run: SearchRun, settings: Sequence[SensorSetting]) -> tuple[int, str]:
         """Return the bound that holds for what settings inspect, and what it rests on."""
         if not settings:
             return 0, "No entity is inspected."
         seen = np.isin(run.names, [name for setting in settings for name in setting.entities])
-        for_these = [(one.for_some(seen), one.proof) for one in self._proofs.values()]
-        return max([(1, _TRIVIAL), *for_these], key=lambda one: one[0])
+        for_these = [(bound.for_some(seen), bound.proof) for bound in self._proofs.values()]
+        return max([(1, _TRIVIAL), *for_these], key=lambda bound: bound[0])
 
 
 def _worth(plan: InspectionPlan) -> tuple[int, int]:

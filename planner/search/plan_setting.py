@@ -17,14 +17,16 @@ from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED, Detectability
 from planner.effort import Search
 from planner.exceptions import InfeasibleError, RequestError
-from planner.request.camera_limits import focus_reach_mm, longest_image_mm, widest_view_mm
-from planner.request.constraints import Constraints, Requirements
-from planner.request.defaults import (
+from planner.request.camera_limits import (
     check_focus_margin,
     check_showing,
+    focus_reach_mm,
+    longest_image_mm,
     pose_margin_px,
     position_margin_mm,
+    widest_view_mm,
 )
+from planner.request.constraints import Constraints, Requirements
 from planner.request.problem import Objective, Problem
 from planner.request.reach import Reach, Space, cells_of
 from planner.request.targets import check_is_edge
@@ -437,7 +439,7 @@ def search_pose(
     InfeasibleError
         If no feasible pose is found; it says why.
     """
-    known = np.empty((0, 4, 4)) if known is None else known
+    more_poses = np.empty((0, 4, 4)) if known is None else known
     sampler = _sampler(cells, constraints, search)
     if sampler.empty:
         raise explain_positions(constraints, cells, rng)
@@ -452,17 +454,17 @@ def search_pose(
         constraints,
         rng,
         search.max_draws,
-        known,
+        more_poses,
     )
-    known = known[constraints.feasible(known)]
+    feasible = more_poses[constraints.feasible(more_poses)]
     if len(start.bits):
         result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
         outcome = _outcome(result, encoding)
-    elif len(known):
+    elif len(feasible):
         # feasible only between the steps of the encoding: what is left is to refine
         result = None
         message = "No encoded pose is feasible; the known poses were refined."
-        outcome = FoundPose(known[0], -np.inf, 0, 0, message, ())
+        outcome = FoundPose(feasible[0], -np.inf, 0, 0, message, ())
     else:
         if not len(start.tried):
             raise explain_positions(constraints, cells, rng)
@@ -477,9 +479,9 @@ def search_pose(
         outcome.cam2world,
         outcome.fitness,
     )
-    ascent.consider(known)
+    ascent.consider(feasible)
     if search.refines and ascent.fitness < ascent.enough:
-        ascent.climb(np.concatenate([_starts(result, start.bits, ascent, search, rng), known]))
+        ascent.climb(np.concatenate([_starts(result, start.bits, ascent, search, rng), feasible]))
         ascent.mirror()
     nfev = outcome.nfev + ascent.nfev
     return replace(outcome, cam2world=ascent.cam2world, fitness=ascent.fitness, nfev=nfev)

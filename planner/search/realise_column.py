@@ -20,14 +20,16 @@ from planner.search.columns import Judge, perturbed
 from planner.search.evolution import Centring, centred, least_share
 from planner.search.plan_setting import best_setting, missing_corners, setting_at, without
 from planner.sensor_setting import Outcome, Reason, ReasonKind, SensorSetting
-from planner.verify.p_all import (
+from planner.verify.simulate_setting import (
+    MODEL_TOLERANCE,
     MOST_REQUIRED,
     DisplacedChecks,
     JointCounts,
+    Posed,
     poses_needed,
+    simulate_setting,
     successes_needed,
 )
-from planner.verify.simulate_setting import MODEL_TOLERANCE, Posed, simulate_setting
 
 # displaced poses simulated to check a pose
 _TRIAL_POSES = 4000
@@ -42,7 +44,7 @@ ALL_TRIALS = 1000
 # displaced poses simulated if the first ones contradict a probability. The standard error of the
 # frequency is then at most 0.0025.
 _SURE_POSES = 40_000
-# displaced poses at first in which everything must hold, see `planner.verify.p_all`
+# displaced poses at first in which everything must hold, see `planner.verify.simulate_setting`
 JOINT_POSES = 1000
 # the same where the first ones do not decide, and at most for what a plan states
 JOINT_SURE_POSES = 20_000
@@ -423,7 +425,7 @@ def _near(
 # What simulation finds of what poses promise: each promise is simulated once, in any process.
 
 
-class Found(NamedTuple):
+class SimulatedPromise(NamedTuple):
     """What a simulation of a pose found.
 
     Attributes
@@ -440,7 +442,7 @@ class Found(NamedTuple):
 
 def simulate_promises(
     shared: Shared, cam2world: np.ndarray, stated: Mapping[str, float], seed: int
-) -> Found:
+) -> SimulatedPromise:
     """Simulate what is stated of entities at a pose, as a task for any executor.
 
     What comes out for an entity depends on nothing that is stated of others.
@@ -469,7 +471,7 @@ def simulate_promises(
             excess.update(promised_too_much(judge, posed, seed))
     upheld = tuple(name for name in stated if excess[name] <= 0.0)
     bounds = joint_bounds(judge, cam2world, upheld, seed) if upheld else {}
-    return Found({**excess, **missing(judge, bounds)}, bounds)
+    return SimulatedPromise({**excess, **missing(judge, bounds)}, bounds)
 
 
 class Promises:
@@ -496,7 +498,7 @@ class Promises:
         new = {n: p for n, p in stated.items() if (pose, n, p) not in self._excess}
         return self._shared, setting.cam2world, new, self._seed
 
-    def take(self, setting: SensorSetting, found: Found) -> None:
+    def take(self, setting: SensorSetting, found: SimulatedPromise) -> None:
         """Remember what was found of what a setting states."""
         pose = setting.cam2world.tobytes()
         for name, excess in found.excess.items():

@@ -44,7 +44,7 @@ from planner.search.incumbents import (
     SO_FAR,
     Incumbents,
     PlanState,
-    Run,
+    SearchRun,
     as_simulated,
     assembled,
     candidate_settings,
@@ -65,7 +65,7 @@ from planner.search.realise_column import (
     without_corners,
 )
 from planner.sensor_setting import Reason, ReasonKind, SensorSetting
-from planner.verify.p_all import MOST_REQUIRED
+from planner.verify.simulate_setting import MOST_REQUIRED
 
 if TYPE_CHECKING:
     from planner.camera.camera import Camera
@@ -106,7 +106,7 @@ class ShortTargets:
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Its request says what is asked, its pool has other columns.
     settings : sequence of SensorSetting
         The others, which have it.
@@ -125,7 +125,7 @@ class ShortTargets:
 
     def __init__(
         self,
-        run: Run,
+        run: SearchRun,
         settings: Sequence[SensorSetting],
         reached: dict[str, float],
         centre: Centre,
@@ -228,7 +228,7 @@ class ShortTargets:
             self.reached[name] = max(self.reached[name], p_all)
 
 
-Proven = Callable[[Run, Sequence[SensorSetting]], tuple[int, str]]
+Proven = Callable[[SearchRun, Sequence[SensorSetting]], tuple[int, str]]
 
 
 class Settled(NamedTuple):
@@ -246,12 +246,12 @@ class Settled(NamedTuple):
     lost: dict[str, Reason]
 
 
-def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
+def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Settled:
     """Choose the final cover and give every column in it the best pose that simulation supports.
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Its pools hold the columns.
     inspected : array of bool (k,)
         Entities that are to be covered.
@@ -283,7 +283,7 @@ def settle(run: Run, inspected: np.ndarray, *, moves: bool = True) -> Settled:
     return _without_short(run, centre(settings), centre)
 
 
-def _supported(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
+def _supported(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
     """Return for each candidate pose the best pose that simulation supports, the candidate itself if it is enough."""
     enough = run.effort.good_enough
     good = [
@@ -300,7 +300,7 @@ def _supported(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]
     return [supported[k] for k in range(len(candidates))]
 
 
-def _searched(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
+def _searched(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
     """Search a better pose for each candidate pose, and return the better one that simulation supports."""
     options = []
     outcomes = run.realise([column.entities for column in candidates])
@@ -313,12 +313,12 @@ def _searched(run: Run, candidates: Sequence[SensorSetting]) -> list[Supported]:
     return run.supported(options)
 
 
-def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPlan:
+def settle_early(run: SearchRun, plan: InspectionPlan, proven: Proven) -> InspectionPlan:
     """Return a plan that a time limit ended with its settings moved off their limits, and what they promise.
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Its request says what is asked.
     plan : InspectionPlan
         The best plan so far.
@@ -346,7 +346,7 @@ def settle_early(run: Run, plan: InspectionPlan, proven: Proven) -> InspectionPl
 
 
 def _without_short(
-    run: Run, settings: Sequence[SensorSetting], centre: Centre | None = None
+    run: SearchRun, settings: Sequence[SensorSetting], centre: Centre | None = None
 ) -> Settled:
     """Take from settings the targets that lack the required P_all there; return why some are in none any more.
 
@@ -381,13 +381,17 @@ def _without_short(
 
 
 def centre_all(
-    run: Run, settings: Sequence[SensorSetting], centring: Centring, *, until: float | None = None
+    run: SearchRun,
+    settings: Sequence[SensorSetting],
+    centring: Centring,
+    *,
+    until: float | None = None,
 ) -> list[SensorSetting]:
     """Move settings off their limits, and count what they promise.
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Its request says what is asked.
     settings : sequence of SensorSetting
         Settings that simulation supports.
@@ -429,7 +433,7 @@ def centre_all(
     return moved
 
 
-def _holds(run: Run, setting: SensorSetting, names: tuple[str, ...]) -> bool:
+def _holds(run: SearchRun, setting: SensorSetting, names: tuple[str, ...]) -> bool:
     """Judge a setting anew: whether it inspects all these entities."""
     return bool(run.judge(setting.cam2world[None]).inspects[0, np.isin(run.names, names)].all())
 
@@ -469,7 +473,7 @@ _AT_A_TIME = 16
 _FIRST_ROUNDS = 10
 
 
-def sample_poses(run: Run, incumbents: Incumbents) -> None:
+def sample_poses(run: SearchRun, incumbents: Incumbents) -> None:
     """Fill the pools from viewpoints of every entity, but for those that the state has."""
     done = run.state.entries.get("sampled", 0)
     names = [name for name in run.names if name not in run.state.uninspectable]
@@ -483,7 +487,7 @@ def sample_poses(run: Run, incumbents: Incumbents) -> None:
         run.callbacks.report(k, len(names), "candidate poses")
 
 
-def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]:
+def realise_missing_alone(run: SearchRun, incumbents: Incumbents) -> dict[str, Reason]:
     """Give entities that no pose inspects a run of their own; return the reasons of those that fail.
 
     What some of them add to the plan is offered before the others are tried, as each takes seconds.
@@ -500,18 +504,18 @@ def realise_missing_alone(run: Run, incumbents: Incumbents) -> dict[str, Reason]
     return reasons
 
 
-def generate_first_columns(run: Run, incumbents: Incumbents) -> None:
+def generate_first_columns(run: SearchRun, incumbents: Incumbents) -> None:
     """Improve the pools a little, before targets that no pose inspects are tried alone."""
     rounds = min(run.effort.pricing_rounds, _FIRST_ROUNDS)
     _generate(run, incumbents, rounds, derive_seed(run.seed, ["first columns"]))
 
 
-def generate_columns(run: Run, incumbents: Incumbents) -> None:
+def generate_columns(run: SearchRun, incumbents: Incumbents) -> None:
     """Improve the pools by column generation."""
     _generate(run, incumbents, run.effort.pricing_rounds, run.seed)
 
 
-def _generate(run: Run, incumbents: Incumbents, rounds: int, seed: int) -> None:
+def _generate(run: SearchRun, incumbents: Incumbents, rounds: int, seed: int) -> None:
     """Improve the pools, from where the state has got."""
 
     def offer(entries: dict[str, Any]) -> None:
@@ -534,7 +538,7 @@ def _generate(run: Run, incumbents: Incumbents, rounds: int, seed: int) -> None:
 # Second step: a lower bound is proven; poses that the proof comes across join the pools.
 
 
-def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
+def prove_bound(run: SearchRun, incumbents: Incumbents) -> ProvenBound:
     """Prove a lower bound. Better plans and bounds are told on the way."""
     state = run.state
     inspected = _inspected(run)
@@ -554,7 +558,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
 
     checkpoint = run.checkpoint()
     proven = checkpoint.get("proven")
-    enough = run.callbacks.deadline.wanted_bound(state.known)
+    enough = run.callbacks.deadline.wanted_bound(state.n_known)
     alone = len(state.incompatible)
     if not inspected[np.isin(run.names, state.incompatible)].all():
         alone = 0
@@ -580,7 +584,7 @@ def prove_bound(run: Run, incumbents: Incumbents) -> ProvenBound:
     return proven_bound
 
 
-def _inspected(run: Run) -> np.ndarray:
+def _inspected(run: SearchRun) -> np.ndarray:
     """Return which entities (k,) the proof is for; find at its beginning in how many settings they can be covered."""
     state = run.state
     if state.inspected is None:
@@ -589,11 +593,11 @@ def _inspected(run: Run) -> np.ndarray:
             membership = run.pool.membership[:, state.inspected]
             nodes = run.nodes(_REFUTING_SHARE)
             chosen = few_columns(membership, nodes, run.rng("known"))
-            state.known = len(chosen)
+            state.n_known = len(chosen)
     return state.inspected
 
 
-def find_incompatible(run: Run) -> None:
+def find_incompatible(run: SearchRun) -> None:
     """Find entities of which no setting inspects two: a bound long before the proof."""
     seen = np.flatnonzero(run.pool.inspected)
     if seen.size > 1:
@@ -602,7 +606,7 @@ def find_incompatible(run: Run) -> None:
         run.state.incompatible = tuple(np.array(run.names)[exclusive].tolist())
 
 
-def weigh_columns(run: Run) -> None:
+def weigh_columns(run: SearchRun) -> None:
     """Find the columns that the proof's weights come from, where they are not those of the plan.
 
     The proof does not use all conditions. Weights from columns that meet them all are too large for its poses, and it
@@ -630,7 +634,7 @@ def weigh_columns(run: Run) -> None:
 class ProofColumns:
     """The columns that the proof's weights come from: those of the plan, or of a request without some conditions."""
 
-    def __init__(self, run: Run):
+    def __init__(self, run: SearchRun):
         self._run = run
 
     @cached_property
@@ -677,12 +681,12 @@ class ProofColumns:
 # Third step: optimistic columns that would save a setting are realised or refuted.
 
 
-def refute(run: Run, inspected: np.ndarray, bound: int, incumbents: Incumbents) -> None:
+def refute(run: SearchRun, inspected: np.ndarray, bound: int, incumbents: Incumbents) -> None:
     """Try to do with fewer settings, not below the bound, by optimistic columns; refute what cannot be realised.
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Its pools get what was realised.
     inspected : array of bool (k,)
         Entities that are to be covered.
@@ -741,7 +745,7 @@ class _Posed(NamedTuple):
     requirements: Mapping[str, float]
 
 
-def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> InspectionPlan:
+def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> InspectionPlan:
     """Return a plan with lamps, of other settings where that shows more.
 
     **Guarantee.** It measures what the draft measures, as surely as is asked. What a lamp shows in a setting of the
@@ -749,7 +753,7 @@ def with_lamps(run: Run, lighting: Lighting, draft: InspectionPlan) -> Inspectio
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         Its pool holds other poses.
     lighting : Lighting
         What is asked of the lamps.
@@ -797,7 +801,7 @@ def unlit(plan: InspectionPlan) -> list[str]:
     return [name for name in plan.entities if name in plan.inspected and name not in lit]
 
 
-def _places(run: Run, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
+def _places(run: SearchRun, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
     """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
     assert plan.light is not None
     places = lighting.given
@@ -809,7 +813,7 @@ def _places(run: Run, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.fl
 
 
 def _shown_from_elsewhere(
-    run: Run,
+    run: SearchRun,
     lighting: Lighting,
     plan: InspectionPlan,
     dark: Sequence[str],
@@ -838,7 +842,7 @@ def _shown_from_elsewhere(
     return [setting for setting in cut if setting.entities]
 
 
-def _with_all(run: Run) -> Any:
+def _with_all(run: SearchRun) -> Any:
     """Return a function that takes into a setting all that its pose inspects and simulation does not contradict."""
 
     def with_all(setting: SensorSetting) -> SensorSetting:
@@ -853,7 +857,7 @@ def _with_all(run: Run) -> Any:
     return with_all
 
 
-def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
+def _poses_that_inspect(run: SearchRun, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
     """Return poses (n, 4, 4) that inspect an entity, `_LIGHT_TRIED` at most: half inspect most, half are spread."""
     column = run.names.index(name)
     seed = derive_seed(run.seed, ["light", name])
@@ -879,7 +883,7 @@ def _poses_that_inspect(run: Run, plan: InspectionPlan, name: str) -> NDArray[np
 
 
 def _shown(
-    run: Run,
+    run: SearchRun,
     lighting: Lighting,
     plan: InspectionPlan,
     settings: Sequence[SensorSetting],
@@ -912,7 +916,7 @@ def _shown(
 
 
 def _chosen_among(
-    run: Run, plan: InspectionPlan, others: Sequence[SensorSetting]
+    run: SearchRun, plan: InspectionPlan, others: Sequence[SensorSetting]
 ) -> list[SensorSetting]:
     """Return the fewest settings, of a plan and others, that show what any of them shows; the rest stays measured."""
     assert plan.light is not None
@@ -940,7 +944,7 @@ class Tools:
 
     Attributes
     ----------
-    run : Run
+    run : SearchRun
         The request, and what searches and remembers.
     incumbents : Incumbents
         The best plan so far; no stage depends on it.
@@ -948,7 +952,7 @@ class Tools:
         What is asked of lamps.
     """
 
-    run: Run
+    run: SearchRun
     incumbents: Incumbents
     lighting: Lighting | None = None
 
@@ -1052,13 +1056,13 @@ STAGES = (
 
 
 def run_stages(
-    run: Run, incumbents: Incumbents, lighting: Lighting | None = None
+    run: SearchRun, incumbents: Incumbents, lighting: Lighting | None = None
 ) -> InspectionPlan:
     """Do all stages that are left to do, and return the plan.
 
     Parameters
     ----------
-    run : Run
+    run : SearchRun
         A new one; its state may be that of an earlier, interrupted one.
     incumbents : Incumbents
         Better plans on the way are offered to it.

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.formatting import below_one
-from planner.camera.camera import Camera
-from planner.camera.imaging import image_of
+from errors.checks import below_one
+from planner.camera.camera import Camera, image_of
 from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.detectability.conditions import asks_of_images
 from planner.exceptions import PlanFileError

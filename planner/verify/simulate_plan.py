@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from errors.formatting import below_one
+from errors.checks import below_one
 from errors.measurands.geometry import Geometry, Line
 from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera

@@ -6,13 +6,7 @@ from decimal import Decimal
 import numpy as np
 import pytest
 
-from errors.formatting import (
-    below_one,
-    frequency_text,
-    interval_text,
-    percent_text,
-    probability_text,
-)
+from errors.checks import below_one, frequency_text, interval_text, percent_text, probability_text
 
 
 @pytest.mark.parametrize(

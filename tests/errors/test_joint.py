@@ -19,7 +19,7 @@ from errors import (
     simulate_success,
     success_probability,
 )
-from errors.joint import quadratic_probability
+from errors.model import quadratic_probability
 
 CALL = {**CAMERA, "accuracy": 0.98}
 

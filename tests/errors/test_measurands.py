@@ -8,12 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from errors import success_probability
 from errors.measurands import (
-    Circle,
     Line,
     Localisation,
     Measurand,
     MeasurandError,
     MeasurandModel,
+    MeasuredCircle,
     acceptance_limits,
     kind,
     uncertainty_ratio,
@@ -28,10 +28,16 @@ GEOMETRY = {
     "length": [Line([-20, -10, 0], [25, -10, 0])],
     "distance": [Line([-20, -10, 0], [25, -10, 0]), Line([20, 15, 0], [-10, 15, 0])],
     "angle": [Line([-20, -10, 0], [25, -10, 0]), Line([20, 15, 6], [-10, 35, 6])],
-    "diameter": [Circle([10, 5, 0], [0, 0, 1], 6.0)],
-    "radius": [Circle([10, 5, 0], [0, 0, 1], 6.0, [1, 0, 0], 2.5)],
-    "centre_distance": [Circle([10, 5, 0], [0, 0, 1], 6.0), Circle([-20, -8, 4], [0, 0, -1], 4.0)],
-    "centre_to_edge": [Circle([10, 5, 0], [0, 0, 1], 6.0), Line([-20, -10, 3], [25, -12, 3])],
+    "diameter": [MeasuredCircle([10, 5, 0], [0, 0, 1], 6.0)],
+    "radius": [MeasuredCircle([10, 5, 0], [0, 0, 1], 6.0, [1, 0, 0], 2.5)],
+    "centre_distance": [
+        MeasuredCircle([10, 5, 0], [0, 0, 1], 6.0),
+        MeasuredCircle([-20, -8, 4], [0, 0, -1], 4.0),
+    ],
+    "centre_to_edge": [
+        MeasuredCircle([10, 5, 0], [0, 0, 1], 6.0),
+        Line([-20, -10, 3], [25, -12, 3]),
+    ],
 }
 NOMINAL = {
     "length": 45.0,
@@ -90,7 +96,7 @@ def displaced(value, pose, moves, localisation, rng):
             share = np.array([0.0, 1.0])
         points = (
             one.points(share * one.span_rad)
-            if isinstance(one, Circle)
+            if isinstance(one, MeasuredCircle)
             else one.p + share[:, None] * (one.q - one.p)
         )
         local = points @ pose[:3, :3].T + pose[:3, 3]
@@ -156,12 +162,12 @@ def test_localisation_of_circles_and_lines_in_closed_form(points):
     """Radius sigma / sqrt(N), diameter twice that, two lines sigma sqrt(2 / N), in the part straight on."""
     here = Localisation.gaussian(0.2, points, floor_px=0.0)
     sigma = 0.2 * PITCH[0] * 300 / DISTANCE
-    whole = Circle([10, 5, 0], [0, 0, 1], 6.0)
+    whole = MeasuredCircle([10, 5, 0], [0, 0, 1], 6.0)
     cases = {
         "radius": ([whole], sigma / math.sqrt(points)),
         "diameter": ([whole], 2 * sigma / math.sqrt(points)),
         "centre_distance": (
-            [whole, Circle([-20, -8, 0], [0, 0, 1], 6.0)],
+            [whole, MeasuredCircle([-20, -8, 0], [0, 0, 1], 6.0)],
             math.sqrt(2) * sigma * math.sqrt(2 / points),
         ),
         "distance": (
@@ -267,7 +273,7 @@ def test_budget_sums_to_the_variance_and_uncertainty_to_its_root():
 
 def test_a_short_arc_has_quantiles():
     """Their normal value is the standard deviation's, here where the fit is near to linear."""
-    value = measurand("radius", [Circle([10, 5, 0], [0, 0, 1], 6.0, [1, 0, 0], 2.5)])
+    value = measurand("radius", [MeasuredCircle([10, 5, 0], [0, 0, 1], 6.0, [1, 0, 0], 2.5)])
     found = MeasurandModel(
         value,
         image_distance_mm=DISTANCE,
@@ -279,7 +285,7 @@ def test_a_short_arc_has_quantiles():
     assert found.standard_uncertainty == pytest.approx(
         math.sqrt(found.budget["localisation"]), rel=1e-3
     )
-    hopeless = measurand("radius", [Circle([10, 5, 0], [0, 0, 1], 6.0, [1, 0, 0], 0.1)])
+    hopeless = measurand("radius", [MeasuredCircle([10, 5, 0], [0, 0, 1], 6.0, [1, 0, 0], 0.1)])
     seen = hopeless.expansion(
         straight_on()[None], model("radius").image, Localisation.gaussian(0.5, floor_px=0.0)
     ).seen
@@ -310,7 +316,7 @@ def test_a_new_kind_is_one_class():
         class Place(Measurand):
             """Position of a centre along x, from x = 0."""
 
-            takes = (Circle,)
+            takes = (MeasuredCircle,)
 
             def describe(self):
                 from errors.measurands.geometry import Frame
@@ -350,12 +356,12 @@ def test_a_new_kind_is_one_class():
         ("angle", GEOMETRY["distance"], "must not be parallel"),
         (
             "centre_distance",
-            [GEOMETRY["diameter"][0], Circle([0, 0, 9], [0, 1, 0], 2.0)],
+            [GEOMETRY["diameter"][0], MeasuredCircle([0, 0, 9], [0, 1, 0], 2.0)],
             "must lie in parallel planes. Got 90 degrees",
         ),
         (
             "centre_distance",
-            [GEOMETRY["diameter"][0], Circle([10, 5, 9], [0, 0, 1], 2.0)],
+            [GEOMETRY["diameter"][0], MeasuredCircle([10, 5, 9], [0, 0, 1], 2.0)],
             "must lie apart",
         ),
         (

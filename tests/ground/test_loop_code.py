@@ -114,7 +114,7 @@ def test_values_that_are_equal_to_python_but_not_to_a_compiler_differ(one, other
 
 def test_the_digest_is_the_same_in_every_process():
     script = (
-        "from errors.joint import _joint_loop\n"
+        "from errors.model import _joint_loop\n"
         "from ground.loop_code import digest_of\n"
         "print(digest_of(_joint_loop))"
     )

@@ -22,7 +22,7 @@ from planner.camera.pose import moved
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.inspection import plan_inspection
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
 from planner.resume import PlanningState
 from planner.search.columns import ColumnPool, Judge, perturbed, price_poses
@@ -282,7 +282,7 @@ def test_no_entities_are_refused(space):
 
 
 def test_margin_keeps_displaced_corners_in_the_image():
-    from planner.request.defaults import corner_margin_px
+    from planner.request.camera_limits import corner_margin_px
     from planner.verify.simulate_setting import displaced_poses
 
     margin = corner_margin_px(CAMERA, UNCERTAINTY, sigmas=4.0)

@@ -7,7 +7,7 @@ import pytest
 
 from aspectgraph import read_solid
 from planner import Dimension, PoseUncertainty, RequestError, optics_table, predict, propose_optics
-from planner.camera.catalogue import camera_parts
+from planner.camera.camera import camera_parts
 from planner.optics import DISTANCES_MM
 from planner.options import InspectionOptions
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from errors.measurands import Line, Localisation
 from errors.measurands.measurand import SOURCES
-from planner.rows import WarningKind, measured_rows
+from planner.plan_tables import WarningKind, measured_rows
 from planner.verify.simulate_plan import SimulationResult
 from planner.verify.simulate_setting import SuccessRate
 

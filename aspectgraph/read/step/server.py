@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph.exceptions import AspectGraphError
-from aspectgraph.processes import die_with
+from aspectgraph.phases import die_with
 
 if TYPE_CHECKING:
     from aspectgraph.read.step.part import StepPart

@@ -19,12 +19,12 @@ import numpy as np
 
 from aspectgraph import exceptions
 from aspectgraph.exceptions import MissingExtraError, ReadError, SolidError, how_to_install
+from aspectgraph.files import ReadLimits, SolidChoice, as_choice, more_of
 from aspectgraph.phases import phase, report_phase
 from aspectgraph.read.join_faces import Tessellation, assemble
-from aspectgraph.read.limits import ReadLimits, SolidChoice, as_choice, more_of
 from aspectgraph.read.mesh import repair_facets
-from aspectgraph.read.step.fit import RELATIVE_CHORD, check_fit, unpack_circles
 from aspectgraph.read.step.server import LENGTHS, OUT_OF_MEMORY
+from aspectgraph.read.step.triangles import RELATIVE_CHORD, check_fit, unpack_circles
 from aspectgraph.solid.checks import RELATIVE_PLANARITY
 from aspectgraph.solid.solid import FileSolids, Solid
 from aspectgraph.solid.topology import signed_volume
@@ -157,9 +157,9 @@ class StepKernel:
             )
         if code == OUT_OF_MEMORY:
             return self._complaint({"error": "MemoryError"})
-        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        end = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         return ReadError(
-            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({how}), or runs out of "
+            f"a STEP file must be one that OCCT can read. Got {self.name}, on which it crashes ({end}), or runs out of "
             f"its memory_mb={self.limits.memory_mb:g} MB."
         )
 

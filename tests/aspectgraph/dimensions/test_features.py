@@ -12,10 +12,10 @@ from aspectgraph import Solid
 from aspectgraph.dimensions.features import (
     Attachments,
     Axis,
-    Measurer,
     Plane,
     Sight,
     StraightLine,
+    WaysFinder,
     describe_shape,
 )
 from aspectgraph.dimensions.read_dimensions import _Reader
@@ -41,7 +41,7 @@ def prism():
 
 def tools(solid):
     attachments = Attachments(solid)
-    return attachments, Measurer(attachments, Sight(solid))
+    return attachments, WaysFinder(attachments, Sight(solid))
 
 
 def plane(solid, face):

@@ -9,8 +9,7 @@ import pytest
 import solids
 
 from aspectgraph import EntityError, read_entities, read_solid, select_entities
-from aspectgraph.entities.entity_files import csv_text
-from aspectgraph.entities.entity_rules import Carriers
+from aspectgraph.entities.entity_rules import Carriers, csv_text
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 BLOCK = read_solid(EXAMPLES / "two_pocket_block.off")

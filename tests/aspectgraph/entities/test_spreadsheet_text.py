@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from aspectgraph.entities.entity_files import (
+from aspectgraph.entities.entity_rules import (
     NumberText,
     cell_of_text,
     csv_text,

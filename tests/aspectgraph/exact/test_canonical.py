@@ -8,7 +8,7 @@ import pytest
 from generated_solids import CUBE, L_BLOCK, SLOTTED_BLOCK, TWO_POCKET_BLOCK, generated_solid
 from scipy.spatial.transform import Rotation
 
-from aspectgraph.exact.canonical import own_frame
+from aspectgraph.exact.grid import own_frame
 from aspectgraph.read.part_file import read_solid
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.scene import make_scene

@@ -20,11 +20,13 @@ from scipy.spatial.transform import Rotation
 from solids import FaceBuilder, add_prism, prism
 
 from aspectgraph import SolidError, WorkspaceError
-from aspectgraph.exact.canonical import EDGE_EDGE, LEAST_STEPS, VERTEX_FACE, nearest_features
 from aspectgraph.exact.grid import (
+    EDGE_EDGE,
     GRID_BITS,
+    LEAST_STEPS,
     LIMBS,
     POINT_BITS,
+    VERTEX_FACE,
     Grid,
     _meet,
     _sign_at_point_exact,
@@ -32,6 +34,7 @@ from aspectgraph.exact.grid import (
     face_planes,
     find_parallel,
     meet,
+    nearest_features,
     plane_through,
     side_of,
     sign_at_point,

@@ -52,8 +52,7 @@ from aspectgraph import (
 from aspectgraph.cells import arrays
 from aspectgraph.cells.arrays import RoomFullError
 from aspectgraph.graph import build_graph
-from aspectgraph.graph.build_graph import ERROR, estimate_joint_graph
-from aspectgraph.graph.complete_graph import Drawing
+from aspectgraph.graph.build_graph import ERROR, Drawing, estimate_joint_graph
 from aspectgraph.read.mesh import UNITS_MM
 from aspectgraph.visibility import visibility_regions
 

@@ -9,9 +9,9 @@ from solids import STEP_ENTITIES
 
 from aspectgraph.exceptions import WorkspaceError
 from aspectgraph.graph.aspect_graph import read_graphml, write_graphml
-from aspectgraph.graph.build_graph import build_aspect_graph
-from aspectgraph.graph.complete_graph import (
+from aspectgraph.graph.build_graph import (
     Drawing,
+    build_aspect_graph,
     complete_aspect_graph,
     describe_drawing,
     seen_whole,

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from aspectgraph.read.limits import ReadLimits
+from aspectgraph.files import ReadLimits
 from aspectgraph.read.step.step_file import StepKernel
 
 # Answers of the STEP kernel's process, kept for later tests: each read takes one to three

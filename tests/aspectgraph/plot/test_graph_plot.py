@@ -30,8 +30,8 @@ from aspectgraph import (
     read_graphml,
     write_graphml,
 )
-from aspectgraph.plot.graph_plot import crossings, hits, layout, least_stress
 from aspectgraph.plot.traces import NOTHING, list_colors, list_text
+from aspectgraph.plot.views import crossings, hits, layout, least_stress
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

@@ -38,7 +38,7 @@ from aspectgraph import (
     read_solid,
 )
 from aspectgraph.solid.checks import face_area_vectors
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from aspectgraph.solid.topology import (
     FaceLoops,
     check_fans,

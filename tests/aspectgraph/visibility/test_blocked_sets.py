@@ -12,7 +12,7 @@ from rimmed_solids import PITCH, PlateBuilder, lattice_circle, rimmed_solid
 from aspectgraph import Solid, compute_regions, read_solid
 from aspectgraph.entities.entity import resolve_entities
 from aspectgraph.exact.grid import side_of
-from aspectgraph.graph.complete_graph import SightLines
+from aspectgraph.graph.build_graph import SightLines
 from aspectgraph.visibility import blocked_sets
 from aspectgraph.visibility.blocked_sets import Disc, blockers, free_disc
 from aspectgraph.visibility.scene import (

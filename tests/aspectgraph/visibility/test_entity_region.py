@@ -34,8 +34,8 @@ from aspectgraph import (
     runs_of,
     write_graphml,
 )
-from aspectgraph.graph.complete_graph import SightLines
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.graph.build_graph import SightLines
+from aspectgraph.solid.solid import RayScene
 from aspectgraph.visibility import visibility_regions
 from aspectgraph.visibility.entity_region import find_pieces, observable_region
 from aspectgraph.visibility.scene import cut_point

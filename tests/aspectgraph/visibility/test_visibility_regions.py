@@ -18,7 +18,7 @@ from aspectgraph import (
     read_solid,
 )
 from aspectgraph.cells.arrays import allocate
-from aspectgraph.graph.complete_graph import confirm
+from aspectgraph.graph.build_graph import confirm
 from aspectgraph.visibility import scene as clock
 from aspectgraph.visibility.visibility_regions import _COVERINGS_KEPT, KeptRegions
 

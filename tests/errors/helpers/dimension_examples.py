@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from errors.measurands import Circle, Line
+from errors.measurands import Line, MeasuredCircle
 
 F = 25.0
 PITCH = (0.004, 0.005)
@@ -75,7 +75,9 @@ EXAMPLES = {
 def geometry_of(plain):
     """Return the records of the package for plain geometry."""
     return tuple(
-        Line(*one[1:]) if one[0] == "line" else Circle(one[1], one[2], one[3], one[4], one[5])
+        Line(*one[1:])
+        if one[0] == "line"
+        else MeasuredCircle(one[1], one[2], one[3], one[4], one[5])
         for one in plain
     )
 

@@ -9,13 +9,13 @@ from measured_exactly import look_at, measure, random_view
 
 from errors import InvalidParameterError, InvalidShapeError
 from errors.measurands import (
-    Circle,
     Decision,
     DecisionRule,
     Line,
     Localisation,
     MeasurandError,
     MeasurandModel,
+    MeasuredCircle,
     conformance_probability,
     decide,
 )
@@ -25,7 +25,7 @@ from ground.convert import from_plain, to_plain
 Z = 300.0
 OVERHEAD = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, Z], [0, 0, 0, 1]])
 SQUARE = (0.005, 0.005)
-RIM = Circle((0, 0, 0), (0, 0, 1), 10.0)
+RIM = MeasuredCircle((0, 0, 0), (0, 0, 1), 10.0)
 LINES = Line((-15, -10, 0), (15, -10, 0)), Line((-15, 10, 0), (15, 10, 0))
 EXACT = Localisation.gaussian(0.0, floor_px=0.0)
 STILL = np.zeros((6, 6))
@@ -34,8 +34,14 @@ KINDS = {
     "distance": LINES,
     "diameter": (RIM,),
     "radius": (RIM,),
-    "centre_distance": (Circle((-10, 0, 0), (0, 0, 1), 4.0), Circle((10, 0, 0), (0, 0, 1), 6.0)),
-    "centre_to_edge": (Circle((0, 10, 0), (0, 0, 1), 4.0), Line((-15, -10, 0), (15, -10, 0))),
+    "centre_distance": (
+        MeasuredCircle((-10, 0, 0), (0, 0, 1), 4.0),
+        MeasuredCircle((10, 0, 0), (0, 0, 1), 6.0),
+    ),
+    "centre_to_edge": (
+        MeasuredCircle((0, 10, 0), (0, 0, 1), 4.0),
+        Line((-15, -10, 0), (15, -10, 0)),
+    ),
     "angle": (Line((-10, 0, 0), (10, 0, 0)), Line((-10, -10, 0), (10, 10, 0))),
 }
 
@@ -301,8 +307,8 @@ def test_independent_errors_of_a_view_do_not_depend_on_the_order_of_entities():
 
 LOW = Line((-15, -10, 0), (15, -10, 0))
 HIGH = Line((-15, 10, 0), (15, 10, 0))
-LEFT = Circle((-10, 0, 0), (0, 0, 1), 4.0)
-RIGHT = Circle((10, 0, 0), (0, 0, 1), 6.0)
+LEFT = MeasuredCircle((-10, 0, 0), (0, 0, 1), 4.0)
+RIGHT = MeasuredCircle((10, 0, 0), (0, 0, 1), 6.0)
 
 
 @pytest.mark.parametrize(
@@ -329,16 +335,19 @@ RIGHT = Circle((10, 0, 0), (0, 0, 1), 6.0)
         ),
         (lambda: Line((1, 2), (1, 2, 3)), r"p must be three finite numbers\. Got \(1, 2\)"),
         (
-            lambda: Circle((0, 0, 0), (0, 0, 0), 1.0),
+            lambda: MeasuredCircle((0, 0, 0), (0, 0, 0), 1.0),
             r"axis must have a length\. Got \[0\.0, 0\.0, 0\.0\]",
         ),
-        (lambda: Circle((0, 0, 0), (0, 0, 1), math.inf), r"radius_mm must be positive\. Got inf"),
         (
-            lambda: Circle((0, 0, 0), (0, 0, 1), 1.0, (1, 0, 0), 7.0),
+            lambda: MeasuredCircle((0, 0, 0), (0, 0, 1), math.inf),
+            r"radius_mm must be positive\. Got inf",
+        ),
+        (
+            lambda: MeasuredCircle((0, 0, 0), (0, 0, 1), 1.0, (1, 0, 0), 7.0),
             r"span_rad must be in \(0, 2 pi\]\. Got 7\.0",
         ),
         (
-            lambda: Circle((0, 0, 0), (0, 0, 1), 1.0, (0, 0, -3), 1.0),
+            lambda: MeasuredCircle((0, 0, 0), (0, 0, 1), 1.0, (0, 0, -3), 1.0),
             r"start must not run along the axis\. Got \[0",
         ),
     ],
@@ -398,7 +407,9 @@ def test_a_model_is_checked_once(changes, error, message):
         MeasurandModel(measurand("distance", (LOW, HIGH)), **given).probability(np.eye(4))
 
 
-@pytest.mark.parametrize("one", [LOW, LEFT, Circle((1, 2, 3), (0, 1, 0), 5.0, (1, 0, 0), 2.0)])
+@pytest.mark.parametrize(
+    "one", [LOW, LEFT, MeasuredCircle((1, 2, 3), (0, 1, 0), 5.0, (1, 0, 0), 2.0)]
+)
 def test_lines_and_circles_come_back_from_plain_values(one):
     again = from_plain(type(one), to_plain(one), InvalidParameterError)
     assert type(again) is type(one)
@@ -563,7 +574,7 @@ def test_no_number_of_points_averages_the_floor_out():
 @pytest.mark.uncompiled
 def test_the_radius_of_a_short_arc_grows_by_the_floor_as_that_of_a_rim():
     # all of its points move outward about the same centre, so the fit is leveraged by nothing
-    arc = Circle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0), 2.0)
+    arc = MeasuredCircle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0), 2.0)
     found = predict("radius", (arc,), STILL, FLOOR)
     assert math.sqrt(found.budget["localisation_floor"]) == pytest.approx(STEP, rel=1e-9)
 
@@ -590,7 +601,7 @@ def test_a_probability_counts_the_floor_as_a_normal_error():
 @pytest.mark.parametrize(("kind", "size"), [("diameter", 20.0), ("radius", 10.0)])
 def test_a_face_that_is_off_scales_its_circle(across, kind, size):
     # between parallel planes the projection is a homothety of 1 + delta / Z, on the axis and off it
-    rim = (Circle((*across, 0), (0, 0, 1), 10.0),)
+    rim = (MeasuredCircle((*across, 0), (0, 0, 1), 10.0),)
     found = predict(kind, rim, STILL, surfaces=0.02)
     assert found.standard_uncertainty == pytest.approx(0.02 * size / Z, rel=1e-9)
     assert found.budget["surfaces"] == pytest.approx((0.02 * size / Z) ** 2, rel=1e-9)

@@ -28,7 +28,7 @@ from planner.app.batch import PLANNED, REFUSED, PartResult, dask_executor, diges
 from planner.app.main import main
 from planner.app.process import BAD_INPUT, INCOMPLETE
 from planner.plan import read_plan
-from planner.report.folder_lock import folder_lock
+from planner.report.plan_folder import folder_lock
 
 
 def result(part, status=PLANNED, reason=""):

@@ -26,8 +26,8 @@ from planner.app.parsing import UsageError, arguments_of, command_help, parse, t
 from planner.app.process import BAD_INPUT, DONE
 from planner.app.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, memory, registration
 from planner.exceptions import PlannerError, RequestError
-from planner.light.background import DEFAULT_STEP
-from planner.request.defaults import MOST_SEED
+from planner.light.corner_light import DEFAULT_STEP
+from planner.request.camera_limits import MOST_SEED
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
 PLAN = ["plan", BLOCK, "--entities", "8", "--camera", "basler-acA2440-20gm-8mm", "--jobs", "1"]

@@ -21,7 +21,7 @@ from planner.bound.lower_bound import (
     of_all,
     relieved,
 )
-from planner.bound.pose_space import Found
+from planner.bound.pose_space import SearchedPart
 from planner.callbacks import Checkpoint
 from planner.cover import fractional_cover, min_cover
 from planner.plan_file import packed, unpacked
@@ -59,7 +59,7 @@ class FewPoses:
             outcome = SPENT if nodes < self.cost[k] else FOUND if len(heavy) else PROVEN
             sets = heavy[:most] if outcome == FOUND else own[:0]
             doubt = own.any(axis=0) if outcome == SPENT else np.zeros(len(y), dtype=bool)
-            yield Found(
+            yield SearchedPart(
                 outcome, int(min(nodes, self.cost[k])), np.zeros((len(sets), 4, 4)), sets, doubt
             )
 

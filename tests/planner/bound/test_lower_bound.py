@@ -53,8 +53,7 @@ from planner.camera.pose import look_at, world_to_cam
 from planner.cover import columns_of_covers, core_columns, fractional_cover, min_cover
 from planner.effort import NORMAL, Effort
 from planner.executors import Shared
-from planner.request.constraints import Requirements
-from planner.request.image_constraints import field_of_view_slacks, focus_slacks
+from planner.request.constraints import Requirements, field_of_view_slacks, focus_slacks
 from planner.request.problem import Problem
 from planner.request.reach import TargetSpace
 from planner.request.targets import EdgeTarget, edge_target

@@ -7,11 +7,10 @@ import pytest
 from planner import Camera, CameraError, PoseUncertainty
 from planner.bound.pose_space import sensor_tangents
 from planner.camera.calibration import Distortion
-from planner.camera.camera import field_of
-from planner.camera.imaging import image_of, tangents_of, undistorted_px
+from planner.camera.camera import field_of, image_of, tangents_of, undistorted_px
 from planner.exceptions import UncertaintyError
-from planner.request.defaults import corner_margin_px
-from planner.request.image_constraints import cone_slacks, field_of_view_slacks
+from planner.request.camera_limits import corner_margin_px
+from planner.request.constraints import cone_slacks, field_of_view_slacks
 
 K = np.array([[2320.0, 0.0, 1251.5], [0.0, 2326.0, 1009.0], [0.0, 0.0, 1.0]])
 LENS = {"pixel_pitch_mm": 0.00345, "f_number": 8.0, "focus_distance_mm": 300.0}
@@ -111,9 +110,9 @@ def test_stretch_bounds_singular_values(coefficients):
         for e in np.eye(2)
     ]
     values = np.linalg.svd(np.stack(columns, axis=-1), compute_uv=False)
-    assert values.min() >= field.least - 1e-8
-    assert values.max() <= field.most + 1e-8
-    assert field.least > 0.5
+    assert values.min() >= field.least_stretch - 1e-8
+    assert values.max() <= field.most_stretch + 1e-8
+    assert field.least_stretch > 0.5
 
 
 def test_lens_that_folds_on_the_sensor_is_refused():

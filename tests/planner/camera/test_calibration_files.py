@@ -451,7 +451,7 @@ def test_file_that_is_not_there(tmp_path):
 def test_own_pose_files_are_read_back(tmp_path):
     from plan_examples import plan
 
-    from planner.report.pose_files import write_poses
+    from planner.report.plan_folder import write_poses
 
     camera = Camera.from_opencv(np.reshape(MATRIX, (3, 3)), FIVE_READERS, (2448, 2048), **LENS)
     write_poses(plan(camera=camera), tmp_path)

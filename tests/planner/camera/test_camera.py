@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planner import Camera, CameraError, camera_names
-from planner.camera.catalogue import catalogued
+from planner.camera.camera import catalogued
 
 
 def make(**changes):

@@ -353,8 +353,8 @@ def test_what_the_bound_excludes_is_not_searched_for(monkeypatch):
 def test_with_any_wanted_set_one_entity_fewer_is_missing(seed):
     membership = small(seed)
     found = exchange_columns(membership, 2, steps=300, rng=seed)
-    assert len(found.wanted) > 0 or found.missing == 0
-    for wanted in found.wanted:
+    assert len(found.missing_sets) > 0 or found.missing == 0
+    for wanted in found.missing_sets:
         assert least_missing(membership, 1, wanted) <= found.missing - 1
 
 
@@ -365,7 +365,7 @@ def test_cover_is_found_where_there_is_one(seed):
     found = exchange_columns(membership, smallest, steps=1000, rng=seed)
     assert found.missing == 0
     assert is_cover(membership, found.chosen)
-    assert not len(found.wanted)
+    assert not len(found.missing_sets)
     assert exchange_columns(membership, smallest - 1, steps=1000, rng=seed).missing > 0
 
 
@@ -374,14 +374,14 @@ def test_same_seed_gives_the_same_result():
     one, other = (exchange_columns(membership, 12, steps=200, rng=5) for _ in range(2))
     assert one.missing == other.missing > 0
     assert np.array_equal(one.chosen, other.chosen)
-    assert np.array_equal(one.wanted, other.wanted)
+    assert np.array_equal(one.missing_sets, other.missing_sets)
 
 
 def test_one_column_may_be_all_that_is_allowed():
     membership = sets([[0, 1], [1, 2]], 3)
     found = exchange_columns(membership, 1, steps=10)
     assert found.missing == 1
-    assert {tuple(np.flatnonzero(one)) for one in found.wanted} == {(0, 1, 2)}
+    assert {tuple(np.flatnonzero(one)) for one in found.missing_sets} == {(0, 1, 2)}
 
 
 def test_entity_in_no_column_is_refused():

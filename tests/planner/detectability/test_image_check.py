@@ -15,12 +15,12 @@ from shapely import LineString, Point
 
 from aspectgraph import Face, Solid, read_solid, resolve_entities
 from aspectgraph.solid.rims import edges_that_show
-from errors.measurands import Circle, Line
+from errors.measurands import Line, MeasuredCircle
 from planner import Camera, Detectability, RequestError, Requirements, look_at
 from planner.camera.pose import world_to_cam
 from planner.detectability.corners import CONNECTED, OTHER, SHOWS
-from planner.detectability.image_check import MOST_PX, ImageCheck, PartLines, Pieces, Scanned
-from planner.request.defaults import check_showing
+from planner.detectability.image_check import MOST_PX, ImageCheck, ImagePieces, PartLines, Scanned
+from planner.request.camera_limits import check_showing
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks" / "images"))
 from rendered_images import Renderer
@@ -561,7 +561,7 @@ def upper_rim(solid):
     rim = min(rims, key=lambda one: one.centre[0])
     x = rim.reference
     start = np.cos(rim.start_rad) * x + np.sin(rim.start_rad) * np.cross(rim.axis, x)
-    return rim, Circle(rim.centre, rim.axis, rim.radius_mm, start, 2 * np.pi)
+    return rim, MeasuredCircle(rim.centre, rim.axis, rim.radius_mm, start, 2 * np.pi)
 
 
 def check_of_scanned(solid, edge_ids, geometry):
@@ -572,7 +572,7 @@ def check_of_scanned(solid, edge_ids, geometry):
 def distance_by(near):
     """Return what is said of an entity whose points have other lines so near."""
     line = Scanned((0,), np.zeros((POINTS, 3)))
-    pieces, _ = Pieces.of([None], np.zeros((1, 2, 3)), [[line]])
+    pieces, _ = ImagePieces.of([None], np.zeros((1, 2, 3)), [[line]])
     return pieces.of_pairs(np.zeros((1, 2), np.int64)).least_distance(np.asarray(near, float))[0]
 
 

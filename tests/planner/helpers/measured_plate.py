@@ -11,7 +11,7 @@ import numpy as np
 from plan_examples import plan_with, planned_dimension
 
 from aspectgraph import Solid
-from errors.measurands import Circle, Line, Localisation
+from errors.measurands import Line, Localisation, MeasuredCircle
 from planner import Camera, PoseUncertainty, SensorSetting, look_at
 from planner.identity import PartRecord
 
@@ -65,7 +65,8 @@ def dimension(kind, entities, geometry, tolerance, direction=None):
 def measured_plan(solid, names=("left", "right", "apart", "width"), settings=2, **changes):
     """A plan whose settings all measure the given dimensions."""
     circles = {
-        name: Circle([*centre, TOP], UP, radius) for name, (centre, radius) in plates.HOLES.items()
+        name: MeasuredCircle([*centre, TOP], UP, radius)
+        for name, (centre, radius) in plates.HOLES.items()
     }
     rims = dict(zip(plates.HOLES, upper_rims(solid), strict=True))
     sides = [Line([0.0, y, TOP], [80.0, y, TOP]) for y in (0.0, 50.0)]

@@ -5,7 +5,7 @@ import pytest
 from lit_parts import RIM, block, step
 from plan_examples import plan, setting
 
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from planner.light.corner_light import Corners, SeenLine, Sites, beside_lines, corners_of
 from planner.light.plan_light import plan_light
 

@@ -8,9 +8,9 @@ import pytest
 from lit_parts import RIM, block, step
 from plan_examples import plan, setting
 
-from aspectgraph.solid.ray_scene import RayScene
+from aspectgraph.solid.solid import RayScene
 from planner import Camera, Exposure, LightPlan, LitImage, look_at
-from planner.camera.imaging import image_of
+from planner.camera.camera import image_of
 from planner.camera.pose import world_to_cam
 from planner.light.light_plan import exposure, irradiance
 from planner.light.plan_light import plan_light

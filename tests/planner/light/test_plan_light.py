@@ -13,8 +13,8 @@ from plan_examples import CAMERA, plan, setting
 from aspectgraph import LightError, compute_light, contrast, read_solid, resolve_entities
 from aspectgraph.cells.arrays import Cell
 from aspectgraph.light import silhouettes_from
-from aspectgraph.solid.ray_scene import RayScene
-from errors.measurands import Circle, Line
+from aspectgraph.solid.solid import RayScene
+from errors.measurands import Line, MeasuredCircle
 from planner import RequestError, RingSpace, SphereRegion, plan_light
 from planner.light import plan_light as fewest
 from planner.light.corner_light import LampSets, _parts, demands_of, seen_as, sites_of
@@ -610,7 +610,9 @@ def of(*geometry):
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1)])
 def test_a_rim_and_an_edge_of_a_dimension_are_those_of_the_part(axis):
     (centre, radius) = HOLES["right"]
-    rim, edge = _parts(of(Circle((*centre, HEIGHT), axis, radius), Line(*FRONT)), PLATE, "it")
+    rim, edge = _parts(
+        of(MeasuredCircle((*centre, HEIGHT), axis, radius), Line(*FRONT)), PLATE, "it"
+    )
     assert rim.kind == "rim"
     assert rim.circle.centre == pytest.approx([*centre, HEIGHT])
     assert rim.circle.radius_mm == pytest.approx(radius)
@@ -622,10 +624,12 @@ def test_a_rim_and_an_edge_of_a_dimension_are_those_of_the_part(axis):
 @pytest.mark.parametrize(
     "geometry",
     [
-        Circle((*HOLES["right"][0], HEIGHT), (0, 0, 1), HOLES["right"][1] + 0.5),
-        Circle((*HOLES["right"][0], HEIGHT + 0.5), (0, 0, 1), HOLES["right"][1]),
-        Circle((*HOLES["right"][0], HEIGHT), (0, 1, 0), HOLES["right"][1]),
-        Circle((*HOLES["right"][0], HEIGHT), (0, 0, 1), HOLES["right"][1] + 0.5, (1, 0, 0), 1.0),
+        MeasuredCircle((*HOLES["right"][0], HEIGHT), (0, 0, 1), HOLES["right"][1] + 0.5),
+        MeasuredCircle((*HOLES["right"][0], HEIGHT + 0.5), (0, 0, 1), HOLES["right"][1]),
+        MeasuredCircle((*HOLES["right"][0], HEIGHT), (0, 1, 0), HOLES["right"][1]),
+        MeasuredCircle(
+            (*HOLES["right"][0], HEIGHT), (0, 0, 1), HOLES["right"][1] + 0.5, (1, 0, 0), 1.0
+        ),
         Line((0, 0, 11), (80, 0, 11)),
         # half of it lies beyond the edge
         Line((40, 0, 10), (120, 0, 10)),
@@ -638,7 +642,7 @@ def test_of_another_part_they_are_not_found(geometry):
 
 def test_a_stretch_and_a_run_are_lit_as_the_whole_edge_and_rim():
     (centre, radius) = HOLES["right"]
-    run = Circle((*centre, HEIGHT), (0, 0, 1), radius, (1, 0, 0), 1.0)
+    run = MeasuredCircle((*centre, HEIGHT), (0, 0, 1), radius, (1, 0, 0), 1.0)
     stretch = Line((20, 0, 10), (40, 0, 10))
     rim, edge = _parts(of(run, stretch), PLATE, "it")
     assert rim.kind == "rim"

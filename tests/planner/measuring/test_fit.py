@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from errors.measurands import Circle, Line
+from errors.measurands import Line, MeasuredCircle
 from planner.measuring.fit import robust_fit, uneven_px
 
-CIRCLE = Circle([0, 0, 0], [0, 0, 1], 10.0)
+CIRCLE = MeasuredCircle([0, 0, 0], [0, 0, 1], 10.0)
 LINE = Line([-20, 0, 0], [20, 0, 0])
 
 
@@ -79,7 +79,9 @@ def test_points_on_a_line_are_no_circle_and_no_crash():
     turn = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
     flat = np.column_stack([np.linspace(-1.0, 1.0, 30), np.zeros(30)])
     flat = np.concatenate([flat, np.column_stack([np.cos(turn), np.sin(turn)])])
-    fit, kept = robust_fit(Circle([0, 0, 0], [0, 0, 1], 1.0), flat, np.full(len(flat), 20.0))
+    fit, kept = robust_fit(
+        MeasuredCircle([0, 0, 0], [0, 0, 1], 1.0), flat, np.full(len(flat), 20.0)
+    )
     assert np.isfinite(fit.fitted).all()
     assert len(kept) == len(flat)
 

@@ -32,7 +32,7 @@ from planner.measuring.register import (
 from planner.measuring.registered import FREE_PX, displaced, prior_covariance
 from planner.measuring.samples import POSE, STEP_PX, PartModel
 from planner.measuring.task import (
-    Found,
+    ImageScan,
     NotRegisteredError,
     cost_of,
     damped,
@@ -318,7 +318,7 @@ def test_of_an_edge_that_fits_in_half_nothing_counts(model):
     task = registration_task(model, CAMERA, POSES[0], prior, 0.15)
     count = len(task.samples.edge)
     every = np.ones(count, dtype=bool)
-    found = Found(np.zeros(count), every, np.zeros(count, dtype=int), np.zeros(count))
+    found = ImageScan(np.zeros(count), every, np.zeros(count, dtype=int), np.zeros(count))
     weight = np.linspace(0.5, 1.0, count)
     half, quarter, *_ = task.own
     weight[half.start : half.start + (half.stop - half.start) // 2 + 1] = 0.0
@@ -347,7 +347,7 @@ def task():
 def found_at(offset, good=None):
     count = len(offset)
     every = np.ones(count, dtype=bool) if good is None else good
-    return [Found(offset, every, np.zeros(count, dtype=int), np.zeros(count))]
+    return [ImageScan(offset, every, np.zeros(count, dtype=int), np.zeros(count))]
 
 
 def test_steps_end_at_the_posterior():
@@ -420,8 +420,8 @@ def test_a_step_that_is_too_long_is_shortened(task):
     off[:2] = 0.3
     there = scanner.signed(right, 4.0, task.samples.edge)
     away = scanner.at(off, 4.0)
-    noise = noise_of(task, there.found)
-    assert cost_of(task, off, away.found, noise) > cost_of(task, right, there.found, noise) + 100
+    noise = noise_of(task, there.scans)
+    assert cost_of(task, off, away.scans, noise) > cost_of(task, right, there.scans, noise) + 100
     # towards the truth a step is taken as it is, and away from it hardly any
     assert scanner.no_worse(there, away, 4.0) is there
     np.testing.assert_allclose(scanner.no_worse(away, there, 4.0).x, off / 2**MOST_HALVINGS)

@@ -39,7 +39,7 @@ from planner import (
     RequestError,
     measure,
 )
-from planner.camera.imaging import undistorted_px
+from planner.camera.camera import undistorted_px
 from planner.measuring.reading import Reading
 from planner.measuring.registered import displaced
 from planner.measuring.results import (

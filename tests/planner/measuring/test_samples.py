@@ -7,7 +7,7 @@ import pytest
 from measured_plate import measured_plan, thick_plate
 from plan_examples import witness
 
-from errors.measurands import Circle, Line
+from errors.measurands import Line, MeasuredCircle
 from planner import RequestError
 from planner.measuring.samples import PartModel, _holds
 
@@ -32,7 +32,7 @@ class HalfCircle:
     ids=["the same", "a part of it", "the other half", "more"],
 )
 def test_one_circle_may_carry_several_arcs(start, span, held):
-    geometry = Circle([5.0, 5, 0], [0, 0, 1], 2.0, np.array(start), span)
+    geometry = MeasuredCircle([5.0, 5, 0], [0, 0, 1], 2.0, np.array(start), span)
     assert _holds(HalfCircle(), geometry) is held
 
 

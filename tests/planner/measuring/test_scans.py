@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from planner.measuring.scans import State, find_edges, noise_of
+from planner.measuring.samples import State, find_edges, noise_of
 
 SIZE = 60
 V, U = np.mgrid[:SIZE, :SIZE].astype(float)

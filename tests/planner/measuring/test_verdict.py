@@ -16,15 +16,14 @@ from measured_plate import (
     thick_plate,
 )
 
-from errors.measurands import Circle
+from errors.measurands import MeasuredCircle
 from planner import MeasureOptions, Measurer, Registration
 from planner.measuring import register as registering
 from planner.measuring import verdict as shadows
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, fitted, prior_covariance
-from planner.measuring.samples import PartModel
-from planner.measuring.scans import State
-from planner.measuring.task import Found, Scan, registration_task
+from planner.measuring.samples import PartModel, State
+from planner.measuring.task import ImageScan, Scan, registration_task
 from planner.measuring.verdict import Attempt, Shown
 
 LAMP_VERDICT = Lamp(np.zeros(3), 0.0, 1.0, 0.8, 0.1, 0.0)
@@ -41,7 +40,7 @@ def attempt_of(task, found, light=None, left_out=None, lead=1.0):
     """An attempt in one image that finds some samples (m,), right where they are."""
     count = len(task.samples.edge)
     nothing = np.zeros(count)
-    one = Found(nothing, found, np.where(found, 0, 1), nothing)
+    one = ImageScan(nothing, found, np.where(found, 0, 1), nothing)
     x = np.zeros(len(task.prior))
     scan = Scan(x, *task.predicted(x), [one])
     out = np.zeros(count, dtype=bool) if left_out is None else left_out
@@ -133,7 +132,7 @@ def test_faces_beside_round_edges_are_those_of_the_real_part(task, where):
     """The mesh has chords: above the upper rims, the face beside them is the top; no ray may meet a wall instead."""
     faces, on_part = sampled(task).beside(where[1], shadows.BESIDE_PX)
     for k, edge in enumerate(task.edges):
-        if isinstance(edge.geometry, Circle) and edge.geometry.centre[2] > 39:
+        if isinstance(edge.geometry, MeasuredCircle) and edge.geometry.centre[2] > 39:
             own = task.own[k]
             level = np.abs(faces.normals[:, own, 2]) > 0.99
             high = level & (np.abs(faces.points[:, own, 2] - 40) < 0.1) & on_part[:, own]
@@ -241,7 +240,7 @@ def test_few_found_samples_say_nothing_of_the_light(task, where, picture, agree)
 def test_a_wall_may_be_brighter_and_darker_than_the_face_around_it(task, where):
     """Light from one side: the left half of a bore is darker than the face, the right half brighter."""
     centres, across = where
-    rims = [k for k, edge in enumerate(task.edges) if isinstance(edge.geometry, Circle)]
+    rims = [k for k, edge in enumerate(task.edges) if isinstance(edge.geometry, MeasuredCircle)]
     k = max(rims, key=lambda k: task.edges[k].geometry.centre[2])
     own = task.own[k]
     width, height = CAMERA.resolution

@@ -9,8 +9,16 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import CAMERA, plan, setting
 from robot_programs import FIXTURINGS, HOME, block, cell, program
 
-from planner.report.figure import SceneFrame, box_around, figure_views, plan_figure, scene_frame
-from planner.report.graph_picture import Stand, arm_figure, arm_section
+from planner.report.figure import (
+    SceneFrame,
+    Stand,
+    arm_figure,
+    arm_section,
+    box_around,
+    figure_views,
+    plan_figure,
+    scene_frame,
+)
 
 SPACE = BoxSpace((80.0, 50.0, 60.0), [[-900.0] * 3, [900.0] * 3], EDGES)
 

@@ -9,8 +9,8 @@ from grid_box import EDGES, BoxSpace
 from plan_examples import plan, setting
 
 from aspectgraph import build_aspect_graph
-from planner.report import graph_picture as room
-from planner.report.graph_picture import graph_picture
+from planner.report import figure as room
+from planner.report.figure import graph_picture
 from planner.report.page import report_html
 
 SPACE = BoxSpace((80.0, 50.0, 60.0), [[-900.0] * 3, [900.0] * 3], EDGES)

@@ -9,7 +9,7 @@ import pytest
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 
 from planner import Registration, measure, measured_html
-from planner.measuring.scans import State
+from planner.measuring.samples import State
 from planner.report.measured_report import COLOURS, PLANNED, REGISTERED, residual_plot, value_bar
 
 

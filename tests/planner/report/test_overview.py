@@ -11,7 +11,7 @@ from plan_examples import plan, planned_dimension, setting, witness
 from errors.measurands import Line
 from planner.camera.camera import Camera
 from planner.report.figure import color_of
-from planner.report.overview import (
+from planner.report.page import (
     NOT_INSPECTED,
     _target,
     choose_views,

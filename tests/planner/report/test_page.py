@@ -25,8 +25,7 @@ from planner import LightPlan, LitImage, look_at
 from planner.identity import PartRecord
 from planner.plan import InspectionPlan
 from planner.report.figure import color_of, figure_views, plan_figure
-from planner.report.overview import facts, report_date
-from planner.report.page import make_report, report_html
+from planner.report.page import facts, make_report, report_date, report_html
 from planner.report.predicted_image import PictureMaker, png_data
 from planner.report.tables import stance
 from planner.report.wording import margin_texts, verdict

@@ -16,17 +16,22 @@ import pytest
 from aspectgraph import compute_regions, read_solid, resolve_entities
 from planner import read_plan
 from planner.exceptions import OutputError
-from planner.report import folder_lock as module
 from planner.report import plan_folder
-from planner.report.folder_lock import LOCK_FILE, LockOwner, folder_lock
-from planner.report.plan_folder import FEW_GRAPH_ENTITIES, _joint_graph
+from planner.report import plan_folder as module
+from planner.report.plan_folder import (
+    FEW_GRAPH_ENTITIES,
+    LOCK_FILE,
+    LockOwner,
+    _joint_graph,
+    folder_lock,
+)
 
 _HOLDER = """
 import os, sys, time
 from pathlib import Path
 # on a busy machine the parent may be killed before its worker has closed the lock
 os.register_at_fork(after_in_child=lambda: time.sleep(0.3))
-from planner.report.folder_lock import folder_lock
+from planner.report.plan_folder import folder_lock
 with folder_lock(Path(sys.argv[1])):
     if sys.argv[2] == "fork":
         child = os.fork()

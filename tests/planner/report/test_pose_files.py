@@ -12,7 +12,7 @@ import yaml
 from plan_examples import CAMERA, LIGHT, plan
 
 from planner import Camera
-from planner.report.pose_files import inverse, write_poses
+from planner.report.plan_folder import inverse, write_poses
 from planner.sensor_setting import image_name
 
 POINT = np.array([37.0, 12.0, 55.0])

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 from plan_examples import planned_dimension
 
-from errors.measurands import Circle, Localisation
+from errors.measurands import Localisation, MeasuredCircle
 from planner import RequestError
 from planner.app.job import read_localisation
 from planner.exceptions import PlanFileError
@@ -42,7 +42,7 @@ def test_tolerances_are_told_with_their_signs():
 
 
 def test_the_permitted_error_is_a_share_of_the_tolerance():
-    circle = Circle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0))
+    circle = MeasuredCircle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0))
     given = ("diameter", ("r1",), (circle,), 0.0125, Localisation.gaussian())
     assert planned_dimension(*given, (-0.05, 0.05)).share_text == "25 % of ±0.05"
     # half the width of -0.1 to +0.0 is 0.05
@@ -81,7 +81,7 @@ def test_a_report_says_what_does_not_average_out_and_where_that_comes_from():
 
 
 def test_a_short_arc_has_no_budget():
-    arc = Circle((0, 0, 0), (0, 0, 1), 5.0, (1, 0, 0), 0.3)
+    arc = MeasuredCircle((0, 0, 0), (0, 0, 1), 5.0, (1, 0, 0), 0.3)
     assert (
         _budget(dimension(geometry=(arc,)), SimpleNamespace(budget={}))
         == "short arc: quantiles, no variance"

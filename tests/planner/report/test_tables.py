@@ -8,9 +8,9 @@ import pytest
 from plan_examples import CAMERA, plan, setting
 
 from ground.templates import render
+from planner.plan_tables import Row, Warned, WarningKind
 from planner.report import tables
 from planner.report.tables import FEW, binding_sentence, focus_note, nearest_limits
-from planner.rows import Row, Warned, WarningKind
 from planner.sensor_setting import Reason, ReasonKind
 
 

@@ -23,7 +23,7 @@ from planner.request.camera_limits import (
     sigmas_left,
     widest_view_mm,
 )
-from planner.request.image_constraints import FOCUS, Lens, image_slacks
+from planner.request.constraints import FOCUS, Lens, image_slacks
 
 CAMERA_FOCUS_RESERVE = Camera(
     8.0, (0.00345, 0.00345), (2448, 2048), f_number=8.0, focus_distance_mm=300.0

@@ -27,10 +27,11 @@ from planner.exceptions import PlanFileError
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
 from planner.report.wording import requirement_rows
-from planner.request.constraints import Constraints, Requirements
-from planner.request.image_constraints import (
+from planner.request.constraints import (
     FOCUS,
+    Constraints,
     Lens,
+    Requirements,
     cone_slacks,
     field_of_view_slacks,
     focus_slacks,

@@ -6,7 +6,7 @@ import math
 import pytest
 from plan_examples import planned_dimension
 
-from errors.measurands import Circle, Line, Localisation
+from errors.measurands import Line, Localisation, MeasuredCircle
 from planner import Dimension, RequestError
 from planner.identity import plain_value, restored_value
 from planner.request.targets import Target, edge_target, words_of
@@ -130,7 +130,7 @@ def test_a_tolerance_has_a_limit(tolerance):
     ],
 )
 def test_plans_store_no_limit_as_null(tolerance, stored, text):
-    circle = Circle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0))
+    circle = MeasuredCircle((0, 0, 0), (0, 0, 1), 10.0, (1, 0, 0))
     planned = planned_dimension(
         "diameter", ("r1",), (circle,), 0.02, Localisation.gaussian(), tolerance
     )

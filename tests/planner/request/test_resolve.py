@@ -65,7 +65,7 @@ KINDS = ("distance", "diameter", "length", "angle")
 LOWER_FRONT, LOWER_BACK = ([[x, y, 0] for x, y, _ in edge] for edge in (FRONT, BACK))
 LEFT_ANY_WITNESS, RIGHT = ([[x, 0, 10], [x, 50, 10]] for x in (0, 80))
 LOWER_LEFT, LOWER_RIGHT = ([[x, y, 0] for x, y, _ in edge] for edge in (LEFT_ANY_WITNESS, RIGHT))
-EVERYTHING = WitnessChoice(most=100)
+EVERYTHING = WitnessChoice(n_witnesses=100)
 
 
 def rims_of(solid, height):
@@ -155,7 +155,7 @@ def test_stretches_of_a_distance_lie_side_by_side():
 
 def test_stretches_become_witnesses_that_need_less_of_the_picture():
     wanted = {"d": Dimension.distance(LEFT_ANY_WITNESS, RIGHT, max_error_mm=0.1)}
-    choice = WitnessChoice(most=4, widest_mm=90.0, stretch_mm=12.5)
+    choice = WitnessChoice(n_witnesses=4, widest_mm=90.0, stretch_mm=12.5)
     entities, (target,) = resolve_wanted(PLATE, wanted, 0.98, choice=choice)
     # the whole edges are 94.3 mm across and never in one picture
     assert len(target.witnesses) == 4
@@ -383,7 +383,7 @@ def test_each_place_has_its_own_value(lean):
     solid = block([(0, 0), (80, 0), (80, 30 + lean), (0, 30)])
     back = [[0, 30, 20], [80, 30 + lean, 20]]
     asked = {"width": Dimension.distance([[0, 0, 20], [80, 0, 20]], back, accuracy=0.99, places=3)}
-    choice = WitnessChoice(most=5, stretch_mm=5.0)
+    choice = WitnessChoice(n_witnesses=5, stretch_mm=5.0)
     _, targets = resolve_wanted(solid, asked, 0.98, choice=choice)
     for k, target in enumerate(targets):
         value = target.witnesses[0].measurand.nominal
@@ -395,7 +395,7 @@ def test_each_place_has_its_own_value(lean):
 
 
 def test_a_place_offers_shorter_stretches_of_its_own():
-    choice = WitnessChoice(most=3, stretch_mm=9.0)
+    choice = WitnessChoice(n_witnesses=3, stretch_mm=9.0)
     entities, targets = resolve_wanted(PLATE, {"width": width()}, 0.98, choice=choice)
     for k, target in enumerate(targets):
         assert len(target.witnesses) == 3

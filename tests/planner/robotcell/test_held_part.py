@@ -22,7 +22,7 @@ from planner import (
     propose_placements,
     robot_program,
 )
-from planner.report.graph_picture import arm_figure, stands_of
+from planner.report.figure import arm_figure, stands_of
 from planner.robotcell.urdf import compose, invert
 
 CAMERA_BODY = Box((-30.0, -30.0, -90.0), (30.0, 30.0, 0.0))

@@ -32,10 +32,10 @@ from planner.exceptions import RequestError
 from planner.identity import plain_value
 from planner.light.light_plan import LightPlan
 from planner.plan import InspectionPlan, read_plan
+from planner.plan_tables import measured_rows
 from planner.report.tables import nearest_limits
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
-from planner.rows import measured_rows
 from planner.search import incumbents as supported_columns
 from planner.search import plan_setting as pose_setting
 from planner.search import realise_column

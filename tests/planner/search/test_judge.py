@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import compute_regions
 from planner import Camera, Detectability, PoseUncertainty, Requirements
 from planner.executors import Shared
-from planner.request.defaults import default_workspace
+from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
 from planner.search import columns as candidates
 from planner.search.columns import (

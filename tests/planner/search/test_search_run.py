@@ -34,7 +34,7 @@ from planner.search import stages
 from planner.search import stages as prove_bound
 from planner.search import stages as settle
 from planner.search.columns import Pools
-from planner.search.incumbents import Incumbents, PlanState, Run, empty_pools
+from planner.search.incumbents import Incumbents, PlanState, SearchRun, empty_pools
 from planner.search.plan_setting import setting_at
 from planner.search.stages import ShortTargets, _without_short
 from planner.sensor_setting import Outcome, Reason, ReasonKind
@@ -50,7 +50,7 @@ def run_with(columns):
     """A run whose pool has these sets of entities, each from some pose."""
     request = Problem(SPACE, tuple(NAMES), CAMERA_ROUNDS, UNCERTAINTY_ROUNDS, 0.98, 0.9)
     asked = request_with(seed=0, effort=Effort(viewpoints=1, pricing_rounds=3, cover_nodes=50))
-    run = Run(request, asked, PlanningState({}))
+    run = SearchRun(request, asked, PlanningState({}))
     membership = np.array(columns, dtype=bool)
     run.pool.add(membership, np.tile(np.eye(4), (len(columns), 1, 1)), np.ones(membership.shape))
     return run
@@ -253,7 +253,7 @@ def test_a_state_packs_itself_whole():
         incompatible=("a", "b"),
         weighing=weighing,
         inspected=np.array([True, False]),
-        known=3,
+        n_known=3,
         joined=1,
         bound=2,
         proof="by hand",
@@ -308,7 +308,7 @@ def test_every_stage_and_bound_is_passed_on(whole):
     from planner.options import InspectionOptions
     from planner.resolve_request import resolve_request
     from planner.resume import PlanningState
-    from planner.search.incumbents import Incumbents, Run
+    from planner.search.incumbents import Incumbents, SearchRun
 
     options = InspectionOptions(space=SPACE_STAGES, effort=Effort(5, 2, 1, 300, 20))
     resolved = resolve_request(
@@ -321,7 +321,7 @@ def test_every_stage_and_bound_is_passed_on(whole):
     )
     request = _problem(SPACE_STAGES.solid, resolved, options, Deadline())
     memo = PlanningState(resolved.request.identity())
-    run = Run(request, resolved.request, memo, callbacks=callbacks)
+    run = SearchRun(request, resolved.request, memo, callbacks=callbacks)
     found = stages.run_stages(run, Incumbents(callbacks))
     assert json.dumps(found.to_dict()) == whole
     assert names == [stage.name for stage in stages.STAGES]
@@ -376,7 +376,7 @@ BEFORE = look_at([[60.0, -390.0, 30.0]], [60.0, 0.0, 60.0])[0]
 def run_of(sigma_mm=0.05, sigma_rad=0.001):
     uncertainty = PoseUncertainty.isotropic(translation_mm=sigma_mm, rotation_rad=sigma_rad)
     request = Problem(SPACE_RETRY, NAMES_RETRY, CAMERA_RETRY, uncertainty, 0.98, 0.9)
-    return Run(request, request_with(seed=0), PlanningState({}))
+    return SearchRun(request, request_with(seed=0), PlanningState({}))
 
 
 def stated(run, pose, p_all):

@@ -26,9 +26,9 @@ from planner import (
     simulate_plan,
 )
 from planner.camera.pose import world_to_cam
+from planner.plan_tables import WarningKind, measured_rows
 from planner.progress import TimeLeft
 from planner.report.wording import shown_sentence, unshown_texts
-from planner.rows import WarningKind, measured_rows
 from planner.verify.simulate_plan import (
     MOST_POSES,
     NOT_COUNTED,

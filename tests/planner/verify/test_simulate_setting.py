@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from scipy.stats import binom, norm
 
 from aspectgraph import compute_regions
-from errors.measurands import Circle, Line
+from errors.measurands import Line, MeasuredCircle
 from planner import (
     Camera,
     Dimension,
@@ -26,20 +26,22 @@ from planner import (
     plan_setting,
     simulate_setting,
 )
-from planner.camera.imaging import image_of
+from planner.camera.camera import image_of
 from planner.request.models import Means
 from planner.request.problem import Problem
 from planner.request.reach import TargetSpace
 from planner.request.resolve import resolve_wanted
 from planner.search.realise_column import _trials_of
-from planner.verify.p_all import DisplacedChecks, lower_bound, successes_needed
 from planner.verify.simulate_setting import (
+    DisplacedChecks,
     carry_back,
     clopper_pearson,
     displaced_poses,
     fit_circles,
     image_points,
+    lower_bound,
     measured_errors,
+    successes_needed,
 )
 
 CAMERA_SIMULATE_SETTING = Camera(25.0, (0.01, 0.013), (640, 480), 8.0, 400.0, largest_blur_mm=0.03)
@@ -274,13 +276,13 @@ S = 0.05
 FLOOR = Localisation.gaussian(0.0, floor_px=S)
 EXACT_SIMULATED_COMMON_ERRORS = Localisation.gaussian(0.0, floor_px=0.0)
 DRAWS = 4000
-RIM = Circle((4.0, -3.0, 0.0), (0, 0, 1), 12.0)
+RIM = MeasuredCircle((4.0, -3.0, 0.0), (0, 0, 1), 12.0)
 KINDS = {
     "diameter": (RIM,),
     "length": (Line((-15, 2, 0), (15, 6, 4)),),
     "distance": (Line((-15, -10, 0), (15, -10, 0)), Line((-12, 9, 5), (14, 9, 5))),
     "angle": (Line((-10, 0, 0), (10, 0, 0)), Line((-10, -10, 0), (10, 10, 0))),
-    "centre_distance": (RIM, Circle((-20, 8, 6), (0, 0, 1), 5.0)),
+    "centre_distance": (RIM, MeasuredCircle((-20, 8, 6), (0, 0, 1), 5.0)),
     "centre_to_edge": (RIM, Line((-15, 20, 3), (15, 24, 3))),
 }
 
@@ -303,7 +305,9 @@ def errors_of(one, pose, poses=None, seed=3):
 def test_the_floor_of_a_rim_is_that_of_its_whole_size():
     square = Camera(25.0, (0.005, 0.005), (2000, 1600), 8.0, 300.0)
     found, _ = measured_errors(
-        planned_dimension("diameter", ("a",), (Circle((0, 0, 0), (0, 0, 1), 12.0),), 0.05, FLOOR),
+        planned_dimension(
+            "diameter", ("a",), (MeasuredCircle((0, 0, 0), (0, 0, 1), 12.0),), 0.05, FLOOR
+        ),
         OVERHEAD,
         np.tile(OVERHEAD, (DRAWS, 1, 1)),
         square,
