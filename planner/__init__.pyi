@@ -10,7 +10,6 @@ from .cover import Cover as Cover
 from .cover import is_cover as is_cover
 from .cover import min_cover as min_cover
 from .detectability.conditions import Detectability as Detectability
-from .detectability.conditions import Showing as Showing
 from .effort import Effort as Effort
 from .effort import Search as Search
 from .exceptions import CameraError as CameraError
@@ -28,7 +27,6 @@ from .light.light_plan import LightPlan as LightPlan
 from .light.light_plan import LitImage as LitImage
 from .light.lighting import LampBox as LampBox
 from .light.lighting import LampDome as LampDome
-from .light.lighting import LampsTogether as LampsTogether
 from .light.lighting import Lighting as Lighting
 from .light.lighting import RingSpace as RingSpace
 from .light.plan_light import plan_light as plan_light

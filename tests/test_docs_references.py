@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 # a name in backticks, by itself or called
 CODE = re.compile(
-    r"(?<!`)`((?:aspectgraph|errors|ga|planner)(?:\.[A-Za-z_]\w*)+)(?:\([^`]*\))?`(?!`)"
+    r"(?<!`)`((?:aspectgraph|errors|ga|ground|planner)(?:\.[A-Za-z_]\w*)+)(?:\([^`]*\))?`(?!`)"
 )
 TEST = re.compile(r"`(tests/[\w/]+\.py)(?:::(\w+))?`")
 LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")

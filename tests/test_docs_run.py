@@ -9,6 +9,7 @@ import pytest
 from planner import effort, read_plan
 from planner.app.main import main
 from planner.app.parsing import parse
+from planner.measuring.results import results_schema
 
 ROOT = Path(__file__).parents[1]
 NAMED = ("tutorial", "dimensions", "cameras", "light", "showing")
@@ -279,6 +280,33 @@ def measuring(names):
     assert "<svg" in names["page"]
 
 
+def plan_file(names):
+    import numpy as np
+
+    # both edges are in front of the camera, and the program's own reader says the same of them
+    assert names["plan"].lower_bound == 1
+    assert "['e1', 'e4']" in names["printed"]
+    pose = names["plan"].settings[0].cam2world
+    line = np.array(names["plan"].targets["e4"].ends)
+    assert np.allclose(
+        (line - pose[:3, 3]) @ pose[:3, :3], (names["ends"] - pose[:3, 3]) @ pose[:3, :3]
+    )
+    data = read_plan("examples/two_pocket_block_plan.json").to_dict()
+    assert listed_keys("The keys of plan.json") >= data.keys()
+    assert listed_keys("The request") == data["request"].keys()
+    assert listed_keys("A setting") >= data["settings"][0].keys()
+    stored = results_schema()["$defs"]["ResultsFile"]["properties"]
+    assert listed_keys("The keys of results.json") == stored.keys()
+
+
+def listed_keys(heading):
+    """Keys in the table under a heading of the page on the files."""
+    page = (ROOT / "docs/guides/plan-file.md").read_text("utf-8")
+    section = re.split(r"^#+ ", page.partition(f"# {heading}\n")[2], flags=re.MULTILINE)[0]
+    cells = re.findall(r"^\| (`.*?) \|", section, flags=re.MULTILINE)
+    return {key for cell in cells for key in re.findall(r"`(\w+)`", cell)}
+
+
 CHECKS = {
     function.__name__.replace("_", "-"): function
     for function in (
@@ -294,5 +322,6 @@ CHECKS = {
         robot_cells,
         many_cores,
         measuring,
+        plan_file,
     )
 }

@@ -40,8 +40,6 @@ RESULTS = {
     "Decision", "MeasurementResults", "PosePrediction", "ReachedPlan", "Reading", "ReasonKind", "Result",
     "SensorSetting", "SimulationResult", "SuccessRate",
 }  # fmt: skip
-# goes away with the option that needs it
-WITHOUT_EXAMPLE = {"LampsTogether"}
 
 
 def dotted(thing):
@@ -190,7 +188,7 @@ def test_headings_stand_on_lines_of_their_own():
 
 def test_what_a_user_calls_has_an_example():
     without = {name for name, thing in exported().items() if not has_example(thing)}
-    assert without - RESULTS == WITHOUT_EXAMPLE
+    assert without - RESULTS == set()
 
 
 @pytest.mark.parametrize("thing", EXAMPLES, ids=dotted)

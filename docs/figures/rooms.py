@@ -1,13 +1,15 @@
-"""Draw the rooms of the packages: floors from the import contracts, arrows from the imports.
+"""Draw the wings of the packages: floors from the import contracts, arrows from the imports.
 
-Run from anywhere; writes ``rooms.svg`` beside this file, the same bytes for the same code. A new room needs a place in
-`PLACES`; the tests say so, and that the picture is no longer that of the code.
+Run from anywhere; writes ``rooms.svg`` beside this file, the same bytes for the same code. A new wing needs a place in
+`PLACES`, a new module beside the wings its words in `BESIDE`; the tests say so, and that the picture is no longer that
+of the code.
 """
 
 from __future__ import annotations
 
 import ast
 import tomllib
+from collections import defaultdict
 from html import escape
 from pathlib import Path
 
@@ -16,10 +18,13 @@ import networkx as nx
 ROOT = Path(__file__).parents[2]
 
 COLUMN = 162
-FLOOR = 62
+FLOOR = 68
+LINE = 17
 BOX = (148, 38)
 MARGIN = 24
 HEAD = 34
+# where the modules beside the wings are listed, in columns
+LIST = {"planner": 4.35, "aspectgraph": 2.5}
 COLOURS = {
     "planner": "#dcebf7",
     "aspectgraph": "#e2f0dc",
@@ -28,67 +33,73 @@ COLOURS = {
     "ground": "#ececec",
 }
 
-# of each room: its place from left to right, in columns, and what it does
+# of each wing: its place from left to right, in columns, and what it does
 PLACES = {
     "planner": {
-        "app": (2.5, "options, commands, batch"),
-        "inspection": (1.5, "the whole plan"),
-        "report": (4.1, "page, pictures, words"),
-        "optics": (0.6, "poses and lenses, judged"),
-        "robotprogram": (2.1, "moves and programs"),
-        "measuring": (3.1, "images to values"),
-        "search": (1.5, "poses, columns, stages"),
-        "resolve_request": (2.6, "from words to the request"),
-        "resume": (4.1, "continue where it stopped"),
-        "identity": (3.2, "the request as one value"),
-        "options": (3.5, "keywords and defaults"),
-        "plan": (4, "the plan and its file"),
-        "travel": (2.4, "order of the poses"),
-        "plan_tables": (4.4, "tables of a plan"),
-        "rows": (4.4, "measurements as rows"),
-        "bound": (0.5, "no plan has fewer settings"),
-        "light": (2.6, "lamps for a plan"),
-        "cover": (0.2, "few columns for all targets"),
-        "sensor_setting": (4.9, "one pose, what it measures"),
-        "verify": (3.6, "probabilities, simulated"),
-        "effort": (0.9, "how to search, in numbers"),
-        "request": (2.7, "targets and constraints"),
-        "detectability": (3.2, "what an image needs"),
-        "robotcell": (1.9, "what an arm reaches"),
-        "camera": (3.25, "camera, pose, uncertainty"),
-        "callbacks": (4.4, "calls on the way, the end"),
-        "plan_file": (2.6, "strict files"),
-        "text_table": (4.2, "tables for a terminal"),
-        "argument_kinds": (2, "arguments of wrong types"),
-        "executors": (0, "work in processes"),
-        "progress": (4, "how far it is"),
-        "files": (5, "files written whole"),
-        "compiling": (1, "says what is compiled"),
-        "exceptions": (3, "for every room"),
+        "app": (2.4, "options, commands, batch"),
+        "inspection": (1.9, "the whole plan"),
+        "report": (0.55, "page, pictures, words"),
+        "robotprogram": (3.1, "moves and programs"),
+        "measuring": (0.2, "images to values"),
+        "search": (1.75, "poses, columns, stages"),
+        "plan": (0.45, "the plan and its file"),
+        "bound": (1.43, "no plan has fewer settings"),
+        "light": (0.45, "lamps for a plan"),
+        "verify": (0.45, "probabilities, simulated"),
+        "request": (0.95, "targets and constraints"),
+        "detectability": (0.95, "what an image needs"),
+        "robotcell": (3.1, "what an arm reaches"),
+        "camera": (0.95, "camera, pose, uncertainty"),
     },
     "aspectgraph": {
-        "plot": (2.6, "pictures"),
-        "light": (1.4, "where lamps show edges"),
-        "graph": (2, "the aspect graph, its files"),
-        "domains": (1.5, "cells merged to domains"),
-        "visibility": (1.5, "from where edges are seen"),
-        "cells": (1, "convex cells, cut exactly"),
-        "dimensions": (2, "dimensions of the model"),
-        "exact": (1, "grid and exact signs"),
-        "entities": (2, "what can be measured"),
-        "read": (0, "part files"),
-        "solid": (1, "a surface that is checked"),
-        "files": (2.92, "files written whole"),
-        "exceptions": (1.94, "for every room"),
-        "phases": (0.97, "what takes time"),
+        "plot": (1.1, "pictures"),
+        "light": (0.1, "where lamps show edges"),
+        "graph": (0.6, "the aspect graph, its files"),
+        "domains": (0.6, "cells merged to domains"),
+        "visibility": (0.6, "from where edges are seen"),
+        "cells": (0.1, "convex cells, cut exactly"),
+        "dimensions": (1.7, "dimensions of the model"),
+        "exact": (0, "grid and exact signs"),
+        "entities": (0.95, "what can be measured"),
+        "read": (1.9, "part files"),
+        "solid": (0.95, "a surface that is checked"),
+    },
+}
+# modules that stand beside the wings of their floor
+BESIDE = {
+    "planner": {
+        "optics": "cameras and lenses, ranked",
+        "resolve_request": "from arguments to the request",
+        "resume": "continue an interrupted plan",
+        "options": "keywords and defaults",
+        "travel": "order of the poses",
+        "identity": "the request as one value",
+        "plan_tables": "tables and rows of a plan",
+        "cover": "few columns for all targets",
+        "sensor_setting": "one pose, its targets",
+        "effort": "how long to search",
+        "callbacks": "calls on the way, the end",
+        "plan_file": "rules of plan files",
+        "text_table": "the table model",
+        "argument_kinds": "arguments of wrong types",
+        "executors": "work in processes",
+        "files": "files written whole",
+        "progress": "how far it is",
+        "compiling": "what is compiled",
+        "exceptions": "for every wing",
+    },
+    "aspectgraph": {
+        "files": "files written whole",
+        "exceptions": "for every wing",
+        "phases": "what takes time",
     },
 }
 LEAVES = {"errors": "error of a measured length", "ga": "a genetic algorithm"}
-BELOW = {"ground": "lazy faces, and compiled loops on disk"}
+BELOW = {"ground": "converter, templates, lazy faces, compiled loops on disk"}
 
 
 def floors(package: str) -> list[list[str]]:
-    """Return the rooms of a package from the top floor to the ground, as its import contract states them."""
+    """Return the wings and modules of a package, from the top floor down, as its import contract states them."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
@@ -97,7 +108,7 @@ def floors(package: str) -> list[list[str]]:
 
 
 def arrows(package: str) -> list[tuple[str, str]]:
-    """Return which rooms import which, without those that follow from others and those to the exceptions."""
+    """Return which wings use which, also by modules beside them, without those that follow from others."""
     graph = nx.DiGraph()
     for path in sorted((ROOT / package).rglob("*.py")):
         room = path.relative_to(ROOT / package).with_suffix("").parts[0]
@@ -105,13 +116,14 @@ def arrows(package: str) -> list[tuple[str, str]]:
             names = (node.module or "").split(".") if isinstance(node, ast.ImportFrom) else []
             if len(names) > 1 and names[0] == package and room not in ("__init__", names[1]):
                 graph.add_edge(room, names[1])
-    return sorted(edge for edge in nx.transitive_reduction(graph).edges if edge[1] != "exceptions")
+    wings = nx.transitive_closure_dag(graph).subgraph(PLACES[package])
+    return sorted(nx.transitive_reduction(nx.DiGraph(wings.edges)).edges)
 
 
 def box(
     x: float, y: float, name: str, what: str, colour: str, folder: bool, width: float = BOX[0]
 ) -> str:
-    """Return a room: a box with a name and what it does; a single file has a dashed border."""
+    """Return a wing: a box with a name and what it does; a single file has a dashed border."""
     dash = "" if folder else ' stroke-dasharray="4 3"'
     return (
         f'<rect x="{x - width / 2:g}" y="{y - BOX[1] / 2:g}" width="{width:g}" height="{BOX[1]}" rx="4" '
@@ -131,22 +143,63 @@ def arrow(start: tuple[float, float], end: tuple[float, float]) -> str:
     )
 
 
+Point = tuple[float, float]
+
+
+def ends(
+    pairs: list[tuple[str, str]], middles: dict[str, Point]
+) -> dict[tuple[str, str], list[Point]]:
+    """Return where each arrow starts and ends: several at one side of a box are apart, in the order of their boxes."""
+    points: dict[tuple[str, str], list[Point]] = {pair: [(0.0, 0.0)] * 2 for pair in pairs}
+    for side in (0, 1):
+        at_box = defaultdict(list)
+        for pair in pairs:
+            at_box[pair[side]].append(pair)
+        for room, group in at_box.items():
+            x, y = middles[room]
+            group.sort(key=lambda pair: middles[pair[1 - side]][0])
+            for k, pair in enumerate(group):
+                points[pair][side] = (x + 36 * (k - (len(group) - 1) / 2), y)
+    return points
+
+
+def listed(package: str, level: list[str], left: float, middle: float) -> list[str]:
+    """Return the modules beside the wings of a floor, one a line."""
+    modules = [room for room in level if room in BESIDE[package]]
+    top = middle - LINE * (len(modules) - 1) / 2 + 4
+    return [
+        f'<text x="{left:g}" y="{top + k * LINE:g}" class="beside"><tspan class="module">{room}</tspan>'
+        f"  {escape(BESIDE[package][room])}</text>"
+        for k, room in enumerate(modules)
+    ]
+
+
 def house(package: str, left: float, top: float, columns: float) -> tuple[list[str], float]:
     """Return the parts of the picture of one package, and where it ends below."""
-    levels = floors(package)
-    where = {
-        room: (left + (PLACES[package][room][0] + 0.5) * COLUMN, top + HEAD + (k + 0.5) * FLOOR)
-        for k, level in enumerate(levels)
-        for room in level
-    }
     width = columns * COLUMN
-    height = HEAD + len(levels) * FLOOR
-    parts = [frame(package, left, top, width, height)]
-    parts += [arrow(where[upper], where[lower]) for upper, lower in arrows(package)]
-    for room, (x, y) in where.items():
+    list_left = left + LIST[package] * COLUMN
+    y = top + HEAD
+    middles = {}
+    lines = []
+    for level in floors(package):
+        wings = [room for room in level if room in PLACES[package]]
+        height = max(FLOOR * bool(wings), LINE * (len(level) - len(wings)) + 10)
+        for room in wings:
+            middles[room] = (left + (PLACES[package][room][0] + 0.5) * COLUMN, y + height / 2)
+        lines += listed(package, level, list_left, y + height / 2)
+        y += height
+        lines.append(
+            f'<line x1="{left:g}" y1="{y:g}" x2="{left + width:g}" y2="{y:g}" class="floor"/>'
+        )
+    # the last floor ends with the frame
+    lines.pop()
+    parts = [frame(package, left, top, width, y - top), *lines]
+    pairs = arrows(package)
+    parts += [arrow(*points) for points in ends(pairs, middles).values()]
+    for room, middle in middles.items():
         folder = (ROOT / package / room).is_dir()
-        parts.append(box(x, y, room, PLACES[package][room][1], COLOURS[package], folder))
-    return parts, top + height
+        parts.append(box(*middle, room, PLACES[package][room][1], COLOURS[package], folder))
+    return parts, y
 
 
 def frame(package: str, left: float, top: float, width: float, height: float) -> str:
@@ -178,7 +231,7 @@ def draw() -> str:
             box(
                 middles[-1],
                 top + HEAD + FLOOR / 2,
-                "one room",
+                "one wing",
                 what,
                 COLOURS[name],
                 True,
@@ -192,7 +245,7 @@ def draw() -> str:
     for name, what in BELOW.items():
         parts.append(frame(name, left, low, wide, HEAD + FLOOR))
         middle = (left + wide / 2, low + HEAD + FLOOR / 2)
-        parts.append(box(*middle, "one room", what, COLOURS[name], True, wide - 16))
+        parts.append(box(*middle, "one wing", what, COLOURS[name], True, wide - 16))
         parts.append(strong_arrow(middles[1], top + HEAD + FLOOR, low))
     width = 6 * COLUMN + 2 * MARGIN
     height = bottom + MARGIN
@@ -207,6 +260,9 @@ text {{ font-family: "Helvetica Neue", Arial, "Liberation Sans", sans-serif; fil
 .what {{ font-size: 10px; }}
 .arrow {{ stroke: #555; stroke-width: 1.1; marker-end: url(#tip); }}
 .strong {{ stroke-width: 2.2; }}
+.floor {{ stroke: #ddd; stroke-width: 1; }}
+.beside {{ font-size: 11px; text-anchor: start; white-space: pre; }}
+.module {{ font-weight: bold; }}
 </style>
 <marker id="tip" markerUnits="userSpaceOnUse" markerWidth="9" markerHeight="8" refX="8" refY="4" orient="auto">
 <path d="M0 0 L9 4 L0 8 z" fill="#555"/></marker>

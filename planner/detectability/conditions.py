@@ -72,9 +72,6 @@ class Detectability:
         return not any(astuple(self))
 
 
-Showing = Detectability
-"""The name of `Detectability` up to version 0.1. It goes in the version after the next."""
-
 USUAL = Detectability()
 """What is asked where nothing is said."""
 

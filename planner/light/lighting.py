@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -325,26 +324,6 @@ class LampDome:
 
 LampSpace = LampBox | LampDome
 """Where lamps may be placed."""
-
-
-@dataclass(frozen=True, eq=False)
-class LampsTogether:
-    """Lamps that are all on in every image. Deprecated: use ``Lighting(lamps, together=True)``.
-
-    Parameters
-    ----------
-    lamps : array_like, shape (n, 3), or LampBox or LampDome
-        As `Lighting` takes them.
-    """
-
-    lamps: Any
-
-    def __post_init__(self) -> None:
-        warnings.warn(
-            "LampsTogether(lamps) is deprecated: use Lighting(lamps, together=True).",
-            DeprecationWarning,
-            stacklevel=3,
-        )
 
 
 def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
@@ -805,9 +784,6 @@ class Lighting:
 
     def __post_init__(self) -> None:
         check_contrast(self.contrast)
-        if isinstance(self.lamps, LampsTogether):
-            object.__setattr__(self, "together", True)
-            object.__setattr__(self, "lamps", self.lamps.lamps)
         object.__setattr__(self, "lamps", check_lamps_given(self.lamps))
         if self.together and self.is_ring:
             rule = "must be False for a ring light, which is one lamp"

@@ -19,7 +19,7 @@ from planner import RequestError, RingSpace, SphereRegion, plan_light
 from planner.light import plan_light as fewest
 from planner.light.corner_light import LampSets, _parts, demands_of, seen_as, sites_of
 from planner.light.light_plan import LightPlan
-from planner.light.lighting import LampBox, LampDome, LampsTogether, Lighting, Served
+from planner.light.lighting import LampBox, LampDome, Lighting, Served
 from planner.light.plan_light import LampSearch
 from planner.request.targets import edge_target
 
@@ -314,15 +314,6 @@ def test_opposite_faces_need_two_lamps_together_too():
     assert dark.unlit[1] == {
         "right": "of the sets tried of the given lamps, the one that shows the most targets does not show it."
     }
-
-
-def test_the_earlier_name_of_lamps_that_are_on_together_still_works():
-    with pytest.warns(DeprecationWarning, match=r"use Lighting\(lamps, together=True\)"):
-        lamps = LampsTogether(AROUND)
-    lighting = Lighting(lamps, 0.2)
-    assert lighting.together
-    np.testing.assert_array_equal(lighting.lamps, AROUND)
-    assert lighting.contrast == 0.2
 
 
 def test_the_mean_contrast_is_never_the_largest():
