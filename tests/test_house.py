@@ -184,6 +184,8 @@ SMALL_MODULES = {
     "aspectgraph.read.step.server": "the program of the STEP kernel's process",
     "ground.leader": "a program",
     "ground.linked": "the part that knows the inside of numba",
+    "planner.inspection": "the way of a whole plan, on a floor of its own",
+    "planner.plan_tables": "what a plan shows of itself, below what draws it",
     "planner.camera.pose_loops": "compiled loops, which a first plan loads apart",
     "planner.compiling": "the part that says what is compiled",
 }
