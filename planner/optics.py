@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera, camera_parts, check_bodies
 from planner.camera.pose import PoseUncertainty, look_at, world_to_cam
+from planner.detectability.conditions import USUAL
 from planner.effort import NORMAL
 from planner.exceptions import RequestError
 from planner.options import InspectionOptions
@@ -616,13 +617,8 @@ def _space(
 
 def _limits(options: InspectionOptions, pose_uncertainty: PoseUncertainty) -> Requirements:
     """Return the limits that do not depend on the camera; it stands in for all."""
-    return InspectionOptions(
-        stand_off_mm=options.stand_off_mm,
-        min_length_px=options.min_length_px,
-        field_margin_px=0.0,
-        visibility_radius_mm=options.visibility_radius_mm,
-        reach=options.reach,
-    ).requirements(_STAND_IN, pose_uncertainty)
+    of_every_camera = replace(options, field_margin_px=0.0, focus_margin_mm=None, showing=USUAL)
+    return of_every_camera.requirements(_STAND_IN, pose_uncertainty)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from planner.request.camera_limits import (
     corner_margin_px,
     position_margin_mm,
 )
-from planner.request.constraints import Requirements
+from planner.request.constraints import Requirements, limit_names
 from planner.request.reach import Reach, Space, StatedRegion
 from planner.request.registration import GIVEN, RegistrationRecord
 
@@ -265,13 +265,17 @@ class InspectionOptions(RunOptions):
         else:
             reserve = NO_RESERVE
             focus = check_focus_margin(self.focus_margin_mm, camera)
+        with_defaults = {
+            "field_margin_px": margin,
+            "visibility_radius_mm": position_margin_mm(pose_uncertainty)
+            if radius is None
+            else radius,
+            "focus_margin_mm": focus,
+        }
+        limits = {name: getattr(self, name) for name in limit_names()}
         return Requirements(
-            min_length_px=self.min_length_px,
-            field_margin_px=margin,
-            stand_off_mm=self.stand_off_mm,
+            **{**limits, **with_defaults},
             reach=self.reach,
-            visibility_radius_mm=position_margin_mm(pose_uncertainty) if radius is None else radius,
-            focus_margin_mm=focus,
             focus_reserve=reserve,
             showing=check_showing(self.showing, camera),
         )

@@ -56,6 +56,7 @@ from planner.plan_file import Amount, Count
 from planner.progress import Progress, report
 from planner.report.plan_folder import PLAN_FILES, Written, folder_lock, with_source, write_outputs
 from planner.request.camera_limits import MOST_SEED
+from planner.request.constraints import limit_names
 from planner.resolve_request import ResolvedRequest, request_of_any_part, resolve_request
 from planner.verify.simulate_plan import simulate_in_time
 
@@ -66,13 +67,7 @@ if TYPE_CHECKING:
 # What is asked for every part of a folder.
 
 
-_LENGTHS = (
-    "stand_off_mm",
-    "min_length_px",
-    "field_margin_px",
-    "visibility_radius_mm",
-    "focus_margin_mm",
-)
+_LENGTHS = tuple(field.name for field in fields(InspectionOptions) if field.name in limit_names())
 _LIMITS = (*_LENGTHS, "showing", "time_limit_s", "gap")
 # least and most of what is counted
 _COUNTS = {"seed": (0, MOST_SEED), "simulate": (1, 10**9), "graph_limit": (0, 10**9)}

@@ -14,6 +14,7 @@ from errors.checks import percent_text
 from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
+from planner.request.constraints import limit_sentences
 from planner.request.dimension_files import SURFACES_MM
 from planner.request.targets import words_of
 from planner.rows import line_warning, unshown_warning
@@ -422,8 +423,7 @@ def requirement_rows(plan: InspectionPlan) -> dict[str, str]:
     anyway = float(uncertainty.sigmas[:3].max())
     return {
         **limits,
-        "Stand-off": f"at least {need['stand_off_mm']:g} mm from the part",
-        "Image of an edge": f"at least {need['min_length_px']:g} px long",
+        **limit_sentences(need),
         "Margin of the field of view": f"no target within {need['field_margin_px']:.4g} px of the sensor's sides"
         f"{_in_sigmas(need['field_margin_px'], corner, 'an image point in the corners')}",
         "Margin of focus": _focus_reserve(need, float(uncertainty.sigmas[2])),

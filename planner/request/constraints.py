@@ -12,8 +12,8 @@ the unit vector between them, L_w its length, d the image distance. In the camer
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Annotated, Any, NamedTuple
 
@@ -253,14 +253,6 @@ def cone_slacks(camera: Camera, centre_cam: np.ndarray, radius_mm: float) -> np.
 _SURELY = 1.001
 # poses kept to say why they are not reached
 _MISSED = 200
-# fields of `Requirements`
-_NUMBERS = (
-    "min_length_px",
-    "field_margin_px",
-    "focus_margin_mm",
-    "stand_off_mm",
-    "visibility_radius_mm",
-)
 
 
 @dataclass(frozen=True)
@@ -305,10 +297,14 @@ class Requirements:
     80.0
     """
 
-    min_length_px: float = 20.0
+    min_length_px: float = field(
+        default=20.0, metadata={"title": "Image of an edge", "sentence": "at least {:g} px long"}
+    )
     field_margin_px: float = 0.0
     field_of_view: str = "exact"
-    stand_off_mm: float = 50.0
+    stand_off_mm: float = field(
+        default=50.0, metadata={"title": "Stand-off", "sentence": "at least {:g} mm from the part"}
+    )
     reach: Annotated[Reach | None, PlainReach] = field(default=None, repr=False)
     visibility_radius_mm: float = 0.0
     focus_margin_mm: float = 0.0
@@ -317,7 +313,7 @@ class Requirements:
     cell: Annotated[PoseRegion | None, PlainReach] = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        for name in _NUMBERS:
+        for name in limit_names():
             value = getattr(self, name)
             if not (
                 isinstance(value, int | float | np.number) and math.isfinite(value) and value >= 0
@@ -342,13 +338,36 @@ class Requirements:
             image_limits = {"focus_sigmas": self.focus_reserve.sigmas, **image_limits}
         return {
             name: float(value)
-            for name, value in {**{n: getattr(self, n) for n in _NUMBERS}, **image_limits}.items()
+            for name, value in {
+                **{n: getattr(self, n) for n in limit_names()},
+                **image_limits,
+            }.items()
         }
 
     @property
     def border_px(self) -> float:
         """Width of the sensor's edge strip without targets: safety margin plus surround, px."""
         return self.field_margin_px + self.showing.surround_px
+
+
+def limit_names() -> tuple[str, ...]:
+    """Return the fields of `Requirements` that are numbers: each is an option of plans under the same name."""
+    return tuple(field.name for field in fields(Requirements) if field.type == "float")
+
+
+def limit_sentences(limits: Mapping[str, float]) -> dict[str, str]:
+    """Return what reports say of limits whose field has a title and a sentence, by title.
+
+    Parameters
+    ----------
+    limits : mapping of str to float
+        As `Requirements.to_dict` returns them.
+    """
+    return {
+        field.metadata["title"]: field.metadata["sentence"].format(limits[field.name])
+        for field in fields(Requirements)
+        if "title" in field.metadata and field.name in limits
+    }
 
 
 @dataclass
