@@ -86,7 +86,7 @@ class CheckpointRecord:
     incompatible: tuple[str, ...] = ()
     weighing: Any = None
     inspected: Any = None
-    known: Any = None
+    n_known: Any = None
     joined: Any = None
     bound: Any = None
     proof: Any = None
