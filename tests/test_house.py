@@ -147,7 +147,7 @@ MOST_NO_NAMES = {
     "errors": 0,
     "ga": 2,
     "ground": 0,
-    "planner": 30,
+    "planner": 24,
 }
 
 
