@@ -1,7 +1,7 @@
 """A genetic algorithm for bit-string problems.
 
 `maximize` runs the algorithm; `Chromosome` reads and writes numbers as genes, in plain binary or Gray code. The
-operators are functions of whole populations, one kind per module: `ga.bits`, `ga.bits`, `ga.bits`.
+operators are functions of whole populations, in `ga.bits`.
 
 Reference: C. C. Yang and F. W. Ciarallo, "Optimized sensor placement for active visual inspection", Journal of
 Robotic Systems 18(1), 1-15, 2001, section 4.
