@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from aspectgraph.read.step.fit import pack_circles
 from aspectgraph.read.step.solids import Slot, diagonal_mm, edge_map, load_solids, merge_touching
 from aspectgraph.read.step.stated_dimensions import LOCATIONS, SIZES, WITH_TEXTS, list_dimensions
 from aspectgraph.read.step.text import parse_entities, parse_texts
-from aspectgraph.read.step.triangles import measure_gaps, pack_circles, tessellate
+from aspectgraph.read.step.triangles import measure_gaps, tessellate
 
 
 class StepPart:

@@ -23,8 +23,8 @@ from aspectgraph.files import ReadLimits, SolidChoice, as_choice, more_of
 from aspectgraph.phases import phase, report_phase
 from aspectgraph.read.join_faces import Tessellation, assemble
 from aspectgraph.read.mesh import repair_facets
+from aspectgraph.read.step.fit import RELATIVE_CHORD, check_fit, unpack_circles
 from aspectgraph.read.step.server import LENGTHS, OUT_OF_MEMORY
-from aspectgraph.read.step.triangles import RELATIVE_CHORD, check_fit, unpack_circles
 from aspectgraph.solid.checks import RELATIVE_PLANARITY
 from aspectgraph.solid.solid import FileSolids, Solid
 from aspectgraph.solid.topology import signed_volume

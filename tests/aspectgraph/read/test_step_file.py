@@ -27,8 +27,8 @@ from aspectgraph import (
     read_solid,
     resolve_entities,
 )
+from aspectgraph.read.step.fit import check_fit
 from aspectgraph.read.step.text import list_solids, parse_entities
-from aspectgraph.read.step.triangles import check_fit
 
 pytest.importorskip("OCP")
 from OCP.BRep import BRep_Builder
