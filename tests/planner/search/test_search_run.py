@@ -261,7 +261,7 @@ def test_a_state_packs_itself_whole():
     )
     text = json.dumps(encoded(packed(state.pack())), allow_nan=False)
     again = PlanState.unpack(unpacked(json.loads(text)))
-    for name in ("stage", "entries", "uninspectable", "incompatible", "known", "joined", "bound"):
+    for name in ("stage", "entries", "uninspectable", "incompatible", "n_known", "joined", "bound"):
         assert getattr(again, name) == getattr(state, name)
     assert again.uninspectable["b"].kind is ReasonKind.NOT_FOUND_YET
     assert again.proof == "by hand"
