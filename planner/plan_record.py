@@ -41,8 +41,8 @@ _Three = Annotated[NDArray[np.float64], Shape(3), Coordinates]
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
-    """Axis of a turntable in the base of the robot: a point, mm, and a unit vector."""
+class TableAxis:
+    """TableAxis of a turntable in the base of the robot: a point, mm, and a unit vector."""
 
     point: _Three
     direction: _Three
@@ -63,7 +63,7 @@ class CellRecord:
         default_factory=dict
     )
     cam2base: Pose | None = None
-    turntables: Annotated[Mapping[str, Axis], Meta(title="must map names to axes")] = field(
+    turntables: Annotated[Mapping[str, TableAxis], Meta(title="must map names to axes")] = field(
         default_factory=dict
     )
     bodiless_links: tuple[str, ...] = ()
@@ -98,8 +98,8 @@ Kinds = Annotated[
 
 
 @dataclass(frozen=True)
-class Units:
-    """Units of the file."""
+class PlanUnits:
+    """PlanUnits of the file."""
 
     length: Literal["mm"] = "mm"
     angle: Literal["rad"] = "rad"
@@ -121,7 +121,7 @@ class PlanFile:
     uninspectable: Reasons
     settings: Annotated[tuple[SettingRecord, ...], Meta(title="must be an array of settings")]
     simulation: SimulationResult | None
-    units: Units = Units()
+    units: PlanUnits = PlanUnits()
     source: Annotated[Mapping[str, Any], Meta(title="must say how the part's file was read")] = (
         field(default_factory=dict)
     )

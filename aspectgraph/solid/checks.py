@@ -20,7 +20,7 @@ from aspectgraph.phases import report_phase
 from aspectgraph.solid.topology import (
     Face,
     FaceLoops,
-    Surface,
+    FacetedSurface,
     describe_edge,
     describe_point,
     newell_area_vector,
@@ -298,7 +298,7 @@ _EDGES_AT_ONCE = 100_000
 _LABEL = "look for contacts"
 
 
-def check_contacts(solid: Surface) -> None:
+def check_contacts(solid: FacetedSurface) -> None:
     """Check that the surface meets itself only in common edges and vertices.
 
     Raises
@@ -344,7 +344,9 @@ def _pairs(pairs: Iterable[tuple[int, int]]) -> np.ndarray:
     return np.fromiter(chain.from_iterable(pairs), dtype=np.int64).reshape(-1, 2)
 
 
-def _complain(solid: Surface, edge_id: int, triangle: int, pierces: bool, n_contacts: int) -> None:
+def _complain(
+    solid: FacetedSurface, edge_id: int, triangle: int, pierces: bool, n_contacts: int
+) -> None:
     edge = solid.edges[edge_id]
     face = int(solid.triangle_face[triangle])
     same = solid.face_shell[face] == solid.face_shell[edge.faces[0]]
@@ -363,7 +365,7 @@ def _complain(solid: Surface, edge_id: int, triangle: int, pierces: bool, n_cont
 
 
 def _near_pairs(
-    solid: Surface, points: np.ndarray, ends: np.ndarray, tolerance: float
+    solid: FacetedSurface, points: np.ndarray, ends: np.ndarray, tolerance: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield edges and triangles whose boxes meet and that are no neighbours, some edges at a time."""
     edge_faces = _pairs(edge.faces for edge in solid.edges)

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from aspectgraph.solid.topology import Edge, Surface
+from aspectgraph.solid.topology import Edge, FacetedSurface
 
 # Circles: the true one that a chain of chords stands for, and the one fitted to points.
 #
@@ -153,7 +153,7 @@ RELATIVE_RESIDUAL = 1e-3
 """Coordinates with four digits; the sagitta of sixty chords to the full turn."""
 
 
-def fitted_chains(solid: Surface) -> list[CircularEdge]:
+def fitted_chains(solid: FacetedSurface) -> list[CircularEdge]:
     """Return the circular chains of a solid with the circles fitted to them, by their lowest edge."""
     following = _continuations(solid)
     chains = [run for path in _paths(solid, following) for run in _circular_runs(solid, path)]
@@ -167,14 +167,14 @@ def fitted_chains(solid: Surface) -> list[CircularEdge]:
     return [circles[i] for i in np.argsort(lowest, kind="stable").tolist()]
 
 
-def _chain(solid: Surface, run: list[int]) -> CircularEdge:
+def _chain(solid: FacetedSurface, run: list[int]) -> CircularEdge:
     circle = fit_circle(solid.vertices[run])
     assert circle is not None, "a circular run has a circle"
     # the turn is that of the chords, which the caller measures
     return CircularEdge(circle, tuple(run), 180.0)
 
 
-def _continuations(solid: Surface) -> dict[tuple[int, int], int]:
+def _continuations(solid: FacetedSurface) -> dict[tuple[int, int], int]:
     """Return for a chord walked from u to v, as (u, v), the vertex w that continues it, if any."""
     ends: dict[int, list[tuple[int, bool]]] = {}
     for edge in solid.edges:
@@ -198,7 +198,7 @@ def _continuations(solid: Surface) -> dict[tuple[int, int], int]:
     return following
 
 
-def _paths(solid: Surface, following: dict[tuple[int, int], int]) -> list[list[int]]:
+def _paths(solid: FacetedSurface, following: dict[tuple[int, int], int]) -> list[list[int]]:
     """Return the maximal paths of chords that continue each other, as vertices; closed ones end where they start."""
     done: set[frozenset[int]] = set()
     paths = []
@@ -220,7 +220,7 @@ def _paths(solid: Surface, following: dict[tuple[int, int], int]) -> list[list[i
     return paths
 
 
-def _circular_runs(solid: Surface, path: list[int]) -> list[list[int]]:
+def _circular_runs(solid: FacetedSurface, path: list[int]) -> list[list[int]]:
     """Return the circular runs of a path: all of a closed one, or the longest that follow each other."""
     closed = path[0] == path[-1]
     if closed and _is_circular(solid, path):
@@ -241,14 +241,14 @@ def _circular_runs(solid: Surface, path: list[int]) -> list[list[int]]:
     return runs
 
 
-def _from_a_corner(solid: Surface, path: list[int]) -> list[int]:
+def _from_a_corner(solid: FacetedSurface, path: list[int]) -> list[int]:
     """Return a closed path turned so that it starts at the end of its longest chord, where no arc is cut in two."""
     lengths = np.linalg.norm(np.diff(solid.vertices[path], axis=0), axis=1)
     start = int(np.argmax(lengths)) + 1
     return path[start:-1] + path[: start + 1]
 
 
-def _is_circular(solid: Surface, run: list[int]) -> bool:
+def _is_circular(solid: FacetedSurface, run: list[int]) -> bool:
     points = solid.vertices[run]
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if lengths.max() > UNEVEN * np.median(lengths):
@@ -369,7 +369,9 @@ def reference_direction(axis: FloatArray) -> FloatArray:
     return np.asarray(across / np.linalg.norm(across), dtype=np.float64)
 
 
-def find_arcs(solid: Surface, circular_edges: Sequence[CircularEdge] | None) -> tuple[Arc, ...]:
+def find_arcs(
+    solid: FacetedSurface, circular_edges: Sequence[CircularEdge] | None
+) -> tuple[Arc, ...]:
     """Return all rims and arcs of a solid, numbered each, however blunt.
 
     Parameters
@@ -457,7 +459,7 @@ def _same(circle: Circle, other: Circle) -> bool:
 
 
 def _arc(
-    solid: Surface, chain: CircularEdge, edge_of: dict[frozenset[int], int], *, fitted: bool
+    solid: FacetedSurface, chain: CircularEdge, edge_of: dict[frozenset[int], int], *, fitted: bool
 ) -> Arc:
     """Return the rim or arc of a chain, not yet numbered."""
     vertices = chain.vertices
@@ -490,7 +492,7 @@ def _arc(
     )
 
 
-def _faces_away(solid: Surface, edges: list[int], axis: FloatArray) -> bool:
+def _faces_away(solid: FacetedSurface, edges: list[int], axis: FloatArray) -> bool:
     """Whether the faces along the chords face against the axis; if neither way, whether its largest part is < 0."""
     ends = solid.vertices[[solid.edges[e].vertices for e in edges]]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -573,7 +575,7 @@ class EdgeEnd:
         return f"{self.kind} ({self.arc})" if self.arc else self.kind
 
 
-def edges_that_show(solid: Surface) -> NDArray[np.bool_]:
+def edges_that_show(solid: FacetedSurface) -> NDArray[np.bool_]:
     """Return which edges show as lines wherever they are seen, shape (e,).
 
     Parameters
@@ -594,7 +596,7 @@ def edges_that_show(solid: Surface) -> NDArray[np.bool_]:
     return np.asarray(turns >= np.where(curved, of_chords, SHARP_DEG))
 
 
-def edges_at_vertices(solid: Surface) -> dict[int, list[Edge]]:
+def edges_at_vertices(solid: FacetedSurface) -> dict[int, list[Edge]]:
     """Return the edges at each vertex, those that show."""
     by_vertex: dict[int, list[Edge]] = {}
     for edge_id in np.flatnonzero(edges_that_show(solid)):
@@ -605,7 +607,7 @@ def edges_at_vertices(solid: Surface) -> dict[int, list[Edge]]:
 
 
 def find_edge_ends(
-    solid: Surface,
+    solid: FacetedSurface,
     edge: Edge,
     showing: Mapping[int, Sequence[Edge]],
     arc_of: Mapping[int, str],
@@ -634,7 +636,11 @@ def find_edge_ends(
 
 
 def _end(
-    solid: Surface, edge: Edge, vertex: int, showing: Sequence[Edge], arc_of: Mapping[int, str]
+    solid: FacetedSurface,
+    edge: Edge,
+    vertex: int,
+    showing: Sequence[Edge],
+    arc_of: Mapping[int, str],
 ) -> EdgeEnd:
     others = [other for other in showing if other.id != edge.id]
     line = _direction(solid, edge, vertex)
@@ -649,7 +655,7 @@ def _end(
     return EdgeEnd("tangent", vertex, widest, arc)
 
 
-def _direction(solid: Surface, edge: Edge, vertex: int) -> NDArray[np.float64]:
+def _direction(solid: FacetedSurface, edge: Edge, vertex: int) -> NDArray[np.float64]:
     """Return the unit vector along an edge away from one of its vertices."""
     a, b = edge.vertices
     along = solid.vertices[b if vertex == a else a] - solid.vertices[vertex]

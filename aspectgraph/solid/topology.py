@@ -675,7 +675,7 @@ def signed_volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
-class Surface(Protocol):
+class FacetedSurface(Protocol):
     """What modules below `Solid` read of one; see there for shapes and units."""
 
     @property
