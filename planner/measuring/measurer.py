@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
 from planner.camera.calibration import check_white_level
+from planner.camera.camera import Camera
+from planner.camera.response import check_response
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity import PartRecord
@@ -29,6 +31,7 @@ from planner.measuring.reading import (
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
+from planner.measuring.response import Tested, tested
 from planner.measuring.results import MeasurementResults, Result, Source, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
@@ -171,7 +174,7 @@ def exposure_share(
     u, v = np.rint(pixels[light > 0]).astype(int).T
     levels, shares = _by_light(light[light > 0], picture.grey[v, u] / picture.white)
     # where half of the places are overexposed, and where there is more light, nothing is seen
-    fair = np.logical_and.accumulate(shares < CLIPPED_SHARE)
+    fair = np.logical_and.accumulate(shares < picture.clipped_from / picture.white)
     if fair.sum() < _FEWEST_LEVELS:
         return None
     # a line, as some light comes from everywhere
@@ -219,13 +222,16 @@ class MeasureOptions:
         How it is decided.
     white_level : int or None
         Grey value of full exposure. None is that of the plan's camera, see `Camera`.
+    response : str, float or None
+        How much light a grey value stands for: "linear", "srgb", a gamma, or a file, see `Camera`. None is that of the
+        plan's camera.
 
     Raises
     ------
     RequestError
         If the coverage is not in (0, 1].
     CameraError
-        If the white level is not a grey value.
+        If the white level is not a grey value, or the response none.
 
     Examples
     --------
@@ -239,8 +245,11 @@ class MeasureOptions:
     coverage: float = COVERAGE_SHARE
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
     white_level: int | None = None
+    response: str | float | None = None
 
     def __post_init__(self) -> None:
+        if self.response is not None:
+            object.__setattr__(self, "response", check_response(self.response))
         if self.white_level is not None:
             object.__setattr__(self, "white_level", check_white_level(self.white_level))
         if not 0 < self.coverage <= 1:
@@ -331,30 +340,20 @@ class Measurer:
         RequestError
             If images are missing or wrong.
         """
-        camera = self.plan.camera
-        if options.white_level is not None:
-            camera = replace(camera, white_level=options.white_level)
+        camera = self._camera(options)
         image_set = read_images(
             images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
         )
-        registered: dict[str, Registered] = {}
-        failed: dict[str, str] = {}
-        readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
-        pictures = {}
-        for shot in self.shots:
-            if shot.name not in image_set.images:
-                continue
-            pictures[shot.name] = Picture.of(shot.name, image_set.images[shot.name], camera)
-        for shots in self._by_pose(pictures, options.registration):
-            try:
-                registration = self._registered(shots, pictures, options)
-            except NotRegisteredError as error:
-                failed |= {shot.name: str(error) for shot in shots}
-                continue
-            for shot in shots:
-                registered[shot.name] = registration
-                for reading in self._read(shot, pictures[shot.name], registration, options):
-                    readings[reading.name].append(reading)
+        pictures = {
+            name: Picture.of(name, image, camera, image_set.responses.get(name))
+            for name, image in image_set.images.items()
+        }
+        registered, failed = self._all_registered(pictures, options)
+        response = tested(self.model, pictures, registered, self._edges_half_px(registered))
+        pictures = response.pictures
+        if response.is_changed:
+            registered, failed = self._all_registered(pictures, options)
+        readings = self._readings(response, registered, options)
         for shot in self.shots:
             if shot.name in failed:
                 reason = f"the image cannot be registered: {failed[shot.name]}"
@@ -376,9 +375,66 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(image_set),
-            (*image_set.notes, *notes),
+            (*image_set.notes, *filter(None, [response.note]), *notes),
             pictures,
+            response.records(),
         )
+
+    def _camera(self, options: MeasureOptions) -> Camera:
+        """Return the plan's camera with what is stated of its grey values."""
+        camera = self.plan.camera
+        if options.white_level is not None:
+            camera = replace(camera, white_level=options.white_level)
+        if options.response is not None:
+            camera = replace(camera, response=options.response)
+        return camera
+
+    def _all_registered(
+        self, pictures: Mapping[str, Picture], options: MeasureOptions
+    ) -> tuple[dict[str, Registered], dict[str, str]]:
+        """Return the registrations of images, and why others cannot be registered."""
+        registered: dict[str, Registered] = {}
+        failed: dict[str, str] = {}
+        for shots in self._by_pose(pictures, options.registration):
+            try:
+                registration = self._registered(shots, pictures, options)
+            except NotRegisteredError as error:
+                failed |= {shot.name: str(error) for shot in shots}
+                continue
+            registered |= {shot.name: registration for shot in shots}
+        return registered, failed
+
+    def _readings(
+        self, response: Tested, registered: Mapping[str, Registered], options: MeasureOptions
+    ) -> dict[str, list[Reading]]:
+        """Return what is read in registered images, by target."""
+        readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
+        bent = response.bent() if response.doubt > 0 else {}
+        for shots in self._by_pose(response.pictures, options.registration):
+            for shot in shots:
+                if shot.name not in registered:
+                    continue
+                place = (registered[shot.name], options)
+                others: dict[str, Reading] = {}
+                if shot.name in bent:
+                    others = {
+                        reading.name: reading
+                        for reading in self._read(shot, bent[shot.name], *place)
+                    }
+                for reading in self._read(shot, response.pictures[shot.name], *place):
+                    counted = response.counted(reading, others.get(reading.name))
+                    readings[reading.name].append(counted)
+        return readings
+
+    def _edges_half_px(self, registered: Mapping[str, Registered]) -> float:
+        """Return how far from their predictions the edges of all images are searched, px."""
+        planned = [shot for shot in self.shots if shot.name in registered]
+        widest = NEAR_PX
+        for shot in planned:
+            if registered[shot.name].method == PLANNED:
+                windows = search_windows_px(self.plan, self.plan.settings[shot.setting])
+                widest = max(widest, *windows.values())
+        return widest
 
     def _by_pose(self, pictures: Mapping[str, Picture], how: Registration) -> list[list[Shot]]:
         """Return the shots that have an image, those of one pose together: of a setting, unless each has its own."""
