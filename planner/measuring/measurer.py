@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
+from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
@@ -279,6 +280,7 @@ class Measurer:
     """
 
     def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
+        check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
         self._digest = PartRecord.of(solid).digest
         why = plan.request.other_part(solid)
         if why:
