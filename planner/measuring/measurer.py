@@ -411,21 +411,19 @@ class Measurer:
     ) -> dict[str, list[Reading]]:
         """Return what is read in registered images, by target."""
         readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
-        bent = response.bent() if response.doubt > 0 else {}
         for shots in self._by_pose(response.pictures, options.registration):
             for shot in shots:
                 if shot.name not in registered:
                     continue
-                place = (registered[shot.name], options)
-                others: dict[str, Reading] = {}
-                if shot.name in bent:
-                    others = {
-                        reading.name: reading
-                        for reading in self._read(shot, bent[shot.name], *place)
-                    }
-                for reading in self._read(shot, response.pictures[shot.name], *place):
-                    counted = response.counted(reading, others.get(reading.name))
-                    readings[reading.name].append(counted)
+                pose = registered[shot.name]
+                others = [
+                    self._read(shot, pictures[shot.name], pose, options)
+                    for pictures in response.others
+                ]
+                image_readings = self._read(shot, response.pictures[shot.name], pose, options)
+                for i, reading in enumerate(image_readings):
+                    alike = [bent_readings[i] for bent_readings in others]
+                    readings[reading.name].append(response.counted(reading, alike))
         return readings
 
     def _edges_half_px(self, registered: Mapping[str, Registered]) -> float:

@@ -19,11 +19,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 from scipy.special import ndtr
 from scipy.stats import t as student
 
@@ -38,7 +39,7 @@ Array = NDArray[np.float64]
 
 EDGES = "edges"
 """The origin of a response that the edges of the images show."""
-CURVED = 0.15
+CURVED = 0.12
 """Grey values are clearly not proportional to light if gamma is off by more than this."""
 CURVED_SIGMAS = 3.0
 """And by more than so many standard deviations."""
@@ -48,6 +49,12 @@ MOST_SD = 0.8
 """Standard deviation of gamma that is assumed where edges show nothing: cameras have 1 or about 2.2."""
 MOST_SHARE = 0.5
 """A gamma from edges may make this share of a value's variance at most; otherwise the value is not measured."""
+LEAST_SD = 0.05
+"""Least standard deviation of a gamma from edges: on rendered parts with true steps it is off by about this much."""
+USUAL_BLACK = -0.02
+"""Black of usual cameras, a share of full exposure: 0 of a gamma, -0.055 of sRGB, -0.1 of Rec. 709, 0.06 of video."""
+BLACK_SD = 0.06
+"""Its standard deviation."""
 SOURCE = "response"
 """The part of a value's variance that is from the response."""
 
@@ -70,21 +77,29 @@ _LEAST_HALF_PX = 2.5
 _MOST_HALF_PX = 4.25
 _MOST_OFF_PX = 0.75
 _BLURS_PX = (0.4, 3.5)
+# variance of linear interpolation between pixels, and places and shares that have it
+_BETWEEN_PX2 = 1 / 6
+_BETWEEN = ((-math.sqrt(0.5), 1 / 6), (0.0, 2 / 3), (math.sqrt(0.5), 1 / 6))
+_LEAST_SHARE = 0.25
 _MOST_ASYMMETRY = 4.0
 _MOST_MISFIT = 0.06
 _TIMES_MISFIT = 2.5
 _DARKEST = 2e-3
 _RIDGE = 1e-9
 _TUKEY = 4.685
-# of the search for the power, and what is as good as its end
+# of the search for the curve: limits, largest steps, and what is as good as its end
 _POWERS = (0.4, 4.0)
+_BLACKS = (-0.2, 0.15)
+_MOST_STEP = 0.4
+_SHIFT = 0.05
 _SEARCH_ROUNDS = 12
-_STILL = 0.01
+_STILL = 0.004
+_NEARLY_STILL = 0.02
 _TAIL = 0.975
 _USUAL = 1.96
-# pixels of a share of the image may be darker than black
-_DARKER_SHARE = 1e-3
-_TO_BLACK = 1.5 / 255
+# half of a profile, which is as long as it is sampled
+_REACH_PX = 4.5
+_FEWEST_OF_SECTION = 3
 
 
 class Places(NamedTuple):
@@ -108,7 +123,7 @@ class Places(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """Fitted profiles (n,): their asymmetry B and the K of their light; which are steps at all."""
+    """Fitted profiles (n,): their asymmetry B, their K for power and black (n, 2), and which are steps at all."""
 
     asymmetry: Array
     sensitivity: Array
@@ -124,15 +139,12 @@ class PowerEstimate(NamedTuple):
         e: light as it is now is the right one to the power 1 + e.
     sd : float
         Its standard deviation, from the spread over edges; infinite if these are too few.
-    misfit : float
-        Spread of asymmetries that it leaves.
     edges : int
         Edges that it is from.
     """
 
     excess: float
     sd: float
-    misfit: float
     edges: int
 
 
@@ -184,7 +196,7 @@ def thinned(places: Sequence[Places]) -> list[Places]:
     return [Places(*(column[::step] for column in image)) for image in places]
 
 
-def fitted_steps(places: Array, light: Array, blur_px: Array) -> Steps:
+def fitted_steps(places: Array, light: Array, blur_px: Array, response: Response = LINEAR) -> Steps:
     """Return the asymmetry of profiles.
 
     Parameters
@@ -195,6 +207,8 @@ def fitted_steps(places: Array, light: Array, blur_px: Array) -> Steps:
         Light there, as a share of full exposure; nan off the image.
     blur_px : array (n,)
         About their blur.
+    response : Response
+        By what grey values became this light: a power.
     """
     inside = np.isfinite(light).all(axis=1)
     light = np.where(inside[:, None], light, 0.0)
@@ -209,21 +223,26 @@ def fitted_steps(places: Array, light: Array, blur_px: Array) -> Steps:
         design = np.stack(
             [np.ones_like(step), step, step * (1 - step), density, density * t], axis=2
         )
-        weighted = design * counts[..., None]
-        normal = weighted.transpose(0, 2, 1) @ design + _RIDGE * np.eye(5)
-        right = weighted.transpose(0, 2, 1) @ light[..., None]
-        solution = np.linalg.solve(normal, right)
+        weighted = (design * counts[..., None]).transpose(0, 2, 1)
+        normal = weighted @ design + _RIDGE * np.eye(5)
+        solution = np.linalg.solve(normal, weighted @ light[..., None])
         numbers = solution[..., 0]
         height = np.where(np.abs(numbers[:, 1]) > 1e-9, numbers[:, 1], 1e-9)
         # density and its slope are what a shift and a wider blur change
         middle = middle + np.clip(-numbers[:, 3] / height * blur, -0.4, 0.4)
         blur = np.clip(blur * np.clip(1 - numbers[:, 4] / height, 0.7, 1.4), *_BLURS_PX)
-    left = light - (design @ solution)[..., 0]
-    misfit = np.sqrt((counts * left**2).sum(axis=1) / counts.sum(axis=1)) / np.abs(height)
+    rest = light - (design @ solution)[..., 0]
+    misfit = np.sqrt((counts * rest**2).sum(axis=1) / counts.sum(axis=1)) / np.abs(height)
     asymmetry = numbers[:, 2] / height
-    smooth = np.maximum(numbers[:, :1] + height[:, None] * step, _DARKEST)
-    right = weighted.transpose(0, 2, 1) @ (smooth * np.log(smooth))[..., None]
-    sensitivity = np.linalg.solve(normal, right)[:, 2, 0] / height
+    # light is bent at pixels, and what is between them is interpolated after that
+    before = np.sqrt(np.maximum(blur**2 - _BETWEEN_PX2, _LEAST_SHARE * blur**2))
+    bent = np.zeros((*light.shape, 2))
+    for shift, share in _BETWEEN:
+        at = (places + shift - middle[:, None]) / before[:, None]
+        smooth = np.maximum(numbers[:, :1] + height[:, None] * ndtr(at), _DARKEST)
+        bent[..., 0] += share * smooth * np.log(smooth)
+        bent[..., 1] += share * _by_black(smooth, response)
+    sensitivity = np.linalg.solve(normal, weighted @ bent)[:, 2] / height[:, None]
     good = inside & (np.abs(middle) < _MOST_OFF_PX) & (misfit < _MOST_MISFIT)
     usual = float(np.median(misfit[good])) if good.any() else 0.0
     good &= misfit < _TIMES_MISFIT * usual
@@ -231,13 +250,69 @@ def fitted_steps(places: Array, light: Array, blur_px: Array) -> Steps:
     return Steps(asymmetry, sensitivity, good)
 
 
+def _by_black(light: Array, response: Response) -> Array:
+    """Return how light (...) changes with the black that it is computed with, less what leaves edges symmetric."""
+    # nothing is known of black that is raised to a power below 1
+    gamma = max(response.gamma, 1.0)
+    return np.asarray(gamma / (1 - response.black) * light ** (1 - 1 / gamma))
+
+
+class Sections(NamedTuple):
+    """Medians of the profiles of sections of edges (m,).
+
+    Attributes
+    ----------
+    asymmetry, sensitivity : array (m,), (m, 2)
+        As those of `Steps`.
+    sigma : array (m,)
+        Standard deviation of the asymmetry.
+    edge : array of int (m,)
+        Numbers of the edges, from 0.
+    edges : int
+        How many there are.
+    """
+
+    asymmetry: Array
+    sensitivity: Array
+    sigma: Array
+    edge: NDArray[np.int64]
+    edges: int
+
+    @classmethod
+    def of(cls, steps: Steps, edge: NDArray[np.int64], section: NDArray[np.int64]) -> Sections:
+        """Return the sections of profiles, given the numbers (n,) of the edge and the section of each."""
+        good = np.flatnonzero(steps.good)
+        order = good[np.lexsort((section[good], edge[good]))]
+        ends = np.diff(edge[order]) + np.diff(section[order]) != 0
+        groups = np.split(order, np.flatnonzero(ends) + 1)
+        groups = [group for group in groups if len(group) >= _FEWEST_OF_SECTION]
+        if not groups:
+            nothing = np.zeros(0)
+            return cls(nothing, np.zeros((0, 2)), nothing, np.zeros(0, np.int64), 0)
+        names, cluster = np.unique(
+            np.array([edge[group[0]] for group in groups], dtype=np.int64), return_inverse=True
+        )
+        asymmetry = np.array([np.median(steps.asymmetry[group]) for group in groups])
+        sensitivity = np.array([np.median(steps.sensitivity[group], axis=0) for group in groups])
+        size = np.array([len(group) for group in groups], dtype=np.float64)
+        spread = [
+            1.4826 * np.median(np.abs(steps.asymmetry[group] - middle))
+            for group, middle in zip(groups, asymmetry, strict=True)
+        ]
+        usual = float(np.median(spread))
+        # a few profiles hardly show their own spread
+        noise = (np.array(spread) * size + usual * _FEW) / (size + _FEW)
+        sigma = np.sqrt(noise**2 / size + (_OWN_SHARE * usual) ** 2)
+        return cls(asymmetry, sensitivity, np.maximum(sigma, 1e-6), cluster, len(names))
+
+
 def estimated_power(
     steps: Steps, edge: NDArray[np.int64], section: NDArray[np.int64]
 ) -> PowerEstimate:
     """Return the power that is left in the light of profiles.
 
-    Medians of sections of edges are what counts, robustly (Tukey). The standard deviation is the jackknife's, which
-    leaves out one edge after another, enlarged by Student's factor: a broken edge is asymmetric as a whole.
+    Medians of sections of edges are what counts, robustly (Tukey). The standard deviation is from the spread over edges
+    and enlarged by Student's factor, because a broken edge is asymmetric as a whole.
 
     Parameters
     ----------
@@ -246,39 +321,42 @@ def estimated_power(
     edge, section : array of int (n,)
         Numbers of the edge of each, the same in all images, and of its section.
     """
-    good = np.flatnonzero(steps.good)
-    nothing = PowerEstimate(0.0, math.inf, math.nan, len(np.unique(edge[good])))
-    if nothing.edges < FEWEST_EDGES:
-        return nothing
-    order = good[np.lexsort((section[good], edge[good]))]
-    new = np.diff(edge[order]) + np.diff(section[order]) != 0
-    groups = [part for part in np.split(order, np.flatnonzero(new) + 1) if len(part) >= 3]
-    number = np.array([edge[part[0]] for part in groups], dtype=np.int64)
-    names, cluster = np.unique(number, return_inverse=True)
-    if len(names) < FEWEST_EDGES:
-        return nothing
-    asymmetry = np.array([np.median(steps.asymmetry[part]) for part in groups])
-    sensitivity = np.array([np.median(steps.sensitivity[part]) for part in groups])
-    size = np.array([len(part) for part in groups], dtype=np.float64)
-    spread = [np.median(np.abs(steps.asymmetry[part] - m)) for part, m in zip(groups, asymmetry)]
-    usual = 1.4826 * float(np.median(spread))
-    # a few profiles hardly show their own spread
-    noise = (1.4826 * np.array(spread) * size + usual * _FEW) / (size + _FEW)
-    own = _OWN_SHARE * usual
-    sigma = np.sqrt(noise**2 / size + own**2)
-    excess = _median_slope(sensitivity / sigma, asymmetry / sigma)
+    sections = Sections.of(steps, edge, section)
+    if sections.edges < FEWEST_EDGES:
+        return PowerEstimate(0.0, math.inf, sections.edges)
+    fit, covariance = _robust_fit(sections, np.zeros((1, 1)), np.zeros(1))
+    return PowerEstimate(float(fit[0]), math.sqrt(covariance[0, 0]), sections.edges)
+
+
+def _robust_fit(sections: Sections, precision: Array, expected: Array) -> tuple[Array, Array]:
+    """Return the power that is left and, if wanted, the black (p,), and their covariance.
+
+    Parameters
+    ----------
+    sections : Sections
+        The sections.
+    precision, expected : array (p, p), (p,)
+        Of what is known beforehand.
+    """
+    count = len(expected)
+    x = sections.sensitivity[:, :count] / sections.sigma[:, None]
+    y = sections.asymmetry / sections.sigma
+    fit = np.zeros(count)
+    fit[0] = _median_slope(x[:, 0], y)
     for _ in range(_FIT_ROUNDS):
-        left = np.abs(asymmetry - excess * sensitivity) / sigma
-        scale = max(1.4826 * float(np.median(left)), 1e-6)
-        weight = np.maximum(1 - (left / (_TUKEY * scale)) ** 2, 0.0) ** 2 / sigma**2
-        excess = float((weight * sensitivity * asymmetry).sum() / (weight * sensitivity**2).sum())
-    over = np.bincount(cluster, weight * sensitivity * asymmetry)
-    under = np.bincount(cluster, weight * sensitivity**2)
-    without = (over.sum() - over) / (under.sum() - under)
-    count = len(names)
-    variance = (count - 1) / count * float(((without - without.mean()) ** 2).sum())
-    factor = float(student.ppf(_TAIL, count - 1)) / _USUAL
-    return PowerEstimate(excess, factor * math.sqrt(variance), scale, count)
+        rest = y - x @ fit
+        scale = max(1.4826 * float(np.median(np.abs(rest))), 1e-6)
+        weight = np.maximum(1 - (rest / (_TUKEY * scale)) ** 2, 0.0) ** 2 / scale**2
+        normal = x.T @ (weight[:, None] * x) + precision
+        fit = np.linalg.solve(normal, x.T @ (weight * y) + precision @ expected)
+    # what edges push the fit by, each as a whole
+    scores = np.zeros((sections.edges, count))
+    np.add.at(scores, sections.edge, (weight * (y - x @ fit))[:, None] * x)
+    inverse = np.linalg.inv(normal)
+    # without an edge the others would have fitted it worse
+    factor = float(student.ppf(_TAIL, sections.edges - 1)) / _USUAL
+    meat = sections.edges / (sections.edges - 1) * (scores.T @ scores) + precision
+    return fit, factor**2 * inverse @ meat @ inverse
 
 
 def _median_slope(x: Array, y: Array) -> float:
@@ -287,6 +365,50 @@ def _median_slope(x: Array, y: Array) -> float:
     order = np.argsort(slopes)
     total = np.cumsum(np.abs(x[order]))
     return float(slopes[order][np.searchsorted(total, total[-1] / 2)])
+
+
+class Curve(NamedTuple):
+    """The response that edges show: a power of grey values above black.
+
+    Attributes
+    ----------
+    gamma, black : float
+        The power, and black as a share of full exposure. sRGB is nearly 2.4 and -0.055.
+    covariance : array (2, 2)
+        Of the logarithm of gamma and of black.
+    """
+
+    gamma: float
+    black: float
+    covariance: Array
+
+    @property
+    def response(self) -> Response:
+        """The response."""
+        return Response.power(self.gamma, self.black)
+
+    @property
+    def usual_gamma(self) -> float:
+        """The gamma that is nearest at half of full exposure: people know responses by it."""
+        return self.gamma * 0.5 / (0.5 - self.black)
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of this."""
+        slope = np.array([1.0, 1 / (0.5 - self.black)])
+        return self.usual_gamma * math.sqrt(float(slope @ self.covariance @ slope))
+
+    def others(self) -> list[Response]:
+        """Return responses one standard deviation away, along both axes of the covariance."""
+        sizes, axes = np.linalg.eigh(self.covariance)
+        moves = (axes * np.sqrt(np.maximum(sizes, 0.0))).T
+        return [
+            Response.power(
+                float(np.clip(self.gamma * math.exp(move[0]), *_POWERS)),
+                float(np.clip(self.black + move[1], *_BLACKS)),
+            )
+            for move in moves
+        ]
 
 
 class Profiles:
@@ -312,68 +434,82 @@ class Profiles:
         half_px: float,
     ) -> None:
         self.names = [name for name in pictures if name in registered]
+        self._pictures = [pictures[name] for name in self.names]
         self._places = thinned(
-            [found_places(model, pictures[name], registered[name], half_px) for name in self.names]
+            [
+                found_places(model, picture, registered[name], half_px)
+                for name, picture in zip(self.names, self._pictures, strict=True)
+            ]
         )
         joined = [np.concatenate(columns) for columns in zip(*self._places, strict=True)]
         self._edge, self._section, self._blur = joined[2:] if joined else [np.zeros(0)] * 3
         # sections of one edge in several images are several, and the edge is one
-        image = np.repeat(np.arange(len(self.names)), [len(own.edge) for own in self._places])
+        image = np.repeat(np.arange(len(self.names)), [len(places.edge) for places in self._places])
         self._section = self._section + _SECTIONS * image
+        self._near = [
+            np.flatnonzero(_near(places, picture.levels.shape))
+            for places, picture in zip(self._places, self._pictures, strict=True)
+        ]
 
-    def sampled(
-        self, images: Mapping[str, tuple[NDArray[np.float32], float]]
-    ) -> tuple[Array, Array]:
-        """Return places along profiles (k,), px, and values (n, k) as shares of white, of images with their white."""
+    def steps(self, response: Response | None = None) -> Steps:
+        """Return the fitted steps in the light of a response, or as images have it."""
         places = np.zeros(1)
         parts = []
-        for name, own in zip(self.names, self._places, strict=True):
-            image, white = images[name]
-            places, values = profiles_of(image, own.centres, own.across, 1.0)
-            parts.append(values / white)
-        return places, np.concatenate(parts)
+        for picture, own_places, near in zip(self._pictures, self._places, self._near, strict=True):
+            image = picture.grey
+            if response is not None:
+                # what is between pixels is interpolated in light; most pixels are not near an edge
+                image = np.zeros_like(picture.levels)
+                levels = picture.levels.ravel()[near]
+                image.ravel()[near] = response.applied(levels, picture.white)
+            places, values = profiles_of(image, own_places.centres, own_places.across, 1.0)
+            parts.append(values / picture.white)
+        return fitted_steps(places, np.concatenate(parts), self._blur, response or LINEAR)
 
-    def power(self, pictures: Mapping[str, Picture]) -> PowerEstimate:
-        """Return the power that is left in the light of images."""
+    def power(self, response: Response | None = None) -> PowerEstimate:
+        """Return the power that is left in the light of a response, or as images have it."""
         if not len(self._edge):
-            return PowerEstimate(0.0, math.inf, math.nan, 0)
-        return self._power(
-            *self.sampled(
-                {name: (pictures[name].grey, pictures[name].white) for name in self.names}
-            )
-        )
+            return PowerEstimate(0.0, math.inf, 0)
+        return estimated_power(self.steps(response), self._edge, self._section)
 
-    def _power(self, places: Array, light: Array) -> PowerEstimate:
-        return estimated_power(fitted_steps(places, light, self._blur), self._edge, self._section)
-
-    def gamma(self, pictures: Mapping[str, Picture], black: float) -> PowerEstimate:
-        """Return the gamma of grey values less 1, with the standard deviation of its logarithm.
-
-        Profiles of grey values are raised to powers here. Those of the image that is raised tell a little more, because
-        what is between pixels is interpolated: see `tested`.
-        """
-        places, levels = self.sampled(
-            {name: (pictures[name].levels, pictures[name].white) for name in self.names}
-        )
-        # interpolated, a profile is nowhere below its pixels
-        above = np.maximum((levels - black) / (1 - black), 0.0)
-        low, high = _POWERS
-        gamma = 1.0
-        estimate = self._power(places, above)
+    def curve(self) -> Curve | None:
+        """Return the response that edges show; None if there is none that explains them."""
+        gamma, black = 1.0, 0.0
+        precision = np.diag([0.0, 1 / BLACK_SD**2])
+        covariance = np.zeros((2, 2))
         for _ in range(_SEARCH_ROUNDS):
-            if estimate.excess < 0:
-                low = gamma
-            else:
-                high = gamma
-            then = gamma / (1 + min(max(estimate.excess, -0.5), 1.0))
-            if not low < then < high:
-                then = math.sqrt(low * high)
-            is_still = abs(then - gamma) < _STILL * gamma
-            gamma = then
-            if is_still:
+            steps = self.steps(Response.power(gamma, black))
+            sections = Sections.of(steps, self._edge, self._section)
+            if sections.edges < FEWEST_EDGES:
+                return None
+            expected = np.array([0.0, USUAL_BLACK - black])
+            (excess, shift), covariance = _robust_fit(sections, precision, expected)
+            step = min(max(float(excess), -_MOST_STEP), _MOST_STEP)
+            gamma = float(np.clip(gamma * math.exp(-step), *_POWERS))
+            black = float(np.clip(black + min(max(float(shift), -_SHIFT), _SHIFT), *_BLACKS))
+            if abs(step) < _STILL and abs(shift) < _STILL:
                 break
-            estimate = self._power(places, above**gamma)
-        return estimate._replace(excess=gamma - 1)
+        if abs(step) > _NEARLY_STILL or abs(gamma - 1) < CURVED / 2:
+            return None
+        floor = np.diag([LEAST_SD**2, 0.0])
+        # a larger power is a smaller gamma
+        signs = np.diag([-1.0, 1.0])
+        return Curve(gamma, black, signs @ covariance @ signs + floor)
+
+
+def _near(places: Places, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return the pixels (h, w) that profiles are interpolated from."""
+    mask = np.zeros(shape, dtype=bool)
+    along = np.stack([-places.across[:, 1], places.across[:, 0]], axis=1)
+    reach = np.arange(-_REACH_PX, _REACH_PX + 0.25, 0.5)
+    for side in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        start = places.centres + side * along
+        points = start[:, None] + reach[:, None] * places.across[:, None]
+        u, v = np.floor(points).astype(np.int64).reshape(-1, 2).T
+        inside = (u >= 0) & (v >= 0) & (u < shape[1]) & (v < shape[0])
+        mask[v[inside], u[inside]] = True
+    # what is between steps, and the neighbours that are interpolated with
+    return binary_dilation(mask, np.ones((3, 3), dtype=bool))
 
 
 @dataclass(frozen=True)
@@ -385,6 +521,7 @@ class ResponseRecord:
     """
 
     curve: str
+    black: float
     origin: Annotated[str, Key("from"), Meta(pattern="^(camera|file|edges|assumed)$")]
     remaining_gamma: NumberOrNull = math.nan
     gamma_sd: NumberOrNull = math.nan
@@ -402,8 +539,9 @@ class Tested:
         Gamma that edges show in it; 1 of light.
     sd : float
         Its standard deviation.
-    doubt : float
-        Standard deviation of the power of light that values have to answer for; 0 where the user states the response.
+    others : list of dict of str to Picture
+        The images in light that is one standard deviation off, each in another way; none where the user states the
+        response.
     note : str
         What the user should know; empty if nothing.
     reason : str
@@ -415,7 +553,7 @@ class Tested:
     pictures: dict[str, Picture]
     gamma: float
     sd: float
-    doubt: float
+    others: list[dict[str, Picture]] = field(default_factory=list)
     note: str = ""
     reason: str = ""
     is_changed: bool = False
@@ -423,31 +561,27 @@ class Tested:
     @property
     def is_refused(self) -> bool:
         """Whether nothing is measured at all."""
-        return bool(self.reason) and self.sd > TOLD
+        return bool(self.reason) and not self.sd < TOLD
 
-    def bent(self) -> dict[str, Picture]:
-        """Return the images if the power of their light is off by the doubt."""
-        return {name: picture.raised(1 + self.doubt) for name, picture in self.pictures.items()}
-
-    def counted(self, reading: Reading, bent: Reading | None) -> Reading:
+    def counted(self, reading: Reading, others: Sequence[Reading]) -> Reading:
         """Return a reading whose variance has the part of the response.
 
         Parameters
         ----------
         reading : Reading
             The reading.
-        bent : Reading or None
-            The same in the images of `bent`; None if there is no doubt.
+        others : sequence of Reading
+            The same in each of the other images.
         """
         if not reading.measured:
             return reading
         if self.is_refused:
             return _refused(reading, self.reason)
         variance = 0.0
-        if bent is not None:
+        for other in others:
             # what is not measured there at all is off by as much as it is uncertain
-            off = bent.value - reading.value if bent.measured else reading.standard_uncertainty
-            variance = off**2
+            off = other.value - reading.value if other.measured else reading.standard_uncertainty
+            variance += off**2
         total = reading.standard_uncertainty**2 + variance
         if self.reason and variance > MOST_SHARE * total:
             return _refused(reading, self.reason)
@@ -465,6 +599,7 @@ class Tested:
         return {
             name: ResponseRecord(
                 picture.response.text,
+                picture.response.black,
                 picture.response_from,
                 _finite(self.gamma),
                 _finite(self.sd),
@@ -506,104 +641,97 @@ def tested(
         As of `Profiles`.
     """
     profiles = Profiles(model, pictures, registered, half_px)
-    left = profiles.power(pictures)
+    power = profiles.power()
     origins = {pictures[name].response_from for name in profiles.names}
     stated = " and ".join(sorted({picture.response.words for picture in pictures.values()}))
     if STATED in origins or not profiles.names:
         note = ""
-        if is_clear(left):
+        if is_clear(power):
             note = (
-                f"edges contradict the stated response ({stated}): gamma {_gamma_text(left)} is left in its light; "
+                f"edges contradict the stated response ({stated}): gamma {_gamma_text(power)} is left in its light; "
                 "measured as stated"
             )
-        return Tested(dict(pictures), *_gamma_of(left), 0.0, note)
-    if not is_clear(left):
-        return _believed(pictures, left, origins)
-    return _measured_gamma(profiles, pictures, stated if FILE in origins else "")
+        return Tested(dict(pictures), *_gamma_of(power), note=note)
+    if not is_clear(power):
+        return _believed(pictures, power, FILE in origins)
+    plain = {name: picture.under(LINEAR, EDGES) for name, picture in pictures.items()}
+    if FILE not in origins:
+        return _measured_curve(profiles, plain, "")
+    power = profiles.power(LINEAR)
+    if is_clear(power):
+        return _measured_curve(profiles, plain, f"the files state {stated}, but ")
+    note = (
+        f"the files state {stated}, but grey values are proportional to light (gamma {_gamma_text(power)}): "
+        "measured so; state response"
+    )
+    return replace(_believed(plain, power, True), note=note, is_changed=True)
 
 
-def is_clear(left: PowerEstimate) -> bool:
+def is_clear(power: PowerEstimate) -> bool:
     """Return whether edges clearly show that light is not what it is taken for."""
-    return abs(left.excess) > max(CURVED, CURVED_SIGMAS * left.sd)
+    return abs(power.excess) > max(CURVED, CURVED_SIGMAS * power.sd)
 
 
-def _gamma_of(left: PowerEstimate) -> tuple[float, float]:
+def _gamma_of(power: PowerEstimate) -> tuple[float, float]:
     """Return the gamma that is left, and its standard deviation: light to the power of 1 / gamma is what is there."""
-    gamma = 1 / max(1 + left.excess, 0.1)
-    return gamma, left.sd * gamma
+    gamma = 1 / max(1 + power.excess, 0.1)
+    return gamma, power.sd * gamma
 
 
-def _gamma_text(left: PowerEstimate) -> str:
-    gamma, sd = _gamma_of(left)
+def _gamma_text(power: PowerEstimate) -> str:
+    gamma, sd = _gamma_of(power)
     return f"{gamma:.2g} ± {2 * sd:.1g}"
 
 
-def _believed(pictures: Mapping[str, Picture], left: PowerEstimate, origins: set[str]) -> Tested:
+def _believed(pictures: Mapping[str, Picture], power: PowerEstimate, is_stated: bool) -> Tested:
     """Return what is measured in the light as it is taken."""
-    doubt = min(math.hypot(left.sd, left.excess), MOST_SD)
+    doubt = min(max(power.sd, abs(power.excess)), MOST_SD)
     note = ""
     if doubt > TOLD:
-        stated = (
-            "what files state of grey values"
-            if FILE in origins
-            else "grey values are proportional to light"
-        )
-        note = f"edges do not show whether {stated}: U contains a gamma off by {doubt:.1g}; state response"
-        if FILE in origins:
-            note = (
-                f"edges do not show whether the response that the files state is right: "
-                f"U contains a gamma off by {doubt:.1g}; state response"
-            )
-    chosen = {
-        name: replace(picture, response_from=EDGES)
-        if picture.response_from == ASSUMED and doubt <= TOLD
-        else picture
-        for name, picture in pictures.items()
-    }
-    return Tested(chosen, *_gamma_of(left), doubt, note)
-
-
-def _measured_gamma(profiles: Profiles, pictures: Mapping[str, Picture], stated: str) -> Tested:
-    """Return what is measured in the light of the gamma that edges show."""
-    plain = {name: picture.under(LINEAR, EDGES) for name, picture in pictures.items()}
-    left = profiles.power(plain)
-    if stated and not is_clear(left):
         note = (
-            f"the files state {stated}, but grey values are proportional to light (gamma {_gamma_text(left)}): "
-            "measured so; state response"
+            "edges do not show whether grey values are proportional to light: "
+            f"U allows for a gamma off by {doubt:.1g}; state response"
         )
-        return replace(_believed(plain, left, set()), note=note, is_changed=True)
-    estimates = {black: profiles.gamma(plain, black) for black in _blacks(plain)}
-    black = min(estimates, key=lambda one: estimates[one].misfit)
-    gamma = 1 + estimates[black].excess
-    bent = plain
-    for _ in range(3):
-        response = Response.power(gamma, black)
-        bent = {name: picture.under(response, EDGES) for name, picture in plain.items()}
-        left = profiles.power(bent)
-        if abs(left.excess) < _STILL:
-            break
-        gamma = min(max(gamma / (1 + left.excess), _POWERS[0]), _POWERS[1])
-    sd = left.sd * gamma
-    told = f"gamma about {gamma:.2g} ± {2 * sd:.1g}" + (", black is 16" if black else "")
-    files = f"the files state {stated}, but " if stated else ""
+        if is_stated:
+            note = (
+                "edges do not show whether the response that the files state is right: "
+                f"U allows for a gamma off by {doubt:.1g}; state response"
+            )
+    chosen = dict(pictures)
+    for name, picture in pictures.items():
+        if picture.response_from == ASSUMED and doubt <= TOLD:
+            chosen[name] = replace(picture, response_from=EDGES)
+    bent = {name: picture.raised(1 + doubt) for name, picture in pictures.items()}
+    return Tested(chosen, *_gamma_of(power), [bent], note)
+
+
+def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) -> Tested:
+    """Return what is measured in the light of the response that edges show.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        Of the images.
+    plain : mapping of str to Picture
+        The images as if grey values were light.
+    but : str
+        How a note begins.
+    """
+    curve = profiles.curve()
+    gamma = 0.0 if curve is None else curve.usual_gamma
+    about = f" (gamma about {gamma:.2g})" if curve is not None else ""
+    reason = f"grey values are not proportional to light{about}: switch gamma off or state response"
+    if curve is None or not curve.sd < TOLD:
+        return Tested(dict(plain), math.nan, math.inf, note=f"{but}{reason}", reason=reason)
+    black = ""
+    if curve.black > VIDEO_BLACK / 2:
+        black = f", black about {255 * curve.black:.0f} of 255"
     note = (
-        f"{files}grey values are not proportional to light ({told}): "
+        f"{but}grey values are not proportional to light (gamma about {gamma:.2g} ± {2 * curve.sd:.1g}{black}): "
         "measured with this gamma; state response or switch gamma off"
     )
-    reason = (
-        f"grey values are not proportional to light (gamma about {gamma:.2g}): "
-        "switch gamma off or state response"
-    )
-    doubt = min(math.hypot(left.sd, left.excess), MOST_SD)
-    return Tested(bent, *_gamma_of(left), doubt, note, reason, is_changed=True)
-
-
-def _blacks(pictures: Mapping[str, Picture]) -> list[float]:
-    """Return what black may be: 0, and 16 of 255 where nothing is darker and something nearly as dark."""
-    darkest = [
-        float(np.quantile(picture.levels[::4, ::4], _DARKER_SHARE)) / picture.white
-        for picture in pictures.values()
+    images = [
+        {name: picture.under(response, EDGES) for name, picture in plain.items()}
+        for response in (curve.response, *curve.others())
     ]
-    is_video = VIDEO_BLACK - _TO_BLACK <= min(darkest, default=0.0) <= VIDEO_BLACK + 2 * _TO_BLACK
-    return [0.0, VIDEO_BLACK] if is_video else [0.0]
+    return Tested(images[0], 1.0, curve.sd / gamma, images[1:], note, reason, is_changed=True)
