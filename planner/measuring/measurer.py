@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -351,7 +352,8 @@ class Measurer:
             for name, image in image_set.images.items()
         }
         registered, failed = self._all_registered(pictures, options)
-        response = tested(self.model, pictures, registered, self._edges_half_px(registered))
+        poses = registered | self._alone(failed, pictures, options)
+        response = tested(self.model, pictures, poses, self._edges_half_px(poses))
         pictures = response.pictures
         if response.is_changed:
             registered, failed = self._all_registered(pictures, options)
@@ -405,6 +407,20 @@ class Measurer:
                 continue
             registered |= {shot.name: registration for shot in shots}
         return registered, failed
+
+    def _alone(
+        self, failed: Mapping[str, str], pictures: Mapping[str, Picture], options: MeasureOptions
+    ) -> dict[str, Registered]:
+        """Return what images that cannot be registered together are by themselves: a wrong response moves edges."""
+        registered: dict[str, Registered] = {}
+        for shots in self._by_pose(pictures, options.registration):
+            if len(shots) < 2:
+                continue
+            for shot in shots:
+                if shot.name in failed:
+                    with suppress(NotRegisteredError):
+                        registered[shot.name] = self._registered([shot], pictures, options)
+        return registered
 
     def _readings(
         self, response: Tested, registered: Mapping[str, Registered], options: MeasureOptions
