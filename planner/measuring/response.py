@@ -45,15 +45,17 @@ CURVED_SIGMAS = 3.0
 """And by more than so many standard deviations."""
 TOLD = 0.3
 """With a larger standard deviation of gamma, edges do not show it well enough for nothing to be said."""
+REFUSED_SD = 0.4
+"""With a larger standard deviation, values in light by a gamma from edges are not measured."""
 MOST_SD = 0.8
 """Standard deviation of gamma that is assumed where edges show nothing: cameras have 1 or about 2.2."""
-MOST_SHARE = 0.5
+MOST_SHARE = 0.8
 """A gamma from edges may make this share of a value's variance at most; otherwise the value is not measured."""
 LEAST_SD = 0.05
 """Least standard deviation of a gamma from edges: on rendered parts with true steps it is off by about this much."""
 USUAL_BLACK = -0.02
 """Black of usual cameras, a share of full exposure: 0 of a gamma, -0.055 of sRGB, -0.1 of Rec. 709, 0.06 of video."""
-BLACK_SD = 0.06
+BLACK_SD = 0.045
 """Its standard deviation."""
 SOURCE = "response"
 """The part of a value's variance that is from the response."""
@@ -89,12 +91,14 @@ _RIDGE = 1e-9
 _TUKEY = 4.685
 # of the search for the curve: limits, largest steps, and what is as good as its end
 _POWERS = (0.4, 4.0)
-_BLACKS = (-0.2, 0.15)
+_BLACKS = (-0.12, 0.1)
 _MOST_STEP = 0.4
 _SHIFT = 0.05
 _SEARCH_ROUNDS = 12
 _STILL = 0.004
 _NEARLY_STILL = 0.02
+_SLOPE_TIMES = 1.15
+_LEAST_SLOPE = 0.3
 _TAIL = 0.975
 _USUAL = 1.96
 # half of a profile, which is as long as it is sampled
@@ -491,10 +495,19 @@ class Profiles:
                 break
         if abs(step) > _NEARLY_STILL or abs(gamma - 1) < CURVED / 2:
             return None
-        floor = np.diag([LEAST_SD**2, 0.0])
         # a larger power is a smaller gamma
-        signs = np.diag([-1.0, 1.0])
-        return Curve(gamma, black, signs @ covariance @ signs + floor)
+        scale = np.diag([-1 / self._slope(gamma, black), 1.0])
+        floor = np.diag([LEAST_SD**2, 0.0])
+        return Curve(gamma, black, scale @ covariance @ scale + floor)
+
+    def _slope(self, gamma: float, black: float) -> float:
+        """Return by how much the power that is left changes with the logarithm of gamma: 1 without noise."""
+        low, high = (
+            self.power(Response.power(gamma * times, black)).excess
+            for times in (1 / _SLOPE_TIMES, _SLOPE_TIMES)
+        )
+        slope = (high - low) / (2 * math.log(_SLOPE_TIMES))
+        return float(np.clip(slope, _LEAST_SLOPE, 1.0))
 
 
 def _near(places: Places, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -561,7 +574,7 @@ class Tested:
     @property
     def is_refused(self) -> bool:
         """Whether nothing is measured at all."""
-        return bool(self.reason) and not self.sd < TOLD
+        return bool(self.reason) and not math.isfinite(self.sd)
 
     def counted(self, reading: Reading, others: Sequence[Reading]) -> Reading:
         """Return a reading whose variance has the part of the response.
@@ -721,7 +734,7 @@ def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) 
     gamma = 0.0 if curve is None else curve.usual_gamma
     about = f" (gamma about {gamma:.2g})" if curve is not None else ""
     reason = f"grey values are not proportional to light{about}: switch gamma off or state response"
-    if curve is None or not curve.sd < TOLD:
+    if curve is None or not curve.sd < REFUSED_SD:
         return Tested(dict(plain), math.nan, math.inf, note=f"{but}{reason}", reason=reason)
     black = ""
     if curve.black > VIDEO_BLACK / 2:
