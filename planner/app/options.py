@@ -430,6 +430,8 @@ class PlanOutput:
         moved
     graph_limit
         write graph.graphml, the joint graph, for up to this many entities (default: 24; more if it is small)
+    explain
+        also print what P and P_all mean, and what is assumed of points in the image and of faces
     """
 
     out: Folder = "plan"
@@ -437,6 +439,7 @@ class PlanOutput:
     resume: bool = False
     again: Annotated[str | None, _named("PLAN")] = None
     graph_limit: Limit = None
+    explain: bool = False
 
 
 @dataclass(kw_only=True)
@@ -586,6 +589,8 @@ class Simulate(PartReading):
     part
         the part of the plan; the simulation then also counts the displaced images in which edges can be found (default:
         not counted)
+    explain
+        also print what P and P_all mean
     """
 
     usage = ("PLAN [options]",)
@@ -594,6 +599,7 @@ class Simulate(PartReading):
     poses: Number = 100_000
     seed: Seed = 0
     part: Annotated[str | None, _named("PART")] = None
+    explain: bool = False
 
 
 @dataclass(kw_only=True)
