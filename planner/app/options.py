@@ -18,7 +18,6 @@ from planner.app.quantities import (
     DEG,
     MM,
     PX,
-    RAD,
     SECONDS,
     SHARE,
     WHITE,
@@ -28,6 +27,7 @@ from planner.app.quantities import (
     lengths,
     memory,
     registration,
+    sigma_angle,
     sigma_pair,
     value,
     whole,
@@ -266,7 +266,7 @@ class Promise:
     accuracy: Annotated[float, value(SHARE, "A"), BETWEEN_0_AND_1] = 0.98
     probability: Annotated[float, value(SHARE, "P"), BETWEEN_0_AND_1] = 0.9
     sigma_mm: Length = 0.2
-    sigma_rad: Annotated[float, value(RAD, "RAD"), NOT_NEGATIVE] = 0.002
+    sigma_rad: Annotated[float, value(sigma_angle, "RAD"), NOT_NEGATIVE] = 0.002
 
 
 @dataclass(kw_only=True)
@@ -670,7 +670,7 @@ class ArmErrors:
         check P with this many displaced poses per setting
     """
 
-    sigma_joints: Annotated[float | None, value(RAD, "RAD"), NOT_NEGATIVE] = None
+    sigma_joints: Annotated[float | None, value(sigma_angle, "RAD"), NOT_NEGATIVE] = None
     sigma_hand_eye: SigmaPair = None
     sigma_part: SigmaPair = None
     simulate: Number = 10_000
