@@ -35,7 +35,7 @@ from planner.measuring.reading import (
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
-from planner.measuring.response import Tested, tested
+from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import MeasurementResults, Result, Source, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
@@ -361,7 +361,7 @@ class Measurer:
         }
         registered, failed = self._all_registered(pictures, options)
         poses = registered | self._alone(failed, pictures, options)
-        response = tested(self.model, pictures, poses, self._edges_half_px(poses))
+        response = judge_response(self.model, pictures, poses, self._edges_half_px(poses))
         pictures = response.pictures
         if response.is_changed:
             registered, failed = self._all_registered(pictures, options)
@@ -387,7 +387,7 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(image_set, operator),
-            (*image_set.notes, *filter(None, [response.note]), *notes),
+            (*image_set.notes, *response.notes(readings), *notes),
             pictures,
             response.records(),
         )
@@ -431,7 +431,10 @@ class Measurer:
         return registered
 
     def _readings(
-        self, response: Tested, registered: Mapping[str, Registered], options: MeasureOptions
+        self,
+        response: JudgedResponse,
+        registered: Mapping[str, Registered],
+        options: MeasureOptions,
     ) -> dict[str, list[Reading]]:
         """Return what is read in registered images, by target."""
         readings: dict[str, list[Reading]] = {name: [] for name in self.targets}

@@ -41,7 +41,7 @@ EDGES = "edges"
 """The origin of a response that the edges of the images show."""
 CURVED = 0.12
 """Grey values are clearly not proportional to light if gamma is off by more than this."""
-CURVED_SIGMAS = 3.0
+CURVED_SIGMAS = 4.0
 """And by more than so many standard deviations."""
 TOLD = 0.3
 """With a larger standard deviation of gamma, edges do not show it well enough for nothing to be said."""
@@ -416,57 +416,58 @@ class Curve(NamedTuple):
 
 
 class Profiles:
-    """The profiles of all found edges of several images.
+    """The profiles of found edges of several images.
 
     Parameters
     ----------
-    model : PartModel
-        The part.
-    pictures : mapping of str to Picture
-        The images, by name.
-    registered : mapping of str to Registered
-        Their poses; images without one do not count.
-    half_px : float
-        How far from their predictions edges are searched, px.
+    pictures : sequence of Picture
+        The images.
+    places : sequence of Places
+        Where edges are in each.
     """
 
-    def __init__(
-        self,
+    def __init__(self, pictures: Sequence[Picture], places: Sequence[Places]) -> None:
+        self._pictures = list(pictures)
+        self._places = thinned(places)
+        joined = [np.concatenate(columns) for columns in zip(*self._places, strict=True)]
+        self._edge, self._section, self._blur = joined[2:] if joined else [np.zeros(0)] * 3
+        # sections of one edge in several images are several, and the edge is one
+        image = np.repeat(
+            np.arange(len(self._places)), [len(image_places.edge) for image_places in self._places]
+        )
+        self._section = self._section + _SECTIONS * image
+        self._near = [
+            np.flatnonzero(_near(image_places, picture.levels.shape))
+            for image_places, picture in zip(self._places, self._pictures, strict=True)
+        ]
+
+    @classmethod
+    def found(
+        cls,
         model: PartModel,
         pictures: Mapping[str, Picture],
         registered: Mapping[str, Registered],
         half_px: float,
-    ) -> None:
-        self.names = [name for name in pictures if name in registered]
-        self._pictures = [pictures[name] for name in self.names]
-        self._places = thinned(
-            [
-                found_places(model, picture, registered[name], half_px)
-                for name, picture in zip(self.names, self._pictures, strict=True)
-            ]
-        )
-        joined = [np.concatenate(columns) for columns in zip(*self._places, strict=True)]
-        self._edge, self._section, self._blur = joined[2:] if joined else [np.zeros(0)] * 3
-        # sections of one edge in several images are several, and the edge is one
-        image = np.repeat(np.arange(len(self.names)), [len(places.edge) for places in self._places])
-        self._section = self._section + _SECTIONS * image
-        self._near = [
-            np.flatnonzero(_near(places, picture.levels.shape))
-            for places, picture in zip(self._places, self._pictures, strict=True)
-        ]
+    ) -> Profiles:
+        """Return the profiles of all found edges of registered images, see `found_places`; others do not count."""
+        names = [name for name in pictures if name in registered]
+        places = [found_places(model, pictures[name], registered[name], half_px) for name in names]
+        return cls([pictures[name] for name in names], places)
 
     def steps(self, response: Response | None = None) -> Steps:
         """Return the fitted steps in the light of a response, or as images have it."""
         places = np.zeros(1)
         parts = []
-        for picture, own_places, near in zip(self._pictures, self._places, self._near, strict=True):
+        for picture, image_places, near in zip(
+            self._pictures, self._places, self._near, strict=True
+        ):
             image = picture.grey
             if response is not None:
                 # what is between pixels is interpolated in light; most pixels are not near an edge
                 image = np.zeros_like(picture.levels)
                 levels = picture.levels.ravel()[near]
                 image.ravel()[near] = response.applied(levels, picture.white)
-            places, values = profiles_of(image, own_places.centres, own_places.across, 1.0)
+            places, values = profiles_of(image, image_places.centres, image_places.across, 1.0)
             parts.append(values / picture.white)
         return fitted_steps(places, np.concatenate(parts), self._blur, response or LINEAR)
 
@@ -541,7 +542,7 @@ class ResponseRecord:
 
 
 @dataclass(frozen=True)
-class Tested:
+class JudgedResponse:
     """What the edges of all images say of the response.
 
     Attributes
@@ -607,6 +608,11 @@ class Tested:
             drawn_uncertainty=times * reading.drawn_uncertainty,
         )
 
+    def notes(self, readings: Mapping[str, Sequence[Reading]]) -> list[str]:
+        """Return what the user should know, given all readings: of an uncertainty only if a value has one."""
+        has_value = any(reading.measured for group in readings.values() for reading in group)
+        return [self.note] if self.note and (has_value or self.reason) else []
+
     def records(self) -> dict[str, ResponseRecord]:
         """Return what files say of it, by image."""
         return {
@@ -637,12 +643,12 @@ def _refused(reading: Reading, reason: str) -> Reading:
     )
 
 
-def tested(
+def judge_response(
     model: PartModel,
     pictures: Mapping[str, Picture],
     registered: Mapping[str, Registered],
     half_px: float,
-) -> Tested:
+) -> JudgedResponse:
     """Test the response of the images of one camera by all edges that are found in them.
 
     A user is believed, and contradicted in a note. A file, and that grey values are proportional to light where nothing
@@ -651,20 +657,20 @@ def tested(
     Parameters
     ----------
     model, pictures, registered, half_px
-        As of `Profiles`.
+        As of `found_places`.
     """
-    profiles = Profiles(model, pictures, registered, half_px)
+    profiles = Profiles.found(model, pictures, registered, half_px)
     power = profiles.power()
-    origins = {pictures[name].response_from for name in profiles.names}
+    origins = {picture.response_from for picture in pictures.values()}
     stated = " and ".join(sorted({picture.response.words for picture in pictures.values()}))
-    if STATED in origins or not profiles.names:
+    if STATED in origins or not registered:
         note = ""
         if is_clear(power):
             note = (
                 f"edges contradict the stated response ({stated}): gamma {_gamma_text(power)} is left in its light; "
                 "measured as stated"
             )
-        return Tested(dict(pictures), *_gamma_of(power), note=note)
+        return JudgedResponse(dict(pictures), *_gamma_of(power), note=note)
     if not is_clear(power):
         return _believed(pictures, power, FILE in origins)
     plain = {name: picture.under(LINEAR, EDGES) for name, picture in pictures.items()}
@@ -696,7 +702,9 @@ def _gamma_text(power: PowerEstimate) -> str:
     return f"{gamma:.2g} ± {2 * sd:.1g}"
 
 
-def _believed(pictures: Mapping[str, Picture], power: PowerEstimate, is_stated: bool) -> Tested:
+def _believed(
+    pictures: Mapping[str, Picture], power: PowerEstimate, is_stated: bool
+) -> JudgedResponse:
     """Return what is measured in the light as it is taken."""
     doubt = min(max(power.sd, abs(power.excess)), MOST_SD)
     note = ""
@@ -715,10 +723,10 @@ def _believed(pictures: Mapping[str, Picture], power: PowerEstimate, is_stated: 
         if picture.response_from == ASSUMED and doubt <= TOLD:
             chosen[name] = replace(picture, response_from=EDGES)
     bent = {name: picture.raised(1 + doubt) for name, picture in pictures.items()}
-    return Tested(chosen, *_gamma_of(power), [bent], note)
+    return JudgedResponse(chosen, *_gamma_of(power), [bent], note)
 
 
-def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) -> Tested:
+def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) -> JudgedResponse:
     """Return what is measured in the light of the response that edges show.
 
     Parameters
@@ -735,7 +743,7 @@ def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) 
     about = f" (gamma about {gamma:.2g})" if curve is not None else ""
     reason = f"grey values are not proportional to light{about}: switch gamma off or state response"
     if curve is None or not curve.sd < REFUSED_SD:
-        return Tested(dict(plain), math.nan, math.inf, note=f"{but}{reason}", reason=reason)
+        return JudgedResponse(dict(plain), math.nan, math.inf, note=f"{but}{reason}", reason=reason)
     black = ""
     if curve.black > VIDEO_BLACK / 2:
         black = f", black about {255 * curve.black:.0f} of 255"
@@ -747,4 +755,6 @@ def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) 
         {name: picture.under(response, EDGES) for name, picture in plain.items()}
         for response in (curve.response, *curve.others())
     ]
-    return Tested(images[0], 1.0, curve.sd / gamma, images[1:], note, reason, is_changed=True)
+    return JudgedResponse(
+        images[0], 1.0, curve.sd / gamma, images[1:], note, reason, is_changed=True
+    )
