@@ -39,10 +39,10 @@ Array = NDArray[np.float64]
 
 EDGES = "edges"
 """The origin of a response that the edges of the images show."""
-CURVED = 0.12
+CURVED = 0.1
 """Grey values are clearly not proportional to light if gamma is off by more than this."""
-CURVED_SIGMAS = 4.0
-"""And by more than so many standard deviations."""
+CURVED_SIGMAS = 2.5
+"""And so many standard deviations more."""
 TOLD = 0.3
 """With a larger standard deviation of gamma, edges do not show it well enough for nothing to be said."""
 REFUSED_SD = 0.4
@@ -688,7 +688,7 @@ def judge_response(
 
 def is_clear(power: PowerEstimate) -> bool:
     """Return whether edges clearly show that light is not what it is taken for."""
-    return abs(power.excess) > max(CURVED, CURVED_SIGMAS * power.sd)
+    return abs(power.excess) > CURVED + CURVED_SIGMAS * power.sd
 
 
 def _gamma_of(power: PowerEstimate) -> tuple[float, float]:
