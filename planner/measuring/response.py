@@ -361,7 +361,8 @@ def _robust_fit(sections: Sections, precision: Array, expected: Array) -> tuple[
         scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
         weight = np.maximum(1 - (residual / (_TUKEY * scale)) ** 2, 0.0) ** 2 / scale**2
         normal = x.T @ (weight[:, None] * x) + precision
-        fit = np.linalg.solve(normal, x.T @ (weight * y) + precision @ expected)
+        right = x.T @ (weight * y) + precision @ expected
+        fit = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
     # what edges push the fit by, each as a whole
     scores = np.zeros((sections.edges, count))
     np.add.at(scores, sections.edge, (weight * (y - x @ fit))[:, None] * x)
