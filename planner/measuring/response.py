@@ -98,6 +98,7 @@ _SEARCH_ROUNDS = 12
 _STILL = 0.004
 _NEARLY_STILL = 0.02
 _SLOPE_TIMES = 1.15
+_TIMES_UNCLEAR = 2.0
 _LEAST_SLOPE = 0.3
 _TAIL = 0.975
 _USUAL = 1.96
@@ -412,6 +413,11 @@ class Curve(NamedTuple):
         slope = np.array([1.0, 1 / (0.5 - self.black)])
         return self.usual_gamma * math.sqrt(float(slope @ self.covariance @ slope))
 
+    @property
+    def is_bent(self) -> bool:
+        """Whether it is no straight line; otherwise edges are asymmetric for other reasons, such as chamfers."""
+        return abs(self.usual_gamma - 1) > CURVED_SIGMAS * self.sd
+
     def others(self) -> list[Response]:
         """Return responses one standard deviation away, along both axes of the covariance."""
         sizes, axes = np.linalg.eigh(self.covariance)
@@ -507,7 +513,7 @@ class Profiles:
             black = float(np.clip(black + min(max(float(shift), -_SHIFT), _SHIFT), *_BLACKS))
             if abs(step) < _STILL and abs(shift) < _STILL:
                 break
-        if abs(step) > _NEARLY_STILL or abs(gamma - 1) < CURVED / 2:
+        if abs(step) > _NEARLY_STILL:
             return None
         # a larger power is a smaller gamma
         scale = np.diag([-1 / self._slope(gamma, black), 1.0])
@@ -752,6 +758,16 @@ def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) 
         How a note begins.
     """
     curve = profiles.curve()
+    if curve is not None and not curve.is_bent:
+        power = profiles.power(LINEAR)
+        # the power that symmetric edges would show may be twice as large
+        power = power._replace(sd=_TIMES_UNCLEAR * max(power.sd, abs(power.excess)))
+        straight = _believed(plain, power, bool(but))
+        note = (
+            f"{but}edges are not symmetric, because of gamma or because they are broken: "
+            f"U allows for a gamma off by {min(power.sd, MOST_SD):.1g}; state response"
+        )
+        return replace(straight, note=note, is_changed=bool(but))
     gamma = 0.0 if curve is None else curve.usual_gamma
     about = f" (gamma about {gamma:.2g})" if curve is not None else ""
     reason = f"grey values are not proportional to light{about}: switch gamma off or state response"

@@ -290,6 +290,15 @@ def test_chamfers_widen_the_deviation_and_make_no_gamma():
     assert not any(is_clear(one) for one in broken)
 
 
+def test_a_curve_that_may_be_a_line_is_no_gamma():
+    """What rounded edges of 0.2 mm show in light is a power of 1.3 above a black of -0.12: nearly a line."""
+    covariance = np.diag([0.07, 0.055]) ** 2
+    assert not Curve(1.3, -0.12, covariance).is_bent
+    assert Curve(2.4, -0.055, covariance).is_bent
+    # at half of full exposure, sRGB is a gamma of 2.2
+    assert Curve(2.4, -0.055, covariance).usual_gamma == pytest.approx(2.2, abs=0.05)
+
+
 def test_too_few_edges_show_nothing():
     power = Scene(1, gamma_levels(2.2), edges=3).power(LINEAR)
     assert power == PowerEstimate(0.0, np.inf, power.edges)
