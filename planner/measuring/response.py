@@ -43,6 +43,8 @@ CURVED = 0.1
 """Grey values are clearly not proportional to light if gamma is off by more than this."""
 CURVED_SIGMAS = 2.5
 """And so many standard deviations more."""
+LEAST_CURVED = 0.3
+"""Cameras with gamma are off by more than this: gamma 1.4 and more. What is less is from broken edges."""
 TOLD = 0.3
 """With a larger standard deviation of gamma, edges do not show it well enough for nothing to be said."""
 REFUSED_SD = 0.4
@@ -758,8 +760,8 @@ def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) 
         How a note begins.
     """
     curve = profiles.curve()
-    if curve is not None and not curve.is_bent:
-        power = profiles.power(LINEAR)
+    power = profiles.power(LINEAR)
+    if power.excess > -LEAST_CURVED or (curve is not None and not curve.is_bent):
         # the power that symmetric edges would show may be twice as large
         power = power._replace(sd=_TIMES_UNCLEAR * max(power.sd, abs(power.excess)))
         straight = _believed(plain, power, bool(but))

@@ -20,6 +20,7 @@ from planner.measuring.reading import Reading
 from planner.measuring.response import (
     CURVED,
     EDGES,
+    LEAST_CURVED,
     LEAST_SD,
     Curve,
     JudgedResponse,
@@ -404,5 +405,5 @@ def test_what_the_response_dominates_is_not_measured():
 
 
 def test_limits_are_in_order():
-    assert 0 < LEAST_SD < CURVED
+    assert 0 < LEAST_SD < CURVED < LEAST_CURVED
     assert FILE != EDGES
