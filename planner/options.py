@@ -133,6 +133,11 @@ class InspectionOptions(RunOptions):
         The program predicts it from what each pose shows of the part. A `PoseUncertainty` is that
         of poses that something else measures. Where the camera may be while it takes the images,
         remains ``pose_uncertainty``. Default: values are read with the planned poses.
+    edge_break_mm : (float, float), optional
+        By how much the part's edges are broken along their faces, least and most, mm, such as
+        (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge beside the edge
+        of the model. P and U of dimensions contain what is not known of this. Default: edges are
+        assumed to be sharp within 0.05 mm.
     gap : float
         Stop improving the plan and its bound at this gap, in [0, 1). The gap is the share of the
         settings that the bound does not prove to be needed. Default: improve both as far as the
@@ -164,6 +169,7 @@ class InspectionOptions(RunOptions):
     surfaces_mm: float | None = None
     registration: Any = None
     gap: float = 0.0
+    edge_break_mm: tuple[float, float] | None = None
 
     @classmethod
     def of_request(cls, request: Request) -> InspectionOptions:

@@ -39,6 +39,7 @@ from planner.measuring.task import (
     distance_of,
 )
 from planner.request.dimension import is_one_sided
+from planner.request.edge_state import EdgeState, checked_break
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
@@ -190,7 +191,7 @@ def _by_light(
     return levels, np.array([np.median(shares[number == k]) for k in usual])
 
 
-FLOOR_PX = 0.08
+FLOOR_PX = 0.01
 """Error that all points of an entity have in common, px, where the plan does not state one."""
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
@@ -211,7 +212,7 @@ class MeasureOptions:
         How poses are known.
     localisation : Localisation or None
         How well edges are found; only its floor counts, because single points are judged by their own residuals. A
-        registration takes edges to be off by three times the floor. None is the plan's, or a floor of 0.08 px if that
+        registration takes edges to be off by three times the floor. None is the plan's, or a floor of 0.01 px if that
         has none.
     coverage : float
         Share of an entity that must be found, in (0, 1].
@@ -219,11 +220,14 @@ class MeasureOptions:
         How it is decided.
     white_level : int or None
         Grey value of full exposure. None is that of the plan's camera, see `Camera`.
+    edge_break_mm : (float, float) or None
+        By how much the part's edges are broken along their faces, least and most, mm. Targets that state their own
+        keep it. None is the plan's; without that, edges are assumed to be sharp within 0.05 mm.
 
     Raises
     ------
     RequestError
-        If the coverage is not in (0, 1].
+        If the coverage is not in (0, 1], or the breaks are not two numbers in rising order.
     CameraError
         If the white level is not a grey value.
 
@@ -239,8 +243,11 @@ class MeasureOptions:
     coverage: float = COVERAGE_SHARE
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
     white_level: int | None = None
+    edge_break_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        if self.edge_break_mm is not None:
+            object.__setattr__(self, "edge_break_mm", checked_break(self.edge_break_mm))
         if self.white_level is not None:
             object.__setattr__(self, "white_level", check_white_level(self.white_level))
         if not 0 < self.coverage <= 1:
@@ -410,7 +417,12 @@ class Measurer:
             prior = prior_covariance(self.model, *stated, setting_pictures[0].camera)
             try:
                 registered = register_as_shown(
-                    self.model, setting_pictures, pose, *stated, self._bias_px(options)
+                    self.model,
+                    setting_pictures,
+                    pose,
+                    *stated,
+                    self._bias_px(options),
+                    self.edge_state(options),
                 )
             except NotRegisteredError as error:
                 poses = [np.asarray(setting.cam2world) for setting in self.plan.settings]
@@ -454,7 +466,8 @@ class Measurer:
         surfaces_mm = self._surfaces_mm(options.registration)
         bias_px = self._bias_px(options)
         try:
-            seen = register_as_shown(self.model, own, planned, prior, surfaces_mm, bias_px)
+            state = self.edge_state(options)
+            seen = register_as_shown(self.model, own, planned, prior, surfaces_mm, bias_px, state)
         except TooFarError:
             raise
         except NotRegisteredError:
@@ -491,7 +504,14 @@ class Measurer:
                 )
                 readings.append(
                     read_length(
-                        place, target.measurand, edge, picture, registered, self.model, search
+                        place,
+                        target.measurand,
+                        edge,
+                        picture,
+                        registered,
+                        self.model,
+                        search,
+                        self.edge_state(options, target),
                     )
                 )
                 continue
@@ -507,12 +527,21 @@ class Measurer:
                     registered,
                     half_px=half[name],
                     coverage=options.coverage,
+                    edge_state=self.edge_state(options, target),
                 )
                 for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
             ]
             floor = self._floor_px(target.localisation, options)
             readings.append(
-                read_value(place, target.measurand, scans, registered, self.model, floor)
+                read_value(
+                    place,
+                    target.measurand,
+                    scans,
+                    registered,
+                    self.model,
+                    floor,
+                    picture.camera,
+                )
             )
         return readings
 
@@ -543,6 +572,24 @@ class Measurer:
             return _MOST_TOLERANCE_PX
         lower, upper = target.tolerance
         return min((upper - lower) * share / target.permitted_error, _MOST_TOLERANCE_PX)
+
+    def edge_state(self, options: MeasureOptions, target: Target | None = None) -> EdgeState:
+        """Return by how much the edges of a target are broken, or of the whole part.
+
+        Parameters
+        ----------
+        options : MeasureOptions
+            What is stated here counts more than what the plan states of the part.
+        target : Target, optional
+            What it states of its own edges counts most. Default: none.
+
+        Returns
+        -------
+        EdgeState
+            What is stated, or sharp within 0.05 mm.
+        """
+        own = getattr(target, "edge_break_mm", None)
+        return EdgeState.of(own, options.edge_break_mm, self.plan.request.edge_break_mm)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

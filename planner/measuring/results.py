@@ -37,7 +37,7 @@ CONSISTENT = 0.99
 """Readings of one target that differ more than with this probability are said to disagree."""
 
 # errors that readings from several images have in common
-_COMMON = ("surfaces", "localisation floor")
+_COMMON = ("surfaces", "localisation floor", "edge state")
 
 
 @dataclass(frozen=True)

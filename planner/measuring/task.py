@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from errors.registration import Rows, posterior
 from ground.convert import shown
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
+from planner.measuring.edge_state import registration_shift
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights
 from planner.measuring.registered import displaced
 from planner.measuring.samples import (
@@ -29,6 +31,7 @@ from planner.measuring.samples import (
     across_of,
     pixels_of,
 )
+from planner.request.edge_state import SHARP, EdgeState
 
 Array = NDArray[np.float64]
 
@@ -90,6 +93,10 @@ class Task:
         How samples move with these.
     bias_px : float
         Standard deviation of where an edge is found as a whole.
+    shift_px : array (m,) or float
+        Where steps are expected across the edges of the model: broken edges are seen beside them.
+    two_steps : array of bool (m,) or False
+        Of which samples two steps are no fault.
     """
 
     model: PartModel
@@ -101,6 +108,8 @@ class Task:
     unknowns: NDArray[np.int64]
     moves: Array
     bias_px: float
+    shift_px: Array | float = 0.0
+    two_steps: NDArray[np.bool_] | bool = False
 
     @cached_property
     def own(self) -> list[slice]:
@@ -140,10 +149,9 @@ class Task:
     def predicted(self, x: Array) -> tuple[Array, Array]:
         """Return predicted places and unit vectors across (m, 2)."""
         pose, points = self.places(x)
-        return (
-            pixels_of(points, pose, self.camera),
-            across_of(points, self.samples.tangents, pose, self.camera),
-        )
+        across = across_of(points, self.samples.tangents, pose, self.camera)
+        shift = np.broadcast_to(self.shift_px, len(points))
+        return pixels_of(points, pose, self.camera) + shift[:, None] * across, across
 
     def design(self, x: Array, across: Array) -> Array:
         """Return how far samples move across by the pose and by the six numbers of their surfaces; (m, 12)."""
@@ -199,7 +207,12 @@ class Scan(NamedTuple):
 
 
 def registration_task(
-    model: PartModel, camera: Camera, planned: Array, prior: Array, bias_px: float
+    model: PartModel,
+    camera: Camera,
+    planned: Array,
+    prior: Array,
+    bias_px: float,
+    edge_state: EdgeState = SHARP,
 ) -> Task:
     """Return what a registration needs.
 
@@ -209,6 +222,8 @@ def registration_task(
         See `Task`.
     camera : Camera
         The camera.
+    edge_state : EdgeState
+        By how much edges are broken.
 
     Raises
     ------
@@ -233,7 +248,16 @@ def registration_task(
         number, chosen.share, chosen.points, chosen.tangents, chosen.visible, chosen.apart
     )
     unknowns = np.array([model.unknowns_of(edge) for edge in used_edges])
-    return Task(model, camera, planned, prior, samples, used_edges, unknowns, moves, bias_px)
+    task = Task(model, camera, planned, prior, samples, used_edges, unknowns, moves, bias_px)
+    if edge_state.is_sharp:
+        return task
+    across = across_of(samples.points, samples.tangents, planned, camera)
+    shift, sigma_px, double = registration_shift(
+        used_edges, samples, across, planned, camera, edge_state
+    )
+    return replace(
+        task, bias_px=math.hypot(bias_px, sigma_px), shift_px=shift, two_steps=double
+    )
 
 
 def residual_scale(residual: Array) -> float:

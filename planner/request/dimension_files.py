@@ -138,7 +138,10 @@ def surfaces_or_default(surfaces_mm: float | None, localisation: Localisation | 
         ) from None
 
 
-_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any")
+_OPTIONS = (
+    *("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any"),
+    "edge_break_mm",
+)
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
 _ANGLES = ("deg", "rad")
@@ -154,6 +157,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     ``tolerance = { upper = 0.05 }``, with ``max_error`` or ``accuracy`` besides. Other entities that
     give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
+    ``edge_break_mm = [0.1, 0.3]`` states by how much the edges of the dimension are broken, in mm whatever the unit.
 
     Parameters
     ----------

@@ -494,6 +494,8 @@ class PlannedDimension(Target):
         Standard deviation of the position of its faces along their normals, mm, where the dimension states its own.
     surfaces_from : str
         The tolerance of the model that this follows from; empty if it was given.
+    edge_break_mm : (float, float) or None
+        By how much its edges are broken, least and most, mm, where the dimension states its own.
     surfaces_mm : float
         The same, or that of the request, once `measured_with` has stated it.
     """
@@ -506,6 +508,7 @@ class PlannedDimension(Target):
     n_features: int = 1
     stated_surfaces_mm: float | None = None
     surfaces_from: str = ""
+    edge_break_mm: tuple[float, float] | None = None
     surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
 
     @classmethod
@@ -542,6 +545,7 @@ class PlannedDimension(Target):
             dimension.n_features,
             dimension.surfaces_mm,
             dimension.surfaces_from,
+            dimension.edge_break_mm,
         )
 
     @classmethod
@@ -744,6 +748,7 @@ class PlannedDimension(Target):
             alternatives=tuple(ways[1:]),
             surfaces_mm=self.stated_surfaces_mm,
             surfaces_from=self.surfaces_from,
+            edge_break_mm=self.edge_break_mm,
             **error,
         )
 
