@@ -25,12 +25,13 @@ from planner.measuring.samples import (
     ALONG_VARIANCE,
     BESIDE_PX,
     SMOOTHING_PX,
+    EdgeTable,
     PartEdge,
     Samples,
     pixels_of,
     profiles_of,
 )
-from planner.request.edge_state import EdgeState, band_normals, broken_lines, shifts_of
+from planner.request.edge_state import EdgeState, broken_lines, chamfer_lines, round_band, shifts_of
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ RESOLVED_HALF_PX = 2.0
 """Where they are, the wanted line is searched this far from where the mean break puts it, and by half of their distance."""
 TWO_STEPS_PX = 1.0
 """Two steps of a sample are no fault if the lines of a stated break may be this far apart."""
-SHARE_SIGMA = 0.2
+SHARE_SIGMA = 0.1
 """Standard deviation of the share of the way between both lines, where a lamp tells it."""
 LEAST_STEP = 0.02
 """Smallest step of both faces, as a share of white, of which a lamp tells where it is."""
@@ -53,7 +54,10 @@ _STEP_MM = 0.01
 # px, from both lines: where the steepest place is looked for
 _BEYOND_PX = 3.0
 _PLACES = 61
-_MOST_BESIDE_PX = 8.0
+# of a round band
+_STRIPS = 6
+_MOST_BAND_PX = 5.0
+_MOST_WIDER_PX = 2.0
 _LIFT_MM = 0.02
 
 
@@ -71,30 +75,63 @@ class Breaks:
         Whether the wanted line is searched alone.
     normals : array (m, 2, 3)
         Of the other and of the wanted face.
-    offsets : array (k, m)
-        Where the step is for each break of `EdgeState.nodes`, px, as the lamp tells it; nan where it does not.
+    scale : array (m, 3)
+        Pixels across for a millimetre along each axis of the part.
+    offsets : array (h, m)
+        Where the step is by `hypotheses`, px, as a lamp tells it; nan where it does not.
+    weights : array (q,)
+        Probabilities of each shape, a chamfer or a round band, under each lamp that may be the right one.
     """
 
     state: EdgeState
     ends: Array
     resolved: NDArray[np.bool_]
     normals: Array
+    scale: Array
     offsets: Array = field(default_factory=lambda: np.empty((0, 0)))
+    weights: Array = field(default_factory=lambda: np.ones(1))
+
+    @property
+    def is_told(self) -> NDArray[np.bool_]:
+        """Of which samples a lamp tells where the step is (m,)."""
+        if not len(self.offsets):
+            return np.zeros(len(self.ends), dtype=np.bool_)
+        return np.asarray(np.isfinite(self.offsets).all(axis=0))
+
+    @property
+    def hypotheses(self) -> tuple[Array, Array]:
+        """Breaks (h,), mm, with their probabilities: all of them for each shape and each lamp."""
+        mm, weights = self.state.nodes()
+        return np.tile(mm, len(self.weights)), np.outer(self.weights, weights).ravel()
+
+    @property
+    def by_break(self) -> Array:
+        """Where the step is by `hypotheses` (h, m), px; half way where no lamp tells it."""
+        mm, _ = self.hypotheses
+        middle = mm[:, None] * np.where(self.resolved, self.ends[:, 1], self.ends.mean(axis=1))
+        return np.where(self.is_told, self.offsets, middle) if len(self.offsets) else middle
 
     @property
     def expected(self) -> Array:
         """Where steps are expected (m,), px across; at the edge of the model where nothing is stated."""
         if not self.state.stated:
             return np.zeros(len(self.ends))
-        mean = self.state.mean_mm
-        return np.where(self.resolved, mean * self.ends[:, 1], mean * self.ends.mean(axis=1))
+        return np.asarray(self.hypotheses[1] @ self.by_break)
+
+    @property
+    def band_px(self) -> float:
+        """How wide the band between both faces may be, px; 0 where nothing is stated."""
+        return self.state.stated * band_px(self.ends, self.state)
 
     def half_px(self, half_px: float) -> float:
-        """Return how far steps are searched: no farther than half way to the other line where that is found apart."""
-        if not self.resolved.any():
+        """Return how far steps are searched: farther by what a break may be off, but not to a line found apart."""
+        apart = self.state.mean_mm * np.abs(self.ends[:, 0] - self.ends[:, 1])
+        alone = self.resolved & ~self.is_told
+        if alone.any():
+            return min(half_px, max(RESOLVED_HALF_PX, float(np.median(apart[alone])) / 2))
+        if not self.state.stated or not len(apart):
             return half_px
-        apart = self.state.mean_mm * np.abs(self.ends[self.resolved, 0] - self.ends[self.resolved, 1])
-        return min(half_px, max(RESOLVED_HALF_PX, float(np.median(apart)) / 2))
+        return half_px + min(float(np.median(apart)) / 2, _MOST_WIDER_PX)
 
     def of(self, which: NDArray[np.bool_]) -> Breaks:
         """Return those of some of the samples (m,)."""
@@ -104,8 +141,16 @@ class Breaks:
             ends=self.ends[which],
             resolved=self.resolved[which],
             normals=self.normals[which],
+            scale=self.scale[which],
             offsets=offsets,
         )
+
+
+def band_px(ends: Array, state: EdgeState) -> float:
+    """Return how wide bands may be, px, given the offsets of both lines (m, 2): the median, up to a limit."""
+    if not len(ends):
+        return 0.0
+    return min(state.high_mm * float(np.median(np.ptp(ends, axis=1))), _MOST_BAND_PX)
 
 
 def two_steps(ends: Array, state: EdgeState) -> NDArray[np.bool_]:
@@ -114,43 +159,25 @@ def two_steps(ends: Array, state: EdgeState) -> NDArray[np.bool_]:
     return np.asarray(apart >= TWO_STEPS_PX) & state.stated
 
 
-def line_offsets(edge: PartEdge, samples: Samples, places: Array, across: Array, pose: Array, camera: Camera) -> Array:
-    """Return the offsets of both lines of an edge's samples, px across for each mm of the break.
+def px_across(places: Array, across: Array, pose: Array, camera: Camera) -> Array:
+    """Return how far a millimetre along each axis of the part moves places (m, 3) across edges in the image (m, 3), px.
 
     Parameters
     ----------
-    edge : PartEdge
-        The edge.
-    samples : Samples
-        Its samples (m).
     places : array (m, 3)
-        Where these are, mm.
+        mm.
     across : array (m, 2)
-        Unit vectors across the edge in the image.
+        Unit vectors across the edges.
     pose : array (4, 4)
         Pose of the camera.
     camera : Camera
         The camera.
-
-    Returns
-    -------
-    array (m, 2)
-        Of the line on the first and on the second face; 0 of a re-entrant edge.
     """
-    if not len(places):
-        return np.zeros((0, 2))
-    normals = edge.at(samples.share)[2]
-    convex = np.full(len(places), edge.convex)
-    lines = broken_lines(normals, samples.tangents, convex, pose[:3, 3] - places)
-    return _pixels_across(places, lines, across, pose, camera)
-
-
-def _pixels_across(places: Array, lines: Array, across: Array, pose: Array, camera: Camera) -> Array:
-    before = pixels_of(places, pose, camera)
-    moved = [
-        pixels_of(places + _STEP_MM * lines[:, k], pose, camera) - before for k in range(2)
+    moves = [
+        pixels_of(places + step, pose, camera) - pixels_of(places - step, pose, camera)
+        for step in _STEP_MM * np.eye(3)
     ]
-    return np.stack([(move * across).sum(axis=1) for move in moved], axis=1) / _STEP_MM
+    return np.stack([(move * across).sum(axis=1) for move in moves], axis=1) / (2 * _STEP_MM)
 
 
 def wanted_face(edge: PartEdge, frame: Frame, samples: Samples) -> NDArray[np.int64]:
@@ -177,22 +204,27 @@ def entity_breaks(
 
     Parameters
     ----------
-    edge, samples, places, across, pose, camera
-        See `line_offsets`.
+    edge : PartEdge
+        The entity.
     frame : Frame
-        The plane that the entity is fitted in.
+        The plane that it is fitted in.
+    samples : Samples
+        Its samples (m).
     state : EdgeState
         By how much it is broken.
+    places, across, pose, camera
+        See `px_across`.
     """
-    ends = line_offsets(edge, samples, places, across, pose, camera)
-    rows = np.arange(len(ends))
+    scale = px_across(places, across, pose, camera)
     wanted = wanted_face(edge, frame, samples)
     order = np.stack([1 - wanted, wanted], axis=1)
-    ends = np.take_along_axis(ends, order, axis=1)
-    normals = edge.at(samples.share)[2][rows[:, None], order]
+    normals = np.take_along_axis(edge.at(samples.share)[2], order[..., None], axis=1)
+    convex = np.full(len(places), edge.convex)
+    lines = broken_lines(normals, samples.tangents, convex, pose[:3, 3] - places)
+    ends = np.einsum("mki,mi->mk", lines, scale)
     apart = state.mean_mm * np.abs(ends[:, 0] - ends[:, 1])
     resolved = np.asarray(apart >= RESOLVED_PX) & state.stated
-    return Breaks(state, ends, resolved, normals)
+    return Breaks(state, ends, resolved, normals, scale)
 
 
 def levels_beside(picture: Picture, places: Array, across: Array, breaks: Breaks) -> Array:
@@ -207,8 +239,7 @@ def levels_beside(picture: Picture, places: Array, across: Array, breaks: Breaks
     breaks : Breaks
         How wide the band between both faces may be.
     """
-    band = breaks.state.high_mm * float(np.median(np.ptp(breaks.ends, axis=1)))
-    beside = min(BESIDE_PX + band, _MOST_BESIDE_PX)
+    beside = BESIDE_PX + band_px(breaks.ends, breaks.state)
     at, grey = profiles_of(picture.grey, places, across, beside)
     columns = [int(np.argmin(np.abs(at - side * beside))) for side in (-1, 1)]
     return np.asarray(grey[:, columns].T / picture.white)
@@ -237,31 +268,47 @@ def lit_breaks(
         Standard deviation of the image's blur, px.
     """
     ways = faces.eye - samples.points
-    band = band_normals(breaks.normals, samples.tangents, ways)
-    lifted = samples.points + _LIFT_MM * band
-    grey = replace(faces, points=lifted, normals=band).shaded(lamp)
+    convex = np.ptp(breaks.ends, axis=1) > 0
+    chamfer = chamfer_lines(breaks.normals, samples.tangents, convex, ways)
+    flat = breaks.normals.sum(axis=1, keepdims=True)
+    flat = flat / np.maximum(np.linalg.norm(flat, axis=2, keepdims=True), 1e-9)
+    round_lines, round_normals = round_band(breaks.normals, samples.tangents, ways, _STRIPS)
+    beside = _in_order(breaks, ways, levels)
+    sigma = float(np.sqrt(ALONG_VARIANCE / 2 + blur_px**2 + SMOOTHING_PX**2))
+    mm, _ = breaks.state.nodes()
+    lamps, weights = lamp.plausible
+    offsets = []
+    for lines, normals in ((chamfer, flat), (round_lines, round_normals)):
+        points = np.broadcast_to(samples.points[:, None] + _LIFT_MM * flat, normals.shape)
+        band = replace(faces, points=points, normals=normals)
+        ends = np.einsum("mki,mi->mk", lines, breaks.scale)
+        for each in lamps:
+            steps = np.diff(
+                np.concatenate([beside[:, :1], band.shaded(each), beside[:, 1:]], axis=1), axis=1
+            )
+            offsets.append(steepest(mm[:, None, None] * ends, steps, sigma))
+    return replace(breaks, offsets=np.concatenate(offsets), weights=np.tile(weights / 2, 2))
+
+
+def _in_order(breaks: Breaks, ways: Array, levels: Array) -> Array:
+    """Return the grey values beside edges (m, 2), on the side of the other face and on that of the wanted one."""
     is_seen = (breaks.normals * ways[:, None]).sum(axis=2) > 0
-    rows = np.arange(len(grey))
+    rows = np.arange(len(ways))
     # of the faces that are seen the one that is farther from edge-on; its line lies on its side
     face = np.argmax(np.abs(breaks.ends) * is_seen, axis=1)
     side = (breaks.ends[rows, face] > 0).astype(np.int64)
     side = np.where(face == 0, side, 1 - side)
-    steps = np.stack([grey - levels[side, rows], levels[1 - side, rows] - grey], axis=1)
-    sigma = float(np.sqrt(ALONG_VARIANCE / 2 + blur_px**2 + SMOOTHING_PX**2))
-    mm, _ = breaks.state.nodes()
-    offsets = steepest(mm[:, None, None] * breaks.ends, steps, sigma)
-    offsets[:, breaks.resolved] = mm[:, None] * breaks.ends[breaks.resolved, 1]
-    return replace(breaks, offsets=offsets)
+    return np.stack([levels[side, rows], levels[1 - side, rows]], axis=1)
 
 
 def steepest(ends: Array, steps: Array, sigma: float) -> Array:
-    """Return where two blurred steps are steepest, in the direction of their sum (k, m), px; nan where that is small.
+    """Return where blurred steps are steepest, in the direction of their sum (h, m), px; nan where that is small.
 
     Parameters
     ----------
-    ends : array (k, m, 2)
+    ends : array (h, m, k)
         Where the steps are, px.
-    steps : array (m, 2)
+    steps : array (m, k)
         How high they are, as shares of white.
     sigma : float
         Standard deviation of the blur, px.
@@ -271,7 +318,7 @@ def steepest(ends: Array, steps: Array, sigma: float) -> Array:
     high = ends.max(axis=2) + _BEYOND_PX
     places = low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, _PLACES)
     slope = np.zeros(places.shape)
-    for i in (0, 1):
+    for i in range(ends.shape[2]):
         away = (places - ends[..., i, None]) / sigma
         slope += (np.sign(total) * steps[:, i])[:, None] * np.exp(-(away**2) / 2)
     best = np.clip(slope.argmax(axis=2), 1, _PLACES - 2)
@@ -295,7 +342,10 @@ class FoundPoints:
 
 
 class BreakShift(NamedTuple):
-    """How far the break of an entity shifts a value: on average, mean square, and by 1 mm at both lines (2,)."""
+    """How far the break of an entity shifts a value: on average, mean square, and by 1 mm at both lines (2,).
+
+    What is expected of a stated break is not part of it.
+    """
 
     mean: float
     mean_square: float
@@ -327,31 +377,17 @@ def break_shifts(
         Derivatives of the value by what is fitted.
     """
     state = breaks.state
-    mm, weights = state.nodes()
-    is_told = np.zeros(len(breaks.ends), dtype=np.bool_)
-    moves = [*(_STEP_MM * breaks.ends.T)]
-    if len(breaks.offsets):
-        is_told = np.isfinite(breaks.offsets).all(axis=0)
-        moves += [*np.where(is_told, breaks.offsets, mm[:, None] * breaks.ends.mean(axis=1))]
+    _, weights = breaks.hypotheses
+    # what is expected is corrected before the fit
+    moves = [*(_STEP_MM * breaks.ends.T), *(breaks.by_break - breaks.expected)]
     shifts = _value_shifts(np.array(moves), edge, frame, points, pose, camera) @ slope
     ends = shifts[:2] / _STEP_MM
-    if len(breaks.offsets) == 0:
-        known = _resolved_ends(breaks, ends)
-        mean, square = shifts_of(known, state)
-        return BreakShift(float(mean), float(square), ends)
-    by_lamp = shifts[2:]
-    mean = float(weights @ by_lamp)
-    unknown = 1.0 - float(is_told.mean())
-    sigma = np.hypot(SHARE_SIGMA * (1 - unknown), unknown / np.sqrt(12))
-    square = float(weights @ by_lamp**2) + (sigma * (ends[1] - ends[0])) ** 2 * state.mean_square
+    told = np.mean(breaks.is_told | breaks.resolved)
+    sigma = np.hypot(SHARE_SIGMA * told, (1 - told) / np.sqrt(12))
+    mean = float(weights @ shifts[2:])
+    square = float(weights @ shifts[2:] ** 2)
+    square += float((sigma * (ends[1] - ends[0])) ** 2) * state.mean_square
     return BreakShift(mean, square, ends)
-
-
-def _resolved_ends(breaks: Breaks, ends: Array) -> Array:
-    """Return the ends of the shift, the other one nearer to the wanted line by the share that is found apart."""
-    share = float(breaks.resolved.mean()) if len(breaks.resolved) else 0.0
-    room = 1 - share + share * SHARE_SIGMA
-    return np.array([ends[1] + room * (ends[0] - ends[1]), ends[1]])
 
 
 def _value_shifts(
@@ -367,36 +403,56 @@ def _value_shifts(
     return np.asarray(fits[1:] - fits[0])
 
 
+class RegistrationShift(NamedTuple):
+    """What breaks do to the samples (m) of a registration.
+
+    Attributes
+    ----------
+    shift_px : array (m,)
+        Where steps are expected, px across.
+    sigma_px : float
+        Standard deviation of what remains; root mean square of all samples.
+    two_steps : array of bool (m,)
+        Of which samples two steps are no fault.
+    band_px : float
+        How wide bands are, px; 0 where nothing is stated.
+    """
+
+    shift_px: Array
+    sigma_px: float
+    two_steps: NDArray[np.bool_]
+    band_px: float
+
+
 def registration_shift(
-    edges: Sequence[PartEdge], samples: Samples, across: Array, pose: Array, camera: Camera, state: EdgeState
-) -> tuple[Array, float, NDArray[np.bool_]]:
+    edges: Sequence[PartEdge],
+    samples: Samples,
+    across: Array,
+    pose: Array,
+    camera: Camera,
+    state: EdgeState,
+) -> RegistrationShift:
     """Return what breaks do to the samples (m) of a registration.
 
     Parameters
     ----------
     edges : sequence of PartEdge
         The edges, which samples number in order.
-    samples, across, pose, camera
-        See `line_offsets`.
+    samples : Samples
+        Visible samples.
+    across, pose, camera
+        See `px_across`.
     state : EdgeState
         The breaks of the part.
-
-    Returns
-    -------
-    shift : array (m,)
-        Where steps are expected, px across.
-    sigma_px : float
-        Standard deviation of what remains; root mean square of all samples.
-    two_steps : array of bool (m,)
-        Of which samples two steps are no fault.
     """
-    ends = np.zeros((len(samples.edge), 2))
-    for k, edge in enumerate(edges):
-        own = samples.edge == k
-        alone = samples.chosen(own)
-        ends[own] = line_offsets(edge, alone, alone.points, across[own], pose, camera)
+    table = EdgeTable(edges)
+    normals = table.at(samples.edge, samples.share)[2]
+    convex = np.array([edge.convex for edge in edges])[samples.edge]
+    lines = broken_lines(normals, samples.tangents, convex, pose[:3, 3] - samples.points)
+    scale = px_across(samples.points, across, pose, camera)
+    ends = np.einsum("mki,mi->mk", lines, scale)
     mean, square = shifts_of(ends, state)
     shift = mean if state.stated else np.zeros(len(mean))
-    variance = np.maximum(square - shift**2, 0.0)
-    sigma = float(np.sqrt(variance.mean())) if len(variance) else 0.0
-    return shift, sigma, two_steps(ends, state)
+    sigma = float(np.sqrt(np.maximum(square - shift**2, 0.0).mean()))
+    band = state.stated * band_px(ends, state)
+    return RegistrationShift(shift, sigma, two_steps(ends, state), band)

@@ -98,7 +98,7 @@ class EntityScan:
     edge : PartEdge
         The entity.
     points : structured array (m,)
-        u, v: found place, px (of what was not found, where it was looked for). nu, nv: unit vector across. x, y, z: the
+        u, v: found place, px, less what a stated break moves it (of what was not found, the place of the model). nu, nv: unit vector across. x, y, z: the
         sample, mm. share: where on the entity. residual_px: distance from the fit. state: see `State`.
     directions : array (k, 2)
         x/z and y/z of the rays of found points.
@@ -205,20 +205,21 @@ def scan_entity(
     across = across_of(places, samples.tangents, pose, camera)
     breaks = None
     if not edge_state.is_sharp:
-        breaks = entity_breaks(
-            edge, frame, samples, edge_state, places, across, pose, camera
-        )
-        # what is stated moves where the step is expected
-        centres = centres + breaks.expected[:, None] * across
+        breaks = entity_breaks(edge, frame, samples, edge_state, places, across, pose, camera)
+        breaks = _lit(breaks, samples, model, picture, registered, (centres, across))
         half_px = breaks.half_px(half_px)
-    scans = _searched(picture, centres, across, samples, half_px)
+    expected = np.zeros(len(centres)) if breaks is None else breaks.expected
+    band_px = 0.0 if breaks is None else breaks.band_px
+    # steps of stated breaks are searched where they are expected, and carried back to the edge of the model
+    seen = centres + expected[:, None] * across
+    scans = _searched(picture, seen, across, samples, half_px)
     if breaks is not None:
         double = two_steps(breaks.ends, edge_state) & (scans.state == State.TWO_STEPS)
         scans.state[double] = State.FOUND
     if isinstance(edge.geometry, Circle):
         scans.offset[:] -= _curvature(centres, across) / 2 * _along_variance(scans)
     scans.state[:] = _without_shadows(
-        model, edge, samples, picture, registered, (centres, across), scans
+        model, edge, samples, picture, registered, (seen, across), scans, band_px
     )
     pixels = centres + np.where(scans.state == State.FOUND, scans.offset, 0.0)[:, None] * across
     normal = np.cross(frame.x, frame.y)
@@ -246,9 +247,7 @@ def scan_entity(
     is_found = state == State.FOUND
     directions = tangents_of(camera, pixels[is_found])
     fit = None if reason else fit
-    if breaks is not None and fit is not None:
-        lit = _lit(breaks, samples, model, picture, registered, (pixels, across))
-        breaks = lit.of(is_found)
+    breaks = None if breaks is None else breaks.of(is_found)
     return EntityScan(
         edge,
         points,
@@ -272,7 +271,7 @@ def _lit(
 ) -> Breaks:
     """Return breaks with what the lamp tells that fits the image, if there is one."""
     lamp = registered.lamps.get(picture.name)
-    if lamp is None:
+    if lamp is None or not len(breaks.ends):
         return breaks
     eye = registered.cam2world[:3, 3]
     middle = samples.points.mean(axis=0)
@@ -307,6 +306,7 @@ def _without_shadows(
     registered: Registered,
     where: tuple[Array, Array],
     found: Scans,
+    band_px: float = 0.0,
 ) -> NDArray[np.int64]:
     """Return what became of samples (m,) if a shadow that ends beside the edge does not count as the edge."""
     lamp = registered.lamps.get(picture.name)
@@ -315,7 +315,7 @@ def _without_shadows(
         return found.state
     alone = replace(samples, edge=np.zeros_like(samples.edge))
     pose = registered.cam2world
-    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], alone)
+    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], alone, band_px)
     edges = where[0] + np.where(good, found.offset, 0.0)[:, None] * where[1]
     stretch = stretches_of(edge, samples.share)
     shadows = beside_shadows(lamp, sampled, picture, (edges, where[1]), good, stretch)

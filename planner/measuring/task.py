@@ -97,6 +97,8 @@ class Task:
         Where steps are expected across the edges of the model: broken edges are seen beside them.
     two_steps : array of bool (m,) or False
         Of which samples two steps are no fault.
+    band_px : float
+        How wide the bands of broken edges are.
     """
 
     model: PartModel
@@ -110,6 +112,7 @@ class Task:
     bias_px: float
     shift_px: Array | float = 0.0
     two_steps: NDArray[np.bool_] | bool = False
+    band_px: float = 0.0
 
     @cached_property
     def own(self) -> list[slice]:
@@ -252,11 +255,13 @@ def registration_task(
     if edge_state.is_sharp:
         return task
     across = across_of(samples.points, samples.tangents, planned, camera)
-    shift, sigma_px, double = registration_shift(
-        used_edges, samples, across, planned, camera, edge_state
-    )
+    effect = registration_shift(used_edges, samples, across, planned, camera, edge_state)
     return replace(
-        task, bias_px=math.hypot(bias_px, sigma_px), shift_px=shift, two_steps=double
+        task,
+        bias_px=math.hypot(bias_px, effect.sigma_px),
+        shift_px=effect.shift_px,
+        two_steps=effect.two_steps,
+        band_px=effect.band_px,
     )
 
 

@@ -32,7 +32,7 @@ MOST_BREAK_MM = 10.0
 
 # sine of the angle of two faces: those of a smaller one leave no edge to break
 _LEAST_TURN = 0.05
-_NODES = 6
+_NODES = 4
 
 Break = Annotated[tuple[float, float], Meta(title="must be two numbers, 0 <= low <= high, mm")]
 """Least and largest break of an edge along its faces, mm."""
@@ -153,9 +153,7 @@ def broken_lines(normals: Array, tangents: Array, convex: NDArray[np.bool_], way
     sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
     is_broken = convex & (sine > _LEAST_TURN)
     safe = np.where(is_broken, sine, 1.0)[:, None]
-    lines = np.stack(
-        [cosine[:, None] * first - second, cosine[:, None] * second - first], axis=1
-    )
+    lines = np.stack([cosine[:, None] * first - second, cosine[:, None] * second - first], axis=1)
     lines = lines / safe[:, None]
     is_seen = (normals * ways[:, None]).sum(axis=2) > 0
     outline = _outlines(normals, tangents, np.where(is_broken, cosine, 0.0), ways)
@@ -165,13 +163,56 @@ def broken_lines(normals: Array, tangents: Array, convex: NDArray[np.bool_], way
     return np.where((is_broken & is_seen.any(axis=1))[:, None, None], lines, 0.0)
 
 
-def band_normals(normals: Array, tangents: Array, ways: Array) -> Array:
-    """Return the mean unit normals (n, 3) of what a camera sees of round bands; arguments as of `broken_lines`."""
+def chamfer_lines(normals: Array, tangents: Array, convex: NDArray[np.bool_], ways: Array) -> Array:
+    """Return the lines at which the grey values of a chamfer change (n, 2, 3); arguments as of `broken_lines`.
+
+    Of a face that the camera does not see, that is the chamfer's far line, or the near one if it is hidden, too.
+    """
+    lines = broken_lines(normals, tangents, convex, ways)
+    # straight from above both faces, a camera sees both
+    every = broken_lines(normals, tangents, convex, normals.sum(axis=1))
+    is_seen = (normals * ways[:, None]).sum(axis=2) > 0
+    band = (normals.sum(axis=1) * ways).sum(axis=1) > 0
+    for k in (0, 1):
+        hidden = is_seen[:, 1 - k] & ~is_seen[:, k]
+        lines[hidden, k] = np.where(band[hidden, None], every[hidden, k], every[hidden, 1 - k])
+    return lines
+
+
+def round_band(normals: Array, tangents: Array, ways: Array, count: int) -> tuple[Array, Array]:
+    """Return the strips of what a camera sees of round bands; arguments as of `broken_lines`.
+
+    Parameters
+    ----------
+    count : int
+        Number of strips of equal angles, k.
+
+    Returns
+    -------
+    lines : array (n, k + 1, 3)
+        Their borders, from the first face to the second, as vectors from the edge for each mm of the break.
+    middles : array (n, k, 3)
+        Their outward unit normals.
+    """
     touching = _touching(normals, tangents, ways)
     is_seen = (normals * ways[:, None]).sum(axis=2) > 0
-    ends = np.where(is_seen[..., None], normals, touching[:, None])
-    total = ends.sum(axis=1)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-9))
+    first, last = np.where(is_seen[..., None], normals, touching[:, None]).transpose(1, 0, 2)
+    bisector = normals.sum(axis=1)
+    bisector = bisector / np.maximum(np.linalg.norm(bisector, axis=1, keepdims=True), 1e-9)
+    half = np.arccos(np.clip((normals[:, 0] * normals[:, 1]).sum(axis=1), -1.0, 1.0)) / 2
+    half = np.maximum(half, _LEAST_TURN / 2)[:, None, None]
+    borders = _between(first, last, np.linspace(0.0, 1.0, count + 1))
+    lines = (borders - bisector[:, None] / np.cos(half)) / np.tan(half)
+    return lines, _between(first, last, (np.arange(count) + 0.5) / count)
+
+
+def _between(first: Array, last: Array, shares: Array) -> Array:
+    """Return unit vectors (n, k, 3) that turn evenly from the first (n, 3) to the last."""
+    angle = np.arccos(np.clip((first * last).sum(axis=1), -1.0, 1.0))[:, None]
+    safe = np.where(angle > 1e-6, angle, 1.0)
+    weights = [np.sin(safe * part) / np.sin(safe) for part in (1 - shares, shares)]
+    turned = weights[0][..., None] * first[:, None] + weights[1][..., None] * last[:, None]
+    return np.where(angle[..., None] > 1e-6, turned, first[:, None])
 
 
 def _touching(normals: Array, tangents: Array, ways: Array) -> Array:
@@ -187,9 +228,7 @@ def _outlines(normals: Array, tangents: Array, cosine: Array, ways: Array) -> Ar
     bisector = bisector / np.maximum(np.linalg.norm(bisector, axis=1, keepdims=True), 1e-9)
     touching = _touching(normals, tangents, ways)
     half = np.arccos(np.clip(cosine, -1.0, 1.0)) / 2
-    return np.asarray(
-        (touching - bisector / np.cos(half)[:, None]) / np.tan(half)[:, None]
-    )
+    return np.asarray((touching - bisector / np.cos(half)[:, None]) / np.tan(half)[:, None])
 
 
 def spread_of(means: Array, squares: Array, state: EdgeState) -> tuple[float, float]:
