@@ -479,6 +479,7 @@ def inspection_options(options: Plan | Optics | Batch, **more: Any) -> Inspectio
         "workspace": None,
         "localisation": None,
         "rng": getattr(options, "seed", 0),
+        "edge_break_mm": getattr(options, "edges", None),
     }
     return InspectionOptions(**{**same, **values, **more})
 

@@ -84,6 +84,7 @@ def measure(options: Measure) -> int:
         coverage=options.coverage,
         rule=_RULES[options.rule],
         white_level=options.white_level,
+        edge_break_mm=options.edges,
     )
     out = absolute(options.out)
     parts = _parts(options, out)

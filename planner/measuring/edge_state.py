@@ -1,9 +1,9 @@
 """Broken edges in an image: where the step of a sample is seen, and what that does to a value.
 
 Offsets are pixels across the edge for a break of 1 mm along each face, see `planner.request.edge_state` for the lines.
-Which share of the way from one line to the other the step is at depends on the light of face, break and face. The lamp
-that fits an image tells it: the detector finds the steepest place of two blurred steps. Without such a lamp, every share
-is equally likely, and the same one for a whole entity.
+Which share of the way from one line to the other the step is at depends on the light of face, break and face. The
+lamp that fits an image tells it: the detector finds the steepest place of blurred steps. Without such a lamp, every
+share is equally likely, and the same one for a whole entity.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from errors.measurands import Circle
 from errors.measurands.geometry import Frame
 from planner.camera.camera import Camera, tangents_of
 from planner.measuring.fit import carried_back, fit_entities
-from planner.measuring.registered import Faces, Lamp
 from planner.measuring.images import Picture
+from planner.measuring.registered import Faces, Lamp
 from planner.measuring.samples import (
     ALONG_VARIANCE,
     BESIDE_PX,
@@ -41,7 +41,7 @@ RESOLVED_PX = 3.0
 Blur and smoothing have a standard deviation of about 1.3 px, and two equal steps merge below twice that.
 """
 RESOLVED_HALF_PX = 2.0
-"""Where they are, the wanted line is searched this far from where the mean break puts it, and by half of their distance."""
+"""Where they are, the wanted line is searched this far from its place at the mean break, or half of their distance."""
 TWO_STEPS_PX = 1.0
 """Two steps of a sample are no fault if the lines of a stated break may be this far apart."""
 SHARE_SIGMA = 0.1
@@ -333,7 +333,7 @@ def steepest(ends: Array, steps: Array, sigma: float) -> Array:
 
 @dataclass(frozen=True)
 class FoundPoints:
-    """Found points (m) of an entity: their pixels and unit vectors across, and what they are carried back and fitted by."""
+    """Found points (m) of an entity: pixels and unit vectors across, and what they are carried back and fitted by."""
 
     pixels: Array
     across: Array

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +30,7 @@ from planner.measuring.reading import (
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
-from planner.measuring.results import MeasurementResults, Result, Source, merged
+from planner.measuring.results import MeasurementResults, Result, Source, edges_text, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
     NotRegisteredError,
@@ -387,6 +387,7 @@ class Measurer:
             self._source(image_set),
             (*image_set.notes, *notes),
             pictures,
+            self._edges_text(list(results.values()), options),
         )
 
     def _by_pose(self, pictures: Mapping[str, Picture], how: Registration) -> list[list[Shot]]:
@@ -592,6 +593,11 @@ class Measurer:
         """
         own = getattr(target, "edge_break_mm", None)
         return EdgeState.of(own, options.edge_break_mm, self.plan.request.edge_break_mm)
+
+    def _edges_text(self, results: Sequence[Result], options: MeasureOptions) -> str:
+        """Say by how much edges are taken to be broken."""
+        states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
+        return edges_text(results, states)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

@@ -98,8 +98,9 @@ class EntityScan:
     edge : PartEdge
         The entity.
     points : structured array (m,)
-        u, v: found place, px, less what a stated break moves it (of what was not found, the place of the model). nu, nv: unit vector across. x, y, z: the
-        sample, mm. share: where on the entity. residual_px: distance from the fit. state: see `State`.
+        u, v: found place, px, less what a stated break moves it (of what was not found, the place of the model).
+        nu, nv: unit vector across. x, y, z: the sample, mm. share: where on the entity. residual_px: distance from the
+        fit. state: see `State`.
     directions : array (k, 2)
         x/z and y/z of the rays of found points.
     origins : array (k, 3)

@@ -93,7 +93,7 @@ class Lamp:
 
     @property
     def plausible(self) -> tuple[tuple[Lamp, ...], Array]:
-        """This lamp and the others, and their weights, which sum up to 1."""
+        """All lamps that fit, the best one first, and their weights, which sum up to 1."""
         lamps = (self, *self.others)
         costs = np.array([lamp.cost for lamp in lamps])
         weight = np.exp((costs.min() - costs) / (_COST_SHARE * costs.min() + _COST))

@@ -28,6 +28,7 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.request.dimension import plain_tolerance
+from planner.request.edge_state import EdgeState
 from planner.request.targets import Target
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
@@ -173,6 +174,55 @@ def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...
         return value, u, ()
     note = f"{len(readings)} readings disagree: u is enlarged by their spread"
     return value, u * math.sqrt(spread / freedoms), (note,)
+
+
+TYPICAL_BREAK_MM = 0.1
+"""Where no break is stated, a sentence says what this one would do."""
+
+
+def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> str:
+    """Say by how much edges are taken to be broken, and what a break would do where none is stated.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        What was measured.
+    states : mapping of str to EdgeState
+        By target.
+
+    Returns
+    -------
+    str
+        Without a full stop.
+    """
+    common = list(dict.fromkeys(states.values()))
+    if len(common) == 1:
+        texts = [str(common[0])]
+    else:
+        texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
+    unstated = [result for result in results if result.name in states]
+    shifts = {
+        result.name: (TYPICAL_BREAK_MM * shift, result)
+        for result in unstated
+        if not states[result.name].stated
+        and result.measured
+        and (shift := _largest_shift(result)) > 0
+    }
+    if not all(state.stated for state in states.values()) and len(common) > 1:
+        texts.append(f"others: {EdgeState()}")
+    if shifts:
+        shift, worst = max(shifts.values(), key=lambda pair: pair[0] / pair[1].expanded_uncertainty)
+        texts.append(
+            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shift:.2g} {worst.unit}, "
+            f"its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm or --edges)"
+        )
+    return "; ".join(texts)
+
+
+def _largest_shift(result: Result) -> float:
+    """Return how far a break of 1 mm moves a value at most, in the reading that it moves least."""
+    shifts = [reading.edge_shift for reading in result.readings if reading.measured]
+    return min((shift for shift in shifts if math.isfinite(shift)), default=0.0)
 
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
@@ -452,6 +502,8 @@ class MeasurementResults:
         What the user should know.
     pictures : dict of str to Picture
         The images.
+    edges : str
+        By how much edges are taken to be broken.
     """
 
     results: Mapping[str, Result]
@@ -463,6 +515,7 @@ class MeasurementResults:
     source: Source
     notes: tuple[str, ...] = ()
     pictures: Mapping[str, Picture] = field(default_factory=dict)
+    edges: str = ""
 
     def __iter__(self) -> Iterator[Result]:
         """Go through the results in the plan's order."""
@@ -518,6 +571,7 @@ class MeasurementResults:
             rule=Rule(self.rule.name, self.rule.level, COVERAGE),
             source=self.source,
             notes=self.notes,
+            edges=self.edges,
             results=tuple(self),
             measured=tuple(result.name for result in self if result.measured),
             correlation=self.correlation,
@@ -656,6 +710,7 @@ class ResultsFile:
     rule: Rule
     source: Source
     notes: tuple[str, ...]
+    edges: str
     results: tuple[Result, ...]
     measured: tuple[str, ...]
     correlation: Annotated[NDArray[np.float64], Shape(None, None)]

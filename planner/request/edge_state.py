@@ -2,13 +2,13 @@
 
 A convex edge with the outward normals n1 and n2 of its faces is broken by c along each face. Then it is two lines, one
 on each face: L1 = P + c d1 and L2 = P + c d2. P is the edge of the model, and d1 and d2 lie in the faces and lead away
-from it. Between them lies a plane (a chamfer of the leg c) or a round band (of the radius r = c / tan(phi / 2), with phi
-the angle of the normals). An edge that is re-entrant is not broken.
+from it. Between them lies a plane (a chamfer of the leg c) or a round band of the radius r = c / tan(phi / 2), where
+phi is the angle of the normals. An edge that is re-entrant is not broken.
 
 Where a camera sees both faces, the step of grey values lies between both lines. Where it sees one face, the step lies
-between the line on that face and the outline of the round band, which touches the line of sight:
-T = P + c (n - m / cos(phi / 2)) / tan(phi / 2). Here m bisects the normals, and n is the normal that is perpendicular to
-the line of sight. The outline of a chamfer lies between these two.
+between the line on that face and the outline of the round band, which touches the line of sight at
+T = P + c (n - m / cos(phi / 2)) / tan(phi / 2). Here m bisects the normals, and n is the normal that is perpendicular
+to the line of sight. The outline of a chamfer lies between these two.
 """
 
 from __future__ import annotations
