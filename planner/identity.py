@@ -22,7 +22,7 @@ from planner.files import program_digest
 from planner.light.lighting import Lighting
 from planner.plan_file import Amount, Coordinates, Count, Fraction
 from planner.request.constraints import Requirements
-from planner.request.edge_state import Break
+from planner.request.edge_state import Break, EdgeState, checked_break
 from planner.request.models import Means
 from planner.request.registration import RegistrationRecord
 from planner.request.target_records import plain_target, target_from
@@ -290,6 +290,10 @@ class Request:
     registration: Annotated[RegistrationRecord | None, STATED] = None
     edge_break_mm: Break | None = None
 
+    def __post_init__(self) -> None:
+        if self.edge_break_mm is not None:
+            checked_break(self.edge_break_mm)
+
     def identity(self) -> dict[str, Any]:
         """Return all fields as plain values, the same in every process.
 
@@ -342,7 +346,13 @@ class Request:
             self.accuracy,
             self.localisation,
             surfaces_mm=self.surfaces_mm,
+            edges=self.edges,
         )
+
+    @property
+    def edges(self) -> EdgeState:
+        """By how much the part's edges are broken, as plans count it."""
+        return EdgeState.planned(self.edge_break_mm)
 
     def check_lasting(self) -> None:
         """Refuse a request that another process could not recognise.

@@ -218,6 +218,7 @@ def problem_on(
         request.localisation,
         request.surfaces_mm,
         registered,
+        request.edges,
     )
 
 

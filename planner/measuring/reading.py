@@ -26,7 +26,7 @@ from ground.convert import NOT_STORED, Key, Meta
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.detectability.image_check import SECTORS
-from planner.measuring.edge_state import (
+from planner.measuring.breaks import (
     Breaks,
     FoundPoints,
     break_shifts,

@@ -28,7 +28,7 @@ from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.request.dimension import plain_tolerance
-from planner.request.edge_state import EdgeState
+from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
 from planner.request.targets import Target
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
@@ -174,10 +174,6 @@ def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...
         return value, u, ()
     note = f"{len(readings)} readings disagree: u is enlarged by their spread"
     return value, u * math.sqrt(spread / freedoms), (note,)
-
-
-TYPICAL_BREAK_MM = 0.1
-"""Where no break is stated, a sentence says what this one would do."""
 
 
 def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> str:

@@ -19,7 +19,7 @@ from errors.registration import Rows, posterior
 from ground.convert import shown
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
-from planner.measuring.edge_state import registration_shift
+from planner.measuring.breaks import registration_shift
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights
 from planner.measuring.registered import displaced
 from planner.measuring.samples import (

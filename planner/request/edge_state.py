@@ -15,16 +15,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.measurands import Circle
 from ground.convert import Meta
 from planner.exceptions import RequestError
 
+if TYPE_CHECKING:
+    from errors.measurands import Measurand
+
 Array = NDArray[np.float64]
 
+TYPICAL_BREAK_MM = 0.1
+"""Where no break is stated, reports say what this one would do."""
 UNSTATED_MM = 0.05
 """Edges are broken by up to so much, mm, where nothing is stated: ISO 13715 has it as the limit of a sharp edge."""
 MOST_BREAK_MM = 10.0
@@ -33,6 +39,8 @@ MOST_BREAK_MM = 10.0
 # sine of the angle of two faces: those of a smaller one leave no edge to break
 _LEAST_TURN = 0.05
 _NODES = 4
+# of difference quotients
+_STEP_MM = 1e-4
 
 Break = Annotated[tuple[float, float], Meta(title="must be two numbers, 0 <= low <= high, mm")]
 """Least and largest break of an edge along its faces, mm."""
@@ -91,6 +99,11 @@ class EdgeState:
             if limits is not None:
                 return cls(*limits, True)
         return cls()
+
+    @classmethod
+    def planned(cls, stated: tuple[float, float] | None) -> EdgeState:
+        """Return what plans count: breaks that are stated; without any, edges are as the model has them."""
+        return SHARP if stated is None else cls(*stated, True)
 
     @property
     def mean_mm(self) -> float:
@@ -249,6 +262,55 @@ def spread_of(means: Array, squares: Array, state: EdgeState) -> tuple[float, fl
     mean = float(np.sum(means))
     variance = math.fsum(np.maximum(squares - np.square(means), 0.0).tolist())
     return (mean, variance) if state.stated else (0.0, variance + mean**2)
+
+
+def value_sigma(measurand: Measurand, state: EdgeState) -> float:
+    """Return the root mean square error of a value by broken edges, whatever pose and light are.
+
+    The step of each entity lies between the line on the wanted face, where the model has it, and the line on the other
+    face, a break away across the entity. Both and all between are equally likely. Entities are broken independently;
+    if nothing is stated, the mean of the breaks remains, and those of all entities add up.
+
+    Parameters
+    ----------
+    measurand : Measurand
+        The value.
+    state : EdgeState
+        The breaks.
+
+    Returns
+    -------
+    float
+        In the value's unit.
+    """
+    slopes = np.abs(_by_offsets(measurand))
+    means, squares = shifts_of(np.stack([0.0 * slopes, slopes], axis=1), state)
+    return math.sqrt(spread_of(means, squares, state)[1])
+
+
+def largest_shift(measurand: Measurand) -> float:
+    """Return how far a value moves at most if all its edges are broken by 1 mm, in its unit per mm."""
+    return float(np.abs(_by_offsets(measurand)).sum())
+
+
+def _by_offsets(measurand: Measurand) -> Array:
+    """Return how far a value moves if each entity moves by 1 mm across itself, or each end of a length along it."""
+    if measurand.in_image:
+        return np.ones(2)
+    slopes = []
+    for k in range(len(measurand.geometry)):
+        values = []
+        for sign in (1.0, -1.0):
+            fitted = []
+            for i, entity in enumerate(measurand.geometry):
+                step = sign * _STEP_MM * (i == k)
+                if isinstance(entity, Circle):
+                    fitted.append(np.array([[0.0, 0.0, entity.radius_mm + step]]))
+                else:
+                    fitted.append(np.array([[step, 0.0]]))
+            values.append(float(measurand.value(fitted)[0]))
+        slopes.append((values[0] - values[1]) / (2 * _STEP_MM))
+    return np.array(slopes)
 
 
 def shifts_of(ends: Array, state: EdgeState) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from ground.convert import Meta, NullIs, field_name, from_plain, to_plain
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Amount, Coordinates
 from planner.request.dimension import checked_tolerance
-from planner.request.edge_state import Break
+from planner.request.edge_state import Break, checked_break
 from planner.request.targets import (
     EdgeTarget,
     EntityRecord,
@@ -108,6 +108,10 @@ class DimensionRecord:
     surfaces_mm: Amount | None
     surfaces_from: str
     edge_break_mm: Break | None = None
+
+    def __post_init__(self) -> None:
+        if self.edge_break_mm is not None:
+            checked_break(self.edge_break_mm)
 
     @classmethod
     def of(cls, target: PlannedDimension) -> DimensionRecord:

@@ -28,6 +28,7 @@ from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Count
 from planner.request.dimension import Dimension, is_one_sided
+from planner.request.edge_state import SHARP, EdgeState
 from planner.request.models import (
     DimensionModels,
     EdgeModels,
@@ -498,6 +499,8 @@ class PlannedDimension(Target):
         By how much its edges are broken, least and most, mm, where the dimension states its own.
     surfaces_mm : float
         The same, or that of the request, once `measured_with` has stated it.
+    edges : EdgeState
+        By how much its edges are broken, by itself or by the request, once `measured_with` has stated it.
     """
 
     kind: str
@@ -510,6 +513,7 @@ class PlannedDimension(Target):
     surfaces_from: str = ""
     edge_break_mm: tuple[float, float] | None = None
     surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
+    edges: EdgeState = field(default=SHARP, repr=False, kw_only=True)
 
     @classmethod
     def of(
@@ -587,7 +591,23 @@ class PlannedDimension(Target):
             self,
             localisation=means.localisation or Localisation.rounding(),
             surfaces_mm=self.surfaces_with(means),
+            edges=self.edges_with(means),
         )
+
+    def edges_with(self, means: Means) -> EdgeState:
+        """Return by how much its edges are broken: what it states itself, or the request.
+
+        Parameters
+        ----------
+        means : Means
+            Those of the request.
+
+        Returns
+        -------
+        EdgeState
+            The breaks.
+        """
+        return means.edges if self.edge_break_mm is None else EdgeState(*self.edge_break_mm, True)
 
     def surfaces_with(self, means: Means) -> float:
         """Return the standard deviation of the position of its faces: its own, or that of the request.
@@ -632,10 +652,12 @@ class PlannedDimension(Target):
         MeasurandModel
             It describes uncertainty and budget.
         """
-        return super().description(replace(means, surfaces_mm=self.surfaces_with(means)))
+        surfaces_mm = self.surfaces_with(means)
+        edges = self.edges_with(means)
+        return super().description(replace(means, surfaces_mm=surfaces_mm, edges=edges))
 
     def describe(self, cam2world: NDArray[np.float64], means: Means) -> Prediction:
-        """Return how accurately a pose measures the dimension, by the localisation and surfaces it states.
+        """Return how accurately a pose measures the dimension, by the localisation, surfaces and edges it states.
 
         Parameters
         ----------
@@ -649,7 +671,8 @@ class PlannedDimension(Target):
         Prediction
             Probability, uncertainty and its budget.
         """
-        return super().describe(cam2world, replace(means, surfaces_mm=self.surfaces_mm))
+        means = replace(means, surfaces_mm=self.surfaces_mm, edges=self.edges)
+        return super().describe(cam2world, means)
 
     def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
         """Return 0: how short an image of two of its points may be, follows from no constraint.

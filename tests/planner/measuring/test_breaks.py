@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from planner import MeasureOptions, Measurer, Registration
-from planner.measuring.edge_state import steepest
+from planner.measuring.breaks import steepest
 
 OWN = Registration.own_edges(0.02)
 CHAMFER = 0.3
