@@ -129,7 +129,9 @@ def resolve_targets(
         If an argument breaks its rule.
     """
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
-    localisation = localisation_or_default(options.localisation, items.values())
+    localisation = localisation_or_default(
+        options.localisation, items.values(), options.edge_break_mm
+    )
     items = with_surfaces_of_call(items, options.surfaces_mm, localisation)
     options = replace(options, localisation=localisation)
     return ResolvedTargets(*_resolved(solid, items, camera, options), localisation)

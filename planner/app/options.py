@@ -231,13 +231,13 @@ class ChosenTargets(ChosenEntities):
     localisation
         error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px;
         FLOOR does not average out (default: rounding with --entities, --select and --all, gaussian:0.1:0.05 with
-        --dimensions)
+        --dimensions, gaussian:0.1:0.01 if --edges is stated, too)
     surfaces_mm
         standard deviation of the position of the part's faces along their normals, for dimensions (default: what
         flatness and profile tolerances of the part state, else 0.02; with rounding 0)
     edges
         by how much the part's edges are broken along their faces, such as 0.1..0.3 mm, for dimensions; 0 is sharp
-        (default: assumed sharp within 0.05 mm)
+        (default: planned as sharp)
     """
 
     exactly_one: ClassVar[tuple[str, ...]] = (*ChosenEntities.exactly_one, "--dimensions")

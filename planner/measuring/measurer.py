@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
+from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from ground.faces import project_version
 from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
@@ -192,8 +193,6 @@ def _by_light(
     return levels, np.array([np.median(shares[number == k]) for k in usual])
 
 
-FLOOR_PX = 0.01
-"""Error that all points of an entity have in common, px, where the plan does not state one."""
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
 
@@ -214,7 +213,7 @@ class MeasureOptions:
     localisation : Localisation or None
         How well edges are found; only its floor counts, because single points are judged by their own residuals. A
         registration takes edges to be off by three times the floor. None is the plan's, or a floor of 0.01 px if that
-        has none.
+        has none, or the default of 0.05 px: that stands for broken edges, too, which are an error of their own here.
     coverage : float
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule
@@ -602,12 +601,14 @@ class Measurer:
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:
             return options.localisation.floor_px
-        return planned.floor_px if planned.floor_px > 0 else FLOOR_PX
+        # broken edges are an error of its own here, which the default of plans stands for
+        is_default = planned.floor_px in (0.0, FLOOR_PX)
+        return DETECTOR_FLOOR_PX if is_default else planned.floor_px
 
     def _bias_px(self, options: MeasureOptions) -> float:
         """Return the standard deviation of edges' biases, px."""
         floors = (self._floor_px(target.localisation, options) for target in self.targets.values())
-        return bias_of(max(floors, default=FLOOR_PX))
+        return bias_of(max(floors, default=DETECTOR_FLOOR_PX))
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""
