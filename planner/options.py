@@ -136,9 +136,8 @@ class InspectionOptions(RunOptions):
         remains ``pose_uncertainty``. Default: values are read with the planned poses.
     edge_break_mm : (float, float), optional
         By how much the part's edges are broken along their faces, least and most, mm, such as
-        (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge beside the edge
-        of the model. P and U of dimensions contain what is not known of this. Default: edges are
-        assumed to be sharp within 0.05 mm.
+        (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
+        of the model, and P and U of dimensions contain this. Default: edges are planned as sharp.
     gap : float
         Stop improving the plan and its bound at this gap, in [0, 1). The gap is the share of the
         settings that the bound does not prove to be needed. Default: improve both as far as the
@@ -169,8 +168,8 @@ class InspectionOptions(RunOptions):
     localisation: Localisation | None = None
     surfaces_mm: float | None = None
     registration: Any = None
-    gap: float = 0.0
     edge_break_mm: tuple[float, float] | None = None
+    gap: float = 0.0
 
     def __post_init__(self) -> None:
         if self.effort is not None:

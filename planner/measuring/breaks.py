@@ -216,8 +216,8 @@ def entity_breaks(
         See `px_across`.
     """
     scale = px_across(places, across, pose, camera)
-    wanted = wanted_face(edge, frame, samples)
-    order = np.stack([1 - wanted, wanted], axis=1)
+    face = wanted_face(edge, frame, samples)
+    order = np.stack([1 - face, face], axis=1)
     normals = np.take_along_axis(edge.at(samples.share)[2], order[..., None], axis=1)
     convex = np.full(len(places), edge.convex)
     lines = broken_lines(normals, samples.tangents, convex, pose[:3, 3] - places)
@@ -327,8 +327,8 @@ def steepest(ends: Array, steps: Array, sigma: float) -> Array:
     )
     bend = before - 2 * peak + after
     shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, -1.0), 0.0)
-    found = low + (best + np.clip(shift, -1.0, 1.0)) * (high - low) / (_PLACES - 1)
-    return np.asarray(np.where(np.abs(total) >= LEAST_STEP, found, np.nan))
+    place = low + (best + np.clip(shift, -1.0, 1.0)) * (high - low) / (_PLACES - 1)
+    return np.asarray(np.where(np.abs(total) >= LEAST_STEP, place, np.nan))
 
 
 @dataclass(frozen=True)
@@ -382,8 +382,8 @@ def break_shifts(
     moves = [*(_STEP_MM * breaks.ends.T), *(breaks.by_break - breaks.expected)]
     shifts = _value_shifts(np.array(moves), edge, frame, points, pose, camera) @ slope
     ends = shifts[:2] / _STEP_MM
-    told = np.mean(breaks.is_told | breaks.resolved)
-    sigma = np.hypot(SHARE_SIGMA * told, (1 - told) / np.sqrt(12))
+    sure = np.mean(breaks.is_told | breaks.resolved)
+    sigma = np.hypot(SHARE_SIGMA * sure, (1 - sure) / np.sqrt(12))
     mean = float(weights @ shifts[2:])
     square = float(weights @ shifts[2:] ** 2)
     square += float((sigma * (ends[1] - ends[0])) ** 2) * state.mean_square

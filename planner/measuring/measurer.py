@@ -212,8 +212,8 @@ class MeasureOptions:
         How poses are known.
     localisation : Localisation or None
         How well edges are found; only its floor counts, because single points are judged by their own residuals. A
-        registration takes edges to be off by three times the floor. None is the plan's, or a floor of 0.01 px if that
-        has none, or the default of 0.05 px: that stands for broken edges, too, which are an error of their own here.
+        registration takes edges to be off by three times the floor. None is the plan's. If that is none or the
+        default of 0.05 px, it is 0.01 px, because broken edges are an error of their own.
     coverage : float
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule
@@ -590,8 +590,8 @@ class Measurer:
         EdgeState
             What is stated, or sharp within 0.05 mm.
         """
-        own = getattr(target, "edge_break_mm", None)
-        return EdgeState.of(own, options.edge_break_mm, self.plan.request.edge_break_mm)
+        of_target = getattr(target, "edge_break_mm", None)
+        return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
 
     def _edges_text(self, results: Sequence[Result], options: MeasureOptions) -> str:
         """Say by how much edges are taken to be broken."""

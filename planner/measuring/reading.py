@@ -114,7 +114,7 @@ class EntityScan:
     spacing_px : float
         Distance of neighbouring samples in the image.
     breaks : Breaks or None
-        Where the steps of found points are if the entity is broken; None of a sharp one.
+        Where the steps of found points are if the entity is broken; None if it was not asked.
     """
 
     edge: PartEdge
@@ -204,23 +204,18 @@ def scan_entity(
     places = registered.moved(model, edge, samples.points)
     centres = pixels_of(places, pose, camera)
     across = across_of(places, samples.tangents, pose, camera)
-    breaks = None
+    breaks = entity_breaks(edge, frame, samples, edge_state, places, across, pose, camera)
     if not edge_state.is_sharp:
-        breaks = entity_breaks(edge, frame, samples, edge_state, places, across, pose, camera)
         breaks = _lit(breaks, samples, model, picture, registered, (centres, across))
-        half_px = breaks.half_px(half_px)
-    expected = np.zeros(len(centres)) if breaks is None else breaks.expected
-    band_px = 0.0 if breaks is None else breaks.band_px
     # steps of stated breaks are searched where they are expected, and carried back to the edge of the model
-    seen = centres + expected[:, None] * across
-    scans = _searched(picture, seen, across, samples, half_px)
-    if breaks is not None:
-        double = two_steps(breaks.ends, edge_state) & (scans.state == State.TWO_STEPS)
-        scans.state[double] = State.FOUND
+    seen = centres + breaks.expected[:, None] * across
+    scans = _searched(picture, seen, across, samples, breaks.half_px(half_px))
+    double = two_steps(breaks.ends, edge_state) & (scans.state == State.TWO_STEPS)
+    scans.state[double] = State.FOUND
     if isinstance(edge.geometry, Circle):
         scans.offset[:] -= _curvature(centres, across) / 2 * _along_variance(scans)
     scans.state[:] = _without_shadows(
-        model, edge, samples, picture, registered, (seen, across), scans, band_px
+        model, edge, samples, picture, registered, (seen, across), scans, breaks.band_px
     )
     pixels = centres + np.where(scans.state == State.FOUND, scans.offset, 0.0)[:, None] * across
     normal = np.cross(frame.x, frame.y)
@@ -247,18 +242,16 @@ def scan_entity(
     reason = _incomplete(edge, points, coverage)
     is_found = state == State.FOUND
     directions = tangents_of(camera, pixels[is_found])
-    fit = None if reason else fit
-    breaks = None if breaks is None else breaks.of(is_found)
     return EntityScan(
         edge,
         points,
         directions,
         origins[is_found],
         scale[is_found],
-        fit,
+        None if reason else fit,
         reason,
         _spacing(centres),
-        breaks,
+        breaks.of(is_found),
     )
 
 
@@ -712,7 +705,7 @@ def edge_effect(
     shifts = []
     state = SHARP
     for scan, frame, slope in zip(scans, frames, slopes, strict=True):
-        if scan.breaks is None or scan.fit is None:
+        if scan.breaks is None or scan.breaks.state.is_sharp or scan.fit is None:
             continue
         state = scan.breaks.state
         counted = scan.points[scan.points["state"] == State.FOUND]

@@ -174,14 +174,13 @@ class Dimension:
     surfaces_from : str
         The tolerance of the model that `surfaces_mm` follows from. A value of the call replaces
         it. Empty if you state it.
-
-    edge_break_mm : (float, float), optional
-        By how much its edges are broken along their faces, least and most, mm. Default: what the
-        call states of the whole part.
     places : int
         Number of positions along two edges at which a distance is measured, 100 at most. Each is a
         characteristic of its own, such as ``"width [2 of 3 places]"``, on its own stretches. They
         divide the length over which the edges face each other into equal parts.
+    edge_break_mm : (float, float), optional
+        By how much its edges are broken along their faces, least and most, mm. Default: what the
+        call states of the whole part.
 
     Raises
     ------

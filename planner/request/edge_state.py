@@ -161,7 +161,8 @@ def broken_lines(normals: Array, tangents: Array, convex: NDArray[np.bool_], way
         The line on each face; for a face that the camera does not see, the outline of a round band. Zeros where nothing
         is broken.
     """
-    first, second = normals[:, 0], normals[:, 1]
+    first = normals[:, 0]
+    second = normals[:, 1]
     cosine = (first * second).sum(axis=1)
     sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
     is_broken = convex & (sine > _LEAST_TURN)
@@ -328,6 +329,7 @@ def shifts_of(ends: Array, state: EdgeState) -> tuple[Array, Array]:
     pair of array (...)
         E[c w] and E[c² w²], with w uniform between the ends.
     """
-    low, high = ends[..., 0], ends[..., 1]
+    low = ends[..., 0]
+    high = ends[..., 1]
     mean = state.mean_mm * (low + high) / 2
     return np.asarray(mean), np.asarray(state.mean_square * (low**2 + low * high + high**2) / 3)

@@ -89,7 +89,8 @@ def broken_plate(profile, **deviations):
     for triangle in triangles[count == 2]:
         # the edge of a side that lies on top
         k = next(k for k in range(3) if triangle[k - 1] in upper and triangle[k] in upper)
-        a, b = triangle[k - 1], triangle[k]
+        a = triangle[k - 1]
+        b = triangle[k]
         for above, below in pairwise(rings):
             found.append([[below[b], below[a], above[a]], [below[b], above[a], above[b]]])
     return np.concatenate(parts), np.concatenate([np.asarray(part) for part in found])

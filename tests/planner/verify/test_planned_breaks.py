@@ -57,7 +57,8 @@ def test_a_circle_moves_twice_and_its_centre_not_at_all():
 
 
 def test_a_plan_counts_what_is_stated_and_says_what_is_not():
-    sharp, broken = plan_of(), plan_of(edge_break_mm=(0.1, 0.3))
+    sharp = plan_of()
+    broken = plan_of(edge_break_mm=(0.1, 0.3))
     assert edges_text(sharp).startswith("planned as sharp; a break of 0.1 mm would move ")
     assert edges_text(broken) == "broken by 0.1 to 0.3 mm"
     pose = sharp.settings[0].cam2world
