@@ -232,13 +232,7 @@ def scan_entity(
         fit, good = robust_fit(edge.geometry, flat, scale[is_found])
         residual[is_found] = fit.residual
         state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
-    points = np.zeros(len(state), dtype=POINT)
-    points["u"], points["v"] = pixels.T
-    points["nu"], points["nv"] = across.T
-    points["x"], points["y"], points["z"] = samples.points.T
-    points["share"] = samples.share
-    points["residual_px"] = residual
-    points["state"] = state
+    points = _points_of(samples, pixels, across, residual, state)
     reason = _incomplete(edge, points, coverage)
     is_found = state == State.FOUND
     directions = tangents_of(camera, pixels[is_found])
@@ -253,6 +247,19 @@ def scan_entity(
         _spacing(centres),
         breaks.of(is_found),
     )
+
+
+def _points_of(
+    samples: Samples, pixels: Array, across: Array, residual: Array, state: NDArray[np.int64]
+) -> NDArray[np.void]:
+    points = np.zeros(len(state), dtype=POINT)
+    points["u"], points["v"] = pixels.T
+    points["nu"], points["nv"] = across.T
+    points["x"], points["y"], points["z"] = samples.points.T
+    points["share"] = samples.share
+    points["residual_px"] = residual
+    points["state"] = state
+    return points
 
 
 def _lit(
