@@ -36,7 +36,7 @@ from planner.request.edge_state import EdgeState, broken_lines, chamfer_lines, r
 Array = NDArray[np.float64]
 
 RESOLVED_PX = 3.0
-"""Both lines of a broken edge are found apart if they are this far apart in the image.
+"""Both lines of a broken edge are found apart if they are this far apart in the image, whatever the break is.
 
 Blur and smoothing have a standard deviation of about 1.3 px, and two equal steps merge below twice that.
 """
@@ -125,13 +125,14 @@ class Breaks:
 
     def half_px(self, half_px: float) -> float:
         """Return how far steps are searched: farther by what a break may be off, but not to a line found apart."""
-        apart = self.state.mean_mm * np.abs(self.ends[:, 0] - self.ends[:, 1])
-        alone = self.resolved & ~self.is_told
-        if alone.any():
-            return min(half_px, max(RESOLVED_HALF_PX, float(np.median(apart[alone])) / 2))
-        if not self.state.stated or not len(apart):
+        if not self.state.stated or not len(self.ends):
             return half_px
-        return half_px + min(float(np.median(apart)) / 2, _MOST_WIDER_PX)
+        apart = np.abs(self.ends[:, 0] - self.ends[:, 1])
+        alone = self.resolved & ~self.is_told
+        if alone.mean() > 0.5:
+            room = self.state.low_mm * float(np.median(apart[alone])) / 2
+            return min(half_px, max(RESOLVED_HALF_PX, room))
+        return half_px + min(self.state.mean_mm * float(np.median(apart)) / 2, _MOST_WIDER_PX)
 
     def of(self, which: NDArray[np.bool_]) -> Breaks:
         """Return those of some of the samples (m,)."""
@@ -222,7 +223,7 @@ def entity_breaks(
     convex = np.full(len(places), edge.convex)
     lines = broken_lines(normals, samples.tangents, convex, pose[:3, 3] - places)
     ends = np.einsum("mki,mi->mk", lines, scale)
-    apart = state.mean_mm * np.abs(ends[:, 0] - ends[:, 1])
+    apart = state.low_mm * np.abs(ends[:, 0] - ends[:, 1])
     resolved = np.asarray(apart >= RESOLVED_PX) & state.stated
     return Breaks(state, ends, resolved, normals, scale)
 
@@ -382,8 +383,9 @@ def break_shifts(
     moves = [*(_STEP_MM * breaks.ends.T), *(breaks.by_break - breaks.expected)]
     shifts = _value_shifts(np.array(moves), edge, frame, points, pose, camera) @ slope
     ends = shifts[:2] / _STEP_MM
-    sure = np.mean(breaks.is_told | breaks.resolved)
-    sigma = np.hypot(SHARE_SIGMA * sure, (1 - sure) / np.sqrt(12))
+    by_lamp = float(np.mean(breaks.is_told))
+    open_share = float(np.mean(~breaks.is_told & ~breaks.resolved))
+    sigma = np.hypot(SHARE_SIGMA * by_lamp, open_share / np.sqrt(12))
     mean = float(weights @ shifts[2:])
     square = float(weights @ shifts[2:] ** 2)
     square += float((sigma * (ends[1] - ends[0])) ** 2) * state.mean_square

@@ -440,7 +440,8 @@ class Measurer:
                 # what it looks like is the better reason
                 why = f"{error.what}; it {like}" if like else str(error)
                 raise NotRegisteredError(why) from None
-            check_lens(self.model, setting_pictures, pose, prior, registered)
+            accuracy = self._bias_px(options), self.edge_state(options)
+            check_lens(self.model, setting_pictures, pose, prior, registered, *accuracy)
             return registered
         if registration.method == GIVEN:
             stem = shot.name if shot.name in registration.poses else setting_name(shot.setting)
@@ -674,6 +675,7 @@ def measure(
     localisation: Localisation | None = None,
     coverage: float = COVERAGE_SHARE,
     rule: DecisionRule | None = None,
+    edge_break_mm: tuple[float, float] | None = None,
 ) -> MeasurementResults:
     """Measure one part in images of a plan's settings.
 
@@ -695,6 +697,9 @@ def measure(
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule, optional
         How it is decided. Default: ISO 14253-1 with 95 %.
+    edge_break_mm : (float, float), optional
+        By how much the part's edges are broken, least and most, mm. Default: that of the plan; without it, edges are
+        sharp within 0.05 mm.
 
     Returns
     -------
@@ -723,5 +728,6 @@ def measure(
         localisation,
         coverage,
         rule or DecisionRule.iso14253(),
+        edge_break_mm=edge_break_mm,
     )
     return Measurer(plan, solid).measure(images, options)

@@ -900,7 +900,7 @@ def read_length(
     by_fitted = _slopes(value, fitted)
     random, floor = _localisation(by_fitted, scans, floor_px)
     frames = [_facing(scan.edge, registered) for scan in scans]
-    broken = edge_effect(scans, frames, by_fitted.reshape(-1, 2), registered, picture.camera)
+    broken = edge_effect(scans, frames, list(by_fitted.reshape(-1, 2)), registered, picture.camera)
     length = measurand.nominal + value(fitted) - broken.shift
     unknowns, slopes = _by_unknowns(model, edge, registered, picture.camera, length)
     gradient = np.zeros(model.n_unknowns)

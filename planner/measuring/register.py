@@ -597,7 +597,13 @@ def looks_like(
 
 
 def check_lens(
-    model: PartModel, pictures: list[Picture], pose: Array, prior: Array, found: Registered
+    model: PartModel,
+    pictures: list[Picture],
+    pose: Array,
+    prior: Array,
+    found: Registered,
+    bias_px: float = BIAS_PX,
+    edge_state: EdgeState = SHARP,
 ) -> None:
     """Refuse images without the lens distortion that the plan's camera has.
 
@@ -613,6 +619,8 @@ def check_lens(
         What is known of pose and surfaces.
     found : Registered
         Their registration with the distortion.
+    bias_px, edge_state
+        As of `register`.
 
     Raises
     ------
@@ -622,7 +630,7 @@ def check_lens(
     if pictures[0].camera.distortion is None:
         return
     try:
-        other = register(model, _undistorted(pictures), pose, prior)
+        other = register(model, _undistorted(pictures), pose, prior, bias_px, edge_state)
     except NotRegisteredError:
         return
     better = other.misfit_px < BETTER_MISFIT * found.misfit_px

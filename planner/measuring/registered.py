@@ -89,7 +89,7 @@ class Lamp:
     ambient: float
     cost: float
     background: float = 0.0
-    others: tuple[Lamp, ...] = ()
+    others: tuple[Lamp, ...] = field(default=(), kw_only=True)
 
     @property
     def plausible(self) -> tuple[tuple[Lamp, ...], Array]:
