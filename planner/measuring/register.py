@@ -330,7 +330,7 @@ def _check_one_pose(attempt: Attempt) -> None:
     between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(alone) - 1)
     estimate = posterior(block_diag(task.prior, *between), rows, task.bias_px**2)
     names = [alone_attempt.pictures[0].name for alone_attempt in alone]
-    check_one_pose(names, estimate.mean[n:], estimate.covariance)
+    check_one_pose(names, estimate.mean[n:], estimate.covariance, task.break_mm)
 
 
 def _best(

@@ -99,6 +99,8 @@ class Task:
         Of which samples two steps are no fault.
     band_px : float
         How wide the bands of broken edges are.
+    break_mm : float
+        How large their breaks may be.
     """
 
     model: PartModel
@@ -113,6 +115,7 @@ class Task:
     shift_px: Array | float = 0.0
     two_steps: NDArray[np.bool_] | bool = False
     band_px: float = 0.0
+    break_mm: float = 0.0
 
     @cached_property
     def own(self) -> list[slice]:
@@ -262,6 +265,7 @@ def registration_task(
         shift_px=effect.shift_px,
         two_steps=effect.two_steps,
         band_px=effect.band_px,
+        break_mm=edge_state.high_mm,
     )
 
 
@@ -556,7 +560,9 @@ def check_distance(chi2: float, what: str = "its pose", place: str = "the planne
         raise TooFarError(f"{what} is {np.sqrt(chi2):.1f} standard deviations away from {place}")
 
 
-def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> None:
+def check_one_pose(
+    names: Sequence[str], moves: Array, covariance: Array, break_mm: float = 0.0
+) -> None:
     """Refuse images of one setting that are from different poses.
 
     Parameters
@@ -567,6 +573,9 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
         Displacements of the camera in all but the first, as they were found.
     covariance : array
         Joint covariance of unknowns, of which these are the last ones.
+    break_mm : float
+        Largest break of edges, mm. A lamp from one side lights the breaks on that side, so all edges seem to move
+        towards it together, by a break at most.
 
     Raises
     ------
@@ -578,7 +587,8 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
     for k, name in enumerate(names[1:]):
         move = slice(POSE * k, POSE * (k + 1))
         at = slice(first + move.start, first + move.stop)
-        chi2 = distance_of(moves[move], covariance[at, at])
+        seeming = np.diag([break_mm**2] * 3 + [0.0] * 3)
+        chi2 = distance_of(moves[move], covariance[at, at] + seeming)
         if not chi2 <= limit:
             raise NotRegisteredError(
                 f"{names[0]} and {name} are from different poses: the camera moved by "
