@@ -361,6 +361,9 @@ def steepest(ends: Array, steps: Array, sigma: float) -> Array:
     bend = before - 2 * peak + after
     shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, -1.0), 0.0)
     place = low + (best + np.clip(shift, -1.0, 1.0)) * (high - low) / (_PLACES - 1)
+    # steps that nearly cancel each other leave no step to be found far away
+    width = np.ptp(ends, axis=2)
+    place = np.clip(place, ends.min(axis=2) - width, ends.max(axis=2) + width)
     return np.asarray(np.where(np.abs(total) >= LEAST_STEP, place, np.nan))
 
 
