@@ -36,6 +36,7 @@ from planner.measuring.fit import (
     uneven_px,
 )
 from planner.measuring.images import Picture
+from planner.measuring.register import signs_of
 from planner.measuring.registered import NumberOrNull, Registered, displaced
 from planner.measuring.samples import (
     ALONG_VARIANCE,
@@ -187,7 +188,8 @@ def scan_entity(
     places = registered.moved(model, edge, samples.points)
     centres = pixels_of(places, pose, camera)
     across = across_of(places, samples.tangents, pose, camera)
-    scans = _searched(picture, centres, across, samples, half_px)
+    stretch = stretches_of(edge, samples.share)
+    scans = _searched(picture, centres, across, samples, half_px, stretch)
     if isinstance(edge.geometry, Circle):
         scans.offset[:] -= _curvature(centres, across) / 2 * _along_variance(scans)
     scans.state[:] = _without_shadows(
@@ -225,16 +227,24 @@ def scan_entity(
 
 
 def _searched(
-    picture: Picture, centres: Array, across: Array, samples: Samples, half_px: float
+    picture: Picture,
+    centres: Array,
+    across: Array,
+    samples: Samples,
+    half_px: float,
+    stretch: NDArray[np.int64],
 ) -> Scans:
-    """Scan twice: the sign of the step is that of most of the entity."""
+    """Scan twice: the sign of the step is that of most of the stretch (m,) that a sample is in.
+
+    Around a bore, a lit wall is brighter than the face around it here, and darker there.
+    """
     usable = samples.usable
     state = np.where(samples.visible, int(State.NEAR_LINE), int(State.HIDDEN))
     offset, step, blur = np.zeros((3, len(state)))
     if usable.any():
-        first = picture.find(centres[usable], across[usable], half_px)
-        sign = np.full(len(first.step), sign_of(first), dtype=np.int64)
-        scans = picture.find(centres[usable], across[usable], half_px, sign)
+        places = centres[usable], across[usable]
+        sign = signs_of(picture, *places, half_px, stretch[usable])
+        scans = picture.find(*places, half_px, sign)
         state[usable] = scans.state
         offset[usable] = scans.offset
         step[usable] = scans.step
@@ -281,17 +291,6 @@ def _curvature(centres: Array, across: Array) -> Array:
     second = centres[2:] - 2 * centres[1:-1] + centres[:-2]
     second = np.concatenate([second[:1], second, second[-1:]])
     return np.asarray((second * across).sum(axis=1) / (first**2).sum(axis=1))
-
-
-def sign_of(scans: Scans) -> int:
-    """Return the sign of an edge's step: that of its strongest scans."""
-    good = scans.state == State.FOUND
-    strong = scans.step[good] if good.any() else scans.step[np.isfinite(scans.step)]
-    if not len(strong):
-        return 0
-    limit = np.quantile(np.abs(strong), 0.5)
-    total = float(np.sign(strong[np.abs(strong) >= limit]).sum())
-    return int(np.sign(total))
 
 
 def _spacing(centres: Array) -> float:
