@@ -204,7 +204,7 @@ class Picture:
             For what share of the time to expose, if the image is overexposed and that is known.
         """
         notes = []
-        bright = float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
+        bright = self.bright_share
         shorter = "expose for half of the time or less"
         if share is not None:
             shorter = f"expose for {percent_text(share, 2)} of the time, less if the part is shiny"
@@ -225,6 +225,11 @@ class Picture:
         if self.white_from != DEPTH or self.white <= _most(np.uint8):
             return ""
         return f", if white is {self.white:.0f} (white_level of the camera states it)"
+
+    @property
+    def bright_share(self) -> float:
+        """How bright nearly all of the image is at most, as a share of white."""
+        return float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
 
     @property
     def overexposed(self) -> bool:

@@ -18,6 +18,7 @@ from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
+from planner.measuring.advice import advice_of_images, advised
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.reading import (
     Reading,
@@ -340,7 +341,8 @@ class Measurer:
             images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
         )
         registered: dict[str, Registered] = {}
-        failed: dict[str, str] = {}
+        # why, and what to change
+        failed: dict[str, tuple[str, str]] = {}
         readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
         pictures = {}
         for shot in self.shots:
@@ -351,18 +353,22 @@ class Measurer:
             try:
                 registration = self._registered(shots, pictures, options)
             except NotRegisteredError as error:
-                failed |= {shot.name: str(error) for shot in shots}
+                advice = advice_of_images([pictures[shot.name] for shot in shots], error.counts)
+                failed |= {shot.name: (str(error), advice) for shot in shots}
                 continue
             for shot in shots:
                 registered[shot.name] = registration
-                for reading in self._read(shot, pictures[shot.name], registration, options):
+                picture = pictures[shot.name]
+                for reading in self._read(shot, picture, registration, options):
+                    reading = advised(reading, picture, registration.blur_px)
                     readings[reading.name].append(reading)
         for shot in self.shots:
             if shot.name in failed:
-                reason = f"the image cannot be registered: {failed[shot.name]}"
+                why, advice = failed[shot.name]
+                reason = f"the image cannot be registered: {why}"
                 for name in shot.targets:
                     place = (name, shot.name, shot.setting)
-                    readings[name].append(Reading(*place, reason=reason))
+                    readings[name].append(Reading(*place, reason=reason, advice=advice))
         results = {
             name: merged(name, self.plan.targets[name], target_readings, options.rule)
             for name, target_readings in readings.items()
@@ -373,7 +379,7 @@ class Measurer:
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             registered,
-            failed,
+            {name: f"{why}; {advice}" if advice else why for name, (why, advice) in failed.items()},
             options.rule,
             serial,
             self._correlation(results, registered),
@@ -419,7 +425,7 @@ class Measurer:
                 like = looks_like(self.model, setting_pictures, poses, shot.setting, prior)
                 # what it looks like is the better reason
                 why = f"{error.what}; it {like}" if like else str(error)
-                raise NotRegisteredError(why) from None
+                raise NotRegisteredError(why, counts={} if like else error.counts) from None
             check_lens(self.model, setting_pictures, pose, prior, registered)
             return registered
         if registration.method == GIVEN:

@@ -50,7 +50,7 @@ from planner.measuring.samples import (
     across_of,
     pixels_of,
 )
-from planner.measuring.verdict import Sampled, beside_shadows, stretches_of
+from planner.measuring.verdict import BESIDE_PX, Sampled, beside_shadows, stretches_of
 
 Array = NDArray[np.float64]
 
@@ -60,6 +60,16 @@ Array = NDArray[np.float64]
 LEAST_POINTS = 8
 """Fewer found points are no entity."""
 _MARGIN_PX = 4.0
+# share of an entity's samples at which nothing is found, of one that is elsewhere
+_ABSENT = 0.8
+# share of white: a lamp that makes such a step would show an edge
+_SURE_STEP = 0.06
+# edges around an entity: so near to it, px, but not it; so many of their samples; so many of them found
+_AROUND_PX = 150.0
+_OWN_PX = 6.0
+_EVERY = 8
+_FEWEST_AROUND = 40
+_FOUND_AROUND = 0.9
 # of an entity's size: difference quotients across it in the image
 _AHEAD = 1e-5
 
@@ -103,6 +113,8 @@ class EntityScan:
         Why there is no fit; empty if there is one.
     spacing_px : float
         Distance of neighbouring samples in the image.
+    moved : bool
+        Whether no edge is where the model has one, though the light would show it.
     """
 
     edge: PartEdge
@@ -113,6 +125,7 @@ class EntityScan:
     fit: Fit | None
     reason: str
     spacing_px: float
+    moved: bool = False
 
     @property
     def n_found(self) -> int:
@@ -219,11 +232,71 @@ def scan_entity(
     points["state"] = state
     reason = _incomplete(edge, points, coverage)
     is_found = state == State.FOUND
+    moved = bool(reason) and _is_moved(
+        Sampled(model.edges.scene, camera, pose, [edge], _alone(samples)),
+        picture,
+        registered,
+        (centres, across),
+        state,
+    )
+    if moved:
+        reason = (
+            f"no edge is where the model has {_word(edge)} {edge.name} "
+            f"(moved more than {half_px:.0f} px?)"
+        )
     directions = tangents_of(camera, pixels[is_found])
     fit = None if reason else fit
     return EntityScan(
-        edge, points, directions, origins[is_found], scale[is_found], fit, reason, _spacing(centres)
+        edge,
+        points,
+        directions,
+        origins[is_found],
+        scale[is_found],
+        fit,
+        reason,
+        _spacing(centres),
+        moved,
     )
+
+
+def _is_moved(
+    sampled: Sampled,
+    picture: Picture,
+    registered: Registered,
+    where: tuple[Array, Array],
+    state: NDArray[np.int64],
+) -> bool:
+    """Tell whether the light would show an entity of which nothing is found, so that it must be elsewhere.
+
+    Where no lamp explains the image, the edges around it tell: nearly all of them are found.
+    """
+    is_lost = np.isin(state, (State.WEAK, State.AT_END))
+    if not len(state) or is_lost.mean() < _ABSENT:
+        return False
+    lamp = registered.lamps.get(picture.name)
+    if lamp is not None:
+        faces, on_part = sampled.beside(where[1], BESIDE_PX)
+        shaded = np.where(on_part, faces.shaded(lamp), lamp.background)
+        would_show = np.abs(shaded[1] - shaded[0]) >= _SURE_STEP
+        return bool(would_show[is_lost].mean() >= _ABSENT)
+    others = registered.samples
+    if not len(others):
+        return False
+    away = np.stack([others["u"], others["v"]], axis=1)
+    distance = np.linalg.norm(away[:, None] - where[0][::_EVERY][None], axis=2).min(axis=1)
+    beside = (distance > _OWN_PX) & (distance < _AROUND_PX)
+    if beside.sum() < _FEWEST_AROUND:
+        return False
+    return bool(np.mean(others["state"][beside] == State.FOUND) >= _FOUND_AROUND)
+
+
+def _alone(samples: Samples) -> Samples:
+    """Return samples of one entity, with the number 0."""
+    return replace(samples, edge=np.zeros_like(samples.edge))
+
+
+def _word(edge: PartEdge) -> str:
+    return "edge" if isinstance(edge.geometry, Line) else "rim"
 
 
 def _searched(
@@ -266,9 +339,8 @@ def _without_shadows(
     good = found.state == State.FOUND
     if lamp is None or not good.any():
         return found.state
-    alone = replace(samples, edge=np.zeros_like(samples.edge))
     pose = registered.cam2world
-    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], alone)
+    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], _alone(samples))
     edges = where[0] + np.where(good, found.offset, 0.0)[:, None] * where[1]
     stretch = stretches_of(edge, samples.share)
     shadows = beside_shadows(lamp, sampled, picture, (edges, where[1]), good, stretch)
@@ -319,7 +391,7 @@ def _px_per_mm(
 
 def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> str:
     """Say why what was found of an entity is not enough; empty if it is."""
-    word = "edge" if isinstance(edge.geometry, Line) else "rim"
+    word = _word(edge)
     if not len(points):
         return f"the image of {word} {edge.name} is too short"
     is_found = points["state"] == State.FOUND
@@ -491,6 +563,10 @@ class Reading:
         U by drawing instead of derivatives, see `drawn_uncertainty`.
     notes : tuple of str
         What the user should know.
+    advice : str
+        What to change in the shop if it was not measured; empty if nothing is known.
+    moved : bool
+        Whether no edge is where the model has one, though the light would show it.
     """
 
     name: Annotated[str, NOT_STORED]
@@ -509,6 +585,8 @@ class Reading:
     gradient: Annotated[Array, NOT_STORED] = field(default_factory=lambda: np.empty(0))
     drawn_uncertainty: Annotated[NumberOrNull, Key("U_drawn")] = math.nan
     notes: tuple[str, ...] = ()
+    advice: str = ""
+    moved: Annotated[bool, NOT_STORED] = False
 
     @property
     def measured(self) -> bool:
@@ -552,7 +630,11 @@ def read_value(
     points = tuple(scan.points for scan in scans)
     reasons = [scan.reason for scan in scans if scan.reason]
     if reasons:
-        return Reading(*where, reason=reasons[0], found_share=share, counts=counts, points=points)
+        moved = any(scan.moved for scan in scans)
+        reason = next((scan.reason for scan in scans if scan.moved), reasons[0])
+        return Reading(
+            *where, reason=reason, found_share=share, counts=counts, points=points, moved=moved
+        )
     fits = [scan.fit for scan in scans if scan.fit is not None]
     value = measurand.nominal + float(measurand.value([fit.fitted[None] for fit in fits])[0])
     by_fitted = _by_fitted(measurand, [fit.fitted for fit in fits])
@@ -742,7 +824,12 @@ def read_length(
     reason = next(filter(None, reasons), "")
     if reason:
         return Reading(
-            *where, reason=reason, found_share=length_scan.found_share, counts=counts, points=points
+            *where,
+            reason=reason,
+            found_share=length_scan.found_share,
+            counts=counts,
+            points=points,
+            moved=length_scan.moved,
         )
     fitted = np.concatenate([scan.fit.fitted for scan in scans if scan.fit is not None])
     planned = _planned_ends(model, edge, registered, picture.camera, np.zeros(POSE + 6))

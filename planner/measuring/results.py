@@ -66,6 +66,8 @@ class Result:
         In the order of the images.
     notes : tuple of str
         What the user should know.
+    advice : str
+        What to change in the shop if it was not measured; empty if nothing is known.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -87,6 +89,7 @@ class Result:
     reason: str
     readings: tuple[Reading, ...]
     notes: tuple[str, ...] = ()
+    advice: str = ""
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 
@@ -138,7 +141,13 @@ def merged(
     if not good:
         reason = missing or "; ".join(dict.fromkeys(f"{r.image}: {r.reason}" for r in readings))
         nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
-        return Result(*target_fields, *nothing, reason or "no image shows it", tuple(readings))
+        # of the image in which most of it was found
+        advised = sorted(
+            (r for r in readings if r.advice), key=lambda r: r.found_share, reverse=True
+        )
+        advice = advised[0].advice if advised else ""
+        reason = reason or "no image shows it"
+        return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
     value, u, notes = _weighted(good)
     notes += tuple(dict.fromkeys(note for reading in good for note in reading.notes))
     deviation = value - target.nominal
@@ -364,7 +373,7 @@ def _results(
 
 
 def _measurement(element: ET.Element, one: Result, item: str, part: str) -> None:
-    notes = [one.reason] if one.reason else list(one.notes)
+    notes = [text for text in (one.reason, one.advice) if text] if one.reason else list(one.notes)
     if notes:
         attributes = _list(element, "Attributes", 1)
         name = "reason" if one.reason else "note"
@@ -423,7 +432,7 @@ COLUMNS = (
     *("name", "kind", "unit", "nominal", "lower", "upper", "value", "deviation", "u", "U", "k"),
     *("decision", "P_conforms", "images", "found", "rms_px", "overexposed"),
     *(f"u_{source.replace(' ', '_')}" for source in SOURCES),
-    "reason",
+    *("reason", "advice"),
 )
 """Columns of the table."""
 
@@ -696,7 +705,7 @@ def _row(one: Result) -> dict[str, Any]:
         _number(min((reading.rms_px for reading in readings), default=math.nan)),
         counts.get("overexposed", 0) / total if total else None,
         *(_signed_root(budget[source]) if budget else None for source in SOURCES),
-        one.reason,
+        *(one.reason, one.advice),
     )
     return dict(zip(COLUMNS, values, strict=True))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -56,16 +56,23 @@ class NotRegisteredError(Exception):
         What is wrong.
     perhaps : str
         What may be the reason, if no better one is found.
+    counts : mapping of str to int, optional
+        Samples of all edges by what became of them, in words.
 
     Attributes
     ----------
     what : str
         What is wrong, without the reason.
+    counts : mapping of str to int
+        Samples of all edges by what became of them; empty if they were not looked for.
     """
 
-    def __init__(self, what: str, perhaps: str = "") -> None:
+    def __init__(
+        self, what: str, perhaps: str = "", counts: Mapping[str, int] | None = None
+    ) -> None:
         super().__init__(f"{what}; {perhaps}" if perhaps else what)
         self.what = what
+        self.counts = counts or {}
 
 
 @dataclass

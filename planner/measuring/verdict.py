@@ -18,6 +18,7 @@ from planner.measuring.images import Picture
 from planner.measuring.registered import LEAST_KNOWN, SAMPLE, Faces, Lamp, Registered, fitted
 from planner.measuring.samples import (
     POSE,
+    STATE_TEXTS,
     PartEdge,
     Samples,
     State,
@@ -512,6 +513,7 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         raise NotRegisteredError(
             f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them",
             _dark_text(scans),
+            _counts(_states(attempt, np.any(attempt.agreeing, axis=0))["state"]),
         )
     check_distance(chi2)
     agree = np.any(attempt.agreeing, axis=0)
@@ -537,6 +539,12 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         prior=task.prior,
         samples=_states(attempt, agree),
     )
+
+
+def _counts(states: NDArray[np.int64]) -> dict[str, int]:
+    """Return the number of samples (m,) by state, in words."""
+    counts = {STATE_TEXTS[state]: int(np.sum(states == state)) for state in State}
+    return {text: n for text, n in counts.items() if n}
 
 
 def _dark_text(found: list[ImageScan]) -> str:

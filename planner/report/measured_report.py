@@ -41,6 +41,8 @@ def print_results(results: MeasurementResults) -> None:
     for result in results:
         if result.reason:
             print_text(words(f"not measured: {result.name}: {result.reason}", names))
+        if result.advice and result.advice not in result.reason:
+            print_text(words(f"{result.name}: {result.advice}", names))
         for note in result.notes:
             print_text(words(f"{result.name}: {note}", names))
     for note in image_notes(results):
@@ -452,7 +454,8 @@ def _target(result: Result, results: MeasurementResults) -> dict[str, Any]:
 
 def _sentence(result: Result) -> str:
     if not result.measured:
-        return f"Not measured: {result.reason}."
+        advice = f" {result.advice[:1].upper()}{result.advice[1:]}." if result.advice else ""
+        return f"Not measured: {result.reason}.{advice}"
     value, uncertainty = _value_texts(result)
     text = (
         f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
