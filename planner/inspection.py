@@ -31,6 +31,7 @@ from planner.identity import Request
 from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
+from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions
 from planner.plan import InspectionPlan
@@ -279,4 +280,6 @@ def with_light(
     """Return a plan with the lamps asked for, if it has none yet: one that was ended early has not."""
     if lighting is None or plan.light is not None:
         return plan
-    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress))
+    targets = (plan.targets[name] for name in plan.inspected)
+    reads = reads_of(solid, plan.request.registration, targets)
+    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress, reads=reads))

@@ -780,6 +780,9 @@ class Measure(Deciding, Images, PartReading):
         before it improved by the part's edges
     surfaces_mm
         standard deviation of the position of the part's faces along their normals (default: that of the plan)
+    repeatability
+        standard deviations of the camera's displacement between images of a setting under different lamps (default:
+        0.02mm,0.1mrad)
     qif
         also write results.qif: QIF 3.0, with statuses and u
     """
@@ -797,6 +800,7 @@ exit codes:
     force: bool = False
     register: Annotated[str, _named("edges|none|FILE|edges+FILE")] = "edges"
     surfaces_mm: OptionalLength = None
+    repeatability: SigmaPair = None
     qif: bool = False
 
 

@@ -40,6 +40,8 @@ from planner.light.corner_light import (
 )
 from planner.progress import Progress, labelled
 from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
+from planner.request.reads import Reads, TargetReads
+from planner.request.targets import targets_of
 from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
@@ -376,6 +378,67 @@ _AROUND = np.array([step for step in product((-1, 0, 1), repeat=3) if any(step)]
 _AROUND /= np.linalg.norm(_AROUND, axis=1, keepdims=True)
 
 
+@dataclass(frozen=True)
+class Readers:
+    """What measuring will find of pairs, under one lamp at a time.
+
+    Attributes
+    ----------
+    reads : Reads
+        Of the part.
+    settings : sequence of (array (4, 4), Camera)
+        Pose and camera of each setting.
+    setting : array of int (pairs,)
+        The setting of each pair.
+    targets : sequence of TargetReads or None
+        Of each pair; None of one that is a length in the image, of which `Corners` tells.
+    background : float
+        Light behind the part, 0 or 1.
+    """
+
+    reads: Reads
+    settings: Sequence[tuple[Array, Camera]]
+    setting: NDArray[np.int_]
+    targets: Sequence[TargetReads | None]
+    background: float
+
+    @classmethod
+    def of(cls, reads: Reads, plan: Planned, pairs: Sequence[Pair], ground: str) -> Readers:
+        """Return those of a plan's pairs."""
+        background = float(ground == "bright")
+        settings = [
+            (np.asarray(setting.cam2world, dtype=np.float64), plan.camera)
+            for setting in plan.settings
+        ]
+        targets: list[TargetReads | None] = []
+        for pair in pairs:
+            target = targets_of(plan.targets, plan.settings[pair.setting])[pair.name]
+            pose = settings[pair.setting]
+            is_length = target.in_image or target.measurand.in_image
+            targets.append(None if is_length else reads.of_target(*pose, target, background))
+        numbers = np.array([pair.setting for pair in pairs], dtype=int)
+        return cls(reads, settings, numbers, targets, background)
+
+    def read(self, places: Array, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of the pairs (n, pairs) that lamps at places (n, 3) show will be read."""
+        is_read = shown.copy()
+        for k, target in enumerate(self.targets):
+            rows = np.flatnonzero(shown[:, k])
+            if target is not None and len(rows):
+                is_read[rows, k] = target.shown(places[rows])
+        for number, pose in enumerate(self.settings):
+            pairs = np.flatnonzero(self.setting == number)
+            rows = np.flatnonzero(is_read[:, pairs].any(axis=1))
+            registered = self.reads.registered(*pose, places[rows], self.background)
+            is_read[np.ix_(rows[~registered], pairs)] = False
+        return is_read
+
+    def why_not(self, pair: int) -> str:
+        """Say why a pair is not read under any lamp; empty if it may be."""
+        target = self.targets[pair]
+        return "" if target is None else target.reason
+
+
 @dataclass
 class Served:
     """Places of lamps (n, 3), the contrast and the step (n, pairs) with which they show each pair; 0 where they do not.
@@ -396,6 +459,8 @@ class Served:
         How far lamps may be off: all must show from 26 places so far around, too.
     corners : Corners, optional
         Lines of which one must show at each end, and beside which no shadow may end.
+    readers : Readers, optional
+        What measuring will find of pairs.
     """
 
     light: LightRegions | None
@@ -406,6 +471,7 @@ class Served:
     clearance_mm: float = 0.0
     tolerance_mm: float = 0.0
     corners: Corners | None = None
+    readers: Readers | None = None
     places: Array = field(default_factory=lambda: np.empty((0, 3)))
     contrast: Array = field(init=False)
     step: Array = field(init=False)
@@ -432,6 +498,10 @@ class Served:
     def keep(self, places: Array, wanted: NDArray[np.bool_] | None = None) -> None:
         """Add places, wherever they are; ``wanted`` (n, pairs) is what they are to show, all if None."""
         contrast, step = self.shown(places, wanted)
+        if self.readers is not None:
+            is_read = self.readers.read(places, contrast > 0)
+            contrast = np.where(is_read, contrast, 0.0)
+            step = np.where(is_read, step, 0.0)
         self.places = np.concatenate([self.places, places])
         self.contrast = np.concatenate([self.contrast, contrast])
         self.step = np.concatenate([self.step, step])
@@ -499,6 +569,20 @@ class Served:
         """Tell whether no shadow may end beside a pair."""
         beside = None if self.corners is None else self.corners.beside_edges
         return beside is not None and pair in beside.line
+
+    def read_text(self, pair: int) -> str:
+        """Say what else is asked so that a pair is read; empty if nothing is."""
+        if self.readers is None:
+            return ""
+        why = self.readers.why_not(pair)
+        return f"; {why}" if why else ", and enough of the part's edges"
+
+    def unread_text(self, pair: int) -> str:
+        """Say what else may keep a pair from being read; empty if nothing does."""
+        if self.readers is None:
+            return ""
+        why = self.readers.why_not(pair)
+        return f"; {why}" if why else ", or too little of the part's edges"
 
     def corners_under(self, places: Array, sets: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Return which pairs (n, pairs) meet what `Corners` asks for, under sets (n, size) of lamps."""
@@ -835,7 +919,13 @@ class Lighting:
         if isinstance(self.given, np.ndarray):
             check_lamps(solid, self.given)
 
-    def served(self, plan: Planned, solid: Solid, progress: Progress | None = None) -> Served:
+    def served(
+        self,
+        plan: Planned,
+        solid: Solid,
+        progress: Progress | None = None,
+        reads: Reads | None = None,
+    ) -> Served:
         """Return a record of lamp positions that light the targets; it is empty at first.
 
         Parameters
@@ -846,6 +936,8 @@ class Lighting:
             The part.
         progress : callable, optional
             ``progress(done, total, label)``.
+        reads : Reads, optional
+            What measuring will find in the images; it does not count for lamps that are on together.
 
         Returns
         -------
@@ -874,8 +966,11 @@ class Lighting:
         clearance = 0.0 if places is None or isinstance(places, np.ndarray) else places.clearance_mm
         names = [(pair.setting, pair.name) for pair in demands.pairs]
         corners = corners_of(plan, solid, scene, names, demands.edge_ids)
+        readers = None
+        if reads is not None and not self.together:
+            readers = Readers.of(reads, plan, demands.pairs, self.ground)
         return Served(
-            light, scene, demands.pairs, self.contrast, self.step, clearance, off, corners
+            light, scene, demands.pairs, self.contrast, self.step, clearance, off, corners, readers
         )
 
 

@@ -20,6 +20,7 @@ from planner.light.corner_light import DEFAULT_STEP, LampSets, fewest_together, 
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
 from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
 from planner.progress import Progress
+from planner.request.reads import Reads
 from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
@@ -255,9 +256,20 @@ def chosen_lamps(
     solid: Solid,
     progress: Progress | None = None,
     also: ArrayLike = (),
+    reads: Reads | None = None,
 ) -> LightPlan:
-    """Choose lamps as `plan_light` does; ``also`` (n, 3) are places to try besides, mm, where lamps are placed."""
-    served = lighting.served(plan, solid, progress)
+    """Choose lamps as `plan_light` does, under which measuring also finds enough of each target.
+
+    Parameters
+    ----------
+    lighting, plan, solid, progress
+        As of `plan_light`.
+    also : array_like (n, 3)
+        Places to try besides, mm, where lamps are placed.
+    reads : Reads, optional
+        What measuring will find.
+    """
+    served = lighting.served(plan, solid, progress, reads)
     light = _chosen(lighting, served, plan, also)
     return with_exposures(light, plan, served.scene)
 
@@ -367,7 +379,8 @@ def _too_little(served: Served, i: int) -> str:
     text = "gives it too little contrast or light"
     text += " against its background" if served.pairs[i].backdrops else ""
     text += ", or shows no other line at an end" if served.needs_corners(i) else ""
-    return text + (", or casts a shadow next to it" if served.clear_beside(i) else "")
+    text += ", or casts a shadow next to it" if served.clear_beside(i) else ""
+    return text + served.unread_text(i)
 
 
 def _fixed(work: _Work) -> LightPlan:
@@ -405,6 +418,7 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
                 proven = "no position in" if none else "no position found in"
                 beside = ", and another line at each end" if served.needs_corners(i) else ""
                 beside += ", and no shadow next to it" if served.clear_beside(i) else ""
+                beside += served.read_text(i)
                 dark[i] = f"{proven} {space} {lights} with enough contrast and step{beside}."
     for k in {served.pairs[i].setting for i in dark}:
         others = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
@@ -534,7 +548,8 @@ def _why_dark(served: Served, i: int) -> str:
     start = f"none of {n} lamps shows it" if n > 1 else "the lamp does not show it"
     return (
         f"{start}: {even.sum()} with a contrast under {served.least_contrast:g}, {weak.sum()} with a step "
-        f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}."
+        f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}"
+        f"{served.unread_text(i)}."
     )
 
 

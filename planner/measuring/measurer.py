@@ -14,6 +14,7 @@ from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
 from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
+from planner.camera.pose import PoseUncertainty
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.identity import PartRecord
@@ -34,11 +35,14 @@ from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Regi
 from planner.measuring.results import MeasurementResults, Result, Source, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
+    REPEATABILITY,
+    SHARP_MM,
     NotRegisteredError,
     TooFarError,
     check_distance,
     displacement_between,
     distance_of,
+    with_breaks,
 )
 from planner.request.dimension import is_one_sided
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
@@ -221,6 +225,9 @@ class MeasureOptions:
         How it is decided.
     white_level : int or None
         Grey value of full exposure. None is that of the plan's camera, see `Camera`.
+    repeatability : PoseUncertainty
+        By how much the camera moves between the images that a setting takes under different lamps. Images that are
+        farther apart are refused. Default: 0.02 mm and 0.1 mrad.
 
     Raises
     ------
@@ -241,6 +248,7 @@ class MeasureOptions:
     coverage: float = COVERAGE_SHARE
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
     white_level: int | None = None
+    repeatability: PoseUncertainty = REPEATABILITY
 
     def __post_init__(self) -> None:
         if self.white_level is not None:
@@ -357,10 +365,11 @@ class Measurer:
                 failed |= {shot.name: (str(error), advice) for shot in shots}
                 continue
             for shot in shots:
-                registered[shot.name] = registration
+                of_image = registration.of(shot.name)
+                registered[shot.name] = of_image
                 picture = pictures[shot.name]
-                for reading in self._read(shot, picture, registration, options):
-                    reading = advised(reading, picture, registration.blur_px)
+                for reading in self._read(shot, picture, of_image, options):
+                    reading = advised(reading, picture, of_image.blur_px)
                     readings[reading.name].append(reading)
         for shot in self.shots:
             if shot.name in failed:
@@ -410,7 +419,13 @@ class Measurer:
         setting_pictures = [pictures[shot.name] for shot in shots]
         if registration.board is not None:
             try:
-                pose, covariance = locate(registration.board, setting_pictures, planned, covariance)
+                pose, covariance = locate(
+                    registration.board,
+                    setting_pictures,
+                    planned,
+                    covariance,
+                    options.repeatability,
+                )
             except NoFiducialsError as error:
                 raise NotRegisteredError(str(error)) from None
         if registration.method in (OWN_EDGES, BOTH):
@@ -418,7 +433,12 @@ class Measurer:
             prior = prior_covariance(self.model, *stated, setting_pictures[0].camera)
             try:
                 registered = register_as_shown(
-                    self.model, setting_pictures, pose, *stated, self._bias_px(options)
+                    self.model,
+                    setting_pictures,
+                    pose,
+                    *stated,
+                    self._bias_px(options),
+                    with_breaks(options.repeatability, SHARP_MM),
                 )
             except NotRegisteredError as error:
                 poses = [np.asarray(setting.cam2world) for setting in self.plan.settings]

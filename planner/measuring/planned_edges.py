@@ -21,6 +21,7 @@ from errors.measurands.geometry import FLOOR_PX
 from errors.registration import Imaging, Stretches
 from planner.camera.camera import Camera
 from planner.measuring.fit import CORRELATION_PX
+from planner.measuring.lit_edges import reads_of
 from planner.measuring.register import bias_of
 from planner.measuring.registered import prior_covariance
 from planner.measuring.samples import APART_PX, END_PX, POSE, PartEdges, PartModel
@@ -107,6 +108,7 @@ def registered_problem(problem: Problem, how: RegistrationRecord | None) -> Prob
     how : RegistrationRecord or None
         How poses are known; None for no better than planned.
     """
+    problem = replace(problem, reads=reads_of(problem.space.solid, how, problem.targets))
     if how is None:
         return problem
     if how.method == OWN_EDGES:

@@ -12,6 +12,7 @@ with Tukey's weights. Every edge has a bias of its own in every image: light and
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,11 +25,13 @@ from scipy.stats import chi2 as chi_squared
 from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.registration import Posterior, Rows, bias_variance_of, posterior, surprise
 from ground.decorators import njit
+from planner.camera.pose import PoseUncertainty
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, Registered, prior_covariance
 from planner.measuring.samples import POSE, SAMPLING_PX, PartModel, State, gradients_of, profiles_of
 from planner.measuring.task import (
     MOVE_SIGMAS,
+    REPEATABILITY,
     ImageScan,
     NotRegisteredError,
     Scan,
@@ -40,6 +43,7 @@ from planner.measuring.task import (
     solved,
 )
 from planner.measuring.verdict import Attempt, judged
+from planner.request.registration import LEAST_POSE
 from planner.sensor_setting import setting_name
 
 # The coarse shift: by how many pixels an image is off its prediction, before edges are told from
@@ -252,6 +256,7 @@ def register(
     planned: Array,
     prior: Array,
     bias_px: float = BIAS_PX,
+    repeatability: PoseUncertainty = REPEATABILITY,
 ) -> Registered:
     """Return the pose of a setting and the deviations of the part's surfaces.
 
@@ -267,11 +272,13 @@ def register(
         What is known of pose and surfaces, see `prior_covariance`.
     bias_px : float
         Standard deviation of where an edge is found as a whole.
+    repeatability : PoseUncertainty
+        By how much the camera moves between images of the setting.
 
     Returns
     -------
     Registered
-        The estimate and its joint covariance.
+        The estimate and its joint covariance; of several images, each also has its own, see `Registered.of`.
 
     Raises
     ------
@@ -286,44 +293,89 @@ def register(
         other = _best(task, pictures, start._replace(late=0))
         outcome = other if other[0].accepted else outcome
     attempt, lamps = outcome
-    registered = replace(judged(attempt, _stated(attempt)), lamps=lamps)
+    estimate, variance = _stated(attempt)
+    registered = replace(judged(attempt, estimate), lamps=lamps)
     if len(pictures) > 1:
-        _check_one_pose(attempt)
+        of_images = _of_images(attempt, registered, variance, repeatability)
+        registered = replace(registered, of_images=of_images)
     return registered
 
 
-def _check_one_pose(attempt: Attempt) -> None:
-    """Refuse images that are from different poses, as far as each shows enough of the part to tell.
+def _of_images(
+    attempt: Attempt, registered: Registered, variance: float, repeatability: PoseUncertainty
+) -> dict[str, Registered]:
+    """Return the registration of each image: the surfaces are the same ones, the camera may have moved a little.
 
-    Each is registered alone. Then the surfaces are the same ones, and the camera may have moved between images.
+    Each is registered alone, so that one from quite another pose is found, as far as it shows enough of the part; such
+    images are refused.
     """
     task = attempt.task
+    rows = list(attempt.rows)
     alone = []
-    for picture in attempt.pictures:
+    for k, picture in enumerate(attempt.pictures):
         start = SearchStart(attempt.scan.x, attempt.lead)
         alone_attempt = _attempted(task, [picture], start, task.samples.edge)
         if not alone_attempt.convincing:
             # farther off than edges are searched
             alone_attempt = _attempted(task, [picture], _coarse(task, [picture]), task.samples.edge)
         if alone_attempt.convincing:
-            alone.append(alone_attempt)
-    if len(alone) < 2:
-        return
+            alone.append(k)
+            rows[k] = alone_attempt.rows[0]
     n = len(task.prior)
-    rows = list(alone[0].rows)
-    for k, alone_attempt in enumerate(alone[1:]):
-        move = n + POSE * k + np.arange(POSE)
-        rows += [
-            rows._replace(
-                unknowns=np.concatenate([rows.unknowns, move]),
-                design=np.hstack([rows.design, rows.design[:, :POSE]]),
-            )
-            for rows in alone_attempt.rows
-        ]
-    between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(alone) - 1)
-    estimate = posterior(block_diag(task.prior, *between), rows, task.bias_px**2)
-    names = [alone_attempt.pictures[0].name for alone_attempt in alone]
-    check_one_pose(names, estimate.mean[n:], estimate.covariance)
+    if len(alone) > 1:
+        between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(alone) - 1)
+        moving = [rows[alone[0]]]
+        moving += [_moved_too(rows[k], n + POSE * i) for i, k in enumerate(alone[1:])]
+        estimate, _ = _enlarged(block_diag(task.prior, *between), moving, variance)
+        names = [attempt.pictures[k].name for k in alone]
+        check_one_pose(names, estimate.mean[n:], estimate.covariance, repeatability)
+    # half of the variance of what is between two of them
+    around = repeatability.covariance / 2 + np.diag(LEAST_POSE**2)
+    moving = [_moved_too(image_rows, n + POSE * k) for k, image_rows in enumerate(rows)]
+    estimate, _ = _enlarged(block_diag(task.prior, *[around] * len(rows)), moving, variance)
+    pose = slice(0, POSE)
+    of_images = {}
+    for k, picture in enumerate(attempt.pictures):
+        own = slice(n + POSE * k, n + POSE * (k + 1))
+        select = np.zeros((n, len(estimate.mean)))
+        select[:, :n] = np.eye(n)
+        select[pose, own] = np.eye(POSE)
+        x = select @ estimate.mean
+        prior = task.prior.copy()
+        prior[pose, pose] += around
+        of_images[picture.name] = replace(
+            registered,
+            cam2world=task.places(x)[0],
+            deviations=x[POSE:],
+            covariance=select @ estimate.covariance @ select.T,
+            prior=prior,
+        )
+    return of_images
+
+
+def _moved_too(rows: list[Rows], first: int) -> list[Rows]:
+    """Return rows of an image whose camera also moves by unknowns of its own, from the first one on."""
+    own = first + np.arange(POSE)
+    return [
+        row._replace(
+            unknowns=np.concatenate([row.unknowns, own]),
+            design=np.hstack([row.design, row.design[:, :POSE]]),
+        )
+        for row in rows
+    ]
+
+
+def _enlarged(prior: Array, rows: list[list[Rows]], variance: float) -> tuple[Posterior, float]:
+    """Return an estimate with biases as large as the rows of images show, at least of a variance; and theirs."""
+    every = list(itertools.chain.from_iterable(rows))
+    estimate = posterior(prior, every, variance)
+    for _ in range(_BIAS_ROUNDS):
+        shown = bias_variance_of(every, estimate, variance)
+        if shown <= _BIAS_STILL * variance:
+            break
+        variance = shown
+        estimate = posterior(prior, every, variance)
+    return estimate, variance
 
 
 def _best(
@@ -379,7 +431,7 @@ def _attempted(
     first = task.predicted(np.zeros(len(task.prior)))[0]
     scanner = Scanner(task, pictures, out)
     scan = scanner.signed(start.x, start.windows[0], alike)
-    rows: list[Rows] = []
+    rows: list[list[Rows]] = []
     for level in range(len(start.windows) - 1, -1, -1):
         x, rows = solved(
             task, scan.x, scan.across, scan.scans, going_on=level > 0, whole=level < start.late
@@ -426,21 +478,14 @@ def _coarse(task: Task, pictures: list[Picture]) -> SearchStart:
     return SearchStart(x, lead)
 
 
-def _stated(attempt: Attempt) -> Posterior:
+def _stated(attempt: Attempt) -> tuple[Posterior, float]:
     """Return the estimate with biases of all modes, and as large as the edges show; the stated ones at least.
 
-    Edges deviate more than light moves them if the part has an error of form, or surfaces deviate more than stated.
+    Edges deviate more than light moves them if the part has an error of form, or surfaces deviate more than stated. And
+    return the variance of the biases.
     """
     task = attempt.task
-    rows = attempt.rows
-    variance = task.bias_px**2
-    estimate = posterior(task.prior, rows, variance)
-    for _ in range(_BIAS_ROUNDS):
-        shown = bias_variance_of(rows, estimate, variance)
-        if shown <= _BIAS_STILL * variance:
-            break
-        variance = shown
-        estimate = posterior(task.prior, rows, variance)
+    estimate, variance = _enlarged(task.prior, attempt.rows, task.bias_px**2)
     # this step, too, may leave the valley
     x = estimate.mean
     noise = noise_of(task, attempt.scan.scans)
@@ -449,7 +494,7 @@ def _stated(attempt: Attempt) -> Posterior:
         if cost_of(task, x, attempt.found_at(x), noise, variance) <= largest_cost:
             break
         x = (x + attempt.scan.x) / 2
-    return Posterior(x, estimate.covariance)
+    return Posterior(x, estimate.covariance), variance
 
 
 # Registration of a part whose faces deviate more than stated: it is repeated with what the image
@@ -468,6 +513,7 @@ def register_as_shown(
     pose_covariance: Array,
     surfaces_mm: float,
     bias_px: float,
+    repeatability: PoseUncertainty = REPEATABILITY,
 ) -> Registered:
     """Return the pose of a setting and the deviations of the part's surfaces, see `register`.
 
@@ -476,7 +522,7 @@ def register_as_shown(
 
     Parameters
     ----------
-    model, pictures, planned, bias_px
+    model, pictures, planned, bias_px, repeatability
         As of `register`.
     pose_covariance : array (6, 6)
         Of the planned pose.
@@ -496,7 +542,7 @@ def register_as_shown(
     shown_mm = surfaces_mm
     for _ in range(_ROUNDS):
         prior = prior_covariance(model, pose_covariance, shown_mm, pictures[0].camera)
-        registered = register(model, pictures, planned, prior, bias_px)
+        registered = register(model, pictures, planned, prior, bias_px, repeatability)
         more = times_more(model, registered, prior)
         if more <= 1:
             break

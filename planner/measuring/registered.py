@@ -279,6 +279,8 @@ class Registered:
         the sample's edge; planned_u, planned_v: the sample at the planned pose.
     lamps : dict of str to Lamp
         The lamps of images that one fits.
+    of_images : dict of str to Registered
+        The registration of each of several images, whose camera may have moved a little between them.
     pose_covariance : array (6, 6)
         Covariance of the displacement of the camera.
     """
@@ -300,10 +302,17 @@ class Registered:
         default_factory=lambda: np.zeros(0, SAMPLE), repr=False
     )
     lamps: Annotated[Mapping[str, Lamp], NOT_STORED] = field(default_factory=dict, repr=False)
+    of_images: Annotated[Mapping[str, Registered], NOT_STORED] = field(
+        default_factory=dict, repr=False
+    )
     pose_covariance: Annotated[Array, Shape(6, 6)] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose_covariance", self.covariance[:POSE, :POSE])
+
+    def of(self, image: str) -> Registered:
+        """Return the registration of an image of the setting, by its name."""
+        return replace(self.of_images.get(image, self), warnings=self.warnings, of_images={})
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""

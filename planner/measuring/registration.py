@@ -33,6 +33,7 @@ from planner.measuring.samples import POSE, pixels_of
 from planner.measuring.task import (
     CREDIBLE,
     MOVE_SIGMAS,
+    REPEATABILITY,
     NotRegisteredError,
     check_distance,
     check_one_pose,
@@ -246,7 +247,11 @@ class _Seen:
 
 
 def locate(
-    fiducials: Fiducials, pictures: list[Picture], planned: Array, pose_covariance: Array
+    fiducials: Fiducials,
+    pictures: list[Picture],
+    planned: Array,
+    pose_covariance: Array,
+    repeatability: PoseUncertainty = REPEATABILITY,
 ) -> tuple[Array, Array]:
     """Return the pose of a setting by its fiducials, and the covariance of its displacement.
 
@@ -260,6 +265,8 @@ def locate(
         Its planned pose.
     pose_covariance : array (6, 6)
         Of the planned pose.
+    repeatability : PoseUncertainty
+        By how much the camera moves between images of the setting.
 
     Returns
     -------
@@ -291,7 +298,10 @@ def locate(
     if len(seen) > 1:
         apart = view.solved(apart=True)
         check_one_pose(
-            [picture.name for picture in seen], apart.mean[_SCALE + 1 :], apart.covariance
+            [picture.name for picture in seen],
+            apart.mean[_SCALE + 1 :],
+            apart.covariance,
+            repeatability,
         )
     _check_corners(view, solution)
     return displaced(planned, solution.mean[:POSE])[0], solution.covariance[:POSE, :POSE]

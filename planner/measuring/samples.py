@@ -738,7 +738,7 @@ class PartModel:
             self._carry(edge)
         self._shown: tuple[bytes, Camera, ShownEdges] | None = None
         self.measured = {
-            name: tuple(self._entity(shape, name) for shape in target.geometry)
+            name: tuple(self.entity(shape, name) for shape in target.geometry)
             for name, target in targets.items()
         }
         self.free: set[int] = set()
@@ -784,7 +784,7 @@ class PartModel:
             pair = self.carriers.of_edge(edge.edge_ids[0])
         self.carried_by[edge.name] = pair
 
-    def _entity(self, geometry: Geometry, target: str) -> PartEdge:
+    def entity(self, geometry: Geometry, target: str) -> PartEdge:
         """Return the part's edge for an entity of a target."""
         if isinstance(geometry, Circle):
             return self._curve(geometry, target)

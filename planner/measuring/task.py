@@ -17,6 +17,7 @@ from errors.measurands import Circle
 from errors.registration import Rows, posterior
 from ground.convert import shown
 from planner.camera.camera import Camera
+from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights
 from planner.measuring.registered import displaced
@@ -265,8 +266,8 @@ LEAST_KEPT = 0.6
 
 def solved(
     task: Task, x: Array, across: Array, found: list[ImageScan], *, going_on: bool, whole: bool
-) -> tuple[Array, list[Rows]]:
-    """Return the next unknowns, and the rows that they are from.
+) -> tuple[Array, list[list[Rows]]]:
+    """Return the next unknowns, and the rows of each image that they are from.
 
     Weights of a first solution make the second one. Each edge has one bias: as long as outliers are not left out, this
     finds the pose more surely than biases of more modes.
@@ -291,7 +292,6 @@ def solved(
     weights = [tukey_weights(scan.offset, residual_scale(scan.offset[scan.good])) for scan in found]
     then = x
     for _ in range(2 if going_on else 3):
-        rows = []
         offsets = [scan.offset - moved(task, design, then - x) for scan in found]
         counted = [scan.good & (weight > 0) for scan, weight in zip(found, weights, strict=True)]
         residuals = [
@@ -307,9 +307,11 @@ def solved(
                 for scan, weight in zip(found, weights, strict=True)
             ]
         variance = _correlated(noise)
-        for scan, weight in zip(found, weights, strict=True):
-            rows += rows_of(task, design, scan.offset + now, scan.good * weight / variance)
-        alike = [row._replace(modes=None) for row in rows]
+        rows = [
+            rows_of(task, design, scan.offset + now, scan.good * weight / variance)
+            for scan, weight in zip(found, weights, strict=True)
+        ]
+        alike = [row._replace(modes=None) for of_image in rows for row in of_image]
         then = damped(task.prior, x, alike, task.bias_px**2)
     return then, rows
 
@@ -534,7 +536,29 @@ def check_distance(chi2: float, what: str = "its pose", place: str = "the planne
         raise TooFarError(f"{what} is {np.sqrt(chi2):.1f} standard deviations away from {place}")
 
 
-def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> None:
+REPEATABILITY = PoseUncertainty.isotropic(translation_mm=0.02, rotation_rad=1e-4)
+"""Displacement of a camera that stands still between the images of a setting, or is brought back to its pose."""
+
+
+SHARP_MM = 0.05
+"""An edge of which nothing is stated is broken by this width at most."""
+
+
+def with_breaks(repeatability: PoseUncertainty, break_mm: float) -> PoseUncertainty:
+    """Return by how much a camera seems to move between lamps, if edges are broken by up to a width, mm.
+
+    A broken edge is bright where it faces the lamp, so the steps of all edges move towards the lamp or away from it.
+    """
+    seeming = np.repeat([break_mm**2, 0.0], 3)
+    return PoseUncertainty(repeatability.covariance + np.diag(seeming))
+
+
+def check_one_pose(
+    names: Sequence[str],
+    moves: Array,
+    covariance: Array,
+    repeatability: PoseUncertainty = REPEATABILITY,
+) -> None:
     """Refuse images of one setting that are from different poses.
 
     Parameters
@@ -545,6 +569,8 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
         Displacements of the camera in all but the first, as they were found.
     covariance : array
         Joint covariance of unknowns, of which these are the last ones.
+    repeatability : PoseUncertainty
+        By how much the camera may move.
 
     Raises
     ------
@@ -556,9 +582,10 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
     for k, name in enumerate(names[1:]):
         move = slice(POSE * k, POSE * (k + 1))
         at = slice(first + move.start, first + move.stop)
-        chi2 = distance_of(moves[move], covariance[at, at])
+        chi2 = distance_of(moves[move], covariance[at, at] + repeatability.covariance)
         if not chi2 <= limit:
             raise NotRegisteredError(
-                f"{names[0]} and {name} are from different poses: the camera moved by "
-                f"{np.sqrt(chi2):.1f} standard deviations between them"
+                f"{names[0]} and {name} are from different poses: between them the camera moved by "
+                f"{np.sqrt(chi2):.1f} standard deviations of its repeatability; hold camera and "
+                "part still, or state the repeatability"
             )

@@ -379,8 +379,8 @@ class Attempt:
         What was found at the registered unknowns.
     first : array (m, 2)
         Where the samples are planned, px.
-    rows : list of Rows
-        What the unknowns are from.
+    rows : list of list of Rows
+        What the unknowns are from, of each image.
     left_out : list of array of bool (m,)
         Which samples did not count in each image, as a shadow was taken for their edge before.
     lead : float
@@ -393,7 +393,7 @@ class Attempt:
     pictures: list[Picture]
     scan: Scan
     first: Array
-    rows: list[Rows]
+    rows: list[list[Rows]]
     left_out: list[Bools]
     lead: float
     found_at: Callable[[Array], list[ImageScan]]

@@ -29,7 +29,6 @@ from planner.camera.pose import (
 if TYPE_CHECKING:
     from errors.measurands import Localisation, Measurand, MeasurandModel
 
-
 # How surely poses and values are known after registration to the part's own edges, at any planned
 # pose.
 #

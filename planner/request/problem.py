@@ -19,6 +19,7 @@ from planner.request.camera_limits import widest_view_mm
 from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means, OwnEdges
 from planner.request.reach import Space, TargetSpace, entity_space
+from planner.request.reads import Reads
 from planner.request.registration import PoseKnowledge
 from planner.request.targets import (
     PREFERRED,
@@ -265,6 +266,8 @@ class Problem:
         Standard deviation of a face's position along its normal, mm; for dimensions.
     registered : OwnEdges or PoseUncertainty, optional
         How poses are known when values are read; the pose uncertainty says where images are taken. Default: no better.
+    reads : Reads, optional
+        What measuring will find in the images, for lamps; default: lamps are chosen by the faces beside edges alone.
     chosen : mapping of str to int
         Which of its witnesses a target has here, where it had several; see `at_pose`.
 
@@ -285,6 +288,7 @@ class Problem:
     localisation: Localisation | None = None
     surfaces_mm: float = 0.0
     registered: OwnEdges | PoseUncertainty | None = None
+    reads: Reads | None = None
     chosen: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

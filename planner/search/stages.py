@@ -762,7 +762,13 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     """
     lit = replace(
         draft,
-        light=chosen_lamps(lighting, draft, run.problem.space.solid, run.callbacks.silent.report),
+        light=chosen_lamps(
+            lighting,
+            draft,
+            run.problem.space.solid,
+            run.callbacks.silent.report,
+            reads=run.problem.reads,
+        ),
     )
     assert lit.light is not None
     if lit.light.complete or lighting.together:
@@ -783,7 +789,12 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     better = replace(
         plan,
         light=chosen_lamps(
-            lighting, plan, run.problem.space.solid, run.callbacks.silent.report, places
+            lighting,
+            plan,
+            run.problem.space.solid,
+            run.callbacks.silent.report,
+            places,
+            run.problem.reads,
         ),
     )
     return better if set(unlit(better)) <= set(dark) else lit
@@ -901,7 +912,9 @@ def _shown(
         plan.accuracy,
         plan.requirements,
     )
-    served = lighting.served(posed, run.problem.space.solid, run.callbacks.silent.report)
+    served = lighting.served(
+        posed, run.problem.space.solid, run.callbacks.silent.report, run.problem.reads
+    )
     if lighting.is_ring:
         served.keep_own(eyes_of(posed))
     elif lighting.is_fixed:
