@@ -147,3 +147,13 @@ def advice_of_images(pictures: Sequence[Picture], lost: Mapping[str, int]) -> st
     if worst in (STATE_TEXTS[State.AT_END], STATE_TEXTS[State.OUTLIER]):
         return "check the part's revision, its clamping and the camera's pose"
     return _BY_TEXT.get(worst, "")
+
+
+def with_advice(reason: str, advice: str) -> str:
+    """Return why an image fails, and what to change if that is known."""
+    return f"{reason}; {advice}" if advice else reason
+
+
+def as_sentence(advice: str) -> str:
+    """Return advice as a sentence; empty if there is none."""
+    return f"{advice[:1].upper()}{advice[1:]}." if advice else ""

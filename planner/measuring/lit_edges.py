@@ -99,7 +99,7 @@ class _Sides:
 
     def found(self, lamps: Array) -> Bools:
         """Return which samples (n, m) lamps (n, 3) show, with no shadow that ends beside them."""
-        found = np.empty((len(lamps), self.on_part.shape[-1]), dtype=np.bool_)
+        is_found = np.empty((len(lamps), self.on_part.shape[-1]), dtype=np.bool_)
         block = max(1, _RAYS // self.on_part.size)
         for first in range(0, len(lamps), block):
             of_block = slice(first, first + block)
@@ -108,8 +108,8 @@ class _Sides:
             shows = np.abs(light[:, 0, 1] - light[:, 0, 0]) >= self.least_step
             is_lit = light > 0
             even = (is_lit == is_lit[:, :1]) | ~self.on_part
-            found[of_block] = shows & even.all(axis=(1, 2))
-        return found
+            is_found[of_block] = shows & even.all(axis=(1, 2))
+        return is_found
 
 
 @dataclass(frozen=True)
@@ -140,9 +140,9 @@ class EntityLight:
         sector = ((self.share - low) / max(high - low, 1e-12) * SECTORS).astype(int)
         holds = np.minimum(sector, SECTORS - 1)[:, None] == np.arange(SECTORS)
         offered = holds.sum(axis=0)
-        least = np.maximum(least_of_sector * offered, offered > 0)
+        needed = np.maximum(least_of_sector * offered, offered > 0)
         enough = found.mean(axis=1) >= COVERAGE_SHARE + reserve
-        return np.asarray(enough & (found.astype(int) @ holds >= least).all(axis=1))
+        return np.asarray(enough & (found.astype(int) @ holds >= needed).all(axis=1))
 
 
 @dataclass(frozen=True)
@@ -168,8 +168,8 @@ class TargetLight:
         for entity in self.entities:
             rows = np.flatnonzero(readable)
             if len(rows) and entity.sides is not None:
-                found = entity.sides.found(lamps[rows]) & entity.usable
-                readable[rows] = entity.covers(found, RESERVE, LEAST_OF_SECTOR)
+                is_found = entity.sides.found(lamps[rows]) & entity.usable
+                readable[rows] = entity.covers(is_found, RESERVE, LEAST_OF_SECTOR)
         return readable
 
 

@@ -21,7 +21,7 @@ from planner.exceptions import RequestError
 from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
-from planner.measuring.advice import advice_of_images, advised
+from planner.measuring.advice import advice_of_images, advised, with_advice
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.reading import (
     Reading,
@@ -259,6 +259,15 @@ class MeasureOptions:
             raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
 
 
+def _unregistered(shot: Shot, why: str, advice: str) -> list[Reading]:
+    """Return the readings of an image that cannot be registered: none has a value."""
+    reason = f"the image cannot be registered: {why}"
+    return [
+        Reading(name, shot.name, shot.setting, reason=reason, advice=advice)
+        for name in shot.targets
+    ]
+
+
 def witness_key(setting: SensorSetting, name: str) -> str:
     """Return a name for a target as a setting measures it."""
     k = setting.witness.get(name, 0)
@@ -357,7 +366,6 @@ class Measurer:
             images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
         )
         registered: dict[str, Registered] = {}
-        # why, and what to change
         failed: dict[str, tuple[str, str]] = {}
         readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
         pictures = {}
@@ -381,11 +389,8 @@ class Measurer:
                     readings[reading.name].append(reading)
         for shot in self.shots:
             if shot.name in failed:
-                why, advice = failed[shot.name]
-                reason = f"the image cannot be registered: {why}"
-                for name in shot.targets:
-                    place = (name, shot.name, shot.setting)
-                    readings[name].append(Reading(*place, reason=reason, advice=advice))
+                for reading in _unregistered(shot, *failed[shot.name]):
+                    readings[reading.name].append(reading)
         results = {
             name: merged(name, self.plan.targets[name], target_readings, options.rule)
             for name, target_readings in readings.items()
@@ -396,7 +401,7 @@ class Measurer:
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             registered,
-            {name: f"{why}; {advice}" if advice else why for name, (why, advice) in failed.items()},
+            {name: with_advice(*both) for name, both in failed.items()},
             options.rule,
             serial,
             self._correlation(results, registered),
@@ -437,25 +442,7 @@ class Measurer:
             except NoFiducialsError as error:
                 raise NotRegisteredError(str(error)) from None
         if registration.method in (OWN_EDGES, BOTH):
-            stated = covariance, self._surfaces_mm(registration)
-            prior = prior_covariance(self.model, *stated, setting_pictures[0].camera)
-            try:
-                registered = register_as_shown(
-                    self.model,
-                    setting_pictures,
-                    pose,
-                    *stated,
-                    self._bias_px(options),
-                    with_breaks(options.repeatability, SHARP_MM),
-                )
-            except NotRegisteredError as error:
-                poses = [np.asarray(setting.cam2world) for setting in self.plan.settings]
-                like = looks_like(self.model, setting_pictures, poses, shot.setting, prior)
-                # what it looks like is the better reason
-                why = f"{error.what}; it {like}" if like else str(error)
-                raise NotRegisteredError(why, counts={} if like else error.counts) from None
-            check_lens(self.model, setting_pictures, pose, prior, registered)
-            return registered
+            return self._by_edges(shot.setting, setting_pictures, pose, covariance, options)
         if registration.method == GIVEN:
             stem = shot.name if shot.name in registration.poses else setting_name(shot.setting)
             if stem not in registration.poses:
@@ -476,6 +463,31 @@ class Measurer:
             registered = replace(registered, chi2=chi2)
         if registration.board is None:
             self._check_edges(registered, setting_pictures, planned, options)
+        return registered
+
+    def _by_edges(
+        self,
+        setting: int,
+        pictures: list[Picture],
+        pose: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        options: MeasureOptions,
+    ) -> Registered:
+        """Return the pose of a setting by the part's own edges, given what is known before."""
+        stated = covariance, self._surfaces_mm(options.registration)
+        prior = prior_covariance(self.model, *stated, pictures[0].camera)
+        between = with_breaks(options.repeatability, SHARP_MM)
+        try:
+            registered = register_as_shown(
+                self.model, pictures, pose, *stated, self._bias_px(options), between
+            )
+        except NotRegisteredError as error:
+            poses = [np.asarray(setting.cam2world) for setting in self.plan.settings]
+            like = looks_like(self.model, pictures, poses, setting, prior)
+            # what it looks like is the better reason
+            why = f"{error.what}; it {like}" if like else str(error)
+            raise NotRegisteredError(why, counts={} if like else error.counts) from None
+        check_lens(self.model, pictures, pose, prior, registered)
         return registered
 
     def _check_edges(

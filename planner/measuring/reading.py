@@ -223,27 +223,14 @@ def scan_entity(
         fit, good = robust_fit(edge.geometry, flat, scale[is_found])
         residual[is_found] = fit.residual
         state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
-    points = np.zeros(len(state), dtype=POINT)
-    points["u"], points["v"] = pixels.T
-    points["nu"], points["nv"] = across.T
-    points["x"], points["y"], points["z"] = samples.points.T
-    points["share"] = samples.share
-    points["residual_px"] = residual
-    points["state"] = state
+    points = _points_of(samples, pixels, across, residual, state)
     reason = _incomplete(edge, points, coverage)
     is_found = state == State.FOUND
-    moved = bool(reason) and _is_moved(
-        Sampled(model.edges.scene, camera, pose, [edge], _alone(samples)),
-        picture,
-        registered,
-        (centres, across),
-        state,
-    )
+    sampled = Sampled(model.edges.scene, camera, pose, [edge], _alone(samples))
+    moved = bool(reason) and _is_moved(sampled, picture, registered, (centres, across), state)
     if moved:
-        reason = (
-            f"no edge is where the model has {_word(edge)} {edge.name} "
-            f"(moved more than {half_px:.0f} px?)"
-        )
+        place = f"where the model has {_word(edge)} {edge.name}"
+        reason = f"no edge is {place} (moved more than {half_px:.0f} px?)"
     directions = tangents_of(camera, pixels[is_found])
     fit = None if reason else fit
     return EntityScan(
@@ -257,6 +244,20 @@ def scan_entity(
         _spacing(centres),
         moved,
     )
+
+
+def _points_of(
+    samples: Samples, pixels: Array, across: Array, residual: Array, state: NDArray[np.int64]
+) -> NDArray[np.void]:
+    """Return samples as a structured array, see `EntityScan`."""
+    points = np.zeros(len(state), dtype=POINT)
+    points["u"], points["v"] = pixels.T
+    points["nu"], points["nv"] = across.T
+    points["x"], points["y"], points["z"] = samples.points.T
+    points["share"] = samples.share
+    points["residual_px"] = residual
+    points["state"] = state
+    return points
 
 
 def _is_moved(

@@ -336,10 +336,10 @@ def _of_images(
     pose = slice(0, POSE)
     of_images = {}
     for k, picture in enumerate(attempt.pictures):
-        own = slice(n + POSE * k, n + POSE * (k + 1))
+        move = slice(n + POSE * k, n + POSE * (k + 1))
         select = np.zeros((n, len(estimate.mean)))
         select[:, :n] = np.eye(n)
-        select[pose, own] = np.eye(POSE)
+        select[pose, move] = np.eye(POSE)
         x = select @ estimate.mean
         prior = task.prior.copy()
         prior[pose, pose] += around
@@ -355,10 +355,10 @@ def _of_images(
 
 def _moved_too(rows: list[Rows], first: int) -> list[Rows]:
     """Return rows of an image whose camera also moves by unknowns of its own, from the first one on."""
-    own = first + np.arange(POSE)
+    move = first + np.arange(POSE)
     return [
         row._replace(
-            unknowns=np.concatenate([row.unknowns, own]),
+            unknowns=np.concatenate([row.unknowns, move]),
             design=np.hstack([row.design, row.design[:, :POSE]]),
         )
         for row in rows

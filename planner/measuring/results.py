@@ -70,11 +70,11 @@ class Result:
         In the order of the images.
     notes : tuple of str
         What the user should know.
-    advice : str
-        What to change in the shop if it was not measured; empty if nothing is known.
     accepted : (float, float) or None
         Deviations between which the rule says that a part conforms; None without a value or a tolerance, or if nothing
         is left between the guard bands.
+    advice : str
+        What to change in the shop if it was not measured; empty if nothing is known.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -96,11 +96,11 @@ class Result:
     reason: str
     readings: tuple[Reading, ...]
     notes: tuple[str, ...] = ()
-    advice: str = ""
     accepted: Annotated[
         _Limits | None,
         Meta(description="Deviations between which the rule accepts; null: it accepts none."),
     ] = None
+    advice: str = ""
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from errors.measurands import Decision, DecisionRule, guard_band
 from ground.templates import asset, render, render_macro
 from planner.camera.camera import Camera
+from planner.measuring.advice import as_sentence
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import Registered
@@ -519,8 +520,7 @@ def _target(result: Result, results: MeasurementResults) -> dict[str, Any]:
 
 def _sentence(result: Result) -> str:
     if not result.measured:
-        advice = f" {result.advice[:1].upper()}{result.advice[1:]}." if result.advice else ""
-        return f"Not measured: {result.reason}.{advice}"
+        return f"Not measured: {result.reason}. {as_sentence(result.advice)}".rstrip()
     value, uncertainty = _value_texts(result)
     text = (
         f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
