@@ -633,7 +633,7 @@ def test_a_note_says_for_what_share_of_the_time_to_expose(solid, exact, images):
 
 
 def test_several_lamps_of_a_setting(solid, images, exact):
-    """Each target is measured in the image whose lamp shows it; both images have one pose, but for its repeatability."""
+    """Each target is measured in the image whose lamp shows it; both images have one pose, within its repeatability."""
     plan = measured_plan(solid, ["left", "right"], settings=1)
     lit = (LitImage((0,), {"left": 0.5}), LitImage((1,), {"right": 0.5}))
     lamps = np.array([[0.0, 0, 500], [100.0, 0, 500]])
