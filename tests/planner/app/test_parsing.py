@@ -582,6 +582,7 @@ BAD = {
     "--sigma-mm": NEGATIVE,
     "--sigma-rad": ["inf"],
     "--sigma-part": ["-1mm,1mrad"],
+    "--repeatability": ["-1mm,1mrad"],
     "--simulate": ["0"],
     "--solids": NO_NUMBER,
     "--speed": ["0"],
