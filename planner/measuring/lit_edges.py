@@ -47,7 +47,7 @@ LEAST_OF_SECTOR = 0.4
 """And this share of each of its twelfths."""
 LEAST_EDGE_STEP = 0.03
 """The same as `LEAST_STEP` of the edges that an image is registered to: some of them may be missed."""
-LEAST_REGISTERED = 0.5
+LEAST_REGISTERED = 0.4
 """Share of the part's visible edges that a lamp must show, so that its image can be registered.
 
 Images of five parts were registered with 0.36 and more; with 0.28, 10 of 12 were not.

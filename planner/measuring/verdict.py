@@ -508,7 +508,8 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
     """
     task = attempt.task
     scans = attempt.scan.scans
-    chi2 = attempt.chi2
+    # of what is stated: biases of more modes count in it
+    chi2 = distance_of(estimate.mean[:POSE], task.prior[:POSE, :POSE])
     if not attempt.convincing:
         raise NotRegisteredError(
             f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them",
