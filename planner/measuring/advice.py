@@ -76,7 +76,10 @@ def advice_of(
         return ""
     if blur_px > MOST_BLUR_PX and worst in _OF_BLUR:
         return FOCUS
-    if worst == STATE_TEXTS[State.AT_END] and counts.get(STATE_TEXTS[State.FOUND], 0) >= counts[worst]:
+    if (
+        worst == STATE_TEXTS[State.AT_END]
+        and counts.get(STATE_TEXTS[State.FOUND], 0) >= counts[worst]
+    ):
         # an edge that is mostly where it should be has not moved: something else is beside it
         return SHADOW
     if worst != STATE_TEXTS[State.WEAK]:

@@ -149,6 +149,8 @@ stretch finds both, and more shadows too, so the lamp must explain it.
 _BIAS_ROUNDS = 12
 _BIAS_STILL = 1.02
 _COARSE_PX = 1.5
+# an image that is farther from the common pose is compared by its own registration, px
+_FAR_PX = 0.7
 _SIGMAS = 3.0
 _ROOM_PX = 2.0
 _MOST_WINDOW_PX = 60.0
@@ -296,38 +298,46 @@ def register(
     estimate, variance = _stated(attempt)
     registered = replace(judged(attempt, estimate), lamps=lamps)
     if len(pictures) > 1:
-        of_images = _of_images(attempt, registered, variance, repeatability)
+        of_images = _of_images(attempt, registered, estimate.mean, variance, repeatability)
         registered = replace(registered, of_images=of_images)
     return registered
 
 
 def _of_images(
-    attempt: Attempt, registered: Registered, variance: float, repeatability: PoseUncertainty
+    attempt: Attempt,
+    registered: Registered,
+    x: Array,
+    variance: float,
+    repeatability: PoseUncertainty,
 ) -> dict[str, Registered]:
     """Return the registration of each image: the surfaces are the same ones, the camera may have moved a little.
 
-    Each is registered alone, so that one from quite another pose is found, as far as it shows enough of the part; such
-    images are refused.
+    Each is also registered alone, so that one from quite another pose is found, as far as it shows enough of the part.
+    Such images are refused. The others are moved a little from the common pose, at the unknowns x (n,).
     """
     task = attempt.task
+    alike = task.samples.edge
     rows = list(attempt.rows)
-    alone = []
+    compared: dict[int, list[Rows]] = {}
     for k, picture in enumerate(attempt.pictures):
-        start = SearchStart(attempt.scan.x, attempt.lead)
-        alone_attempt = _attempted(task, [picture], start, task.samples.edge)
-        if not alone_attempt.convincing:
+        alone = _attempted(task, [picture], SearchStart(attempt.scan.x, attempt.lead), alike)
+        if not alone.convincing:
             # farther off than edges are searched
-            alone_attempt = _attempted(task, [picture], _coarse(task, [picture]), task.samples.edge)
-        if alone_attempt.convincing:
-            alone.append(k)
-            rows[k] = alone_attempt.rows[0]
+            alone = _attempted(task, [picture], _coarse(task, [picture]), alike)
+        if not alone.convincing:
+            continue
+        compared[k] = alone.rows[0]
+        away = np.linalg.norm(alone.scan.centres - attempt.scan.centres, axis=1)
+        if np.median(away) > _FAR_PX:
+            # nearby, rows of all images are about the same unknowns
+            rows[k] = alone.rows[0]
     n = len(task.prior)
-    if len(alone) > 1:
-        between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(alone) - 1)
-        moving = [rows[alone[0]]]
-        moving += [_moved_too(rows[k], n + POSE * i) for i, k in enumerate(alone[1:])]
+    if len(compared) > 1:
+        between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(compared) - 1)
+        first, *others = compared.values()
+        moving = [first, *(_moved_too(other, n + POSE * i) for i, other in enumerate(others))]
         estimate, _ = _enlarged(block_diag(task.prior, *between), moving, variance)
-        names = [attempt.pictures[k].name for k in alone]
+        names = [attempt.pictures[k].name for k in compared]
         check_one_pose(names, estimate.mean[n:], estimate.covariance, repeatability)
     # half of the variance of what is between two of them
     around = repeatability.covariance / 2 + np.diag(LEAST_POSE**2)
@@ -340,13 +350,14 @@ def _of_images(
         select = np.zeros((n, len(estimate.mean)))
         select[:, :n] = np.eye(n)
         select[pose, move] = np.eye(POSE)
-        x = select @ estimate.mean
+        # the common pose and surfaces lie in a curved valley, so only what differs is from this one step
+        own_x = x.copy()
+        own_x[pose] += estimate.mean[move]
         prior = task.prior.copy()
         prior[pose, pose] += around
         of_images[picture.name] = replace(
             registered,
-            cam2world=task.places(x)[0],
-            deviations=x[POSE:],
+            cam2world=task.places(own_x)[0],
             covariance=select @ estimate.covariance @ select.T,
             prior=prior,
         )
