@@ -32,7 +32,7 @@ class Exposure(NamedTuple):
     Attributes
     ----------
     target : str
-        The brightest place beside edges is next to this target.
+        The brightest point at an edge is next to this target.
     pixel : (int, int)
         Middle of the region to look at, px: u and v.
     dimmest : str
@@ -42,7 +42,7 @@ class Exposure(NamedTuple):
     radius_px : int
         Radius of the region; 0 for the pixel alone.
     share : float
-        Share of white that the mean of the region should have. The brightest place beside edges then has 80 %.
+        Share of white that the mean of the region should have. The brightest point next to an edge then has 80 %.
     """
 
     target: str
