@@ -23,6 +23,7 @@ from .exceptions import RobotError as RobotError
 from .exceptions import UncertaintyError as UncertaintyError
 from .inspection import plan_inspection as plan_inspection
 from .light.area_light import Backlight as Backlight
+from .light.light_catalogue import light_names as light_names
 from .light.light_plan import Exposure as Exposure
 from .light.light_plan import LightPlan as LightPlan
 from .light.light_plan import LitImage as LitImage
@@ -30,7 +31,11 @@ from .light.lighting import LampBox as LampBox
 from .light.lighting import LampDome as LampDome
 from .light.lighting import Lighting as Lighting
 from .light.lighting import RingSpace as RingSpace
+from .light.mounted_light import CoaxialLight as CoaxialLight
+from .light.mounted_light import DiffuseDome as DiffuseDome
+from .light.mounted_light import RingLight as RingLight
 from .light.plan_light import plan_light as plan_light
+from .light.reflection import Material as Material
 from .measuring.measurer import MeasureOptions as MeasureOptions
 from .measuring.measurer import Measurer as Measurer
 from .measuring.measurer import measure as measure

@@ -187,7 +187,7 @@ def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> s
 _PROMISES = ("accuracy", "probability")
 _IN_FULL = (*_PROMISES, "contrast", "share")
 # options that say nothing without --light
-_OF_LIGHT = ("contrast", "grey-step", "ground")
+_OF_LIGHT = ("contrast", "grey-step", "ground", "material")
 
 
 def check_numbers(options: Command) -> None:

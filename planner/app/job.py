@@ -38,8 +38,9 @@ from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
 from planner.light.area_light import Backlight
+from planner.light.area_lights import BACKLIGHT, is_area_word
+from planner.light.light_catalogue import light_facts
 from planner.light.lighting import (
-    BACKLIGHT,
     RING,
     LampBox,
     LampDome,
@@ -110,8 +111,9 @@ def cell_again(plan: InspectionPlan, path: str | None, plan_path: Path) -> Cell 
 
 
 _RULE = (
-    "--light must be ring, backlight, backlight:X,Y,Z,WIDTH,HEIGHT, box:X0,Y0,Z0,X1,Y1,Z1, "
-    "dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in mm, or a TOML file with lamps = [[X, Y, Z], ...]."
+    "--light must be backlight, diffuse-dome, coaxial or ring-light, each alone or with :NAME of the catalogue, "
+    "backlight:X,Y,Z,WIDTH,HEIGHT, ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in "
+    "mm, or a TOML file with lamps = [[X, Y, Z], ...]."
 )
 
 
@@ -125,21 +127,31 @@ def read_lighting(options: Light) -> Lighting | None:
     """
     check_contrast(options.contrast)
     check_step(options.grey_step)
-    if options.together and (options.light or RING).split(":")[0] in (RING, BACKLIGHT):
+    is_one = options.light in (None, RING) or is_area_word(options.light)
+    if options.together and is_one:
         option_text = "no --light" if options.light is None else f"--light {options.light}"
         raise RequestError(f"--together needs lamps by --light at, box or dome. Got {option_text}.")
     lamps = _lamps(options.light)
     if lamps is None:
         return None
     return Lighting(
-        lamps, options.contrast, options.grey_step, options.ground, together=options.together
+        lamps,
+        options.contrast,
+        options.grey_step,
+        options.ground,
+        together=options.together,
+        material=options.material,
     )
 
 
 def _lamps(text: str | None) -> Any:
-    if text is None or text in (RING, BACKLIGHT):
+    if text is None or text == RING:
         return text
     name, _, numbers = text.partition(":")
+    if is_area_word(text) and not (name == BACKLIGHT and "," in numbers):
+        if ":" in text:
+            light_facts(name, numbers)
+        return text
     if name == "at":
         return check_lamps_given([_numbers(place, text) for place in numbers.split(";")])
     if name == "box":

@@ -26,6 +26,7 @@ from planner.app.quantities import (
     all_or_indices,
     indices,
     lengths,
+    material,
     memory,
     registration,
     sigma_pair,
@@ -394,9 +395,14 @@ class Light:
     Attributes
     ----------
     light
-        ring (on the camera); backlight, which the part lies on, or backlight:X,Y,Z,WIDTH,HEIGHT, a bright rectangle
-        that shines upwards; places for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps
-        at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in mm (default: no lamps)
+        backlight, which the part lies on; diffuse-dome, coaxial or ring-light, which the camera carries; each alone or
+        with :NAME of the catalogue (aspectgraph lights); backlight:X,Y,Z,WIDTH,HEIGHT, a bright rectangle that shines
+        upwards; ring (a lamp on the camera); places for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on
+        dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in
+        mm (default: no lamps)
+    material
+        how the part reflects light: matt, or metal with a roughness from 0.02 (nearly a mirror) to 1; 0.3 is milled
+        or blasted (default: matt)
     contrast
         least contrast of an edge, (I1 - I2) / (I1 + I2)
     grey_step
@@ -408,6 +414,7 @@ class Light:
     """
 
     light: Annotated[str | None, _named("LAMPS")] = None
+    material: Annotated[Any, value(material, "matt|metal[:ROUGHNESS]")] = None
     contrast: Contrast = 0.1
     grey_step: Annotated[float, value(SHARE, "STEP")] = _GREY_STEP
     ground: Literal["dark", "bright"] = "dark"

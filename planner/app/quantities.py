@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from planner.exceptions import PlannerError, RequestError
 
 if TYPE_CHECKING:
+    from planner.light.reflection import Material
     from planner.request.registration import RegistrationRecord
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf(?:inity)?|nan)"
@@ -191,6 +192,34 @@ def registration(text: str) -> RegistrationRecord | None:
             f"must be edges, none, or a length and an angle like 0.02mm,0.1mrad. Got {text!r}."
         ) from None
     return RegistrationRecord(GIVEN, None, uncertainty)
+
+
+def material(text: str) -> Material:
+    """Return how the part reflects light.
+
+    Parameters
+    ----------
+    text : str
+        ``matt``, ``metal``, or ``metal:ROUGHNESS``.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these.
+    """
+    # here, because it loads numpy
+    from planner.light.reflection import Material
+
+    kind, colon, roughness = text.partition(":")
+    try:
+        if not colon:
+            return Material(kind)  # type: ignore[arg-type]
+        if kind == "metal":
+            return Material("metal", float(roughness))
+    except (ValueError, PlannerError):
+        pass
+    rule = "must be matt, metal, or metal:ROUGHNESS with a roughness from 0.02 to 1"
+    raise ValueError(f"{rule}. Got {text!r}.")
 
 
 # no file has more solids; Python reads no number of more than some thousand digits

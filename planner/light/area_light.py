@@ -24,8 +24,6 @@ from typing import (
     NamedTuple,
     Protocol,
     Self,
-    TypeAlias,
-    TypeGuard,
 )
 
 import numpy as np
@@ -122,6 +120,16 @@ class EdgePoints(NamedTuple):
         )
 
 
+class StandingLight(Protocol):
+    """A light with an area that stands: it answers by rays."""
+
+    def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
+        """Return contrast and step (n, m) of points of edges, as `AreaLight` does."""
+
+    def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
+        """Return how bright a camera sees what rays meet, as `AreaLight` does."""
+
+
 class AreaLight(Protocol):
     """What every light with an area is: a frozen record that files hold, which answers by rays."""
 
@@ -143,6 +151,9 @@ class AreaLight(Protocol):
 
     def check_part(self, solid: Solid) -> None:
         """Raise RequestError if the light cannot stand where it is, because of the part."""
+
+    def held(self, cam2world: Array) -> StandingLight:
+        """Return the light as it stands when a camera has a pose (4, 4): itself, unless the camera carries it."""
 
     def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
         """Return contrast and step (n, m), not negative, of points of edges (m) for cameras at eyes (n, 3).
@@ -316,6 +327,16 @@ class Backlight:
         if inside or self._border_inside(solid, flat):
             raise RequestError.of_rule("lamps", "must be outside the part", f"{self}, inside it")
 
+    def held(self, cam2world: Array) -> Self:
+        """Return itself: it stands wherever the camera is.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+        """
+        return self
+
     def _border_inside(self, solid: Solid, flat: float) -> bool:
         """Tell whether the border meets the part, or the centre is inside; a part that lies on it does neither."""
         # float32: what lies in the plane is well above the place that is tested
@@ -411,23 +432,11 @@ def _triple(name: str, values: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-AREA_LIGHTS: dict[str, type] = {"backlight": Backlight}
-"""The classes of area lights by kind."""
-
-AreaRecord: TypeAlias = Backlight
-"""An area light as files hold it: a union of the classes."""
-
-
-def is_area_light(value: object) -> TypeGuard[AreaLight]:
-    """Tell whether a value is a light with an area."""
-    return isinstance(value, tuple(AREA_LIGHTS.values()))
-
-
 # What an area light shows: of an entity from places of the camera, of a plan, and where to search.
 
 
 def entity_shown(
-    area: AreaLight, sight: Sight, edge_ids: Sequence[int], eyes: Array
+    area: StandingLight, sight: Sight, edge_ids: Sequence[int], eyes: Array
 ) -> tuple[Array, Array]:
     """Return contrast and step (n,) of an entity for cameras at eyes (n, 3).
 
@@ -512,11 +521,12 @@ def shown_of_plan(
         eye = np.asarray(setting.cam2world, dtype=np.float64)[:3, 3]
         eyes = np.vstack([eye, eye + radius * AROUND]) if radius > 0 else eye[None]
         targets = targets_of(plan.targets, setting)
+        light = area.held(np.asarray(setting.cam2world, dtype=np.float64))
         for name in setting.entities:
             key = name, id(targets[name])
             if key not in parts:
                 parts[key] = parts_of(targets[name], solid, name)
-            shown = [entity_shown(area, sight, part.edge_ids, eyes) for part in parts[key]]
+            shown = [entity_shown(light, sight, part.edge_ids, eyes) for part in parts[key]]
             values.append(
                 [min(value.min() for value in column) for column in zip(*shown, strict=True)]
             )
@@ -566,7 +576,8 @@ def _ends_show(
             np.broadcast_to(line.tip - line.corner, points.shape),
             np.broadcast_to(sight.solid.normals[list(edge.faces)], (len(points), 2, 3)),
         )
-        contrast, step = area.contrasts(sight, edges, line.eye[None])
+        pose = np.asarray(plan.settings[pairs[line.pair][0]].cam2world, dtype=np.float64)
+        contrast, step = area.held(pose).contrasts(sight, edges, line.eye[None])
         is_shown = bool((contrast >= limits[0]).all() and (step >= limits[1]).all())
         ends.setdefault(line.end, []).append(is_shown)
         pair_of[line.end] = line.pair
@@ -599,7 +610,7 @@ def area_brightness(
     last = np.array(camera.resolution) - 1
     seen = ((pixels >= 0) & (pixels <= last)).all(axis=1) & np.isfinite(rays).all(axis=1)
     light = np.zeros(len(pixels))
-    light[seen] = area.brightness(scene, cam2world[:3, 3], rays[seen])
+    light[seen] = area.held(cam2world).brightness(scene, cam2world[:3, 3], rays[seen])
     return light
 
 

@@ -14,7 +14,8 @@ from ground.convert import STATED, Meta, NullIs, Shape, from_plain, to_plain
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
-from planner.light.area_light import AreaLight, AreaRecord, area_brightness
+from planner.light.area_light import AreaLight, area_brightness
+from planner.light.area_lights import AreaRecord
 from planner.plan_file import Amount, Coordinates, Count, Fraction, Reasons, Share
 from planner.request.targets import targets_of
 
@@ -102,7 +103,7 @@ class LitSetting:
 class LightRecord:
     """Lamps that make what is measured show, in every setting, as files hold them."""
 
-    kind: Literal["fixed", "ring", "placed", "backlight"]
+    kind: Literal["fixed", "ring", "placed", "backlight", "diffuse-dome", "coaxial", "ring-light"]
     contrast: Fraction
     step: Amount
     ground: Literal["dark", "bright"]
@@ -156,7 +157,7 @@ class LightPlan:
         How the bound was proven.
     together : bool
         Whether all lamps are on in every image.
-    area : Backlight or None
+    area : Backlight, DiffuseDome, CoaxialLight, RingLight or None
         The light with an area, which is on in every image.
     """
 

@@ -25,7 +25,14 @@ from ground.convert import Plain, from_plain, to_plain
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
-from planner.light.area_light import AREA_LIGHTS, AreaLight, Backlight, is_area_light
+from planner.light.area_light import AreaLight
+from planner.light.area_lights import (
+    AREA_LIGHTS,
+    area_of_word,
+    in_material,
+    is_area_light,
+    is_area_word,
+)
 from planner.light.corner_light import (
     DEFAULT_STEP,
     SHARES,
@@ -39,6 +46,7 @@ from planner.light.corner_light import (
     rays_beside,
     sure_contrast,
 )
+from planner.light.reflection import Material
 from planner.progress import Progress, labelled
 from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
 from planner.verify.simulate_setting import Planned
@@ -327,10 +335,6 @@ LampSpace = LampBox | LampDome
 """Where lamps may be placed."""
 
 
-BACKLIGHT = "backlight"
-"""A backlight that the part lies on, as large as `Backlight.under` makes it."""
-
-
 def check_lamps_given(lamps: Any) -> LampSpace | AreaLight | Array | str:
     """Return a space of lamps, an area light, the places (n, 3) of fixed lamps, "ring" or "backlight".
 
@@ -344,9 +348,12 @@ def check_lamps_given(lamps: Any) -> LampSpace | AreaLight | Array | str:
     if is_area_light(lamps):
         return lamps
     if isinstance(lamps, str):
-        if lamps in (RING, BACKLIGHT):
+        if lamps == RING or is_area_word(lamps):
             return lamps
-        rule = f"must be positions, a LampBox, a LampDome, a Backlight, {RING!r} or {BACKLIGHT!r}"
+        rule = (
+            f"must be positions, a LampBox, a LampDome, a light with an area, {RING!r}, "
+            f"{', '.join(map(repr, AREA_LIGHTS))}, or such a word with a name of the catalogue"
+        )
         raise RequestError.of_rule("lamps", rule, repr(lamps))
     return _numbers("lamps", lamps, (-1, 3))
 
@@ -759,9 +766,11 @@ class Lighting:
 
     Parameters
     ----------
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, "ring" or "backlight"
-        Positions of the lamps, mm, or the region where lamps may be, or a ring light, or a
-        backlight. "backlight" is one that the part lies on, as `Backlight.under` makes it.
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, DiffuseDome, CoaxialLight, RingLight or str
+        Positions of the lamps, mm, or the region where lamps may be, or a light with an area. "ring"
+        is a lamp on the camera. "backlight" is one that the part lies on, as `Backlight.under`
+        makes it. "diffuse-dome", "coaxial" and "ring-light" are as large as the camera needs them.
+        "backlight:NAME" and so on are lights of the catalogue, see `light_names`.
     contrast, step : float
         Least contrast, and least step of grey values.
     ground : str
@@ -771,6 +780,8 @@ class Lighting:
     together : bool
         Whether all lamps are on in every image, as in a cell without switches. They then have equal
         strength. Otherwise one lamp is on at a time.
+    material : Material, optional
+        Of the part. Default: matt, or that of a `DiffuseDome`, `CoaxialLight` or `RingLight`.
 
     Raises
     ------
@@ -792,10 +803,13 @@ class Lighting:
     ground: str = "dark"
     tolerance_mm: float = 0.0
     together: bool = False
+    material: Material | None = None
 
     def __post_init__(self) -> None:
         check_contrast(self.contrast)
         object.__setattr__(self, "lamps", check_lamps_given(self.lamps))
+        if self.material is not None and self.area is not None:
+            object.__setattr__(self, "lamps", in_material(self.area, self.material))
         if self.together and self.is_ring:
             rule = "must be False for a ring light, which is one lamp"
             raise RequestError.of_rule("together", rule, "True")
@@ -813,7 +827,7 @@ class Lighting:
         """Return a one-line summary."""
         lamps: object = self.given
         if self.is_area:
-            lamps = self.area or "a backlight"
+            lamps = self.area or self.lamps
         elif lamps is None:
             lamps = "a ring light"
         elif isinstance(lamps, np.ndarray):
@@ -833,8 +847,7 @@ class Lighting:
     @property
     def is_area(self) -> bool:
         """Whether it is a light with an area, such as a backlight."""
-        is_word = isinstance(self.lamps, str) and self.lamps == BACKLIGHT
-        return is_word or self.area is not None
+        return is_area_word(self.lamps) or self.area is not None
 
     @property
     def area(self) -> AreaLight | None:
@@ -846,16 +859,25 @@ class Lighting:
         """Least contrast and step."""
         return self.contrast, self.step
 
-    def on_part(self, solid: Solid) -> Lighting:
-        """Return the same with the place of a light that follows from the part.
+    def on_part(self, solid: Solid, camera: Camera) -> Lighting:
+        """Return the same with a light that follows from part and camera.
 
         Parameters
         ----------
         solid : Solid
             The part.
+        camera : Camera
+            The camera.
+
+        Raises
+        ------
+        RequestError
+            If the catalogue has no such light, or the camera is focused at infinity.
         """
-        is_word = isinstance(self.lamps, str) and self.lamps == BACKLIGHT
-        return replace(self, lamps=Backlight.under(solid)) if is_word else self
+        if not isinstance(self.lamps, str) or not is_area_word(self.lamps):
+            return self
+        light = area_of_word(self.lamps, solid, camera, self.material or Material())
+        return replace(self, lamps=light)
 
     @property
     def is_fixed(self) -> bool:

@@ -1,18 +1,22 @@
-"""Lights of some extent that the camera carries: a diffuse dome, coaxial light, a ring; and what edges show under them."""
+"""Lights with an area that the camera carries: a diffuse dome, coaxial light, a ring; on matt parts and on metal."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import ceil, hypot
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.convert import Meta, check_fields
+from ground.convert import STATED, Meta, check_fields
 from planner.exceptions import RequestError
-from planner.light.corner_light import SHARES, across
+from planner.light.corner_light import across
 from planner.light.reflection import (
+    BOUNCES,
+    RAYS,
     Annulus,
     AreaEmitter,
     Cap,
@@ -24,60 +28,326 @@ from planner.light.reflection import (
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from aspectgraph.entities.entity import Entity
     from aspectgraph.solid.solid import RayScene
     from planner.camera.camera import Camera
+    from planner.light.area_light import EdgePoints, Sight
+
+# A light moves with the camera, so where it shines from is known with the pose: `held`. The search looks for viewpoints
+# before it turns the camera. There, the camera is taken to look at the middle of the part.
+#
+# An edge shows if the places that are seen three pixels beside it, on both sides, differ in brightness. Rays find them:
+# faces of the edge, what is behind a silhouette, or the ground, which is dark.
 
 Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
-Positive = Annotated[float, Meta(gt=0, title="must be finite and positive")]
-_WORKING = Meta(ge=0, title="must be finite and not negative")
+_Positive = Annotated[float, Meta(gt=0, title="must be finite and positive")]
 
-# places of the light that must be clear of the part, and by how much, mm
+# where edges are looked at beside them, as under lamps
+_BESIDE_PX = 3.0
+# places of the light that must be clear of the part, along it and around it, and by how much, mm
 _BODY = 12
 _CLEAR_MM = 1.0
-# an edge is looked at three pixels from it, as under lamps
-BESIDE_PX = 3.0
-# of a rim or arc of many edges, each is looked at in its middle
-_MANY_EDGES = 9
-# so much of an edge must show: `measure` reads it if 80 % is found
-SHOWN_SHARE = 0.85
-# and no more than this share of a rim in one piece may be missing: `measure` wants points in each twelfth
-_LONGEST_GAP = 1 / 12
-# places nearer than this to each other in the image are on the same side of a thin wall
-_MIDDLE = np.array([0.5])
+# tilts of a face at which the brightest one is looked for
+_TILTS_DEG = np.arange(0.0, 61.0, 10.0)
+# rays by the number of places: pictures have a place for each pixel
+_MANY = 4000
+_PICTURE = 20_000
+_FEW_RAYS = 64
+_PICTURE_RAYS = 16
+# default sizes: rim of a dome and window of coaxial light above the plane in focus, and a ring before the lens, mm
+DOME_WORKING_MM = 30.0
+COAXIAL_WORKING_MM = 50.0
+_RING_MM = 30.0
+_RING_INNER_MM = 50.0
+_RING_WIDTH_MM = 20.0
+# holes and windows are larger than the field by this share
+_MARGIN = 1.1
+_TINY = 1e-9
+
+
+class _Carried:
+    """What all lights have in common that the camera carries."""
+
+    # of the records that inherit
+    kind: str
+    name: str
+    material: Material
+    distance_mm: float
+
+    def emitter(self, cam2world: Array) -> AreaEmitter:
+        """Return the shining surface for a camera with a pose (4, 4)."""
+        raise NotImplementedError
+
+    def looks_through(self, local: Array) -> Bools:
+        """Return which points (n, 3) of the camera's frame, mm, are seen through the light, and beyond it."""
+        raise NotImplementedError
+
+    def body(self, cam2world: Array) -> Array:
+        """Return places (n, 3) of its surface, mm, which must be clear of the part."""
+        return self.emitter(cam2world).points(_grid())
+
+    @property
+    def description(self) -> str:
+        """What a sentence calls it."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        """Return what a sentence calls it."""
+        return self.description
+
+    @property
+    def reason(self) -> str:
+        """Why a target is not shown."""
+        return (
+            f"has too little contrast or light under the {self.kind}, at the camera or nearby, or is not seen through "
+            "it, or the light would touch the part"
+        )
+
+    @property
+    def outline(self) -> Array:
+        """No corners (0, 3): pictures draw nothing, as the light moves."""
+        return np.empty((0, 3))
+
+    @property
+    def only_outlines(self) -> bool:
+        """False: edges between faces show, too."""
+        return False
+
+    def check_part(self, solid: Solid) -> None:
+        """Accept any part: whether the light touches it depends on the pose.
+
+        Parameters
+        ----------
+        solid : Solid
+            The part.
+        """
+
+    def held(self, cam2world: Array) -> HeldLight:
+        """Return the light as a camera with a pose carries it.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The pose.
+        """
+        return HeldLight(self, np.asarray(cam2world, dtype=np.float64))
+
+    def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
+        """Return contrast and step (n, m) of points of edges for cameras that look at the middle of the part.
+
+        Parameters
+        ----------
+        sight : Sight
+            The part and the camera.
+        edges : EdgePoints
+            Points of edges.
+        eyes : array (n, 3)
+            Places of cameras, mm.
+        """
+        middle = np.mean(sight.solid.bounds, axis=0)
+        contrast = np.empty((len(eyes), len(edges.points)))
+        step = np.empty_like(contrast)
+        for k, eye in enumerate(eyes):
+            light = self.held(looking_at(eye, middle))
+            contrast[k], step[k] = light.shown(sight, edges, eye[None], _FEW_RAYS, 1)
+        return contrast, step
+
+    def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
+        """Return how bright a camera sees what rays meet, if it looks along their mean.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Of the part.
+        eye : array (3,)
+            Place of the camera, mm.
+        rays : array (..., 3)
+            Rays of pixels.
+        """
+        ahead = eye + rays.reshape(-1, 3).mean(axis=0)
+        return self.held(looking_at(eye, ahead)).brightness(scene, eye, rays)
+
+
+def _grid() -> Array:
+    """Return numbers (n, 2) in [0, 1) that are spread evenly."""
+    u = (np.arange(_BODY) + 0.5) / _BODY
+    v = (np.arange(2 * _BODY) + 0.5) / (2 * _BODY)
+    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+
+
+def looking_at(eye: Array, point: Array) -> Array:
+    """Return the pose (4, 4) of a camera at a place (3,) that looks at a point (3,), mm."""
+    axis = (point - eye) / max(float(np.linalg.norm(point - eye)), _TINY)
+    right = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3, :3] = np.column_stack([right, np.cross(axis, right), axis])
+    pose[:3, 3] = eye
+    return pose
+
+
+@dataclass(frozen=True, eq=False)
+class HeldLight:
+    """A light as a camera with a pose carries it: an area light that stands.
+
+    Attributes
+    ----------
+    light : MountedLight
+        The light.
+    cam2world : array (4, 4)
+        Pose of the camera.
+    """
+
+    light: Any
+    cam2world: Array
+
+    def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
+        """Return contrast and step (n, m) of points of edges for cameras at eyes (n, 3), near the pose.
+
+        Parameters
+        ----------
+        sight : Sight
+            The part and the camera.
+        edges : EdgePoints
+            Points of edges.
+        eyes : array (n, 3)
+            Places of cameras, mm.
+        """
+        if self.touches(sight.scene):
+            zero = np.zeros((len(eyes), len(edges.points)))
+            return zero, zero.copy()
+        return self.shown(sight, edges, eyes, RAYS, BOUNCES)
+
+    def touches(self, scene: RayScene) -> bool:
+        """Return whether the light would touch the part."""
+        return bool((scene.signed_distance(self.light.body(self.cam2world)) < _CLEAR_MM).any())
+
+    def shown(
+        self, sight: Sight, edges: EdgePoints, eyes: Array, rays: int, bounces: int
+    ) -> tuple[Array, Array]:
+        """Return contrast and step, by so many rays and reflections; see `contrasts`."""
+        bright = self.beside(sight, edges, eyes, rays, bounces)
+        step = np.abs(bright[0] - bright[1])
+        total = bright.sum(axis=0)
+        local = (edges.points - self.cam2world[:3, 3]) @ self.cam2world[:3, :3]
+        seen = self.light.looks_through(local)
+        contrast = np.where(seen, step / np.where(total > 0, total, 1.0), 0.0)
+        return contrast, np.where(seen, np.minimum(step / self.reference, 1.0), 0.0)
+
+    def beside(
+        self, sight: Sight, edges: EdgePoints, eyes: Array, rays: int, bounces: int
+    ) -> Array:
+        """Return how bright both sides of points of edges are (2, n, m), 0 for the ground."""
+        lines = edges.points - eyes[:, None]
+        aside = np.stack(
+            [across(lines[:, k], edges.along[k]) for k in range(lines.shape[1])], axis=1
+        )
+        off = _BESIDE_PX * sight.pixel_rad * np.linalg.norm(lines, axis=-1, keepdims=True) * aside
+        ways = np.stack([lines + off, lines - off])
+        return self._seen(sight.scene, eyes[:, None], ways, rays, bounces)
+
+    def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
+        """Return how bright (...) a camera at a place sees what rays (..., 3) meet, as a share of `reference`.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Of the part.
+        eye : array (3,)
+            Place of the camera, mm.
+        rays : array (..., 3)
+            Rays of pixels.
+        """
+        n = rays.size // 3
+        if n <= _MANY:
+            return self._seen(scene, eye, rays, RAYS, BOUNCES) / self.reference
+        few = _FEW_RAYS if n <= _PICTURE else _PICTURE_RAYS
+        return self._seen(scene, eye, rays, few, 1) / self.reference
+
+    def _seen(self, scene: RayScene, eyes: Array, ways: Array, rays: int, bounces: int) -> Array:
+        """Return how bright (...) what is seen along rays (..., 3) is; the ground is dark."""
+        hit = scene.cast(eyes, ways)
+        depth = hit["t_hit"].astype(np.float64)
+        met = np.isfinite(depth)
+        sight = ways[met]
+        places = np.broadcast_to(eyes, ways.shape)[met] + depth[met, None] * sight
+        normals = hit["primitive_normals"][met].astype(np.float64)
+        normals *= np.where((normals * sight).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+        views = -sight / np.linalg.norm(sight, axis=1, keepdims=True)
+        bright = np.zeros(ways.shape[:-1])
+        emitter = self.light.emitter(self.cam2world)
+        seen = Places(places, normals, views)
+        bright[met] = brightness(scene, emitter, seen, self.light.material, rays, bounces)
+        return bright
+
+    @cached_property
+    def reference(self) -> float:
+        """Brightness of the brightest face on the axis at the light's working distance, however it is tilted."""
+        axis = self.cam2world[:3, 2]
+        point = self.cam2world[:3, 3] + self.light.reach_mm * axis
+        tilts = np.radians(_TILTS_DEG)[:, None]
+        normals = -np.cos(tilts) * axis + np.sin(tilts) * self.cam2world[:3, 0]
+        places = Places(
+            np.broadcast_to(point, normals.shape),
+            normals,
+            np.broadcast_to(-axis, normals.shape),
+        )
+        emitter = self.light.emitter(self.cam2world)
+        bright = brightness(_NOTHING, emitter, places, self.light.material, RAYS, 0)
+        return float(bright.max())
+
+
+class _Nothing:
+    """A scene without a part."""
+
+    def cast(self, origins: Array, directions: Array) -> dict[str, Array]:
+        """Return that no ray meets anything."""
+        shape = directions.shape
+        return {"t_hit": np.full(shape[:-1], np.inf), "primitive_normals": np.zeros(shape)}
+
+    def blocked(self, origins: Array, directions: Array, up_to: float = 1.0) -> Bools:
+        """Return that nothing is in the way."""
+        return np.zeros(directions.shape[:-1], dtype=bool)
+
+
+_NOTHING: Any = _Nothing()
 
 
 @dataclass(frozen=True)
-class DiffuseDome:
+class DiffuseDome(_Carried):
     """A dome around the optical axis that shines evenly inside; the camera looks through a hole in its top.
 
     Parameters
     ----------
     diameter_mm : float
-        Inner diameter of the half sphere at its rim.
+        Diameter of the half sphere at its rim.
     hole_mm : float
         Diameter of the hole.
-    working_mm : float
-        Distance of its rim from the plane in focus.
+    distance_mm : float
+        Distance of the rim from the camera's front nodal point, along the axis.
+    material : Material
+        Of the part.
     name : str
-        Its name in the catalogue.
+        Name in the catalogue, or empty.
 
     Raises
     ------
     RequestError
-        If a length breaks its rule, or the hole is not smaller than the dome.
+        If a length breaks its rule, or the hole is not smaller than the dome, or the dome is higher than the camera.
 
     Examples
     --------
     >>> from planner import DiffuseDome
-    >>> str(DiffuseDome(200, 30))
-    'a diffuse dome of 200 mm with a hole of 30 mm, 30 mm above the plane in focus'
+    >>> print(DiffuseDome(200, 60, 270))
+    a diffuse dome of 200 mm with a hole of 60 mm, its rim 270 mm before the camera
     """
 
-    diameter_mm: Positive
-    hole_mm: Positive
-    working_mm: Annotated[float, _WORKING] = 30.0
+    kind: Annotated[Literal["diffuse-dome"], STATED] = field(default="diffuse-dome", init=False)
+    diameter_mm: _Positive
+    hole_mm: _Positive
+    distance_mm: _Positive
+    material: Material = field(default_factory=Material)
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -85,31 +355,51 @@ class DiffuseDome:
         if not self.hole_mm < self.diameter_mm:
             rule = f"must be below diameter_mm, {self.diameter_mm:g}"
             raise RequestError.of_rule("hole_mm", rule, f"{self.hole_mm:g}")
+        if not self.diameter_mm / 2 < self.distance_mm:
+            rule = f"must be above half of diameter_mm, {self.diameter_mm / 2:g}"
+            raise RequestError.of_rule("distance_mm", rule, f"{self.distance_mm:g}")
 
-    def __str__(self) -> str:
-        """Return what a sentence calls it."""
-        size = f"of {self.diameter_mm:g} mm with a hole of {self.hole_mm:g} mm"
-        return f"{_called('a diffuse dome', self.name)} {size}, {_above(self.working_mm)}"
+    @classmethod
+    def on(cls, camera: Camera, material: Material | None = None) -> Self:
+        """Return a dome for a camera: its rim 30 mm above the plane in focus, wide enough for the field there.
+
+        Parameters
+        ----------
+        camera : Camera
+            The camera.
+        material : Material, optional
+            Of the part. Default: matt.
+        """
+        distance = distance_before(camera, DOME_WORKING_MM, "a diffuse dome")
+        radius = min(ceil(_field_mm(camera, distance)), 0.8 * distance)
+        radius = max(radius, min(50.0, 0.5 * distance))
+        hole = min(ceil(_MARGIN * _field_mm(camera, distance - radius)), 1.8 * radius)
+        return cls(2 * radius, hole, distance, material or Material())
 
     @property
-    def kind(self) -> str:
-        """Its word on the command line."""
-        return "diffuse-dome"
+    def description(self) -> str:
+        """What a sentence calls it."""
+        size = f"of {self.diameter_mm:g} mm with a hole of {self.hole_mm:g} mm"
+        return f"{_called('a diffuse dome', self.name)} {size}, its rim {_ahead(self.distance_mm)}"
 
-    def emitter(self, cam2world: Array, focus_mm: float) -> AreaEmitter:
-        """Return the shining surface of a camera with a pose (4, 4) that is focused at a distance, mm."""
-        place, axis = _on_axis(cam2world, focus_mm - self.working_mm)
+    @property
+    def reach_mm(self) -> float:
+        """Distance from the camera at which it shines best."""
+        return self.distance_mm
+
+    def emitter(self, cam2world: Array) -> AreaEmitter:
+        """Return the shining surface for a camera with a pose (4, 4)."""
+        place, axis = _on_axis(cam2world, self.distance_mm)
         return Cap(place, -axis, self.diameter_mm / 2, 0.0, self.hole_mm / 2)
 
-    def looks_through(self, local: Array, focus_mm: float) -> NDArray[np.bool_]:
-        """Return which points (n, 3) of the camera's frame, mm, are seen through it."""
-        radius = self.hole_mm / 2
-        height = np.sqrt((self.diameter_mm / 2) ** 2 - radius**2)
-        return _within(local, focus_mm - self.working_mm - height, radius)
+    def looks_through(self, local: Array) -> Bools:
+        """Return which points (n, 3) of the camera's frame, mm, are seen through the hole."""
+        height = np.sqrt((self.diameter_mm / 2) ** 2 - (self.hole_mm / 2) ** 2)
+        return _within(local, self.distance_mm - height, self.hole_mm / 2)
 
 
 @dataclass(frozen=True)
-class CoaxialLight:
+class CoaxialLight(_Carried):
     """A diffuse square that shines along the optical axis, by a beam splitter before the lens.
 
     The light comes from as far above the window as the window is wide, and through the window.
@@ -118,10 +408,12 @@ class CoaxialLight:
     ----------
     side_mm : float
         Side of the window towards the part.
-    working_mm : float
-        Distance of the window from the plane in focus.
+    distance_mm : float
+        Distance of the window from the camera's front nodal point, along the axis.
+    material : Material
+        Of the part.
     name : str
-        Its name in the catalogue.
+        Name in the catalogue, or empty.
 
     Raises
     ------
@@ -131,52 +423,76 @@ class CoaxialLight:
     Examples
     --------
     >>> from planner import CoaxialLight
-    >>> str(CoaxialLight(50))
-    'coaxial light with a window of 50 mm, 50 mm above the plane in focus'
+    >>> print(CoaxialLight(50, 150))
+    coaxial light with a window of 50 mm, 150 mm before the camera
     """
 
-    side_mm: Positive
-    working_mm: Annotated[float, _WORKING] = 50.0
+    kind: Annotated[Literal["coaxial"], STATED] = field(default="coaxial", init=False)
+    side_mm: _Positive
+    distance_mm: _Positive
+    material: Material = field(default_factory=Material)
     name: str = ""
 
     def __post_init__(self) -> None:
         check_fields(self, RequestError)
 
-    def __str__(self) -> str:
-        """Return what a sentence calls it."""
-        size = f"with a window of {self.side_mm:g} mm"
-        return f"{_called('coaxial light', self.name)} {size}, {_above(self.working_mm)}"
+    @classmethod
+    def on(cls, camera: Camera, material: Material | None = None) -> Self:
+        """Return a light for a camera: its window 50 mm above the plane in focus, as wide as the field.
+
+        Parameters
+        ----------
+        camera : Camera
+            The camera.
+        material : Material, optional
+            Of the part. Default: matt.
+        """
+        distance = distance_before(camera, COAXIAL_WORKING_MM, "coaxial light")
+        sides = [side * distance / camera.image_distance_mm for side in camera.sensor_size_mm]
+        return cls(ceil(_MARGIN * max(sides)), distance, material or Material())
 
     @property
-    def kind(self) -> str:
-        """Its word on the command line."""
-        return "coaxial"
+    def description(self) -> str:
+        """What a sentence calls it."""
+        size = f"with a window of {self.side_mm:g} mm"
+        return f"{_called('coaxial light', self.name)} {size}, {_ahead(self.distance_mm)}"
 
-    def emitter(self, cam2world: Array, focus_mm: float) -> AreaEmitter:
-        """Return the shining surface of a camera with a pose (4, 4) that is focused at a distance, mm."""
-        window = focus_mm - self.working_mm
-        place, _ = _on_axis(cam2world, window - self.side_mm)
+    @property
+    def reach_mm(self) -> float:
+        """Distance from the camera at which its brightness is stated."""
+        return self.distance_mm + COAXIAL_WORKING_MM
+
+    def emitter(self, cam2world: Array) -> AreaEmitter:
+        """Return the shining surface for a camera with a pose (4, 4)."""
+        place, _ = _on_axis(cam2world, self.distance_mm - self.side_mm)
         return Window(place, cam2world[:3, :3].T, self.side_mm, self.side_mm)
 
-    def looks_through(self, local: Array, focus_mm: float) -> NDArray[np.bool_]:
-        """Return which points (n, 3) of the camera's frame, mm, are seen through its window."""
-        plane = focus_mm - self.working_mm
-        at = plane * np.abs(local[:, :2]) / np.maximum(local[:, 2:], 1e-9)
-        return np.asarray((at.max(axis=1) <= self.side_mm / 2) & (local[:, 2] > plane))
+    def body(self, cam2world: Array) -> Array:
+        """Return places (n, 3) of its case: the square where the light comes from, and the window."""
+        square = self.emitter(cam2world).points(_grid())
+        return np.concatenate([square, square + self.side_mm * cam2world[:3, 2]])
+
+    def looks_through(self, local: Array) -> Bools:
+        """Return which points (n, 3) of the camera's frame, mm, are seen through the window."""
+        share = self.distance_mm / np.maximum(local[:, 2], _TINY)
+        within = np.abs(local[:, :2]).max(axis=1) * share <= self.side_mm / 2
+        return np.asarray(within & (local[:, 2] > self.distance_mm))
 
 
 @dataclass(frozen=True)
-class RingLight:
+class RingLight(_Carried):
     """A flat ring around the optical axis that shines evenly towards the part.
 
     Parameters
     ----------
     inner_mm, outer_mm : float
         Diameters of the ring.
-    working_mm : float
-        Distance of the ring from the plane in focus.
+    distance_mm : float
+        Distance of the ring from the camera's front nodal point, along the axis.
+    material : Material
+        Of the part.
     name : str
-        Its name in the catalogue.
+        Name in the catalogue, or empty.
 
     Raises
     ------
@@ -186,13 +502,15 @@ class RingLight:
     Examples
     --------
     >>> from planner import RingLight
-    >>> str(RingLight(60, 100, 150))
-    'a ring light of 60 to 100 mm, 150 mm above the plane in focus'
+    >>> print(RingLight(60, 100, 50))
+    a ring light of 60 to 100 mm, 50 mm before the camera
     """
 
-    inner_mm: Positive
-    outer_mm: Positive
-    working_mm: Annotated[float, _WORKING] = 100.0
+    kind: Annotated[Literal["ring-light"], STATED] = field(default="ring-light", init=False)
+    inner_mm: _Positive
+    outer_mm: _Positive
+    distance_mm: _Positive
+    material: Material = field(default_factory=Material)
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -201,36 +519,83 @@ class RingLight:
             rule = f"must be below outer_mm, {self.outer_mm:g}"
             raise RequestError.of_rule("inner_mm", rule, f"{self.inner_mm:g}")
 
-    def __str__(self) -> str:
-        """Return what a sentence calls it."""
-        size = f"of {self.inner_mm:g} to {self.outer_mm:g} mm"
-        return f"{_called('a ring light', self.name)} {size}, {_above(self.working_mm)}"
+    @classmethod
+    def on(cls, camera: Camera, material: Material | None = None) -> Self:
+        """Return a ring for a camera: 30 mm before it, of at least 50 to 90 mm.
+
+        Parameters
+        ----------
+        camera : Camera
+            The camera.
+        material : Material, optional
+            Of the part. Default: matt.
+        """
+        inner = max(_RING_INNER_MM, ceil(_MARGIN * _field_mm(camera, _RING_MM)))
+        return cls(inner, inner + 2 * _RING_WIDTH_MM, _RING_MM, material or Material())
 
     @property
-    def kind(self) -> str:
-        """Its word on the command line."""
-        return "ring-light"
+    def description(self) -> str:
+        """What a sentence calls it."""
+        size = f"of {self.inner_mm:g} to {self.outer_mm:g} mm"
+        return f"{_called('a ring light', self.name)} {size}, {_ahead(self.distance_mm)}"
 
-    def emitter(self, cam2world: Array, focus_mm: float) -> AreaEmitter:
-        """Return the shining surface of a camera with a pose (4, 4) that is focused at a distance, mm."""
-        place, axis = _on_axis(cam2world, focus_mm - self.working_mm)
+    @property
+    def reach_mm(self) -> float:
+        """Distance from the camera at which its brightness is stated."""
+        return self.distance_mm + 2 * self.outer_mm
+
+    def emitter(self, cam2world: Array) -> AreaEmitter:
+        """Return the shining surface for a camera with a pose (4, 4)."""
+        place, axis = _on_axis(cam2world, self.distance_mm)
         return Annulus(place, axis, self.inner_mm / 2, self.outer_mm / 2)
 
-    def looks_through(self, local: Array, focus_mm: float) -> NDArray[np.bool_]:
-        """Return which points (n, 3) of the camera's frame, mm, are seen through it."""
-        return _within(local, focus_mm - self.working_mm, self.inner_mm / 2)
+    def looks_through(self, local: Array) -> Bools:
+        """Return which points (n, 3) of the camera's frame, mm, are seen through the ring."""
+        return _within(local, self.distance_mm, self.inner_mm / 2)
 
 
-MountedLight = DiffuseDome | CoaxialLight | RingLight
+MountedLight: TypeAlias = DiffuseDome | CoaxialLight | RingLight
 """A light that the camera carries."""
+
+MOUNTED: dict[str, Callable[[Camera, Material | None], MountedLight]] = {
+    "diffuse-dome": DiffuseDome.on,
+    "coaxial": CoaxialLight.on,
+    "ring-light": RingLight.on,
+}
+"""What makes each kind for a camera."""
+
+
+def of_material(light: MountedLight, material: Material) -> MountedLight:
+    """Return the same light on a part of another material."""
+    return replace(light, material=material)
 
 
 def _called(kind: str, name: str) -> str:
     return f"{kind} {name}" if name else kind
 
 
-def _above(working_mm: float) -> str:
-    return f"{working_mm:g} mm above the plane in focus"
+def _ahead(distance_mm: float) -> str:
+    return f"{distance_mm:g} mm before the camera"
+
+
+def _field_mm(camera: Camera, distance_mm: float) -> float:
+    """Return the diagonal of the field at a distance."""
+    return hypot(*camera.sensor_size_mm) * distance_mm / camera.image_distance_mm
+
+
+def distance_before(camera: Camera, working_mm: float, what: str) -> float:
+    """Return the distance from a camera to a plane above the plane in focus, at least half of that one's.
+
+    Raises
+    ------
+    RequestError
+        If the camera is focused at infinity.
+    """
+    focus = camera.focus_distance_mm
+    if not np.isfinite(focus):
+        rule = f"must be finite for {what}, which hangs above the plane in focus"
+        raise RequestError.of_rule("focus_distance_mm", rule, f"{focus}")
+    return max(focus - working_mm, focus / 2)
 
 
 def _on_axis(cam2world: Array, distance_mm: float) -> tuple[Array, Array]:
@@ -239,255 +604,7 @@ def _on_axis(cam2world: Array, distance_mm: float) -> tuple[Array, Array]:
     return cam2world[:3, 3] + distance_mm * axis, axis
 
 
-def _within(local: Array, plane_mm: float, radius_mm: float) -> NDArray[np.bool_]:
+def _within(local: Array, plane_mm: float, radius_mm: float) -> Bools:
     """Return which points (n, 3) are seen through a round hole before the camera, and lie beyond it."""
-    at = plane_mm * np.linalg.norm(local[:, :2], axis=1) / np.maximum(local[:, 2], 1e-9)
+    at = plane_mm * np.linalg.norm(local[:, :2], axis=1) / np.maximum(local[:, 2], _TINY)
     return np.asarray((at <= radius_mm) & (local[:, 2] > plane_mm))
-
-
-def check_fits(light: MountedLight, camera: Camera) -> None:
-    """Refuse a light that does not fit between a camera and the plane in focus.
-
-    Raises
-    ------
-    RequestError
-        If the camera is focused at infinity, or nearer than the light is high.
-    """
-    focus = camera.focus_distance_mm
-    heights = {"diffuse-dome": getattr(light, "diameter_mm", 0.0) / 2}
-    needed = light.working_mm + heights.get(light.kind, getattr(light, "side_mm", 0.0))
-    if not np.isfinite(focus) or needed >= focus:
-        rule = f"must fit before the camera, which is focused at {focus:g} mm: {needed:g} mm needed"
-        raise RequestError.of_rule("light", rule, str(light))
-
-
-def touches(light: MountedLight, camera: Camera, cam2world: Array, scene: RayScene) -> bool:
-    """Return whether the light would touch the part, at places spread over it."""
-    u, v = np.meshgrid((np.arange(_BODY) + 0.5) / _BODY, (np.arange(2 * _BODY) + 0.5) / (2 * _BODY))
-    numbers = np.column_stack([u.ravel(), v.ravel()])
-    body = light.emitter(cam2world, camera.focus_distance_mm).points(numbers)
-    if isinstance(light, CoaxialLight):
-        body = np.concatenate([body, body + light.side_mm * cam2world[:3, 2]])
-    return bool((scene.signed_distance(body) < _CLEAR_MM).any())
-
-
-# What edges show.
-
-
-class EdgeImage(NamedTuple):
-    """What a camera sees beside edges of a target: points (n, 3), and places on both sides, nan for the ground.
-
-    Attributes
-    ----------
-    points : array (n, 3)
-        Points of the edges, mm, in order.
-    places, normals : array (2, n, 3)
-        On either side: places, mm, and unit normals towards the camera.
-    closed : bool
-        Whether the last point is beside the first one.
-    """
-
-    points: Array
-    places: Array
-    normals: Array
-    closed: bool
-
-
-def edge_image(
-    solid: Solid, scene: RayScene, eye: Array, entity: Entity, pixel_rad: float
-) -> EdgeImage:
-    """Return what a camera sees beside the edges of an entity.
-
-    Parameters
-    ----------
-    solid : Solid
-        The part.
-    scene : RayScene
-        Of the part.
-    eye : array (3,)
-        Place of the camera, mm.
-    entity : Entity
-        An edge, rim or arc.
-    pixel_rad : float
-        Angle of a pixel.
-    """
-    shares = _MIDDLE if len(entity.edge_ids) >= _MANY_EDGES else SHARES
-    points = []
-    asides = []
-    for edge in (solid.edges[i] for i in entity.edge_ids):
-        start, end = solid.vertices[list(edge.vertices)]
-        some = start + shares[:, None] * (end - start)
-        points.append(some)
-        asides.append(across(some - eye, end - start))
-    joined = np.concatenate(points)
-    sight = joined - eye
-    off = (
-        BESIDE_PX
-        * pixel_rad
-        * np.linalg.norm(sight, axis=1, keepdims=True)
-        * _same_side(np.concatenate(asides), sight)
-    )
-    rays = np.stack([sight + off, sight - off])
-    hit = scene.cast(eye, rays)
-    depth = hit["t_hit"].astype(np.float64)
-    met = np.isfinite(depth)
-    normals = hit["primitive_normals"].astype(np.float64)
-    normals *= np.where((normals * rays).sum(axis=-1) > 0, -1.0, 1.0)[..., None]
-    places = np.where(met[..., None], eye + np.where(met, depth, 0.0)[..., None] * rays, np.nan)
-    closed = len(entity.edge_ids) >= _MANY_EDGES and _is_closed(solid, entity)
-    return EdgeImage(joined, places, normals, closed)
-
-
-def _same_side(asides: Array, sight: Array) -> Array:
-    """Return directions across edges that are all on the same side of a line of edges: away from its middle."""
-    middle = sight.mean(axis=0)
-    outward = ((sight - middle) * asides).sum(axis=1)
-    straight = np.abs(outward).max() < 1e-6 * np.linalg.norm(middle)
-    if straight:
-        return np.asarray(asides * np.where(asides @ asides[0] < 0, -1.0, 1.0)[:, None])
-    return np.asarray(asides * np.where(outward < 0, -1.0, 1.0)[:, None])
-
-
-def _is_closed(solid: Solid, entity: Entity) -> bool:
-    ends = np.array([solid.edges[i].vertices for i in entity.edge_ids]).ravel()
-    return bool((np.unique(ends, return_counts=True)[1] == 2).all())
-
-
-class Showing(NamedTuple):
-    """How an edge, or all edges of a target, show under a light.
-
-    Attributes
-    ----------
-    contrast : float
-        Contrast that 85 % of the points have, with one sign; 0 if they do not show.
-    step : float
-        Difference of brightness that 85 % of the points have.
-    brightest : float
-        Of places beside the edges.
-    pixel_place : array (3,)
-        That place, mm; nan without one.
-    """
-
-    contrast: float
-    step: float
-    brightest: float
-    pixel_place: Array
-
-
-NOTHING = Showing(0.0, 0.0, 0.0, np.full(3, np.nan))
-
-
-def showing(image: EdgeImage, bright: Array) -> Showing:
-    """Return how an edge shows.
-
-    Parameters
-    ----------
-    image : EdgeImage
-        What is beside it.
-    bright : array (2, n)
-        Brightness of both sides, 0 for the ground.
-    """
-    step = bright[0] - bright[1]
-    total = bright.sum(axis=0)
-    contrast = step / np.where(total > 0, total, 1.0)
-    sign = 1.0 if step.sum() >= 0 else -1.0
-    at = int(np.argmax(bright))
-    place = image.places.reshape(-1, 3)[at]
-    sure = _sure(sign * contrast, image.closed)
-    if sure <= 0:
-        return Showing(0.0, 0.0, float(bright.max()), place)
-    return Showing(sure, max(_sure(sign * step, image.closed), 0.0), float(bright.max()), place)
-
-
-def _sure(values: Array, closed: bool) -> float:
-    """Return the largest level that enough of the points reach, without too long a gap."""
-    n = len(values)
-    level = float(np.sort(values)[int((1 - SHOWN_SHARE) * n)])
-    longest = max(1, int(_LONGEST_GAP * n))
-    # the best of each run that is one longer than a gap may be: all of them must hold
-    around = np.concatenate([values, values[:longest]]) if closed else values
-    if len(around) > longest:
-        runs = np.lib.stride_tricks.sliding_window_view(around, longest + 1).max(axis=1)
-        level = min(level, float(runs.min()))
-    return level
-
-
-def shown_in(
-    light: MountedLight,
-    material: Material,
-    solid: Solid,
-    scene: RayScene,
-    camera: Camera,
-    cam2world: Array,
-    entities: Mapping[str, Sequence[Entity]],
-) -> dict[str, Showing]:
-    """Return how targets show in one pose of a camera under the light that it carries.
-
-    Parameters
-    ----------
-    light : MountedLight
-        The light.
-    material : Material
-        Of the part.
-    solid : Solid
-        The part.
-    scene : RayScene
-        Of the part.
-    camera : Camera
-        The camera.
-    cam2world : array (4, 4)
-        Its pose.
-    entities : mapping of str to sequence of Entity
-        Edges, rims and arcs of each target.
-
-    Returns
-    -------
-    dict of str to Showing
-        The weakest of each target's entities; `NOTHING` if the camera does not see all of it
-        through the light, or the light would touch the part.
-    """
-    if touches(light, camera, cam2world, scene):
-        return dict.fromkeys(entities, NOTHING)
-    eye = cam2world[:3, 3]
-    pixel = max(camera.pixel_pitch_mm) / camera.image_distance_mm
-    names = [name for name, items in entities.items() for _ in items]
-    images = [
-        edge_image(solid, scene, eye, item, pixel) for items in entities.values() for item in items
-    ]
-    bright = _brightness_of(
-        light.emitter(cam2world, camera.focus_distance_mm), images, eye, scene, material
-    )
-    shown: dict[str, Showing] = {}
-    for name, image, values in zip(names, images, bright, strict=True):
-        local = (image.points - eye) @ cam2world[:3, :3]
-        item = NOTHING
-        if light.looks_through(local, camera.focus_distance_mm).all():
-            item = showing(image, values)
-        shown[name] = _weaker(shown[name], item) if name in shown else item
-    return shown
-
-
-def _brightness_of(
-    emitter: AreaEmitter,
-    images: Sequence[EdgeImage],
-    eye: Array,
-    scene: RayScene,
-    material: Material,
-) -> list[Array]:
-    """Return the brightness (2, n) of both sides of each image; all in one call."""
-    places = np.concatenate([image.places.reshape(-1, 3) for image in images])
-    normals = np.concatenate([image.normals.reshape(-1, 3) for image in images])
-    met = np.isfinite(places[:, 0])
-    views = eye - places[met]
-    views /= np.linalg.norm(views, axis=1, keepdims=True)
-    bright = np.zeros(len(places))
-    bright[met] = brightness(scene, emitter, Places(places[met], normals[met], views), material)
-    ends = np.cumsum([2 * len(image.points) for image in images])[:-1]
-    return [part.reshape(2, -1) for part in np.split(bright, ends)]
-
-
-def _weaker(one: Showing, other: Showing) -> Showing:
-    weak = min(one, other, key=lambda item: item.contrast)
-    bright = max(one, other, key=lambda item: item.brightest)
-    step = min(one.step, other.step)
-    return Showing(weak.contrast, step, bright.brightest, bright.pixel_place)

@@ -259,7 +259,7 @@ def chosen_lamps(
     also: ArrayLike = (),
 ) -> LightPlan:
     """Choose lamps as `plan_light` does; ``also`` (n, 3) are places to try besides, mm, where lamps are placed."""
-    lighting = lighting.on_part(solid)
+    lighting = lighting.on_part(solid, plan.camera)
     if lighting.area is not None:
         return _by_area(lighting, lighting.area, plan, solid)
     served = lighting.served(plan, solid, progress)

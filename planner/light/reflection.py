@@ -154,7 +154,7 @@ class Material:
 
 
 def _tangents(normals: Array) -> tuple[Array, Array]:
-    """Return two unit vectors that are square to normals (Duff et al. 2017, Building an Orthonormal Basis, Revisited)."""
+    """Return two unit vectors at right angles to normals (Duff et al., Orthonormal Basis, Revisited, 2017)."""
     x, y, z = normals.T
     sign = np.where(z < 0, -1.0, 1.0)
     a = -1 / (sign + z)
@@ -168,9 +168,9 @@ def _combined(local: Array, first: Array, second: Array, normals: Array) -> Arra
 
 
 def _visible_facets(views: Array, roughness: float, numbers: Array) -> Array:
-    """Return normals of facets (n, 3) as the viewer sees them (Heitz 2018, Sampling the GGX Distribution of Visible Normals).
+    """Return normals of facets (n, 3) as the viewer sees them; views are in the frame of the face.
 
-    Views are in the frame of the face.
+    Heitz, Sampling the GGX Distribution of Visible Normals (2018).
     """
     stretched = views * np.array([roughness, roughness, 1.0])
     stretched /= np.linalg.norm(stretched, axis=1, keepdims=True)
@@ -294,7 +294,9 @@ def _brightness(
     n = len(places.points)
     rows = len(numbers)
     paths = _Paths(
-        *(np.repeat(values, rows, axis=0) for values in places),
+        np.repeat(places.points, rows, axis=0),
+        np.repeat(places.normals, rows, axis=0),
+        np.repeat(places.views, rows, axis=0),
         np.full(n * rows, 1 / rows),
         np.repeat(np.arange(n), rows),
         np.tile(np.arange(rows), n),

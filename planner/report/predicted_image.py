@@ -364,7 +364,7 @@ class PictureMaker:
             x, y = np.moveaxis(tangents_of(self.camera, np.stack([u, v], axis=-1)), -1, 0)
         rays = np.stack([x, y, np.ones_like(u)], axis=-1) @ cam2world[:3, :3].T
         if lamp is not None and not isinstance(lamp, np.ndarray):
-            bright = lamp.brightness(self._scene, cam2world[:3, 3], rays)
+            bright = lamp.held(cam2world).brightness(self._scene, cam2world[:3, 3], rays)
             brightest = max(bright.max(initial=0.0), 1e-300)
             return (_GROUND + (_BRIGHTEST - _GROUND) * bright / brightest).astype(np.uint8)
         hit = self._cast(cam2world, rays)

@@ -762,7 +762,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     draft : InspectionPlan
         The settings chosen without them.
     """
-    lighting = lighting.on_part(run.problem.space.solid)
+    lighting = lighting.on_part(run.problem.space.solid, draft.camera)
     lit = replace(
         draft,
         light=chosen_lamps(lighting, draft, run.problem.space.solid, run.callbacks.silent.report),

@@ -345,7 +345,7 @@ def _light(one):
         (
             "torch",
             {},
-            "lamps must be positions, a LampBox, a LampDome, a Backlight, 'ring' or 'backlight'. Got 'torch'.",
+            "lamps must be positions, a LampBox, a LampDome, a light with an area, 'ring', ",
         ),
         ([], {}, "lamps must be finite numbers in mm, shape (n, 3). Got []."),
         ([[1, 2]], {}, "lamps must be finite numbers in mm, shape (n, 3). Got [[1, 2]]."),
