@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.geometry import Localisation as Localisation
+from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
@@ -165,6 +166,10 @@ class InspectionOptions(RunOptions):
     surfaces_mm: float | None = None
     registration: Any = None
     gap: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.effort is not None:
+            check_kinds(effort=(self.effort, "Effort"))
 
     @classmethod
     def of_request(cls, request: Request) -> InspectionOptions:

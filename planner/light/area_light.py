@@ -149,6 +149,10 @@ class AreaLight(Protocol):
     def outline(self) -> Array:
         """Corners (k, 3) of the polygon that pictures draw, mm; (0, 3) where there is nothing to draw."""
 
+    @property
+    def only_outlines(self) -> bool:
+        """Whether only outlines make lines in the image, so that other edges nearby do not matter."""
+
     def check_part(self, solid: Solid) -> None:
         """Raise RequestError if the light cannot stand where it is, because of the part."""
 
@@ -303,6 +307,11 @@ class Backlight:
             "is not the outline of the part in front of the backlight, at the camera or nearby, or an end of it has no "
             "other line in front of the backlight"
         )
+
+    @property
+    def only_outlines(self) -> bool:
+        """True: the part is dark in front of it."""
+        return True
 
     def check_part(self, solid: Solid) -> None:
         """Raise RequestError if the rectangle passes through the part, or does not shine at it.
@@ -568,7 +577,9 @@ def _ends_show(
     shows = np.ones(len(pairs), dtype=bool)
     ends: dict[int, list[bool]] = {}
     pair_of: dict[int, int] = {}
-    for line in corner_lines_of(plan, sight.solid, pairs, edge_ids):
+    for line in corner_lines_of(
+        plan, sight.solid, pairs, edge_ids, only_outlines=area.only_outlines
+    ):
         points = points_of_arm(line.corner, line.tip, line.eye, sight.pixel_rad)
         edge = sight.solid.edges[line.edge_id]
         edges = EdgePoints(
@@ -652,6 +663,11 @@ class AreaSpace:
     def solid(self) -> Solid:
         """The part."""
         return self.regions.solid
+
+    @property
+    def only_outlines(self) -> bool:
+        """Whether only outlines make lines in the image."""
+        return self.area.only_outlines
 
     @property
     def workspace(self) -> Array:

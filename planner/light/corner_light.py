@@ -1048,6 +1048,8 @@ def corner_lines_of(
     solid: Solid,
     names: Sequence[tuple[int, str]],
     edge_ids: Sequence[Sequence[int]],
+    *,
+    only_outlines: bool = False,
 ) -> list[CornerLine]:
     """Return the lines that leave the ends of lengths in the images of a plan; none if it asks for no corners.
 
@@ -1055,6 +1057,8 @@ def corner_lines_of(
     ----------
     plan, solid, names, edge_ids
         As `corners_of` takes them.
+    only_outlines : bool
+        See `PartLines`.
     """
     required = plan.requirements
     required_deg = required.get("min_corner_deg", 0.0)
@@ -1069,6 +1073,7 @@ def corner_lines_of(
         ends,
         plan.camera,
         Detectability(required.get("separation_px", 0.0), 0.0, required_deg),
+        only_outlines=only_outlines,
     )
     pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(
         -1, 2

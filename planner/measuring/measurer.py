@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
+from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
@@ -47,6 +48,7 @@ from planner.verify.setting_record import search_windows_px
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.solid.solid import RayScene
+    from planner.light.area_light import AreaLight
     from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
 
@@ -115,7 +117,7 @@ def image_notes(
                 scene,
                 np.asarray(pose),
                 {name: targets[name].points for name in image.contrast},
-                plan.light.lamps[list(image.lamps)],
+                plan.light.area or plan.light.lamps[list(image.lamps)],
             )
         blur = registered[name].blur_px if name in registered else 0.0
         notes += [f"{name}: {note}" for note in picture.notes(blur, lost, share)]
@@ -137,7 +139,7 @@ def exposure_share(
     scene: RayScene,
     cam2world: NDArray[np.float64],
     points: Mapping[str, NDArray[np.float64]],
-    lamps: NDArray[np.float64],
+    lamps: NDArray[np.float64] | AreaLight,
 ) -> float | None:
     """Return for what share of the time to expose, so that the brightest place beside edges has 80 % of white.
 
@@ -154,8 +156,8 @@ def exposure_share(
         Pose of the camera.
     points : mapping of str to array (n, 3)
         Points on the edges of each target, mm.
-    lamps : array (k, 3)
-        The lamps that were on, mm.
+    lamps : array (k, 3) or AreaLight
+        The lamps that were on, mm, or the light with an area.
 
     Returns
     -------
@@ -247,7 +249,7 @@ class MeasureOptions:
             raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
 
 
-def _witness_key(setting: SensorSetting, name: str) -> str:
+def witness_key(setting: SensorSetting, name: str) -> str:
     """Return a name for a target as a setting measures it."""
     k = setting.witness.get(name, 0)
     return f"{name} (way {k + 1})" if k else name
@@ -279,6 +281,7 @@ class Measurer:
     """
 
     def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
+        check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
         self._digest = PartRecord.of(solid).digest
         why = plan.request.other_part(solid)
         if why:
@@ -291,11 +294,12 @@ class Measurer:
         self.targets = {name: plan.targets[name] for name in plan.inspected}
         # a setting measures a target by the witness that it was planned with
         self._by_witness = {
-            _witness_key(setting, name): targets_of(plan.targets, setting)[name]
+            witness_key(setting, name): targets_of(plan.targets, setting)[name]
             for setting in plan.settings
             for name in setting.entities
         }
-        self.model = PartModel(solid, self._by_witness)
+        area = None if plan.light is None else plan.light.area
+        self.model = PartModel(solid, self._by_witness, area)
 
     def measure(
         self,
@@ -479,7 +483,7 @@ class Measurer:
         half = self._half_px(shot, registered)
         readings = []
         for name in shot.targets:
-            key = _witness_key(self.plan.settings[shot.setting], name)
+            key = witness_key(self.plan.settings[shot.setting], name)
             target = self._by_witness[key]
             place = (name, shot.name, shot.setting)
             if target.measurand.in_image:
@@ -523,7 +527,7 @@ class Measurer:
             return dict.fromkeys(shot.targets, NEAR_PX)
         setting = self.plan.settings[shot.setting]
         room = {
-            name: self._tolerance_px(self._by_witness[_witness_key(setting, name)], registered)
+            name: self._tolerance_px(self._by_witness[witness_key(setting, name)], registered)
             for name in shot.targets
         }
         if registered.method != PLANNED:
