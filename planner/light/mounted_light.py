@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ground.convert import STATED, Meta, check_fields
 from planner.exceptions import RequestError
+from planner.light.area_light import EdgePoints
 from planner.light.corner_light import across
 from planner.light.reflection import (
     BOUNCES,
@@ -20,6 +21,7 @@ from planner.light.reflection import (
     Annulus,
     AreaEmitter,
     Cap,
+    CarriedEmitter,
     Material,
     Places,
     Window,
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.solid.solid import RayScene
     from planner.camera.camera import Camera
-    from planner.light.area_light import EdgePoints, Sight
+    from planner.light.area_light import Sight
 
 # A light moves with the camera, so where it shines from is known with the pose: `held`. The search looks for viewpoints
 # before it turns the camera. There, the camera is taken to look at the middle of the part.
@@ -51,10 +53,14 @@ _CLEAR_MM = 1.0
 # tilts of a face at which the brightest one is looked for
 _TILTS_DEG = np.arange(0.0, 61.0, 10.0)
 # rays by the number of places: pictures have a place for each pixel
-_MANY = 4000
+_MANY = 2000
 _PICTURE = 20_000
 _FEW_RAYS = 64
 _PICTURE_RAYS = 16
+# the search asks for many cameras: points of an entity, rays, and cameras at a time
+_SEARCH_POINTS = 8
+_SEARCH_RAYS = 8
+_SEARCH_EYES = 200
 # default sizes: rim of a dome and window of coaxial light above the plane in focus, and a ring before the lens, mm
 DOME_WORKING_MM = 30.0
 COAXIAL_WORKING_MM = 50.0
@@ -145,13 +151,34 @@ class _Carried:
         eyes : array (n, 3)
             Places of cameras, mm.
         """
-        middle = np.mean(sight.solid.bounds, axis=0)
+        some = np.unique(np.linspace(0, len(edges.points) - 1, _SEARCH_POINTS).astype(int))
+        nearest = np.abs(np.arange(len(edges.points))[:, None] - some).argmin(axis=1)
+        few = EdgePoints(*(values[some] for values in edges))
+        poses = looking_at(eyes, np.mean(sight.solid.bounds, axis=0))
         contrast = np.empty((len(eyes), len(edges.points)))
         step = np.empty_like(contrast)
-        for k, eye in enumerate(eyes):
-            light = self.held(looking_at(eye, middle))
-            contrast[k], step[k] = light.shown(sight, edges, eye[None], _FEW_RAYS, 1)
+        for first in range(0, len(eyes), _SEARCH_EYES):
+            block = slice(first, first + _SEARCH_EYES)
+            shown = self._shown_quickly(sight, few, eyes[block], poses[block])
+            contrast[block], step[block] = (values[:, nearest] for values in shown)
         return contrast, step
+
+    def _shown_quickly(
+        self, sight: Sight, edges: EdgePoints, eyes: Array, poses: Array
+    ) -> tuple[Array, Array]:
+        """Return contrast and step (n, m) for cameras with poses (n, 4, 4), by few rays."""
+        ways = _ways_beside(sight, edges, eyes)
+        seen, met = _places_seen(sight.scene, eyes[:, None], ways)
+        of_eye = np.broadcast_to(np.arange(len(eyes))[:, None], ways.shape[:-1])[met]
+        bright = np.zeros(ways.shape[:-1])
+        if len(of_eye):
+            light = CarriedEmitter(self.emitter(np.eye(4)), poses[of_eye])
+            bright[met] = brightness(sight.scene, light, seen, self.material, _SEARCH_RAYS, 1)
+        # the same for every pose
+        reference = HeldLight(self, np.eye(4)).reference
+        local = np.einsum("nji,nmj->nmi", poses[:, :3, :3], edges.points - eyes[:, None])
+        through = self.looks_through(local.reshape(-1, 3)).reshape(local.shape[:2])
+        return _contrast_and_step(bright, through, reference)
 
     def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
         """Return how bright a camera sees what rays meet, if it looks along their mean.
@@ -166,7 +193,7 @@ class _Carried:
             Rays of pixels.
         """
         ahead = eye + rays.reshape(-1, 3).mean(axis=0)
-        return self.held(looking_at(eye, ahead)).brightness(scene, eye, rays)
+        return self.held(looking_at(eye[None], ahead)[0]).brightness(scene, eye, rays)
 
 
 def _grid() -> Array:
@@ -176,15 +203,45 @@ def _grid() -> Array:
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
-def looking_at(eye: Array, point: Array) -> Array:
-    """Return the pose (4, 4) of a camera at a place (3,) that looks at a point (3,), mm."""
-    axis = (point - eye) / max(float(np.linalg.norm(point - eye)), _TINY)
-    right = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.column_stack([right, np.cross(axis, right), axis])
-    pose[:3, 3] = eye
-    return pose
+def looking_at(eyes: Array, point: Array) -> Array:
+    """Return poses (n, 4, 4) of cameras at places (n, 3) that look at a point (3,), mm."""
+    axis = point - eyes
+    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), _TINY)
+    right = np.cross(axis, np.eye(3)[np.abs(axis).argmin(axis=1)])
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    poses = np.tile(np.eye(4), (len(eyes), 1, 1))
+    poses[:, :3, :3] = np.stack([right, np.cross(axis, right), axis], axis=-1)
+    poses[:, :3, 3] = eyes
+    return poses
+
+
+def _ways_beside(sight: Sight, edges: EdgePoints, eyes: Array) -> Array:
+    """Return rays (2, n, m, 3) from cameras at eyes (n, 3) to both sides of points of edges."""
+    lines = edges.points - eyes[:, None]
+    aside = np.stack([across(lines[:, k], edges.along[k]) for k in range(lines.shape[1])], axis=1)
+    off = _BESIDE_PX * sight.pixel_rad * np.linalg.norm(lines, axis=-1, keepdims=True) * aside
+    return np.stack([lines + off, lines - off])
+
+
+def _places_seen(scene: RayScene, eyes: Array, ways: Array) -> tuple[Places, Bools]:
+    """Return the places that rays (..., 3) meet, and which rays (...) meet one."""
+    hit = scene.cast(eyes, ways)
+    depth = hit["t_hit"].astype(np.float64)
+    met = np.isfinite(depth)
+    sight = ways[met]
+    points = np.broadcast_to(eyes, ways.shape)[met] + depth[met, None] * sight
+    normals = hit["primitive_normals"][met].astype(np.float64)
+    normals *= np.where((normals * sight).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+    views = -sight / np.linalg.norm(sight, axis=1, keepdims=True)
+    return Places(points, normals, views), met
+
+
+def _contrast_and_step(bright: Array, through: Bools, reference: float) -> tuple[Array, Array]:
+    """Return contrast and step (n, m) of brightness (2, n, m); 0 for points that are not seen through the light."""
+    step = np.abs(bright[0] - bright[1])
+    total = bright.sum(axis=0)
+    contrast = np.where(through, step / np.where(total > 0, total, 1.0), 0.0)
+    return contrast, np.where(through, np.minimum(step / reference, 1.0), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +274,8 @@ class HeldLight:
         if self.touches(sight.scene):
             zero = np.zeros((len(eyes), len(edges.points)))
             return zero, zero.copy()
+        if len(eyes) * len(edges.points) > _MANY:
+            return self.shown(sight, edges, eyes, _FEW_RAYS, 1)
         return self.shown(sight, edges, eyes, RAYS, BOUNCES)
 
     def touches(self, scene: RayScene) -> bool:
@@ -227,25 +286,10 @@ class HeldLight:
         self, sight: Sight, edges: EdgePoints, eyes: Array, rays: int, bounces: int
     ) -> tuple[Array, Array]:
         """Return contrast and step, by so many rays and reflections; see `contrasts`."""
-        bright = self.beside(sight, edges, eyes, rays, bounces)
-        step = np.abs(bright[0] - bright[1])
-        total = bright.sum(axis=0)
+        ways = _ways_beside(sight, edges, eyes)
+        bright = self._seen(sight.scene, eyes[:, None], ways, rays, bounces)
         local = (edges.points - self.cam2world[:3, 3]) @ self.cam2world[:3, :3]
-        seen = self.light.looks_through(local)
-        contrast = np.where(seen, step / np.where(total > 0, total, 1.0), 0.0)
-        return contrast, np.where(seen, np.minimum(step / self.reference, 1.0), 0.0)
-
-    def beside(
-        self, sight: Sight, edges: EdgePoints, eyes: Array, rays: int, bounces: int
-    ) -> Array:
-        """Return how bright both sides of points of edges are (2, n, m), 0 for the ground."""
-        lines = edges.points - eyes[:, None]
-        aside = np.stack(
-            [across(lines[:, k], edges.along[k]) for k in range(lines.shape[1])], axis=1
-        )
-        off = _BESIDE_PX * sight.pixel_rad * np.linalg.norm(lines, axis=-1, keepdims=True) * aside
-        ways = np.stack([lines + off, lines - off])
-        return self._seen(sight.scene, eyes[:, None], ways, rays, bounces)
+        return _contrast_and_step(bright, self.light.looks_through(local), self.reference)
 
     def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
         """Return how bright (...) a camera at a place sees what rays (..., 3) meet, as a share of `reference`.
@@ -267,17 +311,9 @@ class HeldLight:
 
     def _seen(self, scene: RayScene, eyes: Array, ways: Array, rays: int, bounces: int) -> Array:
         """Return how bright (...) what is seen along rays (..., 3) is; the ground is dark."""
-        hit = scene.cast(eyes, ways)
-        depth = hit["t_hit"].astype(np.float64)
-        met = np.isfinite(depth)
-        sight = ways[met]
-        places = np.broadcast_to(eyes, ways.shape)[met] + depth[met, None] * sight
-        normals = hit["primitive_normals"][met].astype(np.float64)
-        normals *= np.where((normals * sight).sum(axis=1) > 0, -1.0, 1.0)[:, None]
-        views = -sight / np.linalg.norm(sight, axis=1, keepdims=True)
+        seen, met = _places_seen(scene, eyes, ways)
         bright = np.zeros(ways.shape[:-1])
         emitter = self.light.emitter(self.cam2world)
-        seen = Places(places, normals, views)
         bright[met] = brightness(scene, emitter, seen, self.light.material, rays, bounces)
         return bright
 

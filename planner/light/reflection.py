@@ -214,6 +214,48 @@ class AreaEmitter(Protocol):
         """
 
 
+@dataclass(frozen=True)
+class CarriedEmitter:
+    """A light that several cameras carry: each point or ray has to do with that of one camera.
+
+    Parameters
+    ----------
+    emitter : AreaEmitter
+        In the camera's frame.
+    poses : array (n, 4, 4)
+        Pose of the camera of each, camera to world.
+    """
+
+    emitter: AreaEmitter
+    poses: Array
+
+    @property
+    def area_mm2(self) -> float:
+        """Area that `points` are spread over."""
+        return self.emitter.area_mm2
+
+    def of(self, which: NDArray[np.int_]) -> CarriedEmitter:
+        """Return the lights of some of the cameras (k,), in that order."""
+        return CarriedEmitter(self.emitter, self.poses[which])
+
+    def points(self, numbers: Array) -> Array:
+        """Return points (n, 3), mm."""
+        local = self.emitter.points(numbers)
+        turned = np.einsum("nij,nj->ni", self.poses[:, :3, :3], local)
+        return np.asarray(self.poses[:, :3, 3] + turned)
+
+    def met(self, origins: Array, ways: Array) -> tuple[Array, Array]:
+        """Return where rays (n, 3) meet the light, and the cosine there."""
+        turns = self.poses[:, :3, :3]
+        local = np.einsum("nji,nj->ni", turns, origins - self.poses[:, :3, 3])
+        return self.emitter.met(local, np.einsum("nji,nj->ni", turns, ways))
+
+
+def _light_of(light: AreaEmitter, places: NDArray[np.int_]) -> AreaEmitter:
+    """Return the light of places with these numbers."""
+    return light.of(places) if isinstance(light, CarriedEmitter) else light
+
+
 class Places(NamedTuple):
     """Places of faces (n, 3), mm, their unit normals towards the camera, and unit vectors to the camera."""
 
@@ -261,7 +303,8 @@ def brightness(
     for first in range(0, len(total), size):
         block = slice(first, first + size)
         part = Places(*(values[block] for values in places))
-        total[block] = _brightness(scene, light, part, material, numbers)
+        of_block = _light_of(light, np.arange(len(total))[block])
+        total[block] = _brightness(scene, of_block, part, material, numbers)
     return total
 
 
@@ -301,13 +344,15 @@ def _brightness(
         np.repeat(np.arange(n), rows),
         np.tile(np.arange(rows), n),
     )
-    lift = _LIFT * float(np.linalg.norm(light.points(np.full((1, 2), 0.5)) - places.points[:1]))
+    middle = _light_of(light, np.zeros(1, np.int_)).points(np.full((1, 2), 0.5))
+    lift = _LIFT * float(np.linalg.norm(middle - places.points[:1]))
     total = np.zeros(n)
     for depth in range(numbers.shape[1] // _NUMBERS):
         drawn = numbers[paths.row, _NUMBERS * depth : _NUMBERS * (depth + 1)]
         starts = paths.points + lift * paths.normals
-        direct = _to_light(scene, light, paths, starts, material, drawn[:, :2])
-        scattered, paths_on = _scattered(scene, light, paths, starts, material, drawn[:, 2:])
+        near = _light_of(light, paths.owner)
+        direct = _to_light(scene, near, paths, starts, material, drawn[:, :2])
+        scattered, paths_on = _scattered(scene, near, paths, starts, material, drawn[:, 2:])
         total += np.bincount(paths.owner, paths.share * (direct + scattered), minlength=n)
         paths = paths_on
     return total

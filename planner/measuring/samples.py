@@ -552,7 +552,8 @@ class PartEdges:
             sight = Sight.of(self.solid, camera, self.scene)
             of_edges = EdgePoints(points[visible], tangents[visible], normals[visible])
             eye = np.asarray(cam2world)[None, :3, 3]
-            visible[visible] = self.area.contrasts(sight, of_edges, eye)[0][0] >= DEFAULT_CONTRAST
+            held = self.area.held(np.asarray(cam2world, dtype=np.float64))
+            visible[visible] = held.contrasts(sight, of_edges, eye)[0][0] >= DEFAULT_CONTRAST
         return Samples(number, share, points, tangents, visible, np.ones_like(visible))
 
     def _visible(
