@@ -159,6 +159,9 @@ class AreaLight(Protocol):
     def held(self, cam2world: Array) -> StandingLight:
         """Return the light as it stands when a camera has a pose (4, 4): itself, unless the camera carries it."""
 
+    def in_front(self, cells: CellSet) -> CellSet:
+        """Return cells without those from which the light shows nothing of any part."""
+
     def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
         """Return contrast and step (n, m), not negative, of points of edges (m) for cameras at eyes (n, 3).
 
@@ -312,6 +315,16 @@ class Backlight:
     def only_outlines(self) -> bool:
         """True: the part is dark in front of it."""
         return True
+
+    def in_front(self, cells: CellSet) -> CellSet:
+        """Return the cells that reach in front of the rectangle's plane.
+
+        Parameters
+        ----------
+        cells : CellSet
+            Where cameras may be.
+        """
+        return cells.in_front_of(np.array(self.centre), self.normal)
 
     def check_part(self, solid: Solid) -> None:
         """Raise RequestError if the rectangle passes through the part, or does not shine at it.
@@ -628,7 +641,8 @@ def area_brightness(
 class AreaSpace:
     """Viewpoints from which a camera sees entities, and an area light makes them show: a space for planning.
 
-    The covering cells are those of the regions alone, so a lower bound proven with them stays valid.
+    The covering cells are those of the regions, without those from which the light shows nothing. So a lower bound
+    proven with them stays valid.
 
     Parameters
     ----------
@@ -685,14 +699,14 @@ class AreaSpace:
         return self.regions.entity_names
 
     def covering_cells(self, names: Sequence[str]) -> CellSet:
-        """Return the viewpoints from where all named entities are visible, in whatever light.
+        """Return the viewpoints in front of the light from where all named entities are visible.
 
         Parameters
         ----------
         names : sequence of str
             Names of entities, at least one.
         """
-        return self.regions.covering_cells(names)
+        return self.area.in_front(self.regions.covering_cells(names))
 
     def subset(self, names: Sequence[str]) -> AreaSpace:
         """Return the space of some of the entities.

@@ -29,7 +29,7 @@ from planner.light.reflection import (
 )
 
 if TYPE_CHECKING:
-    from aspectgraph import Solid
+    from aspectgraph import CellSet, Solid
     from aspectgraph.solid.solid import RayScene
     from planner.camera.camera import Camera
     from planner.light.area_light import Sight
@@ -128,6 +128,16 @@ class _Carried:
         solid : Solid
             The part.
         """
+
+    def in_front(self, cells: CellSet) -> CellSet:
+        """Return all cells: the camera carries the light.
+
+        Parameters
+        ----------
+        cells : CellSet
+            Cells of viewpoints.
+        """
+        return cells
 
     def held(self, cam2world: Array) -> HeldLight:
         """Return the light as a camera with a pose carries it.

@@ -583,7 +583,7 @@ def test_the_space_agrees_with_lamps_planned_for_single_poses(part):
     assert 0.3 * exact.sum() < len(found) < exact.sum()
 
 
-def test_it_passes_to_other_processes_and_knows_itsparts_of():
+def test_it_passes_to_other_processes_and_knows_its_parts():
     space = space_of(step(), RIM)
     eyes = np.array([[10.0, 20, 400], [200.0, 20, 400]])
     before = space.observable(eyes)
