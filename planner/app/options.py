@@ -541,6 +541,28 @@ class Cameras(Messages):
 
 
 @dataclass(kw_only=True)
+class Lights(PartReading):
+    """List the lights that --light knows by name, or which light suffices for a plan.
+
+    Attributes
+    ----------
+    plan
+        plan.json, or the folder it is in: compare the kinds of lights in its settings (default: list the catalogue)
+    part
+        the part of the plan; needed with PLAN
+    material
+        how the part reflects light: matt, or metal with a roughness from 0.02 (nearly a mirror) to 1; 0.3 is milled
+        or blasted (default: matt)
+    """
+
+    usage = ("[options]", "PLAN --part PART [options]")
+
+    plan: str | None = field(default=None, kw_only=False)
+    part: Annotated[str | None, _named("PART")] = None
+    material: Annotated[Any, value(material, "matt|metal[:ROUGHNESS]")] = None
+
+
+@dataclass(kw_only=True)
 class OpticsPromise(Promise):
     """Camera and requirement.
 
@@ -951,7 +973,20 @@ class Help(Command):
 
 
 _COMMANDS: tuple[type[Command], ...] = (
-    *(Plan, Info, Dimensions, Cameras, Optics, Simulate, Reach, Program, Render, Measure, Batch),
+    *(
+        Plan,
+        Info,
+        Dimensions,
+        Cameras,
+        Lights,
+        Optics,
+        Simulate,
+        Reach,
+        Program,
+        Render,
+        Measure,
+        Batch,
+    ),
     Graph,
     *(Completion, Help),
 )

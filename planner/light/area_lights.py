@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 
+import numpy as np
+
 from planner.light.area_light import AreaLight, Backlight
 from planner.light.light_catalogue import catalogued_light
 from planner.light.mounted_light import (
@@ -69,7 +71,8 @@ def area_of_word(word: str, solid: Solid, camera: Camera, material: Material) ->
         return in_material(light, material)
     if kind == BACKLIGHT:
         return Backlight.under(solid)
-    return MOUNTED[kind](camera, material)
+    low, high = solid.bounds
+    return MOUNTED[kind](camera, material, float(np.linalg.norm(np.subtract(high, low))))
 
 
 def in_material(light: AreaLight, material: Material) -> AreaLight:

@@ -406,8 +406,8 @@ class DiffuseDome(_Carried):
             raise RequestError.of_rule("distance_mm", rule, f"{self.distance_mm:g}")
 
     @classmethod
-    def on(cls, camera: Camera, material: Material | None = None) -> Self:
-        """Return a dome for a camera: its rim 30 mm above the plane in focus, wide enough for the field there.
+    def on(cls, camera: Camera, material: Material | None = None, part_mm: float = np.inf) -> Self:
+        """Return a dome for a camera: its rim 30 mm above the plane in focus, twice as wide as field or part.
 
         Parameters
         ----------
@@ -415,9 +415,11 @@ class DiffuseDome(_Carried):
             The camera.
         material : Material, optional
             Of the part. Default: matt.
+        part_mm : float
+            Diagonal of the part. A ring does not depend on it.
         """
         distance = distance_before(camera, DOME_WORKING_MM, "a diffuse dome")
-        radius = min(ceil(_field_mm(camera, distance)), 0.8 * distance)
+        radius = min(ceil(min(_field_mm(camera, distance), part_mm)), 0.8 * distance)
         radius = max(radius, min(50.0, 0.5 * distance))
         hole = min(ceil(_MARGIN * _field_mm(camera, distance - radius)), 1.8 * radius)
         return cls(2 * radius, hole, distance, material or Material())
@@ -483,8 +485,8 @@ class CoaxialLight(_Carried):
         check_fields(self, RequestError)
 
     @classmethod
-    def on(cls, camera: Camera, material: Material | None = None) -> Self:
-        """Return a light for a camera: its window 50 mm above the plane in focus, as wide as the field.
+    def on(cls, camera: Camera, material: Material | None = None, part_mm: float = np.inf) -> Self:
+        """Return a light for a camera: its window 50 mm above the plane in focus, as wide as field or part.
 
         Parameters
         ----------
@@ -492,10 +494,13 @@ class CoaxialLight(_Carried):
             The camera.
         material : Material, optional
             Of the part. Default: matt.
+        part_mm : float
+            Diagonal of the part. A ring does not depend on it.
         """
         distance = distance_before(camera, COAXIAL_WORKING_MM, "coaxial light")
         sides = [side * distance / camera.image_distance_mm for side in camera.sensor_size_mm]
-        return cls(ceil(_MARGIN * max(sides)), distance, material or Material())
+        side = ceil(_MARGIN * min(max(sides), part_mm))
+        return cls(side, distance, material or Material())
 
     @property
     def description(self) -> str:
@@ -566,7 +571,7 @@ class RingLight(_Carried):
             raise RequestError.of_rule("inner_mm", rule, f"{self.inner_mm:g}")
 
     @classmethod
-    def on(cls, camera: Camera, material: Material | None = None) -> Self:
+    def on(cls, camera: Camera, material: Material | None = None, part_mm: float = np.inf) -> Self:
         """Return a ring for a camera: 30 mm before it, of at least 50 to 90 mm.
 
         Parameters
@@ -575,6 +580,8 @@ class RingLight(_Carried):
             The camera.
         material : Material, optional
             Of the part. Default: matt.
+        part_mm : float
+            Diagonal of the part. A ring does not depend on it.
         """
         inner = max(_RING_INNER_MM, ceil(_MARGIN * _field_mm(camera, _RING_MM)))
         return cls(inner, inner + 2 * _RING_WIDTH_MM, _RING_MM, material or Material())
@@ -603,7 +610,7 @@ class RingLight(_Carried):
 MountedLight: TypeAlias = DiffuseDome | CoaxialLight | RingLight
 """A light that the camera carries."""
 
-MOUNTED: dict[str, Callable[[Camera, Material | None], MountedLight]] = {
+MOUNTED: dict[str, Callable[[Camera, Material | None, float], MountedLight]] = {
     "diffuse-dome": DiffuseDome.on,
     "coaxial": CoaxialLight.on,
     "ring-light": RingLight.on,
