@@ -25,7 +25,7 @@ from ground.convert import Plain, from_plain, to_plain
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
-from planner.light.area_light import AreaLight
+from planner.light.area_light import AreaLight, EdgePoints
 from planner.light.area_lights import (
     AREA_LIGHTS,
     area_of_word,
@@ -43,12 +43,14 @@ from planner.light.corner_light import (
     corners_of,
     demands_of,
     edge_steps,
+    parts_of,
     rays_beside,
     sure_contrast,
 )
-from planner.light.reflection import Material
+from planner.light.reflection import Glare, Material, Places
 from planner.progress import Progress, labelled
 from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
+from planner.request.targets import targets_of
 from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
@@ -409,6 +411,8 @@ class Served:
         How far lamps may be off: all must show from 26 places so far around, too.
     corners : Corners, optional
         Lines of which one must show at each end, and beside which no shadow may end.
+    glare : Glare, optional
+        Faces of metal beside which lamps must have no mirror image.
     """
 
     light: LightRegions | None
@@ -419,6 +423,7 @@ class Served:
     clearance_mm: float = 0.0
     tolerance_mm: float = 0.0
     corners: Corners | None = None
+    glare: Glare | None = None
     places: Array = field(default_factory=lambda: np.empty((0, 3)))
     contrast: Array = field(init=False)
     step: Array = field(init=False)
@@ -489,6 +494,8 @@ class Served:
                 contrast[lit, k] = np.minimum(contrast[lit, k], behind[0])
                 step[lit, k] = np.minimum(step[lit, k], behind[1])
         shown = (contrast >= self.least_contrast) & (step >= self.least_step)
+        if self.glare is not None:
+            shown &= ~self.glare.meets(places, len(self.pairs))
         rows = np.flatnonzero(shown.any(axis=1))
         if self.corners is not None and rows.size:
             each = np.arange(rows.size)[:, None]
@@ -781,7 +788,8 @@ class Lighting:
         Whether all lamps are on in every image, as in a cell without switches. They then have equal
         strength. Otherwise one lamp is on at a time.
     material : Material, optional
-        Of the part. Default: matt, or that of a `DiffuseDome`, `CoaxialLight` or `RingLight`.
+        Of the part. Default: matt, or that of a `DiffuseDome`, `CoaxialLight` or `RingLight`. On metal,
+        lamps are left out whose mirror image is beside an edge.
 
     Raises
     ------
@@ -812,6 +820,9 @@ class Lighting:
             object.__setattr__(self, "lamps", in_material(self.area, self.material))
         if self.together and self.is_ring:
             rule = "must be False for a ring light, which is one lamp"
+            raise RequestError.of_rule("together", rule, "True")
+        if self.together and self.material is not None and self.material.kind == "metal":
+            rule = "must be False for metal, on which light of several lamps does not add up"
             raise RequestError.of_rule("together", rule, "True")
         if self.together and self.is_area:
             rule = "must be False for a light that has an area, which is one lamp"
@@ -944,8 +955,39 @@ class Lighting:
         names = [(pair.setting, pair.name) for pair in demands.pairs]
         corners = corners_of(plan, solid, scene, names, demands.edge_ids)
         return Served(
-            light, scene, demands.pairs, self.contrast, self.step, clearance, off, corners
+            light,
+            scene,
+            demands.pairs,
+            self.contrast,
+            self.step,
+            clearance,
+            off,
+            corners,
+            _glare(plan, solid, demands.pairs, self.material),
         )
+
+
+def _glare(
+    plan: Planned, solid: Solid, pairs: Sequence[Pair], material: Material | None
+) -> Glare | None:
+    """Return the faces of metal beside what settings measure, as their cameras see them."""
+    if material is None or material.kind == "matt" or not pairs:
+        return None
+    eyes = eyes_of(plan)
+    parts: list[Places] = []
+    owner: list[int] = []
+    for k, pair in enumerate(pairs):
+        target = targets_of(plan.targets, plan.settings[pair.setting])[pair.name]
+        for entity in parts_of(target, solid, pair.name):
+            edges = EdgePoints.of(solid, entity.edge_ids)
+            views = eyes[pair.setting] - edges.points
+            views /= np.linalg.norm(views, axis=1, keepdims=True)
+            for normals in edges.normals.swapaxes(0, 1):
+                seen = (normals * views).sum(axis=1) > 0
+                parts.append(Places(edges.points[seen], normals[seen], views[seen]))
+                owner += [k] * int(seen.sum())
+    joined = Places(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    return Glare(joined, np.array(owner, dtype=int), material.roughness)
 
 
 def eyes_of(plan: Planned) -> NDArray[np.float64]:

@@ -161,6 +161,7 @@ _TOGETHER_PLACES = 300
 _DEFAULTS = (DEFAULT_CONTRAST, DEFAULT_STEP, "dark", 0.0)
 # what else keeps an edge from being shown
 _SHADOW = ", or a shadow next to it"
+_MIRRORED = ", or mirrored by the metal next to it"
 
 
 def plan_light(
@@ -560,6 +561,7 @@ def _why_dark(served: Served, i: int) -> str:
     behind = ", or no contrast with its background" if pair.backdrops else ""
     behind += ", or no other line at an end" if served.needs_corners(i) else ""
     behind += _SHADOW if served.clear_beside(i) else ""
+    behind += _MIRRORED if served.glare is not None else ""
     start = f"none of {n} lamps shows it" if n > 1 else "the lamp does not show it"
     return (
         f"{start}: {even.sum()} with a contrast under {served.least_contrast:g}, {weak.sum()} with a step "

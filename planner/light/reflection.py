@@ -410,6 +410,45 @@ def _scattered(
     return given, following
 
 
+# Small lamps on metal.
+
+
+@dataclass(frozen=True)
+class Glare:
+    """Places of metal beside edges, where a camera may see the mirror images of lamps.
+
+    Attributes
+    ----------
+    places : Places
+        n places.
+    owner : array (n,)
+        Number of what each belongs to.
+    roughness : float
+        Of the metal.
+    """
+
+    places: Places
+    owner: NDArray[np.int_]
+    roughness: float
+
+    def meets(self, lamps: Array, n_owners: int) -> NDArray[np.bool_]:
+        """Return beside what (k, n_owners) the image of a lamp lies, of lamps at places (k, 3), mm.
+
+        The image is as wide as the lobe: facets half way between camera and lamp are at least a quarter
+        as frequent as those along the face. For GGX, their angle to the normal has a tangent up to alpha.
+        Nothing is taken to be between lamp and face.
+        """
+        met = np.zeros((len(lamps), n_owners), dtype=bool)
+        for point, normal, view, owner in zip(*self.places, self.owner, strict=True):
+            way = lamps - point
+            way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), _TINY)
+            half = way + view
+            cosine = half @ normal / np.maximum(np.linalg.norm(half, axis=1), _TINY)
+            near = cosine > 1 / np.hypot(1.0, self.roughness)
+            met[:, owner] |= near & (way @ normal > 0)
+        return met
+
+
 # Surfaces that shine.
 
 
