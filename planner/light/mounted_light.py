@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from math import ceil, hypot
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
@@ -67,6 +66,8 @@ COAXIAL_WORKING_MM = 50.0
 _RING_MM = 30.0
 _RING_INNER_MM = 50.0
 _RING_WIDTH_MM = 20.0
+# radius of a dome, in widths of what the camera sees
+_DOME_SHARE = 1.5
 # holes and windows are larger than the field by this share
 _MARGIN = 1.1
 _TINY = 1e-9
@@ -149,6 +150,19 @@ class _Carried:
         """
         return HeldLight(self, np.asarray(cam2world, dtype=np.float64))
 
+    def brightest(self, distance_mm: float) -> float:
+        """Return how bright a face on the axis is at a distance from the camera, tilted as is best."""
+        axis = np.array([0.0, 0.0, 1.0])
+        tilts = np.radians(_TILTS_DEG)[:, None]
+        normals = -np.cos(tilts) * axis + np.sin(tilts) * np.array([1.0, 0.0, 0.0])
+        places = Places(
+            np.broadcast_to(distance_mm * axis, normals.shape),
+            normals,
+            np.broadcast_to(-axis, normals.shape),
+        )
+        bright = brightness(_NOTHING, self.emitter(np.eye(4)), places, self.material, RAYS, 0)
+        return max(float(bright.max()), _TINY)
+
     def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
         """Return contrast and step (n, m) of points of edges for cameras that look at the middle of the part.
 
@@ -184,9 +198,8 @@ class _Carried:
         if len(of_eye):
             light = CarriedEmitter(self.emitter(np.eye(4)), poses[of_eye])
             bright[met] = brightness(sight.scene, light, seen, self.material, _SEARCH_RAYS, 1)
-        # the same for every pose
-        reference = HeldLight(self, np.eye(4)).reference
         local = np.einsum("nji,nmj->nmi", poses[:, :3, :3], edges.points - eyes[:, None])
+        reference = self.brightest(float(np.median(local[..., 2])))
         through = self.looks_through(local.reshape(-1, 3)).reshape(local.shape[:2])
         return _contrast_and_step(bright, through, reference)
 
@@ -299,10 +312,11 @@ class HeldLight:
         ways = _ways_beside(sight, edges, eyes)
         bright = self._seen(sight.scene, eyes[:, None], ways, rays, bounces)
         local = (edges.points - self.cam2world[:3, 3]) @ self.cam2world[:3, :3]
-        return _contrast_and_step(bright, self.light.looks_through(local), self.reference)
+        reference = self.light.brightest(float(np.median(local[:, 2])))
+        return _contrast_and_step(bright, self.light.looks_through(local), reference)
 
     def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
-        """Return how bright (...) a camera at a place sees what rays (..., 3) meet, as a share of `reference`.
+        """Return how bright (...) a camera sees what rays (..., 3) meet; the light itself is 1.
 
         Parameters
         ----------
@@ -315,9 +329,9 @@ class HeldLight:
         """
         n = rays.size // 3
         if n <= _MANY:
-            return self._seen(scene, eye, rays, RAYS, BOUNCES) / self.reference
+            return self._seen(scene, eye, rays, RAYS, BOUNCES)
         few = _FEW_RAYS if n <= _PICTURE else _PICTURE_RAYS
-        return self._seen(scene, eye, rays, few, 1) / self.reference
+        return self._seen(scene, eye, rays, few, 1)
 
     def _seen(self, scene: RayScene, eyes: Array, ways: Array, rays: int, bounces: int) -> Array:
         """Return how bright (...) what is seen along rays (..., 3) is; the ground is dark."""
@@ -326,22 +340,6 @@ class HeldLight:
         emitter = self.light.emitter(self.cam2world)
         bright[met] = brightness(scene, emitter, seen, self.light.material, rays, bounces)
         return bright
-
-    @cached_property
-    def reference(self) -> float:
-        """Brightness of the brightest face on the axis at the light's working distance, however it is tilted."""
-        axis = self.cam2world[:3, 2]
-        point = self.cam2world[:3, 3] + self.light.reach_mm * axis
-        tilts = np.radians(_TILTS_DEG)[:, None]
-        normals = -np.cos(tilts) * axis + np.sin(tilts) * self.cam2world[:3, 0]
-        places = Places(
-            np.broadcast_to(point, normals.shape),
-            normals,
-            np.broadcast_to(-axis, normals.shape),
-        )
-        emitter = self.light.emitter(self.cam2world)
-        bright = brightness(_NOTHING, emitter, places, self.light.material, RAYS, 0)
-        return float(bright.max())
 
 
 class _Nothing:
@@ -407,7 +405,7 @@ class DiffuseDome(_Carried):
 
     @classmethod
     def on(cls, camera: Camera, material: Material | None = None, part_mm: float = np.inf) -> Self:
-        """Return a dome for a camera: its rim 30 mm above the plane in focus, twice as wide as field or part.
+        """Return a dome for a camera: its rim 30 mm above the plane in focus, three times as wide as field or part.
 
         Parameters
         ----------
@@ -419,9 +417,11 @@ class DiffuseDome(_Carried):
             Diagonal of the part. A ring does not depend on it.
         """
         distance = distance_before(camera, DOME_WORKING_MM, "a diffuse dome")
-        radius = min(ceil(min(_field_mm(camera, distance), part_mm)), 0.8 * distance)
+        width = min(_field_mm(camera, distance), part_mm)
+        radius = min(ceil(_DOME_SHARE * width), 0.8 * distance)
         radius = max(radius, min(50.0, 0.5 * distance))
-        hole = min(ceil(_MARGIN * _field_mm(camera, distance - radius)), 1.8 * radius)
+        share = (distance - radius) / distance
+        hole = min(ceil(_MARGIN * share * width), 1.8 * radius)
         return cls(2 * radius, hole, distance, material or Material())
 
     @property
@@ -429,11 +429,6 @@ class DiffuseDome(_Carried):
         """What a sentence calls it."""
         size = f"of {self.diameter_mm:g} mm with a hole of {self.hole_mm:g} mm"
         return f"{_called('a diffuse dome', self.name)} {size}, its rim {_ahead(self.distance_mm)}"
-
-    @property
-    def reach_mm(self) -> float:
-        """Distance from the camera at which it shines best."""
-        return self.distance_mm
 
     def emitter(self, cam2world: Array) -> AreaEmitter:
         """Return the shining surface for a camera with a pose (4, 4)."""
@@ -507,11 +502,6 @@ class CoaxialLight(_Carried):
         """What a sentence calls it."""
         size = f"with a window of {self.side_mm:g} mm"
         return f"{_called('coaxial light', self.name)} {size}, {_ahead(self.distance_mm)}"
-
-    @property
-    def reach_mm(self) -> float:
-        """Distance from the camera at which its brightness is stated."""
-        return self.distance_mm + COAXIAL_WORKING_MM
 
     def emitter(self, cam2world: Array) -> AreaEmitter:
         """Return the shining surface for a camera with a pose (4, 4)."""
@@ -591,11 +581,6 @@ class RingLight(_Carried):
         """What a sentence calls it."""
         size = f"of {self.inner_mm:g} to {self.outer_mm:g} mm"
         return f"{_called('a ring light', self.name)} {size}, {_ahead(self.distance_mm)}"
-
-    @property
-    def reach_mm(self) -> float:
-        """Distance from the camera at which its brightness is stated."""
-        return self.distance_mm + 2 * self.outer_mm
 
     def emitter(self, cam2world: Array) -> AreaEmitter:
         """Return the shining surface for a camera with a pose (4, 4)."""
