@@ -167,7 +167,7 @@ def _compare(path: str, options: Lights) -> int:
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         compared = compare_lights(plan, solid, options.material, progress=progress)
     if options.json:
-        print_json(to_plain(compared))
+        print_json([to_plain(item) for item in compared])
     else:
         columns = (Column("light"), Column("shows", right=True), Column("does not show"))
         rows = [

@@ -153,7 +153,7 @@ def sufficient(compared: Sequence[LightShows]) -> str:
     best = compared[0]
     total = len(best.shown) + len(best.dark)
     if not best.dark:
-        return f"{best.kind} shows all {total} targets."
+        return f"{best.kind} shows every target."
     if not best.shown:
         return "No light shows any target in these settings."
     text = f"No light shows all targets. {best.kind} shows most: {len(best.shown)} of {total}."

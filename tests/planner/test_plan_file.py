@@ -195,7 +195,7 @@ WRONG = {
     "kind of lamps": (
         ("light", "kind"),
         "torch",
-        'must be fixed, ring, placed or backlight. Got "torch".',
+        'must be fixed, ring, placed, backlight, diffuse-dome, coaxial or ring-light. Got "torch".',
     ),
     "contrast 1": (("light", "contrast"), 1, "must be in (0, 1). Got 1."),
     "lamp in the plane": (("light", "lamps", 0), [1, 2], "must have the shape (3,). Got (2,)."),
