@@ -838,7 +838,7 @@ class Lighting:
 
     @property
     def area(self) -> AreaLight | None:
-        """The light with an area; None if there is none, or if its place is not known without the part."""
+        """The light with an area; None if there is none, or if the part decides where it is."""
         return self.lamps if is_area_light(self.lamps) else None
 
     @property
@@ -847,12 +847,17 @@ class Lighting:
         return self.contrast, self.step
 
     def on_part(self, solid: Solid) -> Lighting:
-        """Return the same with the place of a light that follows from the part.
+        """Return the same with the rectangle that the part lies on, if the lamps are "backlight".
 
         Parameters
         ----------
         solid : Solid
             The part.
+
+        Returns
+        -------
+        Lighting
+            Equal to this one, unless its lamps are "backlight".
         """
         is_word = isinstance(self.lamps, str) and self.lamps == BACKLIGHT
         return replace(self, lamps=Backlight.under(solid)) if is_word else self

@@ -53,14 +53,15 @@ def test_the_outline_of_a_bore_is_that_of_two_discs(offset):
     -a s / (1 - s), with s = h / d. Of each circle, that part bounds the bright region which is inside the other one.
     """
     share = HEIGHT / DISTANCE
-    shift, upper = -offset * share / (1 - share), RADIUS / (1 - share)
+    shift = -offset * share / (1 - share)
+    upper = RADIUS / (1 - share)
     for height in (0.0, HEIGHT):
         edges = EdgePoints.of(PLATE, rim_at(height).edge_ids)
         angle = np.arctan2(*(edges.points[:, 1::-1] - CENTRE[::-1]).T)
-        x, y = RADIUS * np.cos(angle), RADIUS * np.sin(angle)
+        x = RADIUS * np.cos(angle)
+        y = RADIUS * np.sin(angle)
         if height:
-            x, y = shift + x / (1 - share), y / (1 - share)
-            inside = RADIUS - np.hypot(x, y)
+            inside = RADIUS - np.hypot(shift + x / (1 - share), y / (1 - share))
         else:
             inside = upper - np.hypot(x - shift, y)
         contrast, step = UNDER.contrasts(SIGHT, edges, eye_beside(offset))
@@ -250,7 +251,7 @@ def test_its_file_holds_the_light(lit, tmp_path):
     lit.write(tmp_path / "plan.json")
     again = read_plan(tmp_path / "plan.json")
     assert again.light == lit.light
-    assert again.request.lighting.lamps == "backlight"
+    assert again.request.lighting.area == UNDER
 
 
 def test_its_images_are_measured(lit):
