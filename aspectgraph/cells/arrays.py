@@ -825,6 +825,11 @@ class CellSet:
             A point of the plane, mm.
         normal : ndarray, shape (3,)
             Its normal, to the front.
+
+        Returns
+        -------
+        CellSet
+            Without the cells behind the plane.
         """
         heights = [float(((cell.vertices - point) @ normal).max()) for cell in self]
         # cells that end in the plane do so within the rounding of their corners

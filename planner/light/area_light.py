@@ -184,7 +184,7 @@ _Triple = Annotated[
 class Backlight:
     """A bright rectangle behind a part.
 
-    An edge shows in front of it where one side of the edge is the part, and the ray just beside it passes the part and
+    An edge shows in front of it where one side of the edge is the part, and the ray next to it passes the part and
     meets the rectangle. So only outlines show, and holes that the camera looks through: on matt parts and on metal.
 
     Parameters
@@ -263,7 +263,7 @@ class Backlight:
         """Return the rectangle that a part lies on, in the plane of its lowest point.
 
         It is larger than the part on each side by the part's height and 10 mm. So cameras that look at an edge
-        by up to 45 degrees from above still see the rectangle beside it.
+        by up to 45 degrees from above still see the rectangle next to it.
 
         Parameters
         ----------
@@ -323,16 +323,26 @@ class Backlight:
         ----------
         cells : CellSet
             Where cameras may be.
+
+        Returns
+        -------
+        CellSet
+            Without the cells behind the plane.
         """
         return cells.in_front_of(np.array(self.centre), self.normal)
 
     def check_part(self, solid: Solid) -> None:
-        """Raise RequestError if the rectangle passes through the part, or does not shine at it.
+        """Refuse a rectangle that the part is in the way of, or that does not shine at it.
 
         Parameters
         ----------
         solid : Solid
             The part.
+
+        Raises
+        ------
+        RequestError
+            If the rectangle passes through the part, or does not shine at it.
         """
         heights, places = self._local(solid.vertices)
         flat = _FLAT * float(np.abs(solid.bounds).max() + self.half_lengths.max())
@@ -379,7 +389,12 @@ class Backlight:
         edges : EdgePoints
             Points of edges.
         eyes : array (n, 3)
-            Places of cameras, mm.
+            Positions of cameras, mm.
+
+        Returns
+        -------
+        tuple of array (n, m)
+            Contrasts and steps, which are the same here.
         """
         shows = np.zeros((len(eyes), len(edges.points)), dtype=bool)
         size = max(1, _RAYS // max(1, len(edges.points)))
@@ -432,9 +447,14 @@ class Backlight:
         scene : RayScene
             Of the part.
         eye : array (3,)
-            Place of the camera, mm.
+            Position of the camera, mm.
         rays : array (n, 3)
             Rays of pixels.
+
+        Returns
+        -------
+        array (n,)
+            Brightness.
         """
         flat = rays.reshape(-1, 3)
         seen = self._seen(scene, np.broadcast_to(eye, flat.shape), flat)

@@ -862,7 +862,7 @@ class Lighting:
 
     @property
     def area(self) -> AreaLight | None:
-        """The light with an area; None if there is none, or if its place is not known without the part."""
+        """The light with an area; None if there is none, or if the part decides where it is."""
         return self.lamps if is_area_light(self.lamps) else None
 
     @property
@@ -879,6 +879,11 @@ class Lighting:
             The part.
         camera : Camera
             The camera.
+
+        Returns
+        -------
+        Lighting
+            Equal to this one, unless its lamps are a word such as "backlight".
 
         Raises
         ------

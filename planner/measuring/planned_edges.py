@@ -216,9 +216,9 @@ def _free(
     if edges.area is not None:
         sight = Sight.of(edges.solid, camera, edges.scene)
         for k in range(len(points)):
-            one = EdgePoints(*(values[k : k + 1] for values in of_edges))
+            point = EdgePoints(*(values[k : k + 1] for values in of_edges))
             eyes = points[k] + camera.focus_distance_mm * ways[free[k]]
-            free[k, free[k]] = edges.area.contrasts(sight, one, eyes)[0][:, 0] > 0
+            free[k, free[k]] = edges.area.contrasts(sight, point, eyes)[0][:, 0] > 0
     return free
 
 
