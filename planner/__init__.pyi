@@ -23,8 +23,6 @@ from .exceptions import RobotError as RobotError
 from .exceptions import UncertaintyError as UncertaintyError
 from .inspection import plan_inspection as plan_inspection
 from .light.area_light import Backlight as Backlight
-from .light.compared_lights import LightShows as LightShows
-from .light.compared_lights import compare_lights as compare_lights
 from .light.light_catalogue import light_names as light_names
 from .light.light_plan import Exposure as Exposure
 from .light.light_plan import LightPlan as LightPlan
@@ -49,8 +47,10 @@ from .measuring.results import Decision as Decision
 from .measuring.results import DecisionRule as DecisionRule
 from .measuring.results import MeasurementResults as MeasurementResults
 from .measuring.results import Result as Result
+from .optics import LightShows as LightShows
 from .optics import OpticsProposal as OpticsProposal
 from .optics import PosePrediction as PosePrediction
+from .optics import compare_lights as compare_lights
 from .optics import optics_table as optics_table
 from .optics import predict as predict
 from .optics import propose_optics as propose_optics

@@ -155,7 +155,7 @@ def _compare(path: str, options: Lights) -> int:
     """Print what each kind of light shows of a plan."""
     # here, because they load what takes long
     from planner.app.job import check_same_part, read_part
-    from planner.light.compared_lights import compare_lights, sufficient
+    from planner.optics import compare_lights, sufficient
     from planner.plan import read_plan
     from planner.progress import terminal_progress
 

@@ -366,6 +366,11 @@ class Backlight:
         ----------
         cam2world : array (4, 4)
             Pose of the camera.
+
+        Returns
+        -------
+        Backlight
+            The same.
         """
         return self
 

@@ -789,7 +789,7 @@ class Lighting:
         strength. Otherwise one lamp is on at a time.
     material : Material, optional
         Of the part. Default: matt, or that of a `DiffuseDome`, `CoaxialLight` or `RingLight`. On metal,
-        lamps are left out whose mirror image is beside an edge.
+        lamps are left out whose mirror image is next to an edge.
 
     Raises
     ------

@@ -83,15 +83,48 @@ class _Carried:
     distance_mm: float
 
     def emitter(self, cam2world: Array) -> AreaEmitter:
-        """Return the shining surface for a camera with a pose (4, 4)."""
+        """Return the shining surface for a camera with a pose.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+
+        Returns
+        -------
+        AreaEmitter
+            In the world.
+        """
         raise NotImplementedError
 
     def looks_through(self, local: Array) -> Bools:
-        """Return which points (n, 3) of the camera's frame, mm, are seen through the light, and beyond it."""
+        """Return which points are seen through the light, and beyond it.
+
+        Parameters
+        ----------
+        local : array (n, 3)
+            In the camera's frame, mm.
+
+        Returns
+        -------
+        array of bool (n,)
+            Whether it is.
+        """
         raise NotImplementedError
 
     def body(self, cam2world: Array) -> Array:
-        """Return places (n, 3) of its surface, mm, which must be clear of the part."""
+        """Return points of its surface, which must be clear of the part.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+
+        Returns
+        -------
+        array (n, 3)
+            In mm.
+        """
         return self.emitter(cam2world).points(_grid())
 
     @property
@@ -137,6 +170,11 @@ class _Carried:
         ----------
         cells : CellSet
             Cells of viewpoints.
+
+        Returns
+        -------
+        CellSet
+            The same.
         """
         return cells
 
@@ -147,11 +185,27 @@ class _Carried:
         ----------
         cam2world : array (4, 4)
             The pose.
+
+        Returns
+        -------
+        HeldLight
+            Which answers for this pose and those near it.
         """
         return HeldLight(self, np.asarray(cam2world, dtype=np.float64))
 
     def brightest(self, distance_mm: float) -> float:
-        """Return how bright a face on the axis is at a distance from the camera, tilted as is best."""
+        """Return how bright a face on the axis is, tilted as is best.
+
+        Parameters
+        ----------
+        distance_mm : float
+            From the camera.
+
+        Returns
+        -------
+        float
+            The light itself is 1.
+        """
         axis = np.array([0.0, 0.0, 1.0])
         tilts = np.radians(_TILTS_DEG)[:, None]
         normals = -np.cos(tilts) * axis + np.sin(tilts) * np.array([1.0, 0.0, 0.0])
@@ -164,7 +218,7 @@ class _Carried:
         return max(float(bright.max()), _TINY)
 
     def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
-        """Return contrast and step (n, m) of points of edges for cameras that look at the middle of the part.
+        """Return contrast and step of points of edges for cameras that look at the middle of the part.
 
         Parameters
         ----------
@@ -173,11 +227,16 @@ class _Carried:
         edges : EdgePoints
             Points of edges.
         eyes : array (n, 3)
-            Places of cameras, mm.
+            Positions of cameras, mm.
+
+        Returns
+        -------
+        tuple of array (n, m)
+            Contrast and step, not negative.
         """
-        some = np.unique(np.linspace(0, len(edges.points) - 1, _SEARCH_POINTS).astype(int))
-        nearest = np.abs(np.arange(len(edges.points))[:, None] - some).argmin(axis=1)
-        few = EdgePoints(*(values[some] for values in edges))
+        chosen = np.unique(np.linspace(0, len(edges.points) - 1, _SEARCH_POINTS).astype(int))
+        nearest = np.abs(np.arange(len(edges.points))[:, None] - chosen).argmin(axis=1)
+        few = EdgePoints(*(values[chosen] for values in edges))
         poses = looking_at(eyes, np.mean(sight.solid.bounds, axis=0))
         contrast = np.empty((len(eyes), len(edges.points)))
         step = np.empty_like(contrast)
@@ -211,9 +270,14 @@ class _Carried:
         scene : RayScene
             Of the part.
         eye : array (3,)
-            Place of the camera, mm.
+            Position of the camera, mm.
         rays : array (..., 3)
             Rays of pixels.
+
+        Returns
+        -------
+        array (...)
+            The light itself is 1.
         """
         ahead = eye + rays.reshape(-1, 3).mean(axis=0)
         return self.held(looking_at(eye[None], ahead)[0]).brightness(scene, eye, rays)
@@ -292,7 +356,12 @@ class HeldLight:
         edges : EdgePoints
             Points of edges.
         eyes : array (n, 3)
-            Places of cameras, mm.
+            Positions of cameras, mm.
+
+        Returns
+        -------
+        tuple of array (n, m)
+            Contrast and step, not negative.
         """
         if self.touches(sight.scene):
             zero = np.zeros((len(eyes), len(edges.points)))
@@ -316,16 +385,21 @@ class HeldLight:
         return _contrast_and_step(bright, self.light.looks_through(local), reference)
 
     def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
-        """Return how bright (...) a camera sees what rays (..., 3) meet; the light itself is 1.
+        """Return how bright a camera sees what rays meet.
 
         Parameters
         ----------
         scene : RayScene
             Of the part.
         eye : array (3,)
-            Place of the camera, mm.
+            Position of the camera, mm.
         rays : array (..., 3)
             Rays of pixels.
+
+        Returns
+        -------
+        array (...)
+            The light itself is 1.
         """
         n = rays.size // 3
         if n <= _MANY:
@@ -431,12 +505,34 @@ class DiffuseDome(_Carried):
         return f"{_called('a diffuse dome', self.name)} {size}, its rim {_ahead(self.distance_mm)}"
 
     def emitter(self, cam2world: Array) -> AreaEmitter:
-        """Return the shining surface for a camera with a pose (4, 4)."""
+        """Return the shining surface for a camera with a pose.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+
+        Returns
+        -------
+        AreaEmitter
+            In the world.
+        """
         place, axis = _on_axis(cam2world, self.distance_mm)
         return Cap(place, -axis, self.diameter_mm / 2, 0.0, self.hole_mm / 2)
 
     def looks_through(self, local: Array) -> Bools:
-        """Return which points (n, 3) of the camera's frame, mm, are seen through the hole."""
+        """Return which points are seen through the hole.
+
+        Parameters
+        ----------
+        local : array (n, 3)
+            In the camera's frame, mm.
+
+        Returns
+        -------
+        array of bool (n,)
+            Whether it is.
+        """
         height = np.sqrt((self.diameter_mm / 2) ** 2 - (self.hole_mm / 2) ** 2)
         return _within(local, self.distance_mm - height, self.hole_mm / 2)
 
@@ -504,17 +600,50 @@ class CoaxialLight(_Carried):
         return f"{_called('coaxial light', self.name)} {size}, {_ahead(self.distance_mm)}"
 
     def emitter(self, cam2world: Array) -> AreaEmitter:
-        """Return the shining surface for a camera with a pose (4, 4)."""
+        """Return the shining surface for a camera with a pose.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+
+        Returns
+        -------
+        AreaEmitter
+            In the world.
+        """
         place, _ = _on_axis(cam2world, self.distance_mm - self.side_mm)
         return Window(place, cam2world[:3, :3].T, self.side_mm, self.side_mm)
 
     def body(self, cam2world: Array) -> Array:
-        """Return places (n, 3) of its case: the square where the light comes from, and the window."""
+        """Return points of its case: the square where the light comes from, and the window.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+
+        Returns
+        -------
+        array (n, 3)
+            In mm.
+        """
         square = self.emitter(cam2world).points(_grid())
         return np.concatenate([square, square + self.side_mm * cam2world[:3, 2]])
 
     def looks_through(self, local: Array) -> Bools:
-        """Return which points (n, 3) of the camera's frame, mm, are seen through the window."""
+        """Return which points are seen through the window.
+
+        Parameters
+        ----------
+        local : array (n, 3)
+            In the camera's frame, mm.
+
+        Returns
+        -------
+        array of bool (n,)
+            Whether it is.
+        """
         share = self.distance_mm / np.maximum(local[:, 2], _TINY)
         within = np.abs(local[:, :2]).max(axis=1) * share <= self.side_mm / 2
         return np.asarray(within & (local[:, 2] > self.distance_mm))
@@ -583,12 +712,34 @@ class RingLight(_Carried):
         return f"{_called('a ring light', self.name)} {size}, {_ahead(self.distance_mm)}"
 
     def emitter(self, cam2world: Array) -> AreaEmitter:
-        """Return the shining surface for a camera with a pose (4, 4)."""
+        """Return the shining surface for a camera with a pose.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            Pose of the camera.
+
+        Returns
+        -------
+        AreaEmitter
+            In the world.
+        """
         place, axis = _on_axis(cam2world, self.distance_mm)
         return Annulus(place, axis, self.inner_mm / 2, self.outer_mm / 2)
 
     def looks_through(self, local: Array) -> Bools:
-        """Return which points (n, 3) of the camera's frame, mm, are seen through the ring."""
+        """Return which points are seen through the ring.
+
+        Parameters
+        ----------
+        local : array (n, 3)
+            In the camera's frame, mm.
+
+        Returns
+        -------
+        array of bool (n,)
+            Whether it is.
+        """
         return _within(local, self.distance_mm, self.inner_mm / 2)
 
 

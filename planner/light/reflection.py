@@ -99,12 +99,17 @@ class Material:
         return _REFLECTANCE[self.kind]
 
     def scattered(self, normals: Array, views: Array, ways: Array) -> tuple[Array, Array]:
-        """Return f (n·l), 1/sr, and the density with which `drawn` draws l, 1/sr; shapes (n,).
+        """Return how much light of a direction leaves to the viewer.
 
         Parameters
         ----------
         normals, views, ways : array (n, 3)
             Unit vectors n, v and l.
+
+        Returns
+        -------
+        tuple of array (n,)
+            f (n·l), 1/sr, and the density with which `drawn` draws l, 1/sr.
         """
         cosine = np.maximum((normals * ways).sum(axis=1), 0.0)
         if self.kind == "matt":
@@ -117,7 +122,7 @@ class Material:
         return density * self._uncovered(np.maximum(cosine, _TINY)), density
 
     def drawn(self, normals: Array, views: Array, numbers: Array) -> tuple[Array, Array]:
-        """Return directions l (n, 3), and f (n·l) over their density (n,), 0 below the face.
+        """Return directions of light as the surface scatters it.
 
         Parameters
         ----------
@@ -125,6 +130,11 @@ class Material:
             Unit vectors n and v.
         numbers : array (n, 2)
             In [0, 1).
+
+        Returns
+        -------
+        tuple of array
+            Unit vectors l (n, 3), and f (n·l) over their density (n,), 0 below the face.
         """
         first, second = _tangents(normals)
         if self.kind == "matt":
@@ -372,13 +382,13 @@ def _to_light(
     distance, shining = light.met(starts, way)
     value, density = material.scattered(paths.normals, paths.views, way)
     useful = np.flatnonzero((value > 0) & (shining > 0))
-    given = np.zeros(len(starts))
+    radiance = np.zeros(len(starts))
     reach = distance[useful, None] * way[useful]
     free = ~scene.blocked(starts[useful], reach, _NEARLY)
     useful = useful[free]
     of_light = distance[useful] ** 2 / (light.area_mm2 * shining[useful])
-    given[useful] = value[useful] / (of_light + density[useful])
-    return given
+    radiance[useful] = value[useful] / (of_light + density[useful])
+    return radiance
 
 
 def _scattered(
@@ -398,7 +408,7 @@ def _scattered(
     density = material.scattered(paths.normals, paths.views, way)[1]
     of_light = np.zeros(len(starts))
     of_light[lit] = distance[lit] ** 2 / (light.area_mm2 * shining[lit])
-    given = np.where(lit, factor * density / np.maximum(of_light + density, _TINY), 0.0)
+    radiance = np.where(lit, factor * density / np.maximum(of_light + density, _TINY), 0.0)
     on = (factor > 0) & np.isfinite(depth) & (depth < distance)
     following = paths.some(on)
     following.points = starts[on] + depth[on, None] * way[on]
@@ -407,7 +417,7 @@ def _scattered(
     following.normals = normals
     following.views = -way[on]
     following.share = paths.share[on] * factor[on] * material.reflectance
-    return given, following
+    return radiance, following
 
 
 # Small lamps on metal.

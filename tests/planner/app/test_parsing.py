@@ -18,7 +18,7 @@ from plan_examples import plan
 from aspectgraph import AspectGraphError, PartFileNotFoundError, ReadError, SolidError, read_solid
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
-from planner import Camera, camera_names, light_names
+from planner import Camera, camera_names, light_names, optics
 from planner.app.checks import in_words_of_shell
 from planner.app.main import main
 from planner.app.options import COMMANDS, rules_of, texts_of
@@ -26,9 +26,8 @@ from planner.app.parsing import UsageError, arguments_of, command_help, parse, t
 from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.app.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, memory, registration
 from planner.exceptions import PlannerError, RequestError
-from planner.light import compared_lights
-from planner.light.compared_lights import LightShows
 from planner.light.corner_light import DEFAULT_STEP
+from planner.optics import LightShows
 from planner.request.camera_limits import MOST_SEED
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
@@ -427,7 +426,7 @@ def test_the_light_that_suffices_is_named(capsys, monkeypatch):
         LightShows("coaxial", "a window", ("e1", "e2"), {"e3": "it is dark."}),
         LightShows("backlight", "a rectangle", ("e3",), {"e1": "it is dark.", "e2": "it is dark."}),
     ]
-    monkeypatch.setattr(compared_lights, "compare_lights", lambda *_, **__: tuple(shows))
+    monkeypatch.setattr(optics, "compare_lights", lambda *_, **__: tuple(shows))
     assert main(LIGHTS_OF) == INCOMPLETE
     text = capsys.readouterr().out
     assert "coaxial    2 of 3  e3" in text

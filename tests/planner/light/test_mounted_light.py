@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from lit_parts import RIM, block, step
+from lit_parts import RIM, block, bore, step
 from plan_examples import CAMERA, plan, setting
 
-from aspectgraph import Solid
 from ground.convert import from_plain, to_plain
 from planner import CoaxialLight, DiffuseDome, LampBox, Lighting, Material, RingLight, plan_light
 from planner.exceptions import RequestError
@@ -17,22 +16,6 @@ from planner.light.mounted_light import HeldLight, looking_at
 from planner.light.reflection import Glare, Places
 
 METAL = Material("metal", 0.1)
-
-
-def bore(radius, depth, n=48):
-    """A wide block with a round blind bore from z = 0 down around the origin; the edges of its rim come first."""
-    angles = -2 * np.pi * np.arange(n) / n
-    ring = np.column_stack([radius * np.cos(angles), radius * np.sin(angles)])
-    corners = 30 * radius * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    vertices = [(*p, z) for z in (-3 * depth, 0.0) for p in corners]
-    vertices += [(*p, z) for z in (0.0, -depth) for p in ring]
-    low, top = list(range(4)), list(range(4, 8))
-    rim, floor = list(range(8, 8 + n)), list(range(8 + n, 8 + 2 * n))
-    faces = [(top, [rim]), low[::-1], floor[::-1]]
-    for a, b in ((low, top), (floor, rim)):
-        m = len(a)
-        faces += [[a[i], a[(i + 1) % m], b[(i + 1) % m], b[i]] for i in range(m)]
-    return Solid(np.array(vertices), faces, name="bore")
 
 
 def rim_ids(solid, radius):
@@ -50,7 +33,9 @@ def above(height, solid, pixel_rad):
 @pytest.mark.parametrize("depth", [5.0, 10.0, 25.0])
 def test_a_rim_under_a_dome_by_the_view_factor_of_the_bores_mouth(depth):
     """The top sees all of the dome; the floor, off the axis, sees it through the mouth."""
-    radius, height, pixel_rad = 10.0, 3000.0, 1e-4
+    radius = 10.0
+    height = 3000.0
+    pixel_rad = 1e-4
     part = bore(radius, depth)
     pose, sight = above(height, part, pixel_rad)
     light = DiffuseDome(400.0, 22.0, height)
@@ -58,7 +43,8 @@ def test_a_rim_under_a_dome_by_the_view_factor_of_the_bores_mouth(depth):
     contrast, _ = HeldLight(light, pose).shown(sight, points, pose[None, :3, 3], 1024, 0)
     # a small face parallel to a disc (Howell, A Catalog of Radiation Configuration Factors, B-13)
     aside = (radius - 3 * pixel_rad * height) * (1 + depth / height)
-    h, r = depth / aside, radius / aside
+    h = depth / aside
+    r = radius / aside
     z = 1 + h**2 + r**2
     seen = 0.5 * (1 - (z - 2 * r**2) / math.sqrt(z**2 - 4 * r**2))
     assert contrast[0].mean() == pytest.approx((1 - seen) / (1 + seen), abs=0.02)

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from lit_parts import block
+from lit_parts import block, bore
 
-from aspectgraph import Solid
 from aspectgraph.solid.solid import RayScene
 from planner.exceptions import RequestError
 from planner.light.reflection import (
@@ -46,22 +45,6 @@ def of(light, *args, scene=EMPTY, material=MATT, **options):
 
 def cap(lowest_deg=0.0, hole=0.0):
     return Cap(np.zeros(3), UP, 100.0, math.sin(math.radians(lowest_deg)), hole)
-
-
-def bore(radius, depth, n=96):
-    """A block with a round blind bore from z = 0 down around the origin."""
-    angles = -2 * np.pi * np.arange(n) / n
-    ring = np.column_stack([radius * np.cos(angles), radius * np.sin(angles)])
-    corners = 5 * radius * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    vertices = [(*p, z) for z in (-3 * depth, 0.0) for p in corners]
-    vertices += [(*p, z) for z in (0.0, -depth) for p in ring]
-    low, top = list(range(4)), list(range(4, 8))
-    rim, floor = list(range(8, 8 + n)), list(range(8 + n, 8 + 2 * n))
-    faces = [(top, [rim]), low[::-1], floor[::-1]]
-    for a, b in ((low, top), (floor, rim)):
-        m = len(a)
-        faces += [[a[i], a[(i + 1) % m], b[(i + 1) % m], b[i]] for i in range(m)]
-    return Solid(np.array(vertices), faces, name="bore")
 
 
 def test_a_matt_face_under_a_whole_dome_is_as_bright_as_the_dome():
