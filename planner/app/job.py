@@ -148,8 +148,9 @@ def _lamps(text: str | None) -> Any:
     if text is None or text == RING:
         return text
     name, _, numbers = text.partition(":")
-    if is_area_word(text) and not (name == BACKLIGHT and "," in numbers):
-        if ":" in text:
+    is_rectangle = name == BACKLIGHT and "," in numbers
+    if is_area_word(text) and not is_rectangle and not text.endswith(":"):
+        if numbers:
             light_facts(name, numbers)
         return text
     if name == "at":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 
 import numpy as np
@@ -70,13 +71,15 @@ def area_of_word(word: str, solid: Solid, camera: Camera, material: Material) ->
         light: AreaLight = catalogued_light(kind, name, solid, camera)
         return in_material(light, material)
     if kind == BACKLIGHT:
-        return Backlight.under(solid)
+        return in_material(Backlight.under(solid), material)
     low, high = solid.bounds
     return MOUNTED[kind](camera, material, float(np.linalg.norm(np.subtract(high, low))))
 
 
 def in_material(light: AreaLight, material: Material) -> AreaLight:
-    """Return the same light on a part of a material; a backlight is the same on all."""
+    """Return the same light on a part of a material."""
+    if isinstance(light, Backlight):
+        return replace(light, metal=material.kind == "metal")
     if isinstance(light, DiffuseDome | CoaxialLight | RingLight):
         return of_material(light, material)
     return light

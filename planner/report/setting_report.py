@@ -12,8 +12,8 @@ from aspectgraph.solid.solid import RayScene
 from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
+from planner.light.area_lights import BACKLIGHT
 from planner.light.light_plan import WHITE_SHARE, exposure_of
-from planner.light.lighting import BACKLIGHT
 from planner.progress import TimeLeft, report
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
