@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import ceil, hypot
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
@@ -206,16 +207,8 @@ class _Carried:
         float
             The light itself is 1.
         """
-        axis = np.array([0.0, 0.0, 1.0])
-        tilts = np.radians(_TILTS_DEG)[:, None]
-        normals = -np.cos(tilts) * axis + np.sin(tilts) * np.array([1.0, 0.0, 0.0])
-        places = Places(
-            np.broadcast_to(distance_mm * axis, normals.shape),
-            normals,
-            np.broadcast_to(-axis, normals.shape),
-        )
-        bright = brightness(_NOTHING, self.emitter(np.eye(4)), places, self.material, RAYS, 0)
-        return max(float(bright.max()), _TINY)
+        # the search asks at many distances that differ little
+        return _brightest(self, float(f"{distance_mm:.3g}"))
 
     def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
         """Return contrast and step of points of edges for cameras that look at the middle of the part.
@@ -281,6 +274,21 @@ class _Carried:
         """
         ahead = eye + rays.reshape(-1, 3).mean(axis=0)
         return self.held(looking_at(eye[None], ahead)[0]).brightness(scene, eye, rays)
+
+
+@lru_cache(maxsize=1000)
+def _brightest(light: _Carried, distance_mm: float) -> float:
+    """Return how bright the brightest face on the axis is at a distance from the camera; there is no part."""
+    axis = np.array([0.0, 0.0, 1.0])
+    tilts = np.radians(_TILTS_DEG)[:, None]
+    normals = -np.cos(tilts) * axis + np.sin(tilts) * np.array([1.0, 0.0, 0.0])
+    places = Places(
+        np.broadcast_to(distance_mm * axis, normals.shape),
+        normals,
+        np.broadcast_to(-axis, normals.shape),
+    )
+    bright = brightness(_NOTHING, light.emitter(np.eye(4)), places, light.material, RAYS, 0)
+    return max(float(bright.max()), _TINY)
 
 
 def _grid() -> Array:
