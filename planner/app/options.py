@@ -718,6 +718,8 @@ class Images:
         folder with setting_01.png and so on: PNG, TIFF, BMP or NumPy, 8 or 16 bits
     serial
         name of the measured part, for the files
+    operator
+        who measures, for the files
     parts
         IMAGES holds a folder of images for each of many parts, named by their serials; a part that cannot be measured
         gets a reason, and the others are measured
@@ -733,6 +735,7 @@ class Images:
     plan: str = field(kw_only=False)
     images: str = field(kw_only=False)
     serial: Annotated[str | None, _named("TEXT")] = None
+    operator: Annotated[str | None, _named("TEXT")] = None
     parts: bool = False
     partial: bool = False
     allow_lossy: bool = False
