@@ -29,6 +29,7 @@ from broken_part import Sizes, dimensions_of, mesh_of, solid_of, write_step
 from measured_images import displaced
 from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter, zoom
 
+import planner
 from aspectgraph import read_solid
 from planner import (
     Camera,
@@ -72,6 +73,7 @@ RING_MM = 35.0
 RING_LAMPS = 24
 BACKLIGHT_MM = 160.0
 BELOW_MM = 10.0
+MIDDLE_MM = (40.0, 30.0)
 
 LIGHTS = ("lamps", "ring", "dome", "backlight")
 MATERIALS = ("matt", "plastic", "brushed", "blasted")
@@ -337,29 +339,48 @@ class Bench:
     def _plan(self, light: str):
         path = self._folder / f"plan_{light}.json"
         if not path.exists():
-            plan = self._bare_plan()
-            if light in ("lamps", "ring"):
-                places = DOME if light == "lamps" else "ring"
-                plan = replace(plan, light=plan_light(plan, self.solid, places))
+            lighting = self._lighting(light)
+            if lighting is None:
+                plan = self._bare_plan()
+            elif light == "backlight":
+                plan = self._planned(lighting)
+            else:
+                plan = self._bare_plan()
+                plan = replace(plan, light=plan_light(plan, self.solid, lighting))
             plan.write(path)
         return read_plan(path)
+
+    def _lighting(self, light: str):
+        """Return the light that is planned, or None."""
+        if light == "lamps":
+            return DOME
+        if light == "ring":
+            return "ring"
+        if light == "backlight" and hasattr(planner, "Backlight"):
+            size = 2 * BACKLIGHT_MM
+            return planner.Backlight.horizontal((*MIDDLE_MM, -BELOW_MM), size, size)
+        return None
 
     def _bare_plan(self):
         path = self._folder / "plan.json"
         if not path.exists():
-            plan_inspection(
-                self.solid,
-                dimensions_of(self.solid, TOLERANCE_MM, SHARE),
-                CAMERA,
-                PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
-                workspace=WORKSPACE_MM,
-                reach=above_the_table,
-                registration=Registration.own_edges(SURFACES_MM),
-                surfaces_mm=SURFACES_MM,
-                effort=Effort.named("quick"),
-                rng=1,
-            ).write(path)
+            self._planned(None).write(path)
         return read_plan(path)
+
+    def _planned(self, lamps):
+        return plan_inspection(
+            self.solid,
+            dimensions_of(self.solid, TOLERANCE_MM, SHARE),
+            CAMERA,
+            PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
+            workspace=WORKSPACE_MM,
+            reach=above_the_table,
+            registration=Registration.own_edges(SURFACES_MM),
+            surfaces_mm=SURFACES_MM,
+            effort=Effort.named("quick"),
+            rng=1,
+            lamps=lamps,
+        )
 
     def light(self, condition: Condition, seed: int) -> dict[str, tuple[np.ndarray, float]]:
         """Return the light of each image, and its scale to a share of white."""
