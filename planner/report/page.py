@@ -65,6 +65,7 @@ from planner.report.wording import (
     simulated_sentences,
     surfaces_sources,
     unfinished_sentence,
+    unlit_sentence,
     window_sentence,
 )
 from planner.request.targets import PlannedDimension, words_of
@@ -775,7 +776,8 @@ def _lead(plan: InspectionPlan) -> str:
     return (
         f"{inspected} of {n_targets} {verb} measured from {count(n, _POSE)} "
         f"({_numbers(n)}). {features}{' ' if features else ''}"
-        f"{bound_sentence(plan, _nouns(plan), _POSE)} {simulated} {unfinished_sentence(plan)} {light_sentence(plan)}"
+        f"{bound_sentence(plan, _nouns(plan), _POSE)} {simulated} {unfinished_sentence(plan)} {light_sentence(plan)} "
+        f"{unlit_sentence(plan)}"
     ).rstrip()
 
 
