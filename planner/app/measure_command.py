@@ -86,6 +86,7 @@ def measure(options: Measure) -> int:
         coverage=options.coverage,
         rule=_RULES[options.rule],
         white_level=options.white_level,
+        response=options.response,
     )
     out = absolute(options.out)
     parts = _parts(options, out)

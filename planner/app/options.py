@@ -736,6 +736,9 @@ class Images:
     white_level
         grey value of full exposure, such as 4095 of 12 bits (default: that of the plan's camera, else where the image's
         brightest pixels end)
+    response
+        how much light a grey value stands for: linear, srgb, a gamma such as 2.2, or a file of two columns, level and
+        light (default: that of the plan's camera, else what image files state, tested on the edges of the images)
     """
 
     plan: str = field(kw_only=False)
@@ -746,6 +749,7 @@ class Images:
     partial: bool = False
     allow_lossy: bool = False
     white_level: Annotated[Any, value(WHITE, "GREY")] = None
+    response: Annotated[str | None, _named("RESPONSE")] = None
 
 
 @dataclass(kw_only=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,8 @@ from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
 from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
+from planner.camera.camera import Camera
+from planner.camera.response import check_response
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.files import timestamp
@@ -32,6 +35,7 @@ from planner.measuring.reading import (
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
+from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import MeasurementResults, Result, Source, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
@@ -174,7 +178,7 @@ def exposure_share(
     u, v = np.rint(pixels[light > 0]).astype(int).T
     levels, shares = _by_light(light[light > 0], picture.grey[v, u] / picture.white)
     # where half of the places are overexposed, and where there is more light, nothing is seen
-    fair = np.logical_and.accumulate(shares < CLIPPED_SHARE)
+    fair = np.logical_and.accumulate(shares < picture.clipped_from / picture.white)
     if fair.sum() < _FEWEST_LEVELS:
         return None
     # a line, as some light comes from everywhere
@@ -222,13 +226,16 @@ class MeasureOptions:
         How it is decided.
     white_level : int or None
         Grey value of full exposure. None is that of the plan's camera, see `Camera`.
+    response : str, float or None
+        How much light a grey value stands for: "linear", "srgb", a gamma, or a file, see `Camera`. None is that of the
+        plan's camera.
 
     Raises
     ------
     RequestError
         If the coverage is not in (0, 1].
     CameraError
-        If the white level is not a grey value.
+        If the white level is not a grey value, or the response none.
 
     Examples
     --------
@@ -242,8 +249,11 @@ class MeasureOptions:
     coverage: float = COVERAGE_SHARE
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
     white_level: int | None = None
+    response: str | float | None = None
 
     def __post_init__(self) -> None:
+        if self.response is not None:
+            object.__setattr__(self, "response", check_response(self.response))
         if self.white_level is not None:
             object.__setattr__(self, "white_level", check_white_level(self.white_level))
         if not 0 < self.coverage <= 1:
@@ -341,30 +351,21 @@ class Measurer:
         RequestError
             If images are missing or wrong.
         """
-        camera = self.plan.camera
-        if options.white_level is not None:
-            camera = replace(camera, white_level=options.white_level)
+        camera = self._camera(options)
         image_set = read_images(
             images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
         )
-        registered: dict[str, Registered] = {}
-        failed: dict[str, str] = {}
-        readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
-        pictures = {}
-        for shot in self.shots:
-            if shot.name not in image_set.images:
-                continue
-            pictures[shot.name] = Picture.of(shot.name, image_set.images[shot.name], camera)
-        for shots in self._by_pose(pictures, options.registration):
-            try:
-                registration = self._registered(shots, pictures, options)
-            except NotRegisteredError as error:
-                failed |= {shot.name: str(error) for shot in shots}
-                continue
-            for shot in shots:
-                registered[shot.name] = registration
-                for reading in self._read(shot, pictures[shot.name], registration, options):
-                    readings[reading.name].append(reading)
+        pictures = {
+            name: Picture.of(name, image, camera, image_set.responses.get(name))
+            for name, image in image_set.images.items()
+        }
+        registered, failed = self._all_registered(pictures, options)
+        poses = registered | self._alone(failed, pictures, options)
+        response = judge_response(self.model, pictures, poses, self._edges_half_px(poses))
+        pictures = response.pictures
+        if response.is_changed:
+            registered, failed = self._all_registered(pictures, options)
+        readings = self._readings(response, registered, options)
         for shot in self.shots:
             if shot.name in failed:
                 reason = f"the image cannot be registered: {failed[shot.name]}"
@@ -386,9 +387,81 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(image_set, operator),
-            (*image_set.notes, *notes),
+            (*image_set.notes, *response.notes(readings), *notes),
             pictures,
+            response.records(),
         )
+
+    def _camera(self, options: MeasureOptions) -> Camera:
+        """Return the plan's camera with what is stated of its grey values."""
+        camera = self.plan.camera
+        if options.white_level is not None:
+            camera = replace(camera, white_level=options.white_level)
+        if options.response is not None:
+            camera = replace(camera, response=options.response)
+        return camera
+
+    def _all_registered(
+        self, pictures: Mapping[str, Picture], options: MeasureOptions
+    ) -> tuple[dict[str, Registered], dict[str, str]]:
+        """Return the registrations of images, and why others cannot be registered."""
+        registered: dict[str, Registered] = {}
+        failed: dict[str, str] = {}
+        for shots in self._by_pose(pictures, options.registration):
+            try:
+                registration = self._registered(shots, pictures, options)
+            except NotRegisteredError as error:
+                failed |= {shot.name: str(error) for shot in shots}
+                continue
+            registered |= {shot.name: registration for shot in shots}
+        return registered, failed
+
+    def _alone(
+        self, failed: Mapping[str, str], pictures: Mapping[str, Picture], options: MeasureOptions
+    ) -> dict[str, Registered]:
+        """Return what images that cannot be registered together are by themselves: a wrong response moves edges."""
+        registered: dict[str, Registered] = {}
+        for shots in self._by_pose(pictures, options.registration):
+            if len(shots) < 2:
+                continue
+            for shot in shots:
+                if shot.name in failed:
+                    with suppress(NotRegisteredError):
+                        registered[shot.name] = self._registered([shot], pictures, options)
+        return registered
+
+    def _readings(
+        self,
+        response: JudgedResponse,
+        registered: Mapping[str, Registered],
+        options: MeasureOptions,
+    ) -> dict[str, list[Reading]]:
+        """Return what is read in registered images, by target."""
+        readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
+        for shots in self._by_pose(response.pictures, options.registration):
+            for shot in shots:
+                if shot.name not in registered:
+                    continue
+                pose = registered[shot.name]
+                others = [
+                    self._read(shot, pictures[shot.name], pose, options)
+                    for pictures in response.others
+                ]
+                image_readings = self._read(shot, response.pictures[shot.name], pose, options)
+                for i, reading in enumerate(image_readings):
+                    alike = [bent_readings[i] for bent_readings in others]
+                    readings[reading.name].append(response.counted(reading, alike))
+        return readings
+
+    def _edges_half_px(self, registered: Mapping[str, Registered]) -> float:
+        """Return how far from their predictions the edges of all images are searched, px."""
+        planned = [shot for shot in self.shots if shot.name in registered]
+        widest = NEAR_PX
+        for shot in planned:
+            if registered[shot.name].method == PLANNED:
+                windows = search_windows_px(self.plan, self.plan.settings[shot.setting])
+                widest = max(widest, *windows.values())
+        return widest
 
     def _by_pose(self, pictures: Mapping[str, Picture], how: Registration) -> list[list[Shot]]:
         """Return the shots that have an image, those of one pose together: of a setting, unless each has its own."""

@@ -450,8 +450,14 @@ def _across(geometry: Geometry, flat: Array) -> Array:
 # Readings: the value of one target in one image.
 
 
-SOURCES = ("pose", "surfaces", "pose with surfaces", "localisation", "localisation floor")
-"""What the variance of a reading comes from. What pose and surfaces have in common may be negative."""
+SOURCES = (
+    *("pose", "surfaces", "pose with surfaces", "localisation", "localisation floor"),
+    "response",
+)
+"""What the variance of a reading comes from. What pose and surfaces have in common may be negative.
+
+That of the response is known only after all images are read, see `planner.measuring.response`.
+"""
 
 # steps of difference quotients, mm and rad
 _STEP = np.array([1e-3] * 3 + [1e-5] * 3 + [1e-3] * 2 * PARAMETERS)
@@ -627,6 +633,7 @@ def budget_of(gradient: Array, covariance: Array, random: float, floor: float) -
         2 * float(by_pose @ covariance[:POSE, POSE:] @ by_surface),
         random,
         floor,
+        0.0,
     )
     return dict(zip(SOURCES, parts, strict=True))
 

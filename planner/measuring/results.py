@@ -28,6 +28,7 @@ from planner.files import write_text
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
+from planner.measuring.response import ResponseRecord
 from planner.request.dimension import plain_tolerance
 from planner.request.targets import Target
 
@@ -38,7 +39,7 @@ CONSISTENT = 0.99
 """Readings of one target that differ more than with this probability are said to disagree."""
 
 # errors that readings from several images have in common
-_COMMON = ("surfaces", "localisation floor")
+_COMMON = ("surfaces", "localisation floor", "response")
 
 
 _Limits = tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]]
@@ -489,6 +490,8 @@ class MeasurementResults:
         What the user should know.
     pictures : dict of str to Picture
         The images.
+    responses : dict of str to ResponseRecord
+        How much light their grey values stand for, and what says so.
     """
 
     results: Mapping[str, Result]
@@ -500,6 +503,7 @@ class MeasurementResults:
     source: Source
     notes: tuple[str, ...] = ()
     pictures: Mapping[str, Picture] = field(default_factory=dict)
+    responses: Mapping[str, ResponseRecord] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Result]:
         """Go through the results in the plan's order."""
@@ -564,6 +568,7 @@ class MeasurementResults:
                 name: WhiteRecord(picture.white, picture.white_from)
                 for name, picture in self.pictures.items()
             },
+            response=self.responses,
         )
         return to_plain(file, defaults=True)
 
@@ -721,6 +726,7 @@ class ResultsFile:
     images: Mapping[str, Registered]
     failed: Annotated[Mapping[str, str], Key("not_registered")]
     white: Mapping[str, WhiteRecord]
+    response: Mapping[str, ResponseRecord]
 
 
 def results_schema() -> dict[str, Any]:

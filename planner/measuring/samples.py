@@ -190,6 +190,7 @@ def find_edges(
     white: float,
     noise: float,
     sign: NDArray[np.int64] | None = None,
+    clipped: float | None = None,
 ) -> Scans:
     """Scan an image across edges.
 
@@ -207,6 +208,8 @@ def find_edges(
         Standard deviation of the noise, in grey values.
     sign : array of int (m,), optional
         Sign of the step that is searched along each scan; 0 is either.
+    clipped : float, optional
+        Grey value from which on a scan is clipped. Default: `CLIPPED_SHARE` of white.
 
     Returns
     -------
@@ -235,7 +238,8 @@ def find_edges(
     second = np.asarray(others >= SECOND_SHARE * peak)
     state[second] = State.TWO_STEPS
     state[np.abs(offset) > half_px - 0.5] = State.AT_END
-    state[brightest >= CLIPPED_SHARE * white] = State.CLIPPED
+    limit = CLIPPED_SHARE * white if clipped is None else clipped
+    state[brightest >= limit] = State.CLIPPED
     # the filter sees the step of a sharp edge as this much gradient for each grey value
     weakest = max(WEAK_SHARE * white, NOISES * noise) / (np.sqrt(2 * np.pi) * 1.6 * SMOOTHING_PX)
     state[peak < weakest] = State.WEAK

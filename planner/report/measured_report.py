@@ -415,12 +415,31 @@ def _facts(results: MeasurementResults) -> dict[str, str]:
         "Measured": source.date,
         "Operator": source.operator,
         "Decision rule": str(results.rule),
+        "Grey values": _response_text(results),
         "Program": f"aspectgraph {source.program}",
         "Digest of the part": source.part_digest[:_DIGEST_DIGITS],
         "Digest of the plan": source.plan_digest[:_DIGEST_DIGITS],
         **(_camera_facts(source.camera) if source.camera is not None else {}),
     }
     return {name: value for name, value in rows.items() if value}
+
+
+# what says which response an image has
+_SAID_BY = {
+    "camera": "stated",
+    "file": "stated by the image files",
+    "edges": "found on the edges of the images",
+    "assumed": "assumed",
+}
+
+
+def _response_text(results: MeasurementResults) -> str:
+    """Return how much light grey values stand for, and what says so."""
+    texts = {
+        f"{results.pictures[name].response.words}, {_SAID_BY[record.origin]}"
+        for name, record in results.responses.items()
+    }
+    return "; ".join(sorted(texts))
 
 
 def _camera_facts(camera: Camera) -> dict[str, str]:
@@ -439,8 +458,8 @@ def _camera_facts(camera: Camera) -> dict[str, str]:
 def _explanation(results: MeasurementResults) -> str:
     return (
         f"Rule: {results.rule}. Values in mm, angles in degrees. U is the expanded uncertainty of two "
-        "standard uncertainties: pose, surfaces and localisation. It does not count the calibration "
-        "of the lens and the temperature of the part."
+        "standard uncertainties: pose, surfaces, localisation and response of the camera. It does not count "
+        "the calibration of the lens and the temperature of the part."
     )
 
 

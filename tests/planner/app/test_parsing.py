@@ -597,6 +597,7 @@ BAD = {
     "--write": ["camera.txt"],
     "--workspace": ["1", "1", "1", "0", "0", "0"],
     "--white-level": ["4095.5"],
+    "--response": ["9"],
 }
 
 
