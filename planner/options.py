@@ -115,10 +115,11 @@ class InspectionOptions(RunOptions):
         Robot that must reach every setting, and how the part lies before it. Each setting of the
         plan then has a ``fixturing`` and ``joints``. The cell only forbids poses, so the lower
         bound is proven without it, and holds.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, "ring", "backlight" or Lighting, optional
         Lamps that must light the targets, as in `plan_light`. The plan then has its ``light``. If
         no lamp lights a target in any setting, the program searches for other poses. With "ring",
-        the search is restricted to viewpoints where the ring light makes edges visible.
+        the search is restricted to viewpoints where the ring light makes edges visible. The same
+        holds for a backlight.
     effort : Effort, optional
         How long to search. Default: ``Effort()``, or ``Effort.for_dimensions()`` for dimensions.
     localisation : Localisation, optional

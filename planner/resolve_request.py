@@ -101,6 +101,7 @@ def resolve_request(
         targets=targets,
         workspace=_workspace(solid, camera, options),
         ring=_ring(options, options.lighting),
+        lighting=None if options.lighting is None else options.lighting.on_part(part),
     )
     if options.cell is not None:
         check_kinds(cell=(options.cell, "Cell"))

@@ -37,7 +37,16 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
-from planner.light.lighting import RING, LampBox, LampDome, Lighting, check_lamps_given, check_step
+from planner.light.area_light import Backlight
+from planner.light.lighting import (
+    BACKLIGHT,
+    RING,
+    LampBox,
+    LampDome,
+    Lighting,
+    check_lamps_given,
+    check_step,
+)
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
@@ -101,8 +110,8 @@ def cell_again(plan: InspectionPlan, path: str | None, plan_path: Path) -> Cell 
 
 
 _RULE = (
-    "--light must be ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in mm, or a TOML "
-    "file with lamps = [[X, Y, Z], ...]."
+    "--light must be ring, backlight, backlight:X,Y,Z,WIDTH,HEIGHT, box:X0,Y0,Z0,X1,Y1,Z1, "
+    "dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in mm, or a TOML file with lamps = [[X, Y, Z], ...]."
 )
 
 
@@ -116,7 +125,7 @@ def read_lighting(options: Light) -> Lighting | None:
     """
     check_contrast(options.contrast)
     check_step(options.grey_step)
-    if options.together and options.light in (None, RING):
+    if options.together and (options.light or RING).split(":")[0] in (RING, BACKLIGHT):
         option_text = "no --light" if options.light is None else f"--light {options.light}"
         raise RequestError(f"--together needs lamps by --light at, box or dome. Got {option_text}.")
     lamps = _lamps(options.light)
@@ -128,7 +137,7 @@ def read_lighting(options: Light) -> Lighting | None:
 
 
 def _lamps(text: str | None) -> Any:
-    if text is None or text == RING:
+    if text is None or text in (RING, BACKLIGHT):
         return text
     name, _, numbers = text.partition(":")
     if name == "at":
@@ -137,6 +146,10 @@ def _lamps(text: str | None) -> Any:
         values = _numbers(numbers, text)
         if len(values) == 6:
             return LampBox((values[0], values[1], values[2]), (values[3], values[4], values[5]))
+    elif name == BACKLIGHT:
+        values = _numbers(numbers, text)
+        if len(values) == 5:
+            return Backlight.horizontal(values[:3], values[3], values[4])
     elif name == "dome":
         values = _numbers(numbers, text)
         if len(values) in (4, 5):

@@ -394,7 +394,8 @@ class Light:
     Attributes
     ----------
     light
-        ring (on the camera); places for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps
+        ring (on the camera); backlight, which the part lies on, or backlight:X,Y,Z,WIDTH,HEIGHT, a bright rectangle
+        that shines upwards; places for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps
         at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in mm (default: no lamps)
     contrast
         least contrast of an edge, (I1 - I2) / (I1 + I2)

@@ -14,6 +14,7 @@ from ground.convert import STATED, Meta, NullIs, Shape, from_plain, to_plain
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
+from planner.light.area_light import AreaLight, AreaRecord, area_brightness
 from planner.plan_file import Amount, Coordinates, Count, Fraction, Reasons, Share
 from planner.request.targets import targets_of
 
@@ -101,7 +102,7 @@ class LitSetting:
 class LightRecord:
     """Lamps that make what is measured show, in every setting, as files hold them."""
 
-    kind: Literal["fixed", "ring", "placed"]
+    kind: Literal["fixed", "ring", "placed", "backlight"]
     contrast: Fraction
     step: Amount
     ground: Literal["dark", "bright"]
@@ -112,6 +113,7 @@ class LightRecord:
     settings: Annotated[
         tuple[LitSetting, ...], Meta(title="must be an array with one object per setting")
     ]
+    area: AreaRecord | None = None
 
     @property
     def light(self) -> LightPlan:
@@ -134,7 +136,7 @@ class LightPlan:
     Attributes
     ----------
     kind : str
-        "fixed", "ring" or "placed".
+        "fixed", "ring" or "placed", or the kind of a light with an area, such as "backlight".
     contrast : float
         Least contrast.
     step : float
@@ -142,7 +144,8 @@ class LightPlan:
     ground : str
         "dark", or "bright" for a back light.
     lamps : array (n, 3)
-        Positions of the lamps in use, mm. One is on at a time, or all are.
+        Positions of the lamps in use, mm. One is on at a time, or all are. None of a light with an
+        area.
     images : tuple of tuple of LitImage
         Per setting, the images to take. There is one, unless no single lamp lights all targets.
     unlit : tuple of dict of str to str
@@ -153,6 +156,8 @@ class LightPlan:
         How the bound was proven.
     together : bool
         Whether all lamps are on in every image.
+    area : Backlight or None
+        The light with an area, which is on in every image.
     """
 
     kind: str
@@ -165,6 +170,7 @@ class LightPlan:
     lower_bound: int
     bound_proof: str = field(default="")
     together: bool = False
+    area: AreaLight | None = None
 
     def __post_init__(self) -> None:
         places = np.array(self.lamps, dtype=np.float64).reshape(-1, 3)
@@ -176,6 +182,8 @@ class LightPlan:
         n = len(self.lamps)
         dark = sum(map(len, self.unlit))
         lamps = f"{n} {self.kind} lamp{'s' * (n != 1)} (at least {self.lower_bound} needed)"
+        if self.area is not None:
+            lamps = str(self.area)
         return f"<LightPlan: {lamps}, contrast {self.contrast:g}, {sum(map(len, self.images))} images, {dark} unlit>"
 
     @property
@@ -254,7 +262,7 @@ def exposure(
     cam2world: Array,
     camera: Camera,
     points: Mapping[str, Array],
-    lamps: Array,
+    lamps: Array | AreaLight,
 ) -> Exposure | None:
     """Return what to expose an image for.
 
@@ -268,8 +276,8 @@ def exposure(
         The camera.
     points : mapping of str to array (n, 3)
         Points on the edges of each target, mm.
-    lamps : array (k, 3)
-        The lamps that are on, mm.
+    lamps : array (k, 3) or AreaLight
+        The lamps that are on, mm, or a light with an area.
 
     Returns
     -------
@@ -364,17 +372,19 @@ def exposure_of(
     setting = plan.settings[k]
     targets = targets_of(plan.targets, setting)
     points = {name: targets[name].points for name in image.contrast}
-    lamps = light.lamps[list(image.lamps)]
+    lamps = light.area or light.lamps[list(image.lamps)]
     return exposure(scene, np.asarray(setting.cam2world), plan.camera, points, lamps)
 
 
 def irradiance(
-    scene: RayScene, cam2world: Array, camera: Camera, pixels: Array, lamps: Array
+    scene: RayScene, cam2world: Array, camera: Camera, pixels: Array, lamps: Array | AreaLight
 ) -> Array:
     """Return the light (n,) on what pixels show: cosine over squared distance of all lamps, 1/mm².
 
-    It is 0 off the part and off the sensor.
+    It is 0 off the part and off the sensor. Of a light with an area, it is the brightness of the image.
     """
+    if not isinstance(lamps, np.ndarray):
+        return area_brightness(lamps, scene, cam2world, camera, pixels)
     tangents = tangents_of(camera, pixels)
     right, down, forward = cam2world[:3, :3].T
     rays = tangents[:, :1] * right + tangents[:, 1:] * down + forward

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +25,7 @@ from ground.convert import Plain, from_plain, to_plain
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
+from planner.light.area_light import AREA_LIGHTS, AreaLight, Backlight, is_area_light
 from planner.light.corner_light import (
     DEFAULT_STEP,
     SHARES,
@@ -326,8 +327,12 @@ LampSpace = LampBox | LampDome
 """Where lamps may be placed."""
 
 
-def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
-    """Return a space of lamps, the places (n, 3) of fixed ones, or "ring" for the lamp on the camera.
+BACKLIGHT = "backlight"
+"""A backlight that the part lies on, as large as `Backlight.under` makes it."""
+
+
+def check_lamps_given(lamps: Any) -> LampSpace | AreaLight | Array | str:
+    """Return a space of lamps, an area light, the places (n, 3) of fixed lamps, "ring" or "backlight".
 
     Raises
     ------
@@ -336,12 +341,13 @@ def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
     """
     if isinstance(lamps, LampBox | LampDome):
         return lamps
+    if is_area_light(lamps):
+        return lamps
     if isinstance(lamps, str):
-        if lamps == RING:
+        if lamps in (RING, BACKLIGHT):
             return lamps
-        raise RequestError.of_rule(
-            "lamps", f"must be positions, a LampBox, a LampDome or {RING!r}", repr(lamps)
-        )
+        rule = f"must be positions, a LampBox, a LampDome, a Backlight, {RING!r} or {BACKLIGHT!r}"
+        raise RequestError.of_rule("lamps", rule, repr(lamps))
     return _numbers("lamps", lamps, (-1, 3))
 
 
@@ -731,6 +737,8 @@ def _plain_lamps(lamps: Any) -> Any:
     """Return what `Lighting` has as lamps as plain values."""
     if isinstance(lamps, LampBox | LampDome):
         return {"kind": type(lamps).__name__, **to_plain(lamps, defaults=True)}
+    if is_area_light(lamps):
+        return to_plain(lamps, defaults=True)
     return lamps if isinstance(lamps, str) else np.asarray(lamps).tolist()
 
 
@@ -738,6 +746,8 @@ def _lamps_from(values: Any) -> Any:
     """Return the lamps of plain values."""
     if not isinstance(values, Mapping):
         return values
+    if values["kind"] in AREA_LIGHTS:
+        return from_plain(AREA_LIGHTS[values["kind"]], values, RequestError)
     kind = {"LampBox": LampBox, "LampDome": LampDome}[values["kind"]]
     others = {key: item for key, item in values.items() if key != "kind"}
     return from_plain(kind, others, RequestError)
@@ -749,8 +759,9 @@ class Lighting:
 
     Parameters
     ----------
-    lamps : array_like, shape (n, 3), or LampBox, LampDome or "ring"
-        Positions of the lamps, mm, or the region where lamps may be, or a ring light.
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, "ring" or "backlight"
+        Positions of the lamps, mm, or the region where lamps may be, or a ring light, or a
+        backlight. "backlight" is one that the part lies on, as `Backlight.under` makes it.
     contrast, step : float
         Least contrast, and least step of grey values.
     ground : str
@@ -788,6 +799,9 @@ class Lighting:
         if self.together and self.is_ring:
             rule = "must be False for a ring light, which is one lamp"
             raise RequestError.of_rule("together", rule, "True")
+        if self.together and self.is_area:
+            rule = "must be False for a light that has an area, which is one lamp"
+            raise RequestError.of_rule("together", rule, "True")
         if self.ground not in GROUNDS:
             raise RequestError.of_rule(
                 "ground", f"must be one of {', '.join(GROUNDS)}", repr(self.ground)
@@ -798,7 +812,9 @@ class Lighting:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         lamps: object = self.given
-        if lamps is None:
+        if self.is_area:
+            lamps = self.area or "a backlight"
+        elif lamps is None:
             lamps = "a ring light"
         elif isinstance(lamps, np.ndarray):
             lamps = f"{len(lamps)} lamps"
@@ -806,13 +822,45 @@ class Lighting:
 
     @property
     def given(self) -> LampSpace | NDArray[np.float64] | None:
-        """Positions (n, 3) of fixed lamps, mm, or their region, or None for a ring light."""
-        return None if self.is_ring else self.lamps
+        """Positions (n, 3) of fixed lamps, mm, or their region, or None for a ring or an area light."""
+        return None if self.is_ring or self.is_area else self.lamps
 
     @property
     def is_ring(self) -> bool:
         """Whether the lamp is on the camera."""
-        return isinstance(self.lamps, str)
+        return isinstance(self.lamps, str) and self.lamps == RING
+
+    @property
+    def is_area(self) -> bool:
+        """Whether it is a light with an area, such as a backlight."""
+        is_word = isinstance(self.lamps, str) and self.lamps == BACKLIGHT
+        return is_word or self.area is not None
+
+    @property
+    def area(self) -> AreaLight | None:
+        """The light with an area; None if there is none, or if the part decides where it is."""
+        return self.lamps if is_area_light(self.lamps) else None
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least contrast and step."""
+        return self.contrast, self.step
+
+    def on_part(self, solid: Solid) -> Lighting:
+        """Return the same with the rectangle that the part lies on, if the lamps are "backlight".
+
+        Parameters
+        ----------
+        solid : Solid
+            The part.
+
+        Returns
+        -------
+        Lighting
+            Equal to this one, unless its lamps are "backlight".
+        """
+        is_word = isinstance(self.lamps, str) and self.lamps == BACKLIGHT
+        return replace(self, lamps=Backlight.under(solid)) if is_word else self
 
     @property
     def is_fixed(self) -> bool:
@@ -820,7 +868,7 @@ class Lighting:
         return isinstance(self.lamps, np.ndarray)
 
     def check_part(self, solid: Solid) -> None:
-        """Refuse fixed lamps inside the part.
+        """Refuse fixed lamps inside the part, and a light with an area that it is in the way of.
 
         Parameters
         ----------
@@ -830,8 +878,12 @@ class Lighting:
         Raises
         ------
         LightError
-            If there is one.
+            If there is a lamp inside.
+        RequestError
+            If a backlight passes through the part or shines away from it.
         """
+        if self.area is not None:
+            self.area.check_part(solid)
         if isinstance(self.given, np.ndarray):
             check_lamps(solid, self.given)
 

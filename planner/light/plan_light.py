@@ -13,9 +13,11 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
 from aspectgraph.light import DEFAULT_CONTRAST, LightRegions
+from aspectgraph.solid.solid import RayScene
 from planner.argument_kinds import check_kinds
 from planner.cover import maximal_columns, min_cover
 from planner.exceptions import RequestError
+from planner.light.area_light import AreaLight, shown_of_plan
 from planner.light.corner_light import DEFAULT_STEP, LampSets, fewest_together, sites_of
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
 from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
@@ -197,9 +199,9 @@ def plan_light(
         The plan.
     solid : Solid
         Its part.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, "ring", "backlight" or Lighting
         Positions of the lamps of a cell, mm, or the region where lamps may be, or a ring light on
-        the camera. A `Lighting` also holds the other options; then omit them here.
+        the camera, or a backlight. A `Lighting` also holds the other options; then omit them here.
     contrast : float
         Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
     step : float
@@ -257,9 +259,36 @@ def chosen_lamps(
     also: ArrayLike = (),
 ) -> LightPlan:
     """Choose lamps as `plan_light` does; ``also`` (n, 3) are places to try besides, mm, where lamps are placed."""
+    lighting = lighting.on_part(solid)
+    if lighting.area is not None:
+        return _by_area(lighting, lighting.area, plan, solid)
     served = lighting.served(plan, solid, progress)
     light = _chosen(lighting, served, plan, also)
     return with_exposures(light, plan, served.scene)
+
+
+def _by_area(lighting: Lighting, area: AreaLight, plan: Planned, solid: Solid) -> LightPlan:
+    """What a light with an area shows; there is nothing to choose."""
+    area.check_part(solid)
+    scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+    shown = shown_of_plan(area, plan, solid, scene, lighting.limits)
+    images = [
+        (LitImage((), setting.contrast, setting.silhouettes),) if setting.contrast else ()
+        for setting in shown
+    ]
+    light = LightPlan(
+        area.kind,
+        lighting.contrast,
+        lighting.step,
+        lighting.ground,
+        np.empty((0, 3)),
+        tuple(images),
+        tuple(setting.unlit for setting in shown),
+        0,
+        f"Every image is taken with {area}.",
+        area=area,
+    )
+    return with_exposures(light, plan, scene)
 
 
 def _chosen(lighting: Lighting, served: Served, plan: Planned, also: ArrayLike = ()) -> LightPlan:

@@ -54,6 +54,7 @@ from planner.verify.setting_record import search_windows_px
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.solid.solid import RayScene
+    from planner.light.area_light import AreaLight
     from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
 
@@ -122,7 +123,7 @@ def image_notes(
                 scene,
                 np.asarray(pose),
                 {name: targets[name].points for name in image.contrast},
-                plan.light.lamps[list(image.lamps)],
+                plan.light.area or plan.light.lamps[list(image.lamps)],
             )
         blur = registered[name].blur_px if name in registered else 0.0
         notes += [f"{name}: {note}" for note in picture.notes(blur, lost, share)]
@@ -144,7 +145,7 @@ def exposure_share(
     scene: RayScene,
     cam2world: NDArray[np.float64],
     points: Mapping[str, NDArray[np.float64]],
-    lamps: NDArray[np.float64],
+    lamps: NDArray[np.float64] | AreaLight,
 ) -> float | None:
     """Return for what share of the time to expose, so that the brightest place beside edges has 80 % of white.
 
@@ -161,8 +162,8 @@ def exposure_share(
         Pose of the camera.
     points : mapping of str to array (n, 3)
         Points on the edges of each target, mm.
-    lamps : array (k, 3)
-        The lamps that were on, mm.
+    lamps : array (k, 3) or AreaLight
+        The lamps that were on, mm, or the light with an area.
 
     Returns
     -------
@@ -312,7 +313,8 @@ class Measurer:
             for setting in plan.settings
             for name in setting.entities
         }
-        self.model = PartModel(solid, self._by_witness)
+        area = None if plan.light is None else plan.light.area
+        self.model = PartModel(solid, self._by_witness, area)
 
     def measure(
         self,

@@ -20,6 +20,7 @@ from errors.measurands import Geometry, Line
 from errors.measurands.geometry import FLOOR_PX
 from errors.registration import Imaging, Stretches
 from planner.camera.camera import Camera
+from planner.light.area_light import EdgePoints, Sight
 from planner.measuring.fit import CORRELATION_PX
 from planner.measuring.register import bias_of
 from planner.measuring.registered import prior_covariance
@@ -27,6 +28,7 @@ from planner.measuring.samples import APART_PX, END_PX, POSE, PartEdges, PartMod
 from planner.measuring.verdict import LEAST_SHARE
 from planner.request.models import Lifts, OwnEdges, key_of
 from planner.request.problem import Problem
+from planner.request.reach import entity_space
 from planner.request.registration import OWN_EDGES, RegistrationRecord
 from planner.request.targets import PlannedDimension, Target, sample_points
 
@@ -73,7 +75,8 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
     """
     single = problem.single
     targets = dict(single.measured)
-    model = PartModel(single.space.solid, targets)
+    area = getattr(entity_space(single.space), "area", None)
+    model = PartModel(single.space.solid, targets, area)
     if surfaces_mm is None:
         surfaces_mm = max((target.surfaces_mm for target in targets.values()), default=0.0)
     before = prior_covariance(
@@ -161,7 +164,7 @@ def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
         _rounded(along),
         np.array([_span(edge.geometry) for edge in edges]),
         np.array([model.carried_by[edge.name] for edge in edges], dtype=np.int64),
-        _free(model.edges, edge_of, (points, normals), turn),
+        _free(model.edges, edge_of, EdgePoints(points, tangents, normals), turn, camera),
         _rounded(turn),
         sigmas,
     )
@@ -183,10 +186,15 @@ def _span(geometry: Geometry) -> float:
 
 
 def _free(
-    edges: PartEdges, edge_of: NDArray[np.int64], where: tuple[Array, Array], turn: Array
+    edges: PartEdges,
+    edge_of: NDArray[np.int64],
+    of_edges: EdgePoints,
+    turn: Array,
+    camera: Camera,
 ) -> NDArray[np.bool_]:
-    """Return in which directions of the grid points (m, 3) with normals (m, 2, 3) are seen; (m, n, n)."""
-    points, normals = where
+    """Return in which directions of the grid points (m) of edges are seen, and their light shows them; (m, n, n)."""
+    points = of_edges.points
+    normals = of_edges.normals
     across = np.linspace(-1.0, 1.0, GRID)
     a, b = np.meshgrid(across, across, indexing="ij")
     c = 1.0 - np.abs(a) - np.abs(b)
@@ -205,6 +213,12 @@ def _free(
         ray_points = lifted[first : first + _RAYS, None, None]
         rays = np.broadcast_to(2 * extent * ways, (len(ray_points), *ways.shape))
         free[first : first + _RAYS] = ~edges.scene.blocked(ray_points, rays)
+    if edges.area is not None:
+        sight = Sight.of(edges.solid, camera, edges.scene)
+        for k in range(len(points)):
+            point = EdgePoints(*(values[k : k + 1] for values in of_edges))
+            eyes = points[k] + camera.focus_distance_mm * ways[free[k]]
+            free[k, free[k]] = edges.area.contrasts(sight, point, eyes)[0][:, 0] > 0
     return free
 
 

@@ -15,12 +15,14 @@ from scipy.spatial import cKDTree
 from scipy.special import erf
 
 from aspectgraph.entities.entity_rules import PARAMETERS, Carriers
+from aspectgraph.light import DEFAULT_CONTRAST
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Geometry, Line
 from ground.decorators import njit
 from planner.camera.camera import Camera, image_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import RequestError
+from planner.light.area_light import AreaLight, EdgePoints, Sight
 from planner.request.targets import Target
 
 if TYPE_CHECKING:
@@ -452,10 +454,13 @@ class PartEdges:
     ----------
     solid : Solid
         The part.
+    area : AreaLight, optional
+        A light with an area: what it does not show counts as hidden.
     """
 
-    def __init__(self, solid: Solid) -> None:
+    def __init__(self, solid: Solid, area: AreaLight | None = None) -> None:
         self.solid = solid
+        self.area = area
         self.scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
         curves = [*solid.rims(), *solid.arcs()]
         chords = {edge_id for curve in curves for edge_id in curve.edge_ids}
@@ -547,6 +552,11 @@ class PartEdges:
         visible = in_image(pixels_of(points, cam2world, camera), camera, margin_px)
         chord = table.chord_mm[number[visible]]
         visible[visible] = self._visible(points[visible], normals[visible], chord, cam2world)
+        if self.area is not None:
+            sight = Sight.of(self.solid, camera, self.scene)
+            of_edges = EdgePoints(points[visible], tangents[visible], normals[visible])
+            eye = np.asarray(cam2world)[None, :3, 3]
+            visible[visible] = self.area.contrasts(sight, of_edges, eye)[0][0] >= DEFAULT_CONTRAST
         return Samples(number, share, points, tangents, visible, np.ones_like(visible))
 
     def _visible(
@@ -714,6 +724,8 @@ class PartModel:
         The part.
     targets : mapping of str to Target
         What is measured, by name.
+    area : AreaLight, optional
+        See `PartEdges`.
 
     Attributes
     ----------
@@ -732,9 +744,11 @@ class PartModel:
         If the part lacks an entity of a target.
     """
 
-    def __init__(self, solid: Solid, targets: Mapping[str, Target]) -> None:
+    def __init__(
+        self, solid: Solid, targets: Mapping[str, Target], area: AreaLight | None = None
+    ) -> None:
         self.solid = solid
-        self.edges = PartEdges(solid)
+        self.edges = PartEdges(solid, area)
         self.carriers = Carriers(solid)
         self._curves = {curve.id: curve for curve in (*solid.rims(), *solid.arcs())}
         self.carried_by: dict[str, tuple[int, int]] = {}

@@ -474,6 +474,9 @@ class Attempt:
         return self.light[int(np.argmax([int(agreeing.sum()) for agreeing in self.agreeing]))]
 
     def _light(self, picture: Picture, one: ImageScan, agree: Bools) -> Shown | None:
+        if self.task.model.edges.area is not None:
+            # no lamp made this light, and the samples are those that it shows
+            return None
         pose, _ = self.task.places(self.scan.x)
         across = self.scan.across
         edges = self.scan.centres + np.where(agree, one.offset, 0.0)[:, None] * across

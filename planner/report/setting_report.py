@@ -207,7 +207,7 @@ def exposure_texts(plan: InspectionPlan, scene: RayScene | None, k: int) -> list
         if exposure is None:
             continue
         text = (
-            f"under {lamps_named(image)}, expose so that pixel {exposure.pixel} beside {exposure.target} "
+            f"under {lamps_named(image, plan.light)}, expose so that pixel {exposure.pixel} beside {exposure.target} "
             f"has {100 * WHITE_SHARE:.0f} % of white: it is the brightest place beside the targets of a "
             "matt part"
         )
@@ -232,10 +232,11 @@ def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> list[CaptionedP
     entities = drawn(plan, plan.settings[k].entities, plan.settings[k])
     color = color_of(k)
     images = plan.light.images[k] if plan.light is not None else ()
-    lamp = plan.light.lamps[list(images[0].lamps)] if plan.light is not None and images else None
+    lamp = None
     shaded = "Predicted image, hidden lines removed"
-    if images:
-        shaded += f", under {lamps_named(images[0])}"
+    if plan.light is not None and images:
+        lamp = plan.light.area or plan.light.lamps[list(images[0].lamps)]
+        shaded += f", under {lamps_named(images[0], plan.light)}"
     window = maker.window(pose, entities)
     times = maker.camera.resolution[0] / window[2]
     edge_map = CaptionedPicture(maker.edge_map_svg(pose, entities), _map_caption(plan))

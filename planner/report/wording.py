@@ -31,7 +31,7 @@ from planner.verify.simulate_setting import (
 if TYPE_CHECKING:
     from aspectgraph import JointEstimate
     from planner.camera.camera import Camera
-    from planner.light.light_plan import LitImage
+    from planner.light.light_plan import LightPlan, LitImage
     from planner.plan import InspectionPlan
     from planner.request.targets import PlannedDimension, Target
     from planner.verify.simulate_plan import ShownImages, SimulationResult
@@ -324,6 +324,9 @@ def light_sentence(plan: InspectionPlan) -> str:
     contrast = f"a contrast of at least {light.contrast:g}"
     if light.kind == "ring":
         return f"A ring light on the camera gives {shown} {contrast}."
+    if light.area is not None:
+        text = f"{light.area} gives {shown} {contrast}."
+        return text[0].upper() + text[1:]
     n = len(light.lamps)
     lamps = f"{n} of the given lamps {'gives' if n == 1 else 'give'}"
     if light.kind == "placed":
@@ -338,8 +341,10 @@ def light_sentence(plan: InspectionPlan) -> str:
     return f"{lamps} {shown} {contrast}, {switched}{f' ({proof})' if n else ''}.{images}"
 
 
-def lamps_named(image: LitImage) -> str:
-    """Return which lamps are on in an image, such as "lamp 1" or "lamps 1, 2"."""
+def lamps_named(image: LitImage, light: LightPlan) -> str:
+    """Return which lamps are on in an image, such as "lamp 1", "lamps 1, 2" or "the backlight"."""
+    if light.area is not None:
+        return f"the {light.kind}"
     numbers = ", ".join(str(lamp + 1) for lamp in image.lamps)
     return f"lamp{'s' * (len(image.lamps) > 1)} {numbers}"
 
@@ -363,12 +368,12 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
         places = [
             ", ".join(f"{x:.1f}" for x in place) for place in plan.light.lamps[list(image.lamps)]
         ]
-        at = " and ".join(f"({place})" for place in places)
+        at = f" at {' and '.join(f'({place})' for place in places)} mm" if places else ""
         parts = [
             f"{name} {value:.2f}{' (silhouette)' if name in image.silhouettes else ''}"
             for name, value in image.contrast.items()
         ]
-        texts.append(f"{lamps_named(image)} at {at} mm: contrast of {', '.join(parts)}")
+        texts.append(f"{lamps_named(image, plan.light)}{at}: contrast of {', '.join(parts)}")
     return texts + [f"not shown: {name}: {reason}" for name, reason in plan.light.unlit[k].items()]
 
 

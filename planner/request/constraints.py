@@ -36,6 +36,7 @@ from planner.request.reach import (
     clearance_slacks,
     distance_to,
     enclosing_sphere,
+    entity_space,
     reach_margin,
     visibility_slacks,
     workspace_slacks,
@@ -534,7 +535,15 @@ class Constraints:
             else scanned_in(self.space, target.name, target.measurand.geometry)
             for target in self.targets
         ]
-        return ImageCheck(self.space.solid, edge_ids, self.ends, self.camera, showing, scanned)
+        return ImageCheck(
+            self.space.solid,
+            edge_ids,
+            self.ends,
+            self.camera,
+            showing,
+            scanned,
+            only_outlines=getattr(entity_space(self.space), "only_outlines", False),
+        )
 
     @property
     def shows(self) -> tuple[str, ...]:

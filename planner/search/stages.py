@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from aspectgraph.solid.solid import RayScene
 from planner.bound.lower_bound import (
     ProvenBound,
     exclusion_proof,
@@ -24,6 +25,7 @@ from planner.bound.lower_bound import (
 )
 from planner.cover import few_columns, sets_to_realise
 from planner.executors import Shared, in_order
+from planner.light.area_light import shown_of_plan
 from planner.light.lighting import Lighting, eyes_of
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
@@ -760,6 +762,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     draft : InspectionPlan
         The settings chosen without them.
     """
+    lighting = lighting.on_part(run.problem.space.solid)
     lit = replace(
         draft,
         light=chosen_lamps(lighting, draft, run.problem.space.solid, run.callbacks.silent.report),
@@ -901,6 +904,11 @@ def _shown(
         plan.accuracy,
         plan.requirements,
     )
+    if lighting.area is not None:
+        solid = run.problem.space.solid
+        scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+        shown = shown_of_plan(lighting.area, posed, solid, scene, lighting.limits)
+        return [set(setting.contrast) for setting in shown]
     served = lighting.served(posed, run.problem.space.solid, run.callbacks.silent.report)
     if lighting.is_ring:
         served.keep_own(eyes_of(posed))
