@@ -21,6 +21,7 @@ from planner.options import InspectionOptions
 from planner.request.camera_limits import position_margin_mm
 from planner.request.constraints import RESOLUTION, Constraints, Lens, Requirements, image_slacks
 from planner.request.dimension_files import surfaces_or_default
+from planner.request.edge_state import EdgeState
 from planner.request.models import Means
 from planner.request.problem import Problem
 from planner.request.reach import Space, TargetSpace
@@ -65,7 +66,8 @@ class PosePrediction:
     standard_uncertainty, expanded_uncertainty : float
         u, and U with k = 2.
     budget : dict of str to float
-        Variance by "translation", "rotation", "localisation", "localisation_floor" and "surfaces".
+        Variance by "translation", "rotation", "localisation", "localisation_floor", "surfaces" and
+        "edge_state".
     margins : dict of str to float
         Margin of every constraint, in the unit its name ends with. A negative margin fails.
     p_all : float
@@ -690,6 +692,7 @@ def _judged(
         options.accuracy,
         localisation=options.localisation,
         surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
+        edges=EdgeState.planned(options.edge_break_mm),
     )
     probability = {}
     share = {}

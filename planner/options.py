@@ -135,6 +135,10 @@ class InspectionOptions(RunOptions):
         The program predicts it from what each pose shows of the part. A `PoseUncertainty` is that
         of poses that something else measures. Where the camera may be while it takes the images,
         remains ``pose_uncertainty``. Default: values are read with the planned poses.
+    edge_break_mm : (float, float), optional
+        By how much the part's edges are broken along their faces, least and most, mm, such as
+        (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
+        of the model, and P and U of dimensions contain this. Default: edges are planned as sharp.
     gap : float
         Stop improving the plan and its bound at this gap, in [0, 1). The gap is the share of the
         settings that the bound does not prove to be needed. Default: improve both as far as the
@@ -165,6 +169,7 @@ class InspectionOptions(RunOptions):
     localisation: Localisation | None = None
     surfaces_mm: float | None = None
     registration: Any = None
+    edge_break_mm: tuple[float, float] | None = None
     gap: float = 0.0
 
     def __post_init__(self) -> None:

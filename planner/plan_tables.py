@@ -98,8 +98,8 @@ class PlanTables:
             it was not counted). ``probability`` is that of the error alone. ``simulated``,
             ``simulated_low``, ``simulated_high`` and ``verdict`` come from the simulation, or are
             None. ``standard_uncertainty`` is u of the measured value. ``variance_translation``,
-            ``variance_rotation``, ``variance_localisation``, ``variance_localisation_floor`` and
-            ``variance_surfaces`` add up to u² (None for short arcs).
+            ``variance_rotation``, ``variance_localisation``, ``variance_localisation_floor``,
+            ``variance_surfaces`` and ``variance_edge_state`` add up to u² (None for short arcs).
             ``search_window_px`` is the distance to search on either side of the prediction.
             ``warnings`` holds sentences or None. ``reason`` is None in these rows. ``x``, ``y``,
             ``z`` are the camera's position in mm. ``rx``, ``ry``, ``rz`` are its rotation vector,

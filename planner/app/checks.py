@@ -65,6 +65,7 @@ _OPTIONS = {
     "registration": "--register",
     "focus_reserve": "--focus-margin-mm",
     "rng": "--seed",
+    "edge_break_mm": "--edges",
     "time_limit_s": "--time-limit",
     "memory_limit_bytes": "--memory-limit",
     "bodies": "--body",

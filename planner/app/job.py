@@ -26,7 +26,7 @@ from aspectgraph.entities.entity_rules import parse_names
 from aspectgraph.light import check_contrast
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
-from errors.measurands.geometry import FLOOR_PX
+from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.measurand import kinds
 from planner.app.checks import in_words_of_shell, named_by, option, read_camera
 from planner.app.options import Batch, ChosenEntities, Light, Optics, PartReading, Plan, Workspace
@@ -238,7 +238,7 @@ def read_request(options: Plan | Optics, solid: Solid) -> JobTargets:
         with named_by("entities" if options.select is None else "select", vars(options)):
             resolve_wanted(solid, entities, options.accuracy)
         return JobTargets(entities, entities, localisation)
-    localisation = read_localisation(options.localisation or "gaussian")
+    localisation = read_localisation(options.localisation or _gaussian_text(options))
     with named_by("dimensions", vars(options)):
         return _wanted_dimensions(options, solid, localisation)
 
@@ -356,11 +356,19 @@ def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
                 f"For {n_stated} of {len(items)} dimensions, the error follows from flatness and profile tolerances of "
                 "the model. "
             )
+    default = _gaussian_text(options)
+    floor = default.rpartition(":")[2]
     return (
-        "note: points in the image have errors of 0.1 px, and of 0.05 px that all points of an edge or rim share "
-        f"(--localisation gaussian:0.1:0.05), the default with --dimensions. {faces}Without --dimensions, points are "
+        f"note: points in the image have errors of 0.1 px, and of {floor} px that all points of an edge or rim share "
+        f"(--localisation {default}), the default with --dimensions. {faces}Without --dimensions, points are "
         "rounded to whole pixels"
     )
+
+
+def _gaussian_text(options: Plan | Optics) -> str:
+    """Return the default of ``--localisation`` for dimensions: stated breaks are no part of its floor."""
+    floor_px = FLOOR_PX if getattr(options, "edges", None) is None else DETECTOR_FLOOR_PX
+    return f"gaussian:0.1:{floor_px:g}"
 
 
 def _gaussian(sigma_px: float = 0.1, floor_px: float = FLOOR_PX) -> Localisation:
@@ -492,6 +500,7 @@ def inspection_options(options: Plan | Optics | Batch, **more: Any) -> Inspectio
         "workspace": None,
         "localisation": None,
         "rng": getattr(options, "seed", 0),
+        "edge_break_mm": getattr(options, "edges", None),
     }
     return InspectionOptions(**{**same, **values, **more})
 

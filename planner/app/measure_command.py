@@ -87,6 +87,7 @@ def measure(options: Measure) -> int:
         rule=_RULES[options.rule],
         white_level=options.white_level,
         response=options.response,
+        edge_break_mm=options.edges,
     )
     out = absolute(options.out)
     parts = _parts(options, out)

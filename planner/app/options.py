@@ -23,6 +23,7 @@ from planner.app.quantities import (
     WHITE,
     Count,
     all_or_indices,
+    break_range,
     indices,
     lengths,
     memory,
@@ -74,6 +75,7 @@ Pixels = Annotated[float, value(PX, "PX"), NOT_NEGATIVE]
 Time = Annotated[float | None, value(SECONDS, "S"), POSITIVE_SECONDS]
 Contrast = Annotated[float, value(SHARE, "C"), _CONTRAST]
 Box = Annotated[BOX | None, value(MM, "X0 Y0 Z0 X1 Y1 Z1", count=6)]
+BreakRange = Annotated[tuple[float, float] | None, value(break_range, "LOW..HIGH")]
 SigmaPair = Annotated[tuple[float, float] | None, value(sigma_pair, "MM,RAD")]
 Camera = Annotated[str, _named("NAME|FILE")]
 Folder = Annotated[str, _named("DIR", "--out", "-o")]
@@ -229,10 +231,13 @@ class ChosenTargets(ChosenEntities):
     localisation
         error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px;
         FLOOR does not average out (default: rounding with --entities, --select and --all, gaussian:0.1:0.05 with
-        --dimensions)
+        --dimensions, gaussian:0.1:0.01 if --edges is stated, too)
     surfaces_mm
         standard deviation of the position of the part's faces along their normals, for dimensions (default: what
         flatness and profile tolerances of the part state, else 0.02; with rounding 0)
+    edges
+        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm, for dimensions; 0 is sharp
+        (default: planned as sharp)
     """
 
     exactly_one: ClassVar[tuple[str, ...]] = (*ChosenEntities.exactly_one, "--dimensions")
@@ -244,6 +249,7 @@ class ChosenTargets(ChosenEntities):
     share: Annotated[float, value(SHARE, "S"), ABOVE_0_TO_1] = 0.25
     localisation: Annotated[str | None, _named("MODEL")] = None
     surfaces_mm: OptionalLength = None
+    edges: BreakRange = None
 
 
 @dataclass(kw_only=True)
@@ -794,6 +800,9 @@ class Measure(Deciding, Images, PartReading):
         before it improved by the part's edges
     surfaces_mm
         standard deviation of the position of the part's faces along their normals (default: that of the plan)
+    edges
+        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm; 0 is sharp (default: that of the
+        plan, else assumed sharp within 0.05 mm)
     qif
         also write results.qif: QIF 3.0, with statuses and u
     """
@@ -811,6 +820,7 @@ exit codes:
     force: bool = False
     register: Annotated[str, _named("edges|none|FILE|edges+FILE")] = "edges"
     surfaces_mm: OptionalLength = None
+    edges: BreakRange = None
     qif: bool = False
 
 

@@ -68,6 +68,9 @@ class Count(NamedTuple):
     maximum: int = 10**9
 
 
+MOST_BREAK_MM = 10.0
+"""As `planner.request.edge_state.MOST_BREAK_MM`, which takes long to load."""
+
 BOX = tuple[float, float, float, float, float, float]
 
 
@@ -162,6 +165,31 @@ def lengths(text: str) -> list[float]:
         return [MM(number) for number in text.split(",")]
     except ValueError:
         raise ValueError(f"must be numbers like 250,400. Got {text!r}.") from None
+
+
+def break_range(text: str) -> tuple[float, float]:
+    """Return the least and the largest break of edges, mm.
+
+    Parameters
+    ----------
+    text : str
+        Like ``0.1..0.3`` or ``100um..0.3mm``, or one length for both.
+
+    Raises
+    ------
+    ValueError
+        If it is no such pair, or not in rising order.
+    """
+    words = text.split("..")
+    try:
+        limits = [MM(word) for word in words]
+    except ValueError:
+        limits = []
+    if len(limits) in (1, 2) and 0 <= limits[0] <= limits[-1] <= MOST_BREAK_MM:
+        return limits[0], limits[-1]
+    raise ValueError(
+        f"must be two lengths like 0.1..0.3 or one, in rising order from 0 to {MOST_BREAK_MM:g} mm. Got {text!r}."
+    )
 
 
 def sigma_pair(text: str) -> tuple[float, float]:

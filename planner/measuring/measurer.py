@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
+from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from ground.faces import project_version
 from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
@@ -36,7 +37,7 @@ from planner.measuring.register import bias_of, check_lens, looks_like, register
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
 from planner.measuring.response import JudgedResponse, judge_response
-from planner.measuring.results import MeasurementResults, Result, Source, merged
+from planner.measuring.results import MeasurementResults, Result, Source, edges_text, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
     NotRegisteredError,
@@ -46,6 +47,7 @@ from planner.measuring.task import (
     distance_of,
 )
 from planner.request.dimension import is_one_sided
+from planner.request.edge_state import EdgeState, checked_break
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
@@ -198,8 +200,6 @@ def _by_light(
     return levels, np.array([np.median(shares[number == k]) for k in usual])
 
 
-FLOOR_PX = 0.08
-"""Error that all points of an entity have in common, px, where the plan does not state one."""
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
 
@@ -219,8 +219,8 @@ class MeasureOptions:
         How poses are known.
     localisation : Localisation or None
         How well edges are found; only its floor counts, because single points are judged by their own residuals. A
-        registration takes edges to be off by three times the floor. None is the plan's, or a floor of 0.08 px if that
-        has none.
+        registration takes edges to be off by three times the floor. None is the plan's. If that is none or the
+        default of 0.05 px, it is 0.01 px, because broken edges are an error of their own.
     coverage : float
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule
@@ -230,11 +230,14 @@ class MeasureOptions:
     response : str, float or None
         How much light a grey value stands for: "linear", "srgb", a gamma, or a file, see `Camera`. None is that of the
         plan's camera.
+    edge_break_mm : (float, float) or None
+        By how much the part's edges are broken along their faces, least and most, mm. Targets that state their own
+        keep it. None is the plan's; without that, edges are assumed to be sharp within 0.05 mm.
 
     Raises
     ------
     RequestError
-        If the coverage is not in (0, 1].
+        If the coverage is not in (0, 1], or the breaks are not two numbers in rising order.
     CameraError
         If the white level is not a grey value, or the response none.
 
@@ -251,10 +254,13 @@ class MeasureOptions:
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
     white_level: int | None = None
     response: str | float | None = None
+    edge_break_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if self.response is not None:
             object.__setattr__(self, "response", check_response(self.response))
+        if self.edge_break_mm is not None:
+            object.__setattr__(self, "edge_break_mm", checked_break(self.edge_break_mm))
         if self.white_level is not None:
             object.__setattr__(self, "white_level", check_white_level(self.white_level))
         if not 0 < self.coverage <= 1:
@@ -392,6 +398,7 @@ class Measurer:
             (*image_set.notes, *response.notes(readings), *notes),
             pictures,
             response.records(),
+            self._edges_text(list(results.values()), options),
         )
 
     def _camera(self, options: MeasureOptions) -> Camera:
@@ -495,7 +502,12 @@ class Measurer:
             prior = prior_covariance(self.model, *stated, setting_pictures[0].camera)
             try:
                 registered = register_as_shown(
-                    self.model, setting_pictures, pose, *stated, self._bias_px(options)
+                    self.model,
+                    setting_pictures,
+                    pose,
+                    *stated,
+                    self._bias_px(options),
+                    self.edge_state(options),
                 )
             except NotRegisteredError as error:
                 poses = [np.asarray(setting.cam2world) for setting in self.plan.settings]
@@ -503,7 +515,8 @@ class Measurer:
                 # what it looks like is the better reason
                 why = f"{error.what}; it {like}" if like else str(error)
                 raise NotRegisteredError(why) from None
-            check_lens(self.model, setting_pictures, pose, prior, registered)
+            accuracy = self._bias_px(options), self.edge_state(options)
+            check_lens(self.model, setting_pictures, pose, prior, registered, *accuracy)
             return registered
         if registration.method == GIVEN:
             stem = shot.name if shot.name in registration.poses else setting_name(shot.setting)
@@ -539,7 +552,8 @@ class Measurer:
         surfaces_mm = self._surfaces_mm(options.registration)
         bias_px = self._bias_px(options)
         try:
-            seen = register_as_shown(self.model, own, planned, prior, surfaces_mm, bias_px)
+            state = self.edge_state(options)
+            seen = register_as_shown(self.model, own, planned, prior, surfaces_mm, bias_px, state)
         except TooFarError:
             raise
         except NotRegisteredError:
@@ -576,7 +590,14 @@ class Measurer:
                 )
                 readings.append(
                     read_length(
-                        place, target.measurand, edge, picture, registered, self.model, search
+                        place,
+                        target.measurand,
+                        edge,
+                        picture,
+                        registered,
+                        self.model,
+                        search,
+                        self.edge_state(options, target),
                     )
                 )
                 continue
@@ -592,12 +613,21 @@ class Measurer:
                     registered,
                     half_px=half[name],
                     coverage=options.coverage,
+                    edge_state=self.edge_state(options, target),
                 )
                 for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
             ]
             floor = self._floor_px(target.localisation, options)
             readings.append(
-                read_value(place, target.measurand, scans, registered, self.model, floor)
+                read_value(
+                    place,
+                    target.measurand,
+                    scans,
+                    registered,
+                    self.model,
+                    floor,
+                    picture.camera,
+                )
             )
         return readings
 
@@ -629,15 +659,40 @@ class Measurer:
         lower, upper = target.tolerance
         return min((upper - lower) * share / target.permitted_error, _MOST_TOLERANCE_PX)
 
+    def edge_state(self, options: MeasureOptions, target: Target | None = None) -> EdgeState:
+        """Return by how much the edges of a target are broken, or of the whole part.
+
+        Parameters
+        ----------
+        options : MeasureOptions
+            What is stated here counts more than what the plan states of the part.
+        target : Target, optional
+            What it states of its own edges counts most. Default: none.
+
+        Returns
+        -------
+        EdgeState
+            What is stated, or sharp within 0.05 mm.
+        """
+        of_target = getattr(target, "edge_break_mm", None)
+        return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
+
+    def _edges_text(self, results: Sequence[Result], options: MeasureOptions) -> str:
+        """Say by how much edges are taken to be broken."""
+        states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
+        return edges_text(results, states)
+
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:
             return options.localisation.floor_px
-        return planned.floor_px if planned.floor_px > 0 else FLOOR_PX
+        # broken edges are an error of its own here, which the default of plans stands for
+        is_default = planned.floor_px in (0.0, FLOOR_PX)
+        return DETECTOR_FLOOR_PX if is_default else planned.floor_px
 
     def _bias_px(self, options: MeasureOptions) -> float:
         """Return the standard deviation of edges' biases, px."""
         floors = (self._floor_px(target.localisation, options) for target in self.targets.values())
-        return bias_of(max(floors, default=FLOOR_PX))
+        return bias_of(max(floors, default=DETECTOR_FLOOR_PX))
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""
@@ -695,6 +750,7 @@ def measure(
     localisation: Localisation | None = None,
     coverage: float = COVERAGE_SHARE,
     rule: DecisionRule | None = None,
+    edge_break_mm: tuple[float, float] | None = None,
 ) -> MeasurementResults:
     """Measure one part in images of a plan's settings.
 
@@ -716,6 +772,9 @@ def measure(
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule, optional
         How it is decided. Default: ISO 14253-1 with 95 %.
+    edge_break_mm : (float, float), optional
+        By how much the part's edges are broken, least and most, mm. Default: that of the plan; without it, edges are
+        sharp within 0.05 mm.
 
     Returns
     -------
@@ -744,5 +803,6 @@ def measure(
         localisation,
         coverage,
         rule or DecisionRule.iso14253(),
+        edge_break_mm=edge_break_mm,
     )
     return Measurer(plan, solid).measure(images, options)

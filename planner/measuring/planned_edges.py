@@ -10,6 +10,7 @@ than were found in images.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from planner.measuring.register import bias_of
 from planner.measuring.registered import prior_covariance
 from planner.measuring.samples import APART_PX, END_PX, POSE, PartEdges, PartModel
 from planner.measuring.verdict import LEAST_SHARE
+from planner.request.edge_state import EdgeState, shifts_of
 from planner.request.models import Lifts, OwnEdges, key_of
 from planner.request.problem import Problem
 from planner.request.reach import entity_space
@@ -86,10 +88,11 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
     floor = (
         max((target.localisation.floor_px for target in targets.values()), default=0.0) or FLOOR_PX
     )
+    breaks_px = _spread_mm(problem.edges) * _px_per_mm(problem.camera)
     return OwnEdges(
         before[:POSE, :POSE].copy(),
         _stretches(model, problem.camera, sigmas),
-        _imaging(problem.camera, bias_of(floor)),
+        _imaging(problem.camera, math.hypot(bias_of(floor), breaks_px)),
         {
             key_of(target.name, target.witness.entities): _lifts(
                 model, target.name, targets[target.name]
@@ -98,6 +101,17 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
             if isinstance(target, PlannedDimension)
         },
     )
+
+
+def _spread_mm(edges: EdgeState) -> float:
+    """Return the standard deviation of where steps of broken edges are seen, mm; the step may be at both lines."""
+    mean, square = shifts_of(np.array([0.0, 1.0]), edges)
+    return math.sqrt(max(float(square - mean**2), 0.0))
+
+
+def _px_per_mm(camera: Camera) -> float:
+    """Return how many pixels a millimetre is in the plane of focus."""
+    return camera.image_distance_mm / (camera.focus_distance_mm * max(camera.pixel_pitch_mm))
 
 
 def registered_problem(problem: Problem, how: RegistrationRecord | None) -> Problem:

@@ -40,6 +40,7 @@ from planner.measuring.task import (
     solved,
 )
 from planner.measuring.verdict import Attempt, judged
+from planner.request.edge_state import SHARP, EdgeState
 from planner.sensor_setting import setting_name
 
 # The coarse shift: by how many pixels an image is off its prediction, before edges are told from
@@ -202,7 +203,8 @@ class Scanner:
         """Return what is found up to so many px from the prediction."""
         places = self._task.predicted(x)
         every = zip(self._pictures, self._signs, self._left_out, strict=True)
-        scans = [_scanned(picture, places, half, sign, out) for picture, sign, out in every]
+        double = self._task.two_steps
+        scans = [_scanned(picture, places, half, sign, out, double) for picture, sign, out in every]
         return Scan(x, *places, scans)
 
     def no_worse(self, scan: Scan, last: Scan, half: float) -> Scan:
@@ -235,9 +237,11 @@ def _scanned(
     half: float,
     sign: NDArray[np.int64],
     out: NDArray[np.bool_],
+    two_steps: NDArray[np.bool_] | bool,
 ) -> ImageScan:
     scans = picture.find(*places, half, sign)
-    state = np.where(out & (scans.state == State.FOUND), int(State.SHADOW), scans.state)
+    state = np.where(two_steps & (scans.state == State.TWO_STEPS), int(State.FOUND), scans.state)
+    state = np.where(out & (state == State.FOUND), int(State.SHADOW), state)
     return ImageScan(scans.offset, state == State.FOUND, state, scans.blur_px)
 
 
@@ -252,6 +256,7 @@ def register(
     planned: Array,
     prior: Array,
     bias_px: float = BIAS_PX,
+    edge_state: EdgeState = SHARP,
 ) -> Registered:
     """Return the pose of a setting and the deviations of the part's surfaces.
 
@@ -267,6 +272,8 @@ def register(
         What is known of pose and surfaces, see `prior_covariance`.
     bias_px : float
         Standard deviation of where an edge is found as a whole.
+    edge_state : EdgeState
+        By how much edges are broken.
 
     Returns
     -------
@@ -278,7 +285,7 @@ def register(
     NotRegisteredError
         If the images do not show the part from near the planned pose, or are from different poses.
     """
-    task = registration_task(model, pictures[0].camera, planned, prior, bias_px)
+    task = registration_task(model, pictures[0].camera, planned, prior, bias_px, edge_state)
     start = _coarse(task, pictures)
     outcome = _best(task, pictures, start)
     if not outcome[0].accepted and outcome[0].share >= LEAST_HOPEFUL:
@@ -323,7 +330,7 @@ def _check_one_pose(attempt: Attempt) -> None:
     between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(alone) - 1)
     estimate = posterior(block_diag(task.prior, *between), rows, task.bias_px**2)
     names = [alone_attempt.pictures[0].name for alone_attempt in alone]
-    check_one_pose(names, estimate.mean[n:], estimate.covariance)
+    check_one_pose(names, estimate.mean[n:], estimate.covariance, task.break_mm)
 
 
 def _best(
@@ -468,6 +475,7 @@ def register_as_shown(
     pose_covariance: Array,
     surfaces_mm: float,
     bias_px: float,
+    edge_state: EdgeState = SHARP,
 ) -> Registered:
     """Return the pose of a setting and the deviations of the part's surfaces, see `register`.
 
@@ -476,7 +484,7 @@ def register_as_shown(
 
     Parameters
     ----------
-    model, pictures, planned, bias_px
+    model, pictures, planned, bias_px, edge_state
         As of `register`.
     pose_covariance : array (6, 6)
         Of the planned pose.
@@ -496,7 +504,7 @@ def register_as_shown(
     shown_mm = surfaces_mm
     for _ in range(_ROUNDS):
         prior = prior_covariance(model, pose_covariance, shown_mm, pictures[0].camera)
-        registered = register(model, pictures, planned, prior, bias_px)
+        registered = register(model, pictures, planned, prior, bias_px, edge_state)
         more = times_more(model, registered, prior)
         if more <= 1:
             break
@@ -589,7 +597,13 @@ def looks_like(
 
 
 def check_lens(
-    model: PartModel, pictures: list[Picture], pose: Array, prior: Array, found: Registered
+    model: PartModel,
+    pictures: list[Picture],
+    pose: Array,
+    prior: Array,
+    found: Registered,
+    bias_px: float = BIAS_PX,
+    edge_state: EdgeState = SHARP,
 ) -> None:
     """Refuse images without the lens distortion that the plan's camera has.
 
@@ -605,6 +619,8 @@ def check_lens(
         What is known of pose and surfaces.
     found : Registered
         Their registration with the distortion.
+    bias_px, edge_state
+        As of `register`.
 
     Raises
     ------
@@ -614,7 +630,7 @@ def check_lens(
     if pictures[0].camera.distortion is None:
         return
     try:
-        other = register(model, _undistorted(pictures), pose, prior)
+        other = register(model, _undistorted(pictures), pose, prior, bias_px, edge_state)
     except NotRegisteredError:
         return
     better = other.misfit_px < BETTER_MISFIT * found.misfit_px

@@ -30,6 +30,7 @@ from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
 from planner.measuring.response import ResponseRecord
 from planner.request.dimension import plain_tolerance
+from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
 from planner.request.targets import Target
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
@@ -39,7 +40,7 @@ CONSISTENT = 0.99
 """Readings of one target that differ more than with this probability are said to disagree."""
 
 # errors that readings from several images have in common
-_COMMON = ("surfaces", "localisation floor", "response")
+_COMMON = ("surfaces", "localisation floor", "response", "edge state")
 
 
 _Limits = tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]]
@@ -190,6 +191,51 @@ def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...
         return value, u, ()
     note = f"{len(readings)} readings disagree: u is enlarged by their spread"
     return value, u * math.sqrt(spread / freedoms), (note,)
+
+
+def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> str:
+    """Say by how much edges are taken to be broken, and what a break would do where none is stated.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        What was measured.
+    states : mapping of str to EdgeState
+        By target.
+
+    Returns
+    -------
+    str
+        Without a full stop.
+    """
+    common = list(dict.fromkeys(states.values()))
+    if len(common) == 1:
+        texts = [str(common[0])]
+    else:
+        texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
+    unstated = [result for result in results if result.name in states]
+    shifts = {
+        result.name: (TYPICAL_BREAK_MM * shift, result)
+        for result in unstated
+        if not states[result.name].stated
+        and result.measured
+        and (shift := _largest_shift(result)) > 0
+    }
+    if not all(state.stated for state in states.values()) and len(common) > 1:
+        texts.append(f"others: {EdgeState()}")
+    if shifts:
+        shift, worst = max(shifts.values(), key=lambda pair: pair[0] / pair[1].expanded_uncertainty)
+        texts.append(
+            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shift:.2g} {worst.unit}, "
+            f"its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm or --edges)"
+        )
+    return "; ".join(texts)
+
+
+def _largest_shift(result: Result) -> float:
+    """Return how far a break of 1 mm moves a value at most, in the reading that it moves least."""
+    shifts = [reading.edge_shift for reading in result.readings if reading.measured]
+    return min((shift for shift in shifts if math.isfinite(shift)), default=0.0)
 
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
@@ -492,6 +538,8 @@ class MeasurementResults:
         The images.
     responses : dict of str to ResponseRecord
         How much light their grey values stand for, and what says so.
+    edges : str
+        By how much edges are taken to be broken.
     """
 
     results: Mapping[str, Result]
@@ -504,6 +552,7 @@ class MeasurementResults:
     notes: tuple[str, ...] = ()
     pictures: Mapping[str, Picture] = field(default_factory=dict)
     responses: Mapping[str, ResponseRecord] = field(default_factory=dict)
+    edges: str = ""
 
     def __iter__(self) -> Iterator[Result]:
         """Go through the results in the plan's order."""
@@ -559,6 +608,7 @@ class MeasurementResults:
             rule=Rule(self.rule.name, self.rule.level, COVERAGE),
             source=self.source,
             notes=self.notes,
+            edges=self.edges,
             results=tuple(self),
             measured=tuple(result.name for result in self if result.measured),
             correlation=self.correlation,
@@ -720,6 +770,7 @@ class ResultsFile:
     rule: Rule
     source: Source
     notes: tuple[str, ...]
+    edges: str
     results: tuple[Result, ...]
     measured: tuple[str, ...]
     correlation: Annotated[NDArray[np.float64], Shape(None, None)]

@@ -299,6 +299,8 @@ class PartEdge:
         Outward unit normals of both faces, for each of these.
     chord_mm : float
         Largest distance of a chord from the circle.
+    convex : bool
+        Whether its faces meet at a convex angle; a re-entrant edge is never broken.
     """
 
     name: str
@@ -306,6 +308,7 @@ class PartEdge:
     edge_ids: tuple[int, ...]
     normals: Array
     chord_mm: float = 0.0
+    convex: bool = True
 
     def at(self, shares: Array) -> tuple[Array, Array, Array]:
         """Return points (n, 3), unit tangents (n, 3) and normals of both faces (n, 2, 3) at shares (n,) of it."""
@@ -498,7 +501,11 @@ class PartEdges:
     ) -> PartEdge:
         """Return an edge with the normals of its faces."""
         faces = np.array([self.solid.edges[i].faces for i in edge_ids])
-        return PartEdge(name, geometry, tuple(edge_ids), self.solid.normals[faces], chord_mm)
+        turns = [self.solid.edges[i].dihedral_deg for i in edge_ids]
+        normals = self.solid.normals[faces]
+        return PartEdge(
+            name, geometry, tuple(edge_ids), normals, chord_mm, float(np.median(turns)) > 0
+        )
 
     def samples(
         self, cam2world: Array, camera: Camera, edges: Sequence[PartEdge], margin_px: float

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from errors.registration import Rows, posterior
 from ground.convert import shown
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
+from planner.measuring.breaks import registration_shift
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights
 from planner.measuring.registered import displaced
 from planner.measuring.samples import (
@@ -29,6 +31,7 @@ from planner.measuring.samples import (
     across_of,
     pixels_of,
 )
+from planner.request.edge_state import SHARP, EdgeState
 
 Array = NDArray[np.float64]
 
@@ -90,6 +93,14 @@ class Task:
         How samples move with these.
     bias_px : float
         Standard deviation of where an edge is found as a whole.
+    shift_px : array (m,) or float
+        Where steps are expected across the edges of the model: broken edges are seen beside them.
+    two_steps : array of bool (m,) or False
+        Of which samples two steps are no fault.
+    band_px : float
+        How wide the bands of broken edges are.
+    break_mm : float
+        How large their breaks may be.
     """
 
     model: PartModel
@@ -101,6 +112,10 @@ class Task:
     unknowns: NDArray[np.int64]
     moves: Array
     bias_px: float
+    shift_px: Array | float = 0.0
+    two_steps: NDArray[np.bool_] | bool = False
+    band_px: float = 0.0
+    break_mm: float = 0.0
 
     @cached_property
     def own(self) -> list[slice]:
@@ -140,10 +155,9 @@ class Task:
     def predicted(self, x: Array) -> tuple[Array, Array]:
         """Return predicted places and unit vectors across (m, 2)."""
         pose, points = self.places(x)
-        return (
-            pixels_of(points, pose, self.camera),
-            across_of(points, self.samples.tangents, pose, self.camera),
-        )
+        across = across_of(points, self.samples.tangents, pose, self.camera)
+        shift = np.broadcast_to(self.shift_px, len(points))
+        return pixels_of(points, pose, self.camera) + shift[:, None] * across, across
 
     def design(self, x: Array, across: Array) -> Array:
         """Return how far samples move across by the pose and by the six numbers of their surfaces; (m, 12)."""
@@ -199,7 +213,12 @@ class Scan(NamedTuple):
 
 
 def registration_task(
-    model: PartModel, camera: Camera, planned: Array, prior: Array, bias_px: float
+    model: PartModel,
+    camera: Camera,
+    planned: Array,
+    prior: Array,
+    bias_px: float,
+    edge_state: EdgeState = SHARP,
 ) -> Task:
     """Return what a registration needs.
 
@@ -209,6 +228,8 @@ def registration_task(
         See `Task`.
     camera : Camera
         The camera.
+    edge_state : EdgeState
+        By how much edges are broken.
 
     Raises
     ------
@@ -233,7 +254,19 @@ def registration_task(
         number, chosen.share, chosen.points, chosen.tangents, chosen.visible, chosen.apart
     )
     unknowns = np.array([model.unknowns_of(edge) for edge in used_edges])
-    return Task(model, camera, planned, prior, samples, used_edges, unknowns, moves, bias_px)
+    task = Task(model, camera, planned, prior, samples, used_edges, unknowns, moves, bias_px)
+    if edge_state.is_sharp:
+        return task
+    across = across_of(samples.points, samples.tangents, planned, camera)
+    effect = registration_shift(used_edges, samples, across, planned, camera, edge_state)
+    return replace(
+        task,
+        bias_px=math.hypot(bias_px, effect.sigma_px),
+        shift_px=effect.shift_px,
+        two_steps=effect.two_steps,
+        band_px=effect.band_px,
+        break_mm=edge_state.high_mm,
+    )
 
 
 def residual_scale(residual: Array) -> float:
@@ -527,7 +560,9 @@ def check_distance(chi2: float, what: str = "its pose", place: str = "the planne
         raise TooFarError(f"{what} is {np.sqrt(chi2):.1f} standard deviations away from {place}")
 
 
-def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> None:
+def check_one_pose(
+    names: Sequence[str], moves: Array, covariance: Array, break_mm: float = 0.0
+) -> None:
     """Refuse images of one setting that are from different poses.
 
     Parameters
@@ -538,6 +573,9 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
         Displacements of the camera in all but the first, as they were found.
     covariance : array
         Joint covariance of unknowns, of which these are the last ones.
+    break_mm : float
+        Largest break of edges, mm. A lamp from one side lights the breaks on that side, so all edges seem to move
+        towards it together, by a break at most.
 
     Raises
     ------
@@ -549,7 +587,8 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
     for k, name in enumerate(names[1:]):
         move = slice(POSE * k, POSE * (k + 1))
         at = slice(first + move.start, first + move.stop)
-        chi2 = distance_of(moves[move], covariance[at, at])
+        seeming = np.diag([break_mm**2] * 3 + [0.0] * 3)
+        chi2 = distance_of(moves[move], covariance[at, at] + seeming)
         if not chi2 <= limit:
             raise NotRegisteredError(
                 f"{names[0]} and {name} are from different poses: the camera moved by "

@@ -110,6 +110,8 @@ class Sampled:
         The edges.
     samples : Samples
         Their samples, with numbers of these edges.
+    band_px : float
+        How wide the bands of broken edges are.
     """
 
     scene: RayScene
@@ -117,6 +119,7 @@ class Sampled:
     pose: Array
     edges: Sequence[PartEdge]
     samples: Samples
+    band_px: float = 0.0
 
     def beside(self, across: Array, beside_px: float) -> tuple[Faces, Bools]:
         """Return the faces on both sides of edges (2, m), the first against the vectors across, and which are any."""
@@ -240,9 +243,11 @@ def shown(
     Shown or None
         None if too little is known to tell.
     """
-    sampled = Sampled(task.model.edges.scene, task.camera, pose, task.edges, task.samples)
-    faces, on_part = sampled.beside(where[1], BESIDE_PX)
-    grey = _grey(picture, *where, BESIDE_PX)
+    sampled = Sampled(
+        task.model.edges.scene, task.camera, pose, task.edges, task.samples, task.band_px
+    )
+    faces, on_part = sampled.beside(where[1], BESIDE_PX + task.band_px)
+    grey = _grey(picture, *where, BESIDE_PX + task.band_px)
     finite = np.isfinite(grey)
     is_known = np.asarray(on_part & finite & agree)
     if is_known.sum() < LEAST_KNOWN:
@@ -312,9 +317,10 @@ def _compared_near(
     lamp: Lamp, sampled: Sampled, picture: Picture, where: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """Compare steps with those of a lamp as `_compared` does, as near to the edges as the blur allows."""
-    near, on_part = sampled.beside(where[1], NEAR_PX)
+    near, on_part = sampled.beside(where[1], NEAR_PX + sampled.band_px)
     shaded = np.where(on_part, near.shaded(lamp), lamp.background)
-    return _compared(shaded, _grey(picture, *where, NEAR_GREY_PX), on_part)
+    grey = _grey(picture, *where, NEAR_GREY_PX + sampled.band_px)
+    return _compared(shaded, grey, on_part)
 
 
 def _compared(shaded: Array, grey: Array, on_part: Bools) -> tuple[Array, Array]:

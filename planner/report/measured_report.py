@@ -50,7 +50,9 @@ def print_results(results: MeasurementResults) -> None:
 
 
 def image_notes(results: MeasurementResults) -> Iterable[str]:
-    """Yield what is to be known of the images."""
+    """Yield what is to be known of the edges and the images."""
+    if results.edges:
+        yield f"edges: {results.edges}"
     for note in results.notes:
         yield f"note: {note}"
     for name, why in results.failed.items():
@@ -458,8 +460,8 @@ def _camera_facts(camera: Camera) -> dict[str, str]:
 def _explanation(results: MeasurementResults) -> str:
     return (
         f"Rule: {results.rule}. Values in mm, angles in degrees. U is the expanded uncertainty of two "
-        "standard uncertainties: pose, surfaces, localisation and response of the camera. It does not count "
-        "the calibration of the lens and the temperature of the part."
+        "standard uncertainties: pose, surfaces, localisation, response of the camera and broken edges. It does not "
+        "count the calibration of the lens and the temperature of the part."
     )
 
 

@@ -16,6 +16,7 @@ from planner.progress import visible
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
     count,
+    edges_text,
     features_cell,
     features_sentence,
     lamp_texts,
@@ -286,6 +287,8 @@ def print_plan(plan: InspectionPlan) -> None:
     for k in range(len(plan.settings)):
         for text in [*window_texts(plan, k), *lamp_texts(plan, k)]:
             print_text(words(f"setting {k + 1}: {text}", names), indent="  ")
+    if text := edges_text(plan):
+        print_text(words(f"edges: {text}", names))
     print_text(words(verdict(plan), names))
 
 

@@ -12,7 +12,7 @@ from aspectgraph.dimensions.features import unique_names
 from aspectgraph.entities.entity_rules import parse_names
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
-from errors.measurands.geometry import Localisation
+from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
 from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
 from planner.request.dimension import QUARTER, Dimension
@@ -84,7 +84,7 @@ def with_surfaces_of_call(
 
 
 def localisation_or_default(
-    localisation: Localisation | None, items: Iterable[Any]
+    localisation: Localisation | None, items: Iterable[Any], edges: object = None
 ) -> Localisation:
     """Return how well points are found.
 
@@ -94,6 +94,8 @@ def localisation_or_default(
         As it was given.
     items : iterable
         What is wanted. Without a `Dimension`, values of edges, rims and arcs are measured as in the paper.
+    edges : object
+        By how much edges are broken. If it is stated, it is an error of its own, and the floor that of the detector.
 
     Returns
     -------
@@ -103,7 +105,8 @@ def localisation_or_default(
     if localisation is not None:
         return localisation
     if any(isinstance(item, Dimension) for item in items):
-        return Localisation.gaussian()
+        floor_px = FLOOR_PX if edges is None else DETECTOR_FLOOR_PX
+        return Localisation.gaussian(floor_px=floor_px)
     return Localisation.rounding()
 
 
@@ -138,7 +141,10 @@ def surfaces_or_default(surfaces_mm: float | None, localisation: Localisation | 
         ) from None
 
 
-_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any")
+_OPTIONS = (
+    *("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any"),
+    "edge_break_mm",
+)
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
 _ANGLES = ("deg", "rad")
@@ -154,6 +160,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     ``tolerance = { upper = 0.05 }``, with ``max_error`` or ``accuracy`` besides. Other entities that
     give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
+    ``edge_break_mm = [0.1, 0.3]`` states by how much the edges of the dimension are broken, in mm whatever the unit.
 
     Parameters
     ----------
