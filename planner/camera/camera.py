@@ -451,7 +451,7 @@ class Camera:
         Grey value of full exposure in its image files of 8 or 16 bits, such as 4095 of 12 bits.
         Default: that of the image, see `planner.measuring.images.white_of`.
     response : str or float, optional
-        How much light a grey value stands for: "linear", "srgb", a gamma such as 2.2, or the path of a file of two
+        How much light a grey value stands for: "linear", "srgb", a gamma such as 2.2, or a file. The file has two
         columns, level and light, as shares of full exposure. Default: what image files state and edges show.
 
     Raises

@@ -121,7 +121,7 @@ class Response:
 
     @classmethod
     def _curve(cls, source: str, lines: list[str]) -> Response:
-        rows = []
+        rows: list[list[float | None]] = []
         for line in lines:
             words = line.split("#")[0].replace(",", " ").split()
             if words:
@@ -159,10 +159,10 @@ class Response:
         """Return light (h, w) of grey values (h, w), scaled so that full exposure remains the same number."""
         if self.is_linear:
             return levels
-        most = int(levels.max(initial=0.0))
-        whole = levels.astype(np.uint16) if 0 < most < 2**16 else np.zeros(0, np.uint16)
+        brightest = int(levels.max(initial=0.0))
+        whole = levels.astype(np.uint16) if 0 < brightest < 2**16 else np.zeros(0, np.uint16)
         if white > 1 and whole.size and np.array_equal(whole, levels):
-            table = white * self.light(np.arange(most + 1) / white)
+            table = white * self.light(np.arange(brightest + 1) / white)
             return np.asarray(np.take(table.astype(np.float32), whole))
         return np.asarray(white * self.light(levels / white), dtype=np.float32)
 
@@ -283,7 +283,8 @@ def _profile_curve(profile: bytes, start: int) -> Callable[[Array], Array]:
     # below the break, the first two kinds have a constant, the others a line
     first = number in (1, 2)
     at = -b / a if first else d
-    above, line = (c if number == 2 else e), (0.0 if first else c)
+    above = c if number == 2 else e
+    line = 0.0 if first else c
     below = c if number == 2 else f
 
     def formula(x: Array) -> Array:

@@ -407,7 +407,7 @@ class Measurer:
         if options.white_level is not None:
             camera = replace(camera, white_level=options.white_level)
         if options.response is not None:
-            camera = replace(camera, response=options.response)
+            camera = replace(camera, response=str(options.response))
         return camera
 
     def _all_registered(

@@ -177,19 +177,19 @@ def found_places(
     )
     points = samples.points.copy()
     for k in np.unique(samples.edge):
-        own = samples.edge == k
-        points[own] = registered.moved(model, edges[k], points[own])
+        of_edge = samples.edge == k
+        points[of_edge] = registered.moved(model, edges[k], points[of_edge])
     centres = pixels_of(points, pose, camera)
     across = across_of(points, samples.tangents, pose, camera)
     scans = picture.find(centres, across, half_px)
-    found = np.flatnonzero(scans.state == State.FOUND)
+    places = np.flatnonzero(scans.state == State.FOUND)
     section = np.minimum((samples.share * _SECTIONS).astype(np.int64), _SECTIONS - 1)
     return Places(
-        centres[found] + scans.offset[found, None] * across[found],
-        across[found],
-        samples.edge[found],
-        section[found],
-        scans.blur_px[found],
+        centres[places] + scans.offset[places, None] * across[places],
+        across[places],
+        samples.edge[places],
+        section[places],
+        scans.blur_px[places],
     )
 
 
@@ -197,7 +197,16 @@ def thinned(places: Sequence[Places]) -> list[Places]:
     """Return evenly fewer places of each image, so that all together are not too many."""
     total = sum(len(image.edge) for image in places)
     step = max(1, math.ceil(total / MOST_PROFILES))
-    return [Places(*(column[::step] for column in image)) for image in places]
+    return [
+        Places(
+            image.centres[::step],
+            image.across[::step],
+            image.edge[::step],
+            image.section[::step],
+            image.blur_px[::step],
+        )
+        for image in places
+    ]
 
 
 def fitted_steps(places: Array, light: Array, blur_px: Array, response: Response = LINEAR) -> Steps:
@@ -214,7 +223,7 @@ def fitted_steps(places: Array, light: Array, blur_px: Array, response: Response
     response : Response
         By what grey values became this light: a power.
     """
-    inside = np.isfinite(light).all(axis=1)
+    inside = np.asarray(np.isfinite(light).all(axis=1))
     light = np.where(inside[:, None], light, 0.0)
     blur = np.clip(np.hypot(blur_px, 0.5), *_BLURS_PX)
     middle = np.zeros(len(light))
@@ -235,8 +244,8 @@ def fitted_steps(places: Array, light: Array, blur_px: Array, response: Response
         # density and its slope are what a shift and a wider blur change
         middle = middle + np.clip(-numbers[:, 3] / height * blur, -0.4, 0.4)
         blur = np.clip(blur * np.clip(1 - numbers[:, 4] / height, 0.7, 1.4), *_BLURS_PX)
-    rest = light - (design @ solution)[..., 0]
-    misfit = np.sqrt((counts * rest**2).sum(axis=1) / counts.sum(axis=1)) / np.abs(height)
+    residual = light - (design @ solution)[..., 0]
+    misfit = np.sqrt((counts * residual**2).sum(axis=1) / counts.sum(axis=1)) / np.abs(height)
     asymmetry = numbers[:, 2] / height
     # light is bent at pixels, and what is between them is interpolated after that
     before = np.sqrt(np.maximum(blur**2 - _BETWEEN_PX2, _LEAST_SHARE * blur**2))
@@ -345,14 +354,15 @@ def _robust_fit(sections: Sections, precision: Array, expected: Array) -> tuple[
     count = len(expected)
     x = sections.sensitivity[:, :count] / sections.sigma[:, None]
     y = sections.asymmetry / sections.sigma
-    fit = np.zeros(count)
+    fit: Array = np.zeros(count)
     fit[0] = _median_slope(x[:, 0], y)
     for _ in range(_FIT_ROUNDS):
-        rest = y - x @ fit
-        scale = max(1.4826 * float(np.median(np.abs(rest))), 1e-6)
-        weight = np.maximum(1 - (rest / (_TUKEY * scale)) ** 2, 0.0) ** 2 / scale**2
+        residual = y - x @ fit
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
+        weight = np.maximum(1 - (residual / (_TUKEY * scale)) ** 2, 0.0) ** 2 / scale**2
         normal = x.T @ (weight[:, None] * x) + precision
-        fit = np.linalg.solve(normal, x.T @ (weight * y) + precision @ expected)
+        right = x.T @ (weight * y) + precision @ expected
+        fit = np.asarray(np.linalg.solve(normal, right), dtype=np.float64)
     # what edges push the fit by, each as a whole
     scores = np.zeros((sections.edges, count))
     np.add.at(scores, sections.edge, (weight * (y - x @ fit))[:, None] * x)
@@ -429,13 +439,15 @@ class Profiles:
     def __init__(self, pictures: Sequence[Picture], places: Sequence[Places]) -> None:
         self._pictures = list(pictures)
         self._places = thinned(places)
-        joined = [np.concatenate(columns) for columns in zip(*self._places, strict=True)]
-        self._edge, self._section, self._blur = joined[2:] if joined else [np.zeros(0)] * 3
+        none = np.zeros(0, dtype=np.int64)
+        self._edge = np.concatenate([none, *(image.edge for image in self._places)])
+        section = np.concatenate([none, *(image.section for image in self._places)])
+        self._blur = np.concatenate([np.zeros(0), *(image.blur_px for image in self._places)])
         # sections of one edge in several images are several, and the edge is one
         image = np.repeat(
             np.arange(len(self._places)), [len(image_places.edge) for image_places in self._places]
         )
-        self._section = self._section + _SECTIONS * image
+        self._section = section + _SECTIONS * image
         self._near = [
             np.flatnonzero(_near(image_places, picture.levels.shape))
             for image_places, picture in zip(self._places, self._pictures, strict=True)
@@ -479,7 +491,8 @@ class Profiles:
 
     def curve(self) -> Curve | None:
         """Return the response that edges show; None if there is none that explains them."""
-        gamma, black = 1.0, 0.0
+        gamma = 1.0
+        black = 0.0
         precision = np.diag([0.0, 1 / BLACK_SD**2])
         covariance = np.zeros((2, 2))
         for _ in range(_SEARCH_ROUNDS):

@@ -60,7 +60,10 @@ class Scene:
     def __init__(self, seed, levels, bits=8, *, blur=0.76, noise=0.004, chamfer_px=0.0, edges=40):
         rng = np.random.default_rng(seed)
         v, u = np.mgrid[:TILE, :TILE]
-        tiles, centres, across, names = [], [], [], []
+        tiles = []
+        centres = []
+        across = []
+        names = []
         for k in range(edges):
             turn = rng.uniform(0, 2 * np.pi)
             way = np.array([np.cos(turn), np.sin(turn)])
