@@ -46,6 +46,8 @@ TWO_STEPS_PX = 1.0
 """Two steps of a sample are no fault if the lines of a stated break may be this far apart."""
 SHARE_SIGMA = 0.1
 """Standard deviation of the share of the way between both lines, where a lamp tells it."""
+GUESSED_SIGMA = 0.29
+"""The same where no lamp fits and light from the front is assumed: that of a share of which nothing is known."""
 LEAST_STEP = 0.02
 """Smallest step of both faces, as a share of white, of which a lamp tells where it is."""
 
@@ -59,6 +61,8 @@ _STRIPS = 6
 _MOST_BAND_PX = 5.0
 _MOST_WIDER_PX = 2.0
 _LIFT_MM = 0.02
+# faces that are seen nearer to edge-on do not tell how strong light is
+_LEAST_COSINE = 0.2
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,8 @@ class Breaks:
         Where the step is by `hypotheses`, px, as a lamp tells it; nan where it does not.
     weights : array (q,)
         Probabilities of each shape, a chamfer or a round band, under each lamp that may be the right one.
+    share_sigma : float
+        Standard deviation of the share of the way between both lines where a lamp tells it.
     """
 
     state: EdgeState
@@ -90,6 +96,7 @@ class Breaks:
     scale: Array
     offsets: Array = field(default_factory=lambda: np.empty((0, 0)))
     weights: Array = field(default_factory=lambda: np.ones(1))
+    share_sigma: float = SHARE_SIGMA
 
     @property
     def is_told(self) -> NDArray[np.bool_]:
@@ -291,6 +298,31 @@ def lit_breaks(
     return replace(breaks, offsets=np.concatenate(offsets), weights=np.tile(weights / 2, 2))
 
 
+def frontal_light(breaks: Breaks, samples: Samples, eye: Array, levels: Array) -> Lamp:
+    """Return light from the front, which is assumed where no lamp fits: a lamp at the camera, or a dome around it.
+
+    Parameters
+    ----------
+    breaks : Breaks
+        Of the samples (m).
+    samples : Samples
+        Of the entity.
+    eye : array (3,)
+        Where the camera is, mm.
+    levels : array (2, m)
+        See `levels_beside`.
+    """
+    ways = eye - samples.points
+    cosines = (breaks.normals * ways[:, None]).sum(axis=2)
+    cosines = cosines / np.linalg.norm(ways, axis=1, keepdims=True)
+    is_seen = cosines > 0
+    grey = _in_order(breaks, ways, levels)[is_seen]
+    level = float(np.median(grey)) if len(grey) else 0.0
+    gain = float(np.median(grey / np.maximum(cosines[is_seen], _LEAST_COSINE))) if level else 0.0
+    dome = Lamp(eye, 0.0, 1.0, 0.0, level, 0.0)
+    return Lamp(eye, 0.0, 1.0, gain, 0.0, 0.0, others=(dome,))
+
+
 def _in_order(breaks: Breaks, ways: Array, levels: Array) -> Array:
     """Return the grey values beside edges (m, 2), on the side of the other face and on that of the wanted one."""
     is_seen = (breaks.normals * ways[:, None]).sum(axis=2) > 0
@@ -385,7 +417,7 @@ def break_shifts(
     ends = shifts[:2] / _STEP_MM
     by_lamp = float(np.mean(breaks.is_told))
     open_share = float(np.mean(~breaks.is_told & ~breaks.resolved))
-    sigma = np.hypot(SHARE_SIGMA * by_lamp, open_share / np.sqrt(12))
+    sigma = np.hypot(breaks.share_sigma * by_lamp, open_share / np.sqrt(12))
     mean = float(weights @ shifts[2:])
     square = float(weights @ shifts[2:] ** 2)
     square += float((sigma * (ends[1] - ends[0])) ** 2) * state.mean_square

@@ -27,10 +27,12 @@ from planner.camera.camera import Camera, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.detectability.image_check import SECTORS
 from planner.measuring.breaks import (
+    GUESSED_SIGMA,
     Breaks,
     FoundPoints,
     break_shifts,
     entity_breaks,
+    frontal_light,
     levels_beside,
     lit_breaks,
     two_steps,
@@ -270,14 +272,17 @@ def _lit(
     registered: Registered,
     where: tuple[Array, Array],
 ) -> Breaks:
-    """Return breaks with what the lamp tells that fits the image, if there is one."""
-    lamp = registered.lamps.get(picture.name)
-    if lamp is None or not len(breaks.ends):
+    """Return breaks with what the lamp tells that fits the image; without one, light from the front."""
+    if not len(breaks.ends):
         return breaks
     eye = registered.cam2world[:3, 3]
     middle = samples.points.mean(axis=0)
     faces = Faces(samples.points, breaks.normals[:, 0], eye, middle, model.edges.scene)
     levels = levels_beside(picture, *where, breaks)
+    lamp = registered.lamps.get(picture.name)
+    if lamp is None:
+        breaks = replace(breaks, share_sigma=GUESSED_SIGMA)
+        lamp = frontal_light(breaks, samples, eye, levels)
     return lit_breaks(breaks, samples, lamp, faces, levels, registered.blur_px)
 
 

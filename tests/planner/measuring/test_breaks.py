@@ -2,11 +2,14 @@
 
 from functools import cache
 
+import holed_plate as plates
 import measured_plate as plate
 import numpy as np
 import pytest
 from scipy.stats import norm
 
+from aspectgraph import Solid
+from errors.measurands import Circle
 from planner import MeasureOptions, Measurer, Registration
 from planner.measuring.breaks import steepest
 
@@ -75,3 +78,21 @@ def test_the_steepest_place_is_that_of_the_blurred_steps():
         0.5, abs=0.02
     )
     assert np.isnan(steepest(ends, np.array([[0.2, -0.2]]), sigma)).all()
+
+
+def test_a_hole_with_a_modelled_chamfer_is_measured_at_the_rim_of_the_cylinder():
+    """The outer circle of the chamfer is 3.2 mm larger; the hole is 0.2 mm too large."""
+    chamfer = 1.6
+    profile = [(chamfer, 0.0), (0.0, chamfer)]
+    solid = Solid(*plate.broken_plate(profile), name="plate")
+    centre, radius = plates.HOLES["left"]
+    at = np.array([*centre, plate.TOP - chamfer])
+    rim = min(solid.rims(), key=lambda rim: np.linalg.norm(rim.centre - at))
+    assert rim.radius_mm == pytest.approx(radius, abs=1e-3)
+    circle = Circle(at, plate.UP, radius)
+    hole = plate.dimension("diameter", (rim.id,), (circle,), (-0.3, 0.3))
+    plan = plate.measured_plan(solid, ("left",), 1, dimensions={"left": hole})
+    taken = plate.photograph(plate.broken_plate(profile, left=0.1), plate.POSES[:1], samples=3)
+    result = Measurer(plan, solid).measure(taken, MeasureOptions(OWN))["left"]
+    assert result.measured, result.reason
+    assert abs(result.deviation - 0.2) < result.expanded_uncertainty < 0.1
