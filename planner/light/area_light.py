@@ -37,7 +37,14 @@ from ground.convert import STATED, Meta
 from planner.argument_kinds import POSITIVE, check_number
 from planner.camera.camera import Camera, tangents_of
 from planner.exceptions import RequestError
-from planner.light.corner_light import SHARES, corner_lines_of, parts_of, points_of_arm, rays_beside
+from planner.light.corner_light import (
+    BESIDE_PX,
+    SHARES,
+    corner_lines_of,
+    parts_of,
+    points_of_arm,
+    rays_beside,
+)
 from planner.request.reach import AROUND, Space, observable_where
 from planner.request.targets import targets_of
 from planner.verify.simulate_setting import Planned
@@ -60,6 +67,12 @@ _FEW_EDGES = 8
 _RAYS = 500_000
 # what ends so near to a plane, as a share of the distances, is in it
 _FLAT = 1e-6
+# a bright wall beside an edge moves its image by less than this if it is not wider
+_THIN_PX = 0.05
+# a face looks at the rectangle if part of this is higher over it than so much of its distance
+_LOOKS = 0.02
+# light that a matt wall has next to a rectangle, half of which it sees, as a share of the rectangle's; its albedo is .5
+_WALL = 0.25
 # a backlight reaches so far beyond what the height of the part asks for: detection windows look beside edges
 _BEYOND_MM = 10.0
 
@@ -174,7 +187,11 @@ class Backlight:
     """A bright rectangle behind a part.
 
     An edge shows in front of it where one side of the edge is the part, and the ray next to it passes the part and
-    meets the rectangle. So only outlines show, and holes that the camera looks through: on matt parts and on metal.
+    meets the rectangle. So only outlines show, and holes that the camera looks through.
+
+    A wall that the camera sees next to the edge reflects the rectangle. On metal it may be as bright as the
+    rectangle, so the edge does not show. On a matt part it is dim, and moves the edge unless it is at least three
+    pixels wide.
 
     Parameters
     ----------
@@ -185,6 +202,8 @@ class Backlight:
         points.
     name : str
         Name in the catalogue, or empty.
+    metal : bool
+        Whether faces of the part are metal.
 
     Raises
     ------
@@ -203,6 +222,7 @@ class Backlight:
     half_width: _Triple
     half_height: _Triple
     name: str = ""
+    metal: bool = False
 
     def __post_init__(self) -> None:
         for name in ("centre", "half_width", "half_height"):
@@ -297,7 +317,7 @@ class Backlight:
         """Why a target is not shown."""
         return (
             "is not the outline of the part in front of the backlight, at the camera or nearby, or an end of it has no "
-            "other line in front of the backlight"
+            "other line in front of the backlight, or a wall next to it reflects the backlight"
         )
 
     @property
@@ -359,7 +379,9 @@ class Backlight:
         return bool(met.any() or scene.signed_distance(centre[None])[0] < 0)
 
     def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
-        """Return contrast and step (n, m) of points of edges: 1 where they show in front of the rectangle, otherwise 0.
+        """Return contrast and step (n, m) of points of edges that show in front of the rectangle, and 0 of others.
+
+        Both are 1 next to a face that no light reaches.
 
         Parameters
         ----------
@@ -375,15 +397,16 @@ class Backlight:
         tuple of array (n, m)
             Contrasts and steps, which are the same here.
         """
-        shows = np.zeros((len(eyes), len(edges.points)), dtype=bool)
+        lit = np.ones((len(eyes), len(edges.points)))
         size = max(1, _RAYS // max(1, len(edges.points)))
         for first in range(0, len(eyes), size):
             block = slice(first, first + size)
-            shows[block] = self._shows(sight, edges, eyes[block])
-        values = shows.astype(np.float64)
-        return values, values.copy()
+            lit[block] = self._beside(sight, edges, eyes[block])
+        return (1 - lit) / (1 + lit), 1 - lit
 
-    def _shows(self, sight: Sight, edges: EdgePoints, eyes: Array) -> Bools:
+    def _beside(self, sight: Sight, edges: EdgePoints, eyes: Array) -> Array:
+        """Return the light (n, m) of the part next to edges that show, as a share of the rectangle's; 1 of others."""
+        lit = np.ones((len(eyes), len(edges.points)))
         towards = eyes[:, None] - edges.points
         front = np.einsum("nmi,mfi->nmf", towards, edges.normals) > 0
         shows = front[..., 0] != front[..., 1]
@@ -395,8 +418,48 @@ class Backlight:
         inside = -2 * towards[row, column] - outside
         part = np.zeros(len(row), dtype=bool)
         part[seen] = sight.scene.blocked(eyes[row[seen]], inside[seen], np.inf)
-        shows[row, column] = seen & part
-        return shows
+        row = row[part]
+        column = column[part]
+        visible = edges.normals[column, front[row, column, 1].astype(int)]
+        # from the edge to the side of the part, by a pixel
+        pixel = -(outside[part] + towards[row, column]) / BESIDE_PX
+        lit[row, column] = self._wall(sight.scene, eyes[row], edges.points[column], visible, pixel)
+        return lit
+
+    def _wall(
+        self, scene: RayScene, eyes: Array, points: Array, normals: Array, pixel: Array
+    ) -> Array:
+        """Return the light (n,) of the faces that cameras see next to edges, 1 where it hides or moves the edge.
+
+        Edges are given by points and the normals of these faces (n, 3); a pixel (n, 3) is a way to their side.
+        """
+        lit = np.zeros(len(points))
+        rows = np.flatnonzero(self._is_looked_at(points, normals))
+        edges = points[rows] - eyes[rows]
+        # where the wall is thin, what is next to it counts
+        thick = self._meets_bright(scene, eyes[rows], edges + _THIN_PX * pixel[rows])
+        wide = self._meets_bright(scene, eyes[rows], edges + BESIDE_PX * pixel[rows])
+        lit[rows] = np.where(thick, 1.0, 0.0)
+        if not self.metal:
+            lit[rows[thick & wide]] = _WALL
+        return lit
+
+    def _meets_bright(self, scene: RayScene, eyes: Array, rays: Array) -> Bools:
+        """Return which rays (n, 3) from eyes (n, 3) meet a face that some of the rectangle is in front of."""
+        hit = scene.cast(eyes, rays)
+        depth = hit["t_hit"].astype(np.float64)
+        met = np.isfinite(depth)
+        normals = hit["primitive_normals"][met].astype(np.float64)
+        normals *= np.where((normals * rays[met]).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+        bright = np.zeros(len(rays), dtype=bool)
+        bright[met] = self._is_looked_at(eyes[met] + depth[met, None] * rays[met], normals)
+        return bright
+
+    def _is_looked_at(self, points: Array, normals: Array) -> Bools:
+        """Return which faces at points, with normals (n, 3), some of the rectangle is in front of."""
+        ways = self.outline - points[:, None]
+        heights = np.einsum("nki,ni->nk", ways, normals) / np.linalg.norm(ways, axis=2)
+        return np.asarray((heights > _LOOKS).any(axis=1))
 
     def _seen(self, scene: RayScene, eyes: Array, rays: Array) -> Bools:
         """Return which rays (n, 3) from eyes (n, 3) meet the bright side of the rectangle, and no part before it."""

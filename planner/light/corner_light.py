@@ -48,7 +48,7 @@ DEFAULT_STEP = 0.1
 
 # points of an edge that are looked beside, and how far: so far that the detector's window is filled
 SHARES = np.linspace(0.06, 0.94, 9)
-_BESIDE_PX = 3.0
+BESIDE_PX = 3.0
 # a ray that ends this share before the point has been stopped by something else: from a lamp a metre away by 0.02 mm,
 # a hundred times what rounding makes
 _SHORT = 2e-5
@@ -166,7 +166,7 @@ def rays_beside(sight: Array, along: Array, hidden: Array, pixel_rad: float) -> 
     aside = across(sight, along)
     aside *= np.where((aside * hidden).sum(axis=-1) < 0, -1.0, 1.0)[..., None]
     return np.asarray(
-        sight + _BESIDE_PX * pixel_rad * np.linalg.norm(sight, axis=-1, keepdims=True) * aside
+        sight + BESIDE_PX * pixel_rad * np.linalg.norm(sight, axis=-1, keepdims=True) * aside
     )
 
 

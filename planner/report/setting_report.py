@@ -13,6 +13,7 @@ from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, exposure_of
+from planner.light.lighting import BACKLIGHT
 from planner.progress import TimeLeft, report
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
@@ -208,9 +209,12 @@ def exposure_texts(plan: InspectionPlan, scene: RayScene | None, k: int) -> list
             continue
         text = (
             f"under {lamps_named(image, plan.light)}, expose so that pixel {exposure.pixel} beside {exposure.target} "
-            f"has {100 * WHITE_SHARE:.0f} % of white: it is the brightest place beside the targets of a "
-            "matt part"
+            f"has {100 * WHITE_SHARE:.0f} % of white: "
         )
+        if plan.light.kind == BACKLIGHT:
+            text += "the backlight is there"
+        else:
+            text += "it is the brightest place beside the targets of a matt part"
         if exposure.times >= _UNEVEN:
             text += f"; {exposure.dimmest} gets {exposure.times:.1f} times less light"
         texts.append(text)

@@ -1,17 +1,19 @@
 """A backlight behind a part: closed forms of a bore, known answers by hand, plans, files, bad input, and measuring."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from holed_plate import BACK, CAMERA, HEIGHT, HOLES, QUICK, SIZE, UNCERTAINTY, holed_plate
+from measured_plate import CAMERA as COARSE
+from measured_plate import thick_plate
 from scipy.spatial.transform import Rotation
 
 from aspectgraph import Solid, compute_regions
 from ground.convert import from_plain, to_plain
 from planner import (
     Backlight,
-    Camera,
     Dimension,
     Registration,
     Rehearsal,
@@ -30,12 +32,14 @@ PLATE = holed_plate()
 (CENTRE, RADIUS) = HOLES["left"]
 UNDER = Backlight.under(PLATE)
 SIGHT = Sight.of(PLATE, CAMERA)
+# walls are many pixels wide
+FINE = SIGHT._replace(pixel_rad=SIGHT.pixel_rad / 20)
 DISTANCE = 300.0
 
 
-def rim_at(height, hole="left"):
+def rim_at(height, hole="left", solid=PLATE):
     place = [*HOLES[hole][0], height]
-    (rim,) = (rim for rim in PLATE.rims() if np.allclose(rim.centre, place))
+    (rim,) = (rim for rim in solid.rims() if np.allclose(rim.centre, place))
     return rim
 
 
@@ -64,8 +68,8 @@ def test_the_outline_of_a_bore_is_that_of_two_discs(offset):
             inside = RADIUS - np.hypot(shift + x / (1 - share), y / (1 - share))
         else:
             inside = upper - np.hypot(x - shift, y)
-        contrast, step = UNDER.contrasts(SIGHT, edges, eye_beside(offset))
-        assert np.array_equal(contrast, step)
+        contrast, step = UNDER.contrasts(FINE, edges, eye_beside(offset))
+        assert np.array_equal(contrast > 0, step > 0)
         # 24 chords are up to .07 mm from the circle
         clear = np.abs(inside) > 0.1
         assert clear.mean() > 0.5
@@ -73,10 +77,29 @@ def test_the_outline_of_a_bore_is_that_of_two_discs(offset):
 
 
 def test_a_rim_shows_if_all_of_it_bounds_the_bright_region():
-    eyes = np.vstack([eye_beside(a) for a in (0.0, 7.0, 40.0)])
-    for height, expected in ((0.0, [1, 1, 0]), (HEIGHT, [0, 0, 0])):
-        contrast, step = entity_shown(UNDER, SIGHT, rim_at(height).edge_ids, eyes)
-        assert contrast.tolist() == step.tolist() == expected
+    eyes = np.vstack([eye_beside(a) for a in (0.0, 6.0, 40.0)])
+    # a matt wall that the camera sees is a quarter as bright as the rectangle
+    for height, expected in ((0.0, [0.6, 0.6, 0]), (HEIGHT, [0, 0, 0])):
+        contrast, _ = entity_shown(UNDER, FINE, rim_at(height).edge_ids, eyes)
+        assert contrast.tolist() == pytest.approx(expected)
+
+
+def test_a_wall_next_to_an_edge_must_be_matt_and_wide_or_hardly_there():
+    """The image of the wall is r h / (d - h) wide on the lower plane, as seen from the axis: 0.276 mm."""
+    rim = rim_at(0.0).edge_ids
+    width = RADIUS * HEIGHT / (DISTANCE - HEIGHT)
+    metal = replace(UNDER, metal=True)
+    for pixels, on_matt, on_metal in ((3.3, 0.6, 0), (2.7, 0, 0), (0.5, 0, 0)):
+        sight = SIGHT._replace(pixel_rad=width / pixels / DISTANCE)
+        for light, expected in ((UNDER, on_matt), (metal, on_metal)):
+            contrast, step = entity_shown(light, sight, rim, eye_beside(0.0))
+            assert contrast.tolist() == pytest.approx([expected])
+            assert step.tolist() == pytest.approx([1.25 * expected])
+    # of sheet of 0.1 mm, the wall is a fiftieth of a pixel wide
+    sheet = Solid(PLATE.vertices * [1, 1, 0.01], PLATE.faces, name="sheet")
+    for light in (UNDER, metal):
+        shown = entity_shown(light, Sight.of(sheet, CAMERA), rim, eye_beside(0.0))
+        assert np.ravel(shown).tolist() == [1, 1]
 
 
 def test_an_outline_shows_as_far_as_the_rectangle_reaches_beside_it():
@@ -98,7 +121,8 @@ def test_an_outline_shows_as_far_as_the_rectangle_reaches_beside_it():
     assert entity_shown(UNDER, SIGHT, [lower.id], above)[0] == [0]
     behind = np.array([[40.0, 150.0, DISTANCE]])
     assert entity_shown(UNDER, SIGHT, [edge.id], behind)[0] == [0]
-    assert entity_shown(UNDER, SIGHT, [lower.id], behind)[0] == [1]
+    assert entity_shown(UNDER, SIGHT, [lower.id], behind)[0] == pytest.approx([0.6])
+    assert entity_shown(replace(UNDER, metal=True), SIGHT, [lower.id], behind)[0] == [0]
     # the ray three pixels beside the upper edge meets the plane at y = 25 + (25 + 3 px) d / (d - h) = 51.25 mm
     pixel = SIGHT.pixel_rad * (DISTANCE - HEIGHT)
     reach = (25 + 3 * pixel) * DISTANCE / (DISTANCE - HEIGHT) - 25
@@ -204,13 +228,13 @@ def test_the_command_line_refuses_other_numbers(text):
 
 # Plans.
 
-# 0.17 mm are a pixel
-COARSE = Camera(25.0, (0.0138, 0.0138), (640, 512), 8.0, 300.0)
+# so thick that walls are at least three pixels wide, from above the middles of the bores
+THICK = thick_plate()
 
 
 def dimensions():
     return {
-        name: Dimension("diameter", (rim_at(0.0, name).id,), tolerance=(-0.3, 0.3))
+        name: Dimension("diameter", (rim_at(0.0, name, THICK).id,), tolerance=(-0.3, 0.3))
         for name in HOLES
     }
 
@@ -218,7 +242,7 @@ def dimensions():
 @pytest.fixture(scope="module")
 def lit():
     return plan_inspection(
-        PLATE,
+        THICK,
         dimensions(),
         COARSE,
         UNCERTAINTY,
@@ -230,14 +254,14 @@ def lit():
 
 def test_a_plan_measures_bores_through_which_its_light_shows(lit):
     assert lit.light.kind == "backlight"
-    assert lit.light.area == UNDER
+    assert lit.light.area == Backlight.under(THICK)
     assert len(lit.light.lamps) == lit.light.lower_bound == 0
     assert lit.light.complete
     assert not lit.uninspectable
     measured = set()
     for seen, (image,) in zip(lit.settings, lit.light.images, strict=True):
         assert image.lamps == ()
-        assert set(image.contrast.values()) == {1.0}
+        assert list(image.contrast.values()) == pytest.approx([0.6] * len(image.contrast))
         assert image.silhouettes == tuple(image.contrast)
         for name in seen.entities:
             # all of a lower rim is seen by cameras above the bore alone
@@ -251,11 +275,11 @@ def test_its_file_holds_the_light(lit, tmp_path):
     lit.write(tmp_path / "plan.json")
     again = read_plan(tmp_path / "plan.json")
     assert again.light == lit.light
-    assert again.request.lighting.area == UNDER
+    assert again.request.lighting.area == Backlight.under(THICK)
 
 
 def test_its_images_are_measured(lit):
-    rehearsal = Rehearsal(lit, PLATE, surfaces_mm=0.02, seed=4)
+    rehearsal = Rehearsal(lit, THICK, surfaces_mm=0.02, seed=4)
     images = list(rehearsal.images())
     for image in images:
         # dark part, bright rectangle
@@ -265,7 +289,7 @@ def test_its_images_are_measured(lit):
     truth = {
         name: value for values in rehearsal.truth.values.values() for name, value in values.items()
     }
-    results = list(measure(lit, PLATE, greys))
+    results = list(measure(lit, THICK, greys))
     assert {result.name for result in results} == set(HOLES)
     for result in results:
         assert result.measured, result.reason
@@ -274,7 +298,7 @@ def test_its_images_are_measured(lit):
 
 def test_plan_light_says_what_a_backlight_does_not_show(lit):
     small = Backlight.horizontal((CENTRE[0], CENTRE[1], 0), 10, 10)
-    light = plan_light(lit, PLATE, small)
+    light = plan_light(lit, THICK, small)
     assert not any(light.images)
     for unlit, seen in zip(light.unlit, lit.settings, strict=True):
         assert unlit == dict.fromkeys(seen.entities, f"it {small.reason}.")
@@ -282,8 +306,9 @@ def test_plan_light_says_what_a_backlight_does_not_show(lit):
 
 def test_the_space_is_in_front_and_passes_to_other_processes():
     names = {"rim": rim_at(0.0).id}
+    fine = replace(CAMERA, pixel_pitch_mm=(2e-4, 2e-4))
     regions = compute_regions(PLATE, names, ((-200, -200, -300), (300, 300, 400)))
-    space = pickle.loads(pickle.dumps(AreaSpace(regions, CAMERA, UNDER, (0.1, 0.1))))
+    space = pickle.loads(pickle.dumps(AreaSpace(regions, fine, UNDER, (0.1, 0.1))))
     eyes = np.vstack([eye_beside(0.0), eye_beside(40.0), [[*CENTRE, -200.0]]])
     assert regions.observable(eyes)[:, 0].tolist()[::2] == [True, True]
     assert space.observable(eyes)[:, 0].tolist() == [True, False, False]
