@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from errors.measurands.geometry import Localisation
 from ground.convert import STATED, Meta, Plain, Shape, from_plain, to_plain
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
@@ -285,6 +286,8 @@ class Request:
     gap: Annotated[float, STATED, Meta(ge=0, lt=1, title="must be in [0, 1)")] = 0.0
     surfaces_mm: Annotated[Amount, STATED] = 0.0
     registration: Annotated[RegistrationRecord | None, STATED] = None
+
+    __repr__ = short_repr
 
     def identity(self) -> dict[str, Any]:
         """Return all fields as plain values, the same in every process.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.geometry import Localisation as Localisation
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
@@ -164,6 +165,8 @@ class InspectionOptions(RunOptions):
     surfaces_mm: float | None = None
     registration: Any = None
     gap: float = 0.0
+
+    __repr__ = short_repr
 
     @classmethod
     def of_request(cls, request: Request) -> InspectionOptions:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.checks import percent_text
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
 from planner.measuring.samples import CLIPPED_SHARE, Scans, find_edges, noise_of
@@ -181,6 +182,8 @@ class Picture:
     noise: float
     camera: Camera
     white_from: str = STATED
+
+    __repr__ = short_repr
 
     @classmethod
     def of(cls, name: str, image: NDArray[np.generic], camera: Camera) -> Picture:

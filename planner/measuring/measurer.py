@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
+from ground.short_repr import short_repr
 from planner.camera.calibration import check_white_level
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
@@ -239,6 +240,8 @@ class MeasureOptions:
     coverage: float = COVERAGE_SHARE
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
     white_level: int | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.white_level is not None:

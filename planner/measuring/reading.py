@@ -511,6 +511,13 @@ class Reading:
     drawn_uncertainty: Annotated[NumberOrNull, Key("U_drawn")] = math.nan
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        value = f"{self.value:.6g}, u = {self.standard_uncertainty:.2g}"
+        if not self.measured:
+            value = "not measured"
+        return f"<Reading of {self.name!r} in {self.image!r}: {value}>"
+
     @property
     def measured(self) -> bool:
         """Whether it has a value."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from ground.short_repr import short_repr
 from planner.argument_kinds import (
     ABOVE_0_TO_1,
     NOT_NEGATIVE,
@@ -208,6 +209,8 @@ class Dimension:
     surfaces_mm: float | None = None
     surfaces_from: str = ""
     places: int = 1
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import errors
 from errors.registration import Imaging, KnownPoses, Stretches, Values, known_poses
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import (
     PoseUncertainty,
@@ -154,6 +155,8 @@ class Means:
     surfaces_mm: float = 0.0
     by_surfaces: float | None = None
     own_edges: OwnEdges | None = None
+
+    __repr__ = short_repr
 
 
 class EdgeModels:

@@ -23,6 +23,7 @@ from errors.measurands import Circle, Line, Localisation, Measurand
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
 from ground.convert import STATED, Meta
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError, RequestError
@@ -507,6 +508,8 @@ class PlannedDimension(Target):
     stated_surfaces_mm: float | None = None
     surfaces_from: str = ""
     surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
+
+    __repr__ = short_repr
 
     @classmethod
     def of(
