@@ -36,6 +36,7 @@ from .measuring.measurer import measure as measure
 from .measuring.reading import Reading as Reading
 from .measuring.registration import Fiducials as Fiducials
 from .measuring.registration import Registration as Registration
+from .measuring.rehearsal import Rehearsal as Rehearsal
 from .measuring.results import Decision as Decision
 from .measuring.results import DecisionRule as DecisionRule
 from .measuring.results import MeasurementResults as MeasurementResults

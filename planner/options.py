@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from errors.measurands.geometry import Localisation as Localisation
 from ground.short_repr import short_repr
+from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import USUAL, Detectability
@@ -167,6 +168,10 @@ class InspectionOptions(RunOptions):
     gap: float = 0.0
 
     __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        if self.effort is not None:
+            check_kinds(effort=(self.effort, "Effort"))
 
     @classmethod
     def of_request(cls, request: Request) -> InspectionOptions:

@@ -95,6 +95,7 @@ _MODULES = {
     "cameras": "planner.app.catalogue_commands",
     "completion": "planner.app.catalogue_commands",
     "measure": "planner.app.measure_command",
+    "render": "planner.app.measure_command",
     "program": "planner.app.robot_commands",
     "reach": "planner.app.robot_commands",
 }

@@ -1,4 +1,4 @@
-"""The command that measures images: values with uncertainties and decisions."""
+"""The commands of images: measure gives values with uncertainties and decisions, render makes images to rehearse it."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from aspectgraph import AspectGraphError
 from errors.exceptions import MeasurementModelError
 from errors.measurands import DecisionRule, Localisation
+from ground.convert import to_plain
 from planner.app.checks import in_words_of_shell
 from planner.app.job import check_same_part, read_part
-from planner.app.options import Measure
+from planner.app.options import Measure, Render
 from planner.app.process import (
     BAD_INPUT,
     DONE,
@@ -37,6 +38,7 @@ from planner.files import (
 from planner.identity import PartRecord
 from planner.measuring.measurer import MeasureOptions, Measurer
 from planner.measuring.registration import Registration
+from planner.measuring.rehearsal import TRUTH, Rehearsal
 from planner.measuring.results import FORMAT, MeasurementResults
 from planner.plan import read_plan
 from planner.progress import visible
@@ -114,6 +116,32 @@ def measure(options: Measure) -> int:
         for outcome in outcomes
     ]
     return max(codes, key=_SEVERITY.index)
+
+
+def render(options: Render) -> int:
+    """Render the images of a plan, and write the true values beside them."""
+    plan = read_plan(options.plan)
+    out = absolute(options.out)
+    with output_folder(options.out, (TRUTH,), "--out"):
+        solid = read_part(options.part, options)
+        check_same_part(solid, plan, options.part)
+        rehearsal = Rehearsal(
+            plan,
+            solid,
+            surfaces_mm=options.surfaces_mm,
+            seed=options.seed,
+            exact_poses=options.exact_poses,
+        )
+        if not options.quiet and rehearsal.unlit:
+            write_error(
+                "aspectgraph: the plan has no light; a lamp on the camera lights the images"
+            )
+        files = rehearsal.write(out, "--out")
+    if options.json:
+        print_json(to_plain(rehearsal.truth))
+    else:
+        terminal_tables.print_written(files, path_text(out), files[0])
+    return DONE
 
 
 class _Reason(NamedTuple):

@@ -801,6 +801,38 @@ exit codes:
 
 
 @dataclass(kw_only=True)
+class Render(PartReading):
+    """Render the images that a plan takes, of a part that deviates: to rehearse before there is a camera.
+
+    Attributes
+    ----------
+    plan
+        plan.json, or the folder it is in
+    part
+        the part of the plan
+    out
+        folder for the images, as measure reads them, and for truth.json, the true values; those of an earlier rendering
+        are replaced
+    surfaces_mm
+        standard deviation of the part's faces along their normals; 0: the part as designed (default: the largest that
+        the plan states)
+    exact_poses
+        render from the planned poses (default: poses are drawn from the plan's uncertainty)
+    seed
+        same seed, same part and poses
+    """
+
+    usage = ("PLAN --part PART --out DIR [options]",)
+
+    plan: str = field(kw_only=False)
+    part: Annotated[str, _named("PART")]
+    out: Folder
+    surfaces_mm: OptionalLength = None
+    exact_poses: bool = False
+    seed: Seed = 0
+
+
+@dataclass(kw_only=True)
 class BatchOutput:
     """Output.
 
@@ -908,7 +940,8 @@ class Help(Command):
 
 
 _COMMANDS: tuple[type[Command], ...] = (
-    *(Plan, Info, Dimensions, Cameras, Optics, Simulate, Reach, Program, Measure, Batch, Graph),
+    *(Plan, Info, Dimensions, Cameras, Optics, Simulate, Reach, Program, Render, Measure, Batch),
+    Graph,
     *(Completion, Help),
 )
 COMMANDS = {kind.name(): kind for kind in _COMMANDS}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from errors.measurands import DecisionRule, Localisation
 from ground.faces import project_version
 from ground.short_repr import short_repr
+from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
@@ -250,7 +251,7 @@ class MeasureOptions:
             raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
 
 
-def _witness_key(setting: SensorSetting, name: str) -> str:
+def witness_key(setting: SensorSetting, name: str) -> str:
     """Return a name for a target as a setting measures it."""
     k = setting.witness.get(name, 0)
     return f"{name} (way {k + 1})" if k else name
@@ -282,6 +283,7 @@ class Measurer:
     """
 
     def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
+        check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
         self._digest = PartRecord.of(solid).digest
         why = plan.request.other_part(solid)
         if why:
@@ -294,7 +296,7 @@ class Measurer:
         self.targets = {name: plan.targets[name] for name in plan.inspected}
         # a setting measures a target by the witness that it was planned with
         self._by_witness = {
-            _witness_key(setting, name): targets_of(plan.targets, setting)[name]
+            witness_key(setting, name): targets_of(plan.targets, setting)[name]
             for setting in plan.settings
             for name in setting.entities
         }
@@ -482,7 +484,7 @@ class Measurer:
         half = self._half_px(shot, registered)
         readings = []
         for name in shot.targets:
-            key = _witness_key(self.plan.settings[shot.setting], name)
+            key = witness_key(self.plan.settings[shot.setting], name)
             target = self._by_witness[key]
             place = (name, shot.name, shot.setting)
             if target.measurand.in_image:
@@ -526,7 +528,7 @@ class Measurer:
             return dict.fromkeys(shot.targets, NEAR_PX)
         setting = self.plan.settings[shot.setting]
         room = {
-            name: self._tolerance_px(self._by_witness[_witness_key(setting, name)], registered)
+            name: self._tolerance_px(self._by_witness[witness_key(setting, name)], registered)
             for name in shot.targets
         }
         if registered.method != PLANNED:

@@ -6,16 +6,20 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from aspectgraph import Solid
 from planner import (
     Camera,
     Detectability,
     Dimension,
+    InspectionOptions,
     LampBox,
     LampDome,
     Lighting,
     PoseUncertainty,
     RequestError,
     SphereRegion,
+    measure,
+    read_plan,
 )
 from planner.argument_kinds import ABOVE_0_TO_1, FROM_0_BELOW_1, NOT_NEGATIVE, check_number
 from planner.callbacks import Deadline
@@ -71,3 +75,30 @@ def test_every_record_refuses_what_is_no_number_by_its_name(make, parameter, val
         make(value)
     assert info.value.parameter == parameter
     assert info.value.got == repr(value)
+
+
+def test_an_effort_by_its_name_is_refused_with_what_makes_one():
+    with pytest.raises(RequestError) as info:
+        InspectionOptions(effort="quick")
+    told = "effort must be an Effort. Got 'quick'. Effort.named makes one."
+    assert str(info.value) == told
+
+
+@pytest.mark.parametrize(
+    ("order", "told"),
+    [
+        ((1, 0), "plan must be an InspectionPlan. Got a Solid; the order of the arguments"),
+        ((2, 1), "plan must be an InspectionPlan. Got 'plan.json'; read_plan reads one"),
+        ((0, 2), "solid must be a Solid. Got 'plan.json'; read_solid reads one"),
+    ],
+)
+def test_measuring_names_the_argument_of_the_wrong_kind(order, told):
+    given = (
+        read_plan("examples/two_pocket_block_plan.json"),
+        Solid.read("examples/two_pocket_block.off"),
+        "plan.json",
+    )
+    plan, solid = (given[k] for k in order)
+    with pytest.raises(RequestError) as info:
+        measure(plan, solid, "images")
+    assert str(info.value).startswith(told)

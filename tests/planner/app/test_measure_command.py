@@ -228,3 +228,18 @@ def test_results_of_another_serial_stay(folder, tmp_path):
     assert run(folder, "good", *given(folder), "--serial", "N1", out=tmp_path) == 0
     assert run(folder, "good", *given(folder), "--serial", "N2", out=tmp_path) == 2
     assert json.loads((tmp_path / "results.json").read_text())["serial"] == "N1"
+
+
+def test_rendered_images_are_measured(folder, capsys):
+    """The whole chain without a camera: render, then measure."""
+    plan = str(folder / "plan.json")
+    part = str(folder / "plate.off")
+    images = str(folder / "rendered")
+    assert main(["render", plan, "--part", part, "--units", "mm", "--out", images]) == 0
+    printed = capsys.readouterr()
+    assert "3 files in" in printed.out
+    assert "the plan has no light; a lamp on the camera" in printed.err
+    assert run(folder, "rendered", out="rehearsed") == 0
+    truth = json.loads((folder / "rendered" / "truth.json").read_text())
+    (result,) = json.loads((folder / "rehearsed" / "results.json").read_text())["results"]
+    assert abs(result["value"] - truth["values"]["setting_01"]["width"]) <= 1.5 * result["U"]

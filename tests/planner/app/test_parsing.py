@@ -521,6 +521,7 @@ NEEDED = {
     "optics": ["box.off", "--all"],
     "program": ["plan.json", "box.off", "--cell", "cell.toml"],
     "reach": ["plan.json", "box.off", "--cell", "cell.toml"],
+    "render": ["plan.json", "--part", "box.off", "--out", "out"],
     "measure": ["plan.json", "parts", "--part", "box.off", "--out", "out"],
 }
 NO_NUMBER = ["many"]

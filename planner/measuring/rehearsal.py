@@ -1,0 +1,496 @@
+"""Images of a plan, rendered: to rehearse measuring before there is a camera.
+
+The part may deviate from its model, and the camera from its poses. Rays with the plan's lamps, or with a light on the
+camera, give the grey values of a matt part. Light from face to face, gloss and lenses are left out. So the images tell
+whether plan, part, files and commands fit together, and how large errors of position are; they do not tell how a real
+part looks.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter
+
+from aspectgraph.entities.entity_rules import PARAMETERS
+from aspectgraph.solid.solid import RayScene
+from errors.measurands import Circle, Line
+from ground.convert import Meta, Shape, to_plain
+from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
+from planner.camera.camera import Camera, tangents_of
+from planner.files import staged_folder, write_text
+from planner.light.light_plan import WHITE_SHARE, beside
+from planner.measuring.fit import fit_entities
+from planner.measuring.images import Shot
+from planner.measuring.measurer import Measurer, witness_key
+from planner.measuring.registered import displaced
+from planner.measuring.samples import PartModel
+from planner.request.targets import Target, targets_of
+from planner.sensor_setting import setting_name
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid
+    from planner.plan import InspectionPlan
+
+Array = NDArray[np.float64]
+
+FORMAT: Literal["aspectgraph-rehearsal"] = "aspectgraph-rehearsal"
+TRUTH = "truth.json"
+"""File of the true values, beside the images."""
+ROUND_SHARE = 1.5
+"""Deviation of bores, bosses and cones, in that of planes."""
+TILT_SHARE = 0.5
+"""Tilts of a plane at its extent, in its deviation."""
+CHORD_MM = 0.0005
+"""Rims are cut into chords until these are at most so far from them."""
+BLUR_PX = 0.7
+"""Blur of lens and pixels, standard deviation."""
+NOISE_SHARE = 0.005
+"""Noise of grey values, standard deviation as a share of white."""
+DARK_SHARE = 0.04
+"""Grey value behind the part and in shadows, as a share of white."""
+
+_BRIGHT_GROUND = 0.85
+# rays along each side of a pixel where the picture changes by more than this share of the brightest place
+_SAMPLES = 4
+_CHANGE = 0.01
+# how far rays to lamps start above a face
+_LIFT_MM = 2e-3
+_RAYS = 400_000
+# of points on an entity
+_POINTS = 128
+# surfaces that are nearly alike move a vertex like one
+_ALIKE = 0.1
+# the weakest and the brightest places beside edges are noise
+_BRIGHTEST = 0.99
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What rendered images show.
+
+    Attributes
+    ----------
+    seed : int
+        What was drawn.
+    surfaces_mm : float
+        Standard deviation of planes along their normals.
+    values : dict of str to dict of str to float
+        True values of the targets in each image, in mm (angles: degrees).
+    poses : dict of str to array (4, 4)
+        Where the camera was, by image: camera to world, mm.
+    """
+
+    seed: int
+    surfaces_mm: float
+    values: dict[str, dict[str, float]]
+    poses: dict[str, Annotated[Array, Shape(4, 4)]]
+    format: Annotated[Literal["aspectgraph-rehearsal"], Meta(title="must be a rehearsal")] = field(
+        default=FORMAT
+    )
+    version: Literal[1] = 1
+
+
+class Rendered(NamedTuple):
+    """One image.
+
+    Attributes
+    ----------
+    shot : Shot
+        Which.
+    grey : array (h, w)
+        8 bits, proportional to light.
+    pose : array (4, 4)
+        Where the camera was.
+    """
+
+    shot: Shot
+    grey: NDArray[np.uint8]
+    pose: Array
+
+
+class DeviatingPart:
+    """A part whose surfaces deviate from its model.
+
+    Parameters
+    ----------
+    model : PartModel
+        The part as it is designed.
+    surfaces_mm : float
+        Standard deviation of planes along their normals; 0 is the part as designed.
+    rng : Generator
+        Draws the deviations.
+
+    Attributes
+    ----------
+    scene : RayScene
+        The part as it is.
+    """
+
+    def __init__(self, model: PartModel, surfaces_mm: float, rng: np.random.Generator) -> None:
+        self._model = model
+        carriers = model.carriers.surfaces
+        sizes = [
+            [1.0, TILT_SHARE, TILT_SHARE] if carrier.is_plane else [ROUND_SHARE] * PARAMETERS
+            for carrier in carriers
+        ]
+        drawn = rng.standard_normal((len(carriers), PARAMETERS))
+        self._deviations = surfaces_mm * drawn * np.reshape(sizes, (-1, PARAMETERS))
+        vertices, triangles, carried = _refined(model)
+        self.scene = RayScene(vertices + self._moves(vertices, carried), triangles, n_threads=1)
+
+    def value(self, name: str, target: Target) -> float:
+        """Return the value of a target on the part as it is, mm (angles: degrees).
+
+        Parameters
+        ----------
+        name : str
+            What the model knows the target as.
+        target : Target
+            The target.
+        """
+        edges = self._model.measured[name]
+        if target.measurand.in_image:
+            line = edges[0].geometry
+            assert isinstance(line, Line)
+            ends = np.array([line.p, line.q])
+            carried = [self._carriers_at(end) for end in ends]
+            moved = ends + self._moves(ends, carried)
+            return float(np.linalg.norm(moved[1] - moved[0]))
+        fits = []
+        for edge, frame in zip(edges, target.measurand.frames, strict=True):
+            points, _, _ = edge.at((np.arange(_POINTS) + 0.5) / _POINTS)
+            pair = self._model.carried_by[edge.name]
+            move = self._model.displacement(edge, points) @ self._deviations[list(pair)].ravel()
+            local = points + move - frame.origin
+            flat = np.stack([local @ frame.x, local @ frame.y], axis=-1)
+            fits.append(fit_entities(edge.geometry, flat[None], np.ones(_POINTS))[0])
+        return target.measurand.nominal + float(target.measurand.value(fits)[0])
+
+    def _carriers_at(self, place: Array) -> set[int]:
+        """Return the surfaces that meet in a corner."""
+        vertices = self._model.solid.vertices
+        nearest = int(np.argmin(np.linalg.norm(vertices - place, axis=1)))
+        return _carried(self._model)[nearest]
+
+    def _moves(self, points: Array, carried: list[set[int]]) -> Array:
+        """Return how points (n, 3) move with the surfaces that they lie on: the least move that meets all of them."""
+        moves = np.zeros((len(points), 3))
+        groups: dict[frozenset[int], list[int]] = {}
+        for index, surfaces in enumerate(carried):
+            groups.setdefault(frozenset(surfaces), []).append(index)
+        for group, rows in groups.items():
+            if not group:
+                continue
+            carriers = [self._model.carriers.surfaces[k] for k in sorted(group)]
+            places = points[rows]
+            normals = np.stack([carrier.normals(places) for carrier in carriers], axis=1)
+            off = [
+                carrier.offsets(places) @ self._deviations[k]
+                for k, carrier in zip(sorted(group), carriers, strict=True)
+            ]
+            inverse = np.linalg.pinv(normals, rcond=_ALIKE)
+            moves[rows] = np.einsum("nij,nj->ni", inverse, np.stack(off, axis=1))
+        return moves
+
+
+def _carried(model: PartModel) -> list[set[int]]:
+    """Return the surfaces that each vertex of a part lies on, as far as they carry sharp edges."""
+    carried: list[set[int]] = [set() for _ in model.solid.vertices]
+    for edge in model.edges.edges:
+        for edge_id in edge.edge_ids:
+            for vertex in model.solid.edges[edge_id].vertices:
+                carried[vertex].update(model.carried_by[edge.name])
+    return carried
+
+
+def _refined(model: PartModel) -> tuple[Array, NDArray[np.int64], list[set[int]]]:
+    """Return vertices (v, 3), triangles (t, 3) and carriers of a part whose rims and arcs are cut into short chords."""
+    carried = _carried(model)
+    points = list(model.solid.vertices)
+    between: dict[tuple[int, int], list[int]] = {}
+    for edge in model.edges.edges:
+        circle = edge.geometry
+        if not isinstance(circle, Circle):
+            continue
+        for edge_id in edge.edge_ids:
+            first, last = model.solid.edges[edge_id].vertices
+            new = _on_chord(circle, points[first], points[last])
+            numbers = list(range(len(points), len(points) + len(new)))
+            points += list(new)
+            carried += [set(model.carried_by[edge.name]) for _ in new]
+            between[first, last] = numbers
+            between[last, first] = numbers[::-1]
+    triangles: list[tuple[int, int, int]] = []
+    for corners in model.solid.triangles.tolist():
+        outline: list[int] = []
+        for first, last in zip(corners, (*corners[1:], corners[0]), strict=True):
+            outline += [first, *between.get((first, last), ())]
+        if len(outline) == len(corners):
+            triangles.append(tuple(corners))
+            continue
+        # a fan about the middle, as more than one side may be cut
+        middle = len(points)
+        points.append(np.mean([points[k] for k in corners], axis=0))
+        carried.append(set())
+        ends = (*outline[1:], outline[0])
+        triangles += [(middle, a, b) for a, b in zip(outline, ends, strict=True)]
+    return np.array(points), np.array(triangles, dtype=np.int64), carried
+
+
+def _on_chord(circle: Circle, first: Array, last: Array) -> Array:
+    """Return the points (n, 3) of a circle that cut one of its chords into shorter ones."""
+    x, y = circle.basis
+    ends = np.array([first, last]) - circle.centre
+    start, end = np.arctan2(ends @ y, ends @ x)
+    turn = (end - start + np.pi) % (2 * np.pi) - np.pi
+    sagitta = circle.radius_mm * (1 - np.cos(turn / 2))
+    pieces = max(1, int(np.ceil(np.sqrt(sagitta / CHORD_MM))))
+    angles = start + turn * np.arange(1, pieces) / pieces
+    # a mesh's circle may stand a little off its axis, where its ends are
+    share = np.arange(1, pieces) / pieces
+    height = ends @ circle.axis
+    lift = height[0] + share * (height[1] - height[0])
+    flat = np.cos(angles)[:, None] * x + np.sin(angles)[:, None] * y
+    return np.asarray(circle.centre + circle.radius_mm * flat + lift[:, None] * circle.axis)
+
+
+@dataclass(frozen=True)
+class _Light:
+    """Small lamps (k, 3), and what is behind the part."""
+
+    lamps: Array
+    ground: float
+
+
+class _Renderer:
+    """Renders light at pixels, in units of the light of a face that lamps light frontally.
+
+    Parameters
+    ----------
+    scene : RayScene
+        The part.
+    camera : Camera
+        The camera.
+    middle : array (3,)
+        Where lamps are of strength 1, mm.
+    """
+
+    def __init__(self, scene: RayScene, camera: Camera, middle: Array) -> None:
+        self._scene = scene
+        self._camera = camera
+        self._middle = middle
+
+    def image(self, pose: Array, light: _Light, rng: np.random.Generator) -> Array:
+        """Return the light at each pixel (h, w), several rays for each where it changes."""
+        width, height = self._camera.resolution
+        v, u = np.mgrid[:height, :width]
+        pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
+        grey = self._at(pixels, pose, light).reshape(height, width)
+        change = maximum_filter(grey, 3) - minimum_filter(grey, 3) > _CHANGE
+        again = np.flatnonzero(binary_dilation(change, iterations=2))
+        cells = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+        total = np.zeros(len(again))
+        for step in np.stack(np.meshgrid(cells, cells), axis=-1).reshape(-1, 2):
+            jitter = rng.uniform(-0.5, 0.5, (len(again), 2)) / _SAMPLES
+            total += self._at(pixels[again] + step + jitter, pose, light)
+        grey.flat[again] = total / _SAMPLES**2
+        return np.asarray(gaussian_filter(grey, BLUR_PX, mode="nearest"))
+
+    def _at(self, pixels: Array, pose: Array, light: _Light) -> Array:
+        starts = range(0, len(pixels), _RAYS)
+        parts = [self._shaded(pixels[start : start + _RAYS], pose, light) for start in starts]
+        return np.concatenate(parts) if parts else np.empty(0)
+
+    def _shaded(self, pixels: Array, pose: Array, light: _Light) -> Array:
+        tangents = tangents_of(self._camera, pixels)
+        rays = np.column_stack([tangents, np.ones(len(tangents))]) @ pose[:3, :3].T
+        eye = pose[:3, 3]
+        hit = self._scene.cast(eye, rays)
+        depth = hit["t_hit"].astype(np.float64)
+        met = np.isfinite(depth)
+        shade = np.where(met, DARK_SHARE, light.ground)
+        places = eye + depth[met, None] * rays[met]
+        normals = hit["primitive_normals"][met].astype(np.float64)
+        normals *= np.where((normals * rays[met]).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+        places += _LIFT_MM * normals
+        for lamp in light.lamps:
+            way = lamp - places
+            distance = np.linalg.norm(way, axis=1)
+            cosine = np.maximum((normals * way).sum(axis=1) / distance, 0.0)
+            strength = (np.linalg.norm(lamp - self._middle) / distance) ** 2 / len(light.lamps)
+            shade[met] += np.where(self._scene.blocked(places, way), 0.0, cosine * strength)
+        return shade
+
+
+class Rehearsal:
+    """Renders the images that a plan takes of a part.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan. Its lamps light the part; without any, a light on the camera does.
+    solid : Solid
+        Its part, as designed.
+    surfaces_mm : float, optional
+        Standard deviation of planes along their normals; that of bores, bosses and cones is half as large again.
+        Default: the largest that the plan's targets state.
+    seed : int
+        Draws the part, the poses and the noise.
+    exact_poses : bool
+        Whether the camera is where the plan says; otherwise it is drawn from the plan's pose uncertainty.
+
+    Attributes
+    ----------
+    truth : Truth
+        What the images show.
+
+    Raises
+    ------
+    RequestError
+        If the part is not the plan's, the plan has no settings, or a number breaks its rule.
+
+    Examples
+    --------
+    >>> from aspectgraph import Solid
+    >>> from planner import Rehearsal, read_plan
+    >>> plan = read_plan("examples/two_pocket_block_plan.json")
+    >>> rehearsal = Rehearsal(plan, Solid.read("examples/two_pocket_block.off"), seed=3)
+    >>> sorted(rehearsal.truth.values)
+    ['setting_01']
+    """
+
+    def __init__(
+        self,
+        plan: InspectionPlan,
+        solid: Solid,
+        *,
+        surfaces_mm: float | None = None,
+        seed: int = 0,
+        exact_poses: bool = False,
+    ) -> None:
+        check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
+        check_count("seed", seed, 0)
+        measurer = Measurer(plan, solid)
+        if surfaces_mm is None:
+            stated = [target.surfaces_mm for target in measurer.targets.values()]
+            surfaces_mm = max(stated, default=0.0)
+        check_number("surfaces_mm", surfaces_mm, NOT_NEGATIVE)
+        self._plan = plan
+        self._shots = measurer.shots
+        self._rng = np.random.default_rng(seed)
+        part = DeviatingPart(measurer.model, surfaces_mm, self._rng)
+        poses = [self._drawn_pose(k, exact_poses) for k in range(len(plan.settings))]
+        middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
+        self._renderer = _Renderer(part.scene, plan.camera, middle)
+        self.truth = Truth(
+            seed,
+            float(surfaces_mm),
+            {shot.name: self._values(part, shot) for shot in self._shots},
+            {shot.name: poses[shot.setting] for shot in self._shots},
+        )
+
+    @property
+    def unlit(self) -> bool:
+        """Whether the plan has no lamps, so that a light on the camera stands for them."""
+        return self._plan.light is None
+
+    def images(self) -> Iterator[Rendered]:
+        """Render one image after the other, in the order of the plan.
+
+        Yields
+        ------
+        Rendered
+            Image, what it is of, and its pose.
+        """
+        for shot in self._shots:
+            pose = self.truth.poses[shot.name]
+            grey = self._renderer.image(pose, self._light(shot, pose), self._rng)
+            # as a person sets the exposure: by the brightest place beside what is measured
+            exposed = WHITE_SHARE * grey / max(self._bright(shot, grey, pose), 1e-9)
+            exposed += NOISE_SHARE * self._rng.standard_normal(grey.shape)
+            levels = np.clip(np.rint(255 * exposed), 0, 255).astype(np.uint8)
+            yield Rendered(shot, levels, pose)
+
+    def write(self, folder: str | os.PathLike[str], parameter: str = "folder") -> list[str]:
+        """Write the images, as `measure` reads them, and ``truth.json``.
+
+        Parameters
+        ----------
+        folder : path
+            Images of an earlier rehearsal there are replaced.
+        parameter : str
+            What the caller knows the folder as.
+
+        Returns
+        -------
+        list of str
+            The files.
+
+        Raises
+        ------
+        OutputError
+            If they cannot be written.
+        """
+        from PIL import Image
+
+        names = [TRUTH, *(f"{shot.name}.png" for shot in self._shots)]
+        with staged_folder(folder, names, parameter) as staging:
+            for rendered in self.images():
+                Image.fromarray(rendered.grey).save(staging / f"{rendered.shot.name}.png")
+            text = json.dumps(to_plain(self.truth), indent=1, allow_nan=False, ensure_ascii=False)
+            write_text(staging / TRUTH, text + "\n")
+        return [str(Path(folder) / name) for name in names]
+
+    def _drawn_pose(self, setting: int, exact: bool) -> Array:
+        pose = np.asarray(self._plan.settings[setting].cam2world, dtype=np.float64)
+        if exact:
+            return pose
+        covariance = self._plan.pose_uncertainty.covariance
+        move = self._rng.multivariate_normal(np.zeros(len(covariance)), covariance)
+        return np.asarray(displaced(pose, move[None])[0])
+
+    def _values(self, part: DeviatingPart, shot: Shot) -> dict[str, float]:
+        """Return the true values of what is measured in an image."""
+        setting = self._plan.settings[shot.setting]
+        targets: Mapping[str, Target] = targets_of(self._plan.targets, setting)
+        return {
+            name: part.value(witness_key(setting, name), targets[name]) for name in shot.targets
+        }
+
+    def _light(self, shot: Shot, pose: Array) -> _Light:
+        """Return the lamps of an image."""
+        light = self._plan.light
+        if light is None:
+            return _Light(pose[None, :3, 3], DARK_SHARE)
+        ground = _BRIGHT_GROUND if light.ground == "bright" else DARK_SHARE
+        lit = light.images[shot.setting]
+        if not lit:
+            # nothing is lit there: any light shows it
+            return _Light(pose[None, :3, 3], ground)
+        number = 0
+        if len(lit) > 1:
+            names = [setting_name(shot.setting, k) for k in range(len(lit))]
+            number = names.index(shot.name)
+        return _Light(light.lamps[list(lit[number].lamps)], ground)
+
+    def _bright(self, shot: Shot, grey: Array, pose: Array) -> float:
+        """Return the light of the brightest places beside what is measured in an image."""
+        setting = self._plan.settings[shot.setting]
+        targets = targets_of(self._plan.targets, setting)
+        height, width = grey.shape
+        levels = []
+        for name in shot.targets:
+            pixels = np.rint(beside(self._plan.camera, pose, targets[name].points)).reshape(-1, 2)
+            inside = ((pixels >= 0) & (pixels < [width, height])).all(axis=1)
+            u, v = pixels[inside].astype(int).T
+            levels.append(grey[v, u])
+        values = np.concatenate(levels) if levels else grey.ravel()
+        return float(np.quantile(values, _BRIGHTEST)) if len(values) else float(grey.max())

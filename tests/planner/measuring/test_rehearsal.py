@@ -1,0 +1,97 @@
+"""Rendered images of a plan: what they show is what they say, and `measure` reads it."""
+
+import json
+
+import numpy as np
+import pytest
+from measured_plate import TOP, measured_plan, thick_plate
+from PIL import Image
+
+from ground.convert import from_plain
+from planner import Rehearsal, RequestError, measure
+from planner.exceptions import PlanFileError
+from planner.measuring.measurer import Measurer
+from planner.measuring.rehearsal import DeviatingPart, Truth
+
+TARGETS = ("left", "right", "apart", "width")
+
+
+@pytest.fixture(scope="module")
+def plate():
+    return thick_plate()
+
+
+@pytest.fixture(scope="module")
+def plan(plate):
+    return measured_plan(plate, TARGETS)
+
+
+def grey_of(rehearsal):
+    return {image.shot.setting + 1: image.grey for image in rehearsal.images()}
+
+
+def test_the_part_as_designed_has_its_nominal_values(plate, plan):
+    rehearsal = Rehearsal(plan, plate, surfaces_mm=0.0, exact_poses=True)
+    for values in rehearsal.truth.values.values():
+        assert values == pytest.approx({name: plan.targets[name].nominal for name in TARGETS})
+    planned = [np.asarray(setting.cam2world) for setting in plan.settings]
+    assert np.array_equal(list(rehearsal.truth.poses.values()), planned)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_is_measured_is_what_is_shown(plate, plan, seed):
+    rehearsal = Rehearsal(plan, plate, seed=seed)
+    truth = rehearsal.truth.values["setting_01"]
+    assert all(abs(truth[name] - plan.targets[name].nominal) > 1e-4 for name in TARGETS)
+    results = measure(plan, plate, grey_of(rehearsal))
+    for result in results:
+        assert result.measured, result.reason
+        assert abs(result.value - truth[result.name]) <= 3 * result.standard_uncertainty
+
+
+def test_true_values_are_those_of_the_part_that_rays_meet(plate, plan):
+    model = Measurer(plan, plate).model
+    part = DeviatingPart(model, 0.1, np.random.default_rng(5))
+    # the planes of both sides, where rays at right angles meet them just below the upper edges
+    x = np.linspace(1.0, 79.0, 40)
+    start = np.stack([x, np.full(40, -50.0), np.full(40, TOP - 0.5)], axis=1)
+    front = part.scene.cast(start, np.tile([0.0, 1.0, 0.0], (40, 1)))["t_hit"] - 50.0
+    behind = start + np.array([0.0, 200.0, 0.0])
+    back = 150.0 - part.scene.cast(behind, np.tile([0.0, -1.0, 0.0], (40, 1)))["t_hit"]
+    assert np.mean(back - front) == pytest.approx(
+        part.value("width", plan.targets["width"]), abs=0.01
+    )
+    # the wall of a hole just below its rim
+    circle = plan.targets["left"].geometry[0]
+    angle = np.linspace(0.0, 2 * np.pi, 400, endpoint=False)
+    ways = np.stack([np.cos(angle), np.sin(angle), np.zeros(400)], axis=1)
+    radii = part.scene.cast(circle.centre - [0, 0, 0.4], ways)["t_hit"]
+    assert 2 * radii.mean() == pytest.approx(part.value("left", plan.targets["left"]), abs=0.004)
+
+
+def test_the_same_seed_gives_the_same_files(plate, plan, tmp_path):
+    for name in ("first", "again", "other"):
+        Rehearsal(plan, plate, seed=int(name == "other")).write(tmp_path / name)
+    read = {
+        name: [(tmp_path / name / f"setting_{k:02d}.png").read_bytes() for k in (1, 2)]
+        for name in ("first", "again", "other")
+    }
+    assert read["first"] == read["again"]
+    assert read["first"] != read["other"]
+    data = json.loads((tmp_path / "first" / "truth.json").read_text())
+    assert from_plain(Truth, data, PlanFileError).seed == 0
+    image = np.asarray(Image.open(tmp_path / "first" / "setting_01.png"))
+    # nothing beside what is measured is overexposed, and the part is bright
+    assert 0.5 * 255 < np.quantile(image, 0.9) < 250
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"surfaces_mm": -0.1}, "surfaces_mm must be finite and not negative"),
+        ({"seed": -1}, "seed must be an integer of at least 0"),
+    ],
+)
+def test_numbers_out_of_their_range_are_refused(plate, plan, wrong, told):
+    with pytest.raises(RequestError, match=f"^{told}"):
+        Rehearsal(plan, plate, **wrong)
