@@ -180,7 +180,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
         raise RequestError(
             f"a file of dimensions must hold one name at least. Got none in {Path(path).name}."
         )
-    return {name: _wanted(name, value, kinds, share) for name, value in content.items()}
+    return {name: wanted_of(name, value, kinds, share) for name, value in content.items()}
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -201,7 +201,23 @@ def _content(path: Path) -> dict[str, Any]:
     return content
 
 
-def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float) -> Any:
+def wanted_of(name: str, value: Any, kinds: tuple[str, ...], share: float = QUARTER) -> Any:
+    """Return a dimension as a file states it, or what stands for an edge as it is.
+
+    Parameters
+    ----------
+    name : str
+        Its name, for messages.
+    value : object
+        A table of a kind and options, see `read_wanted`, or what stands for an edge.
+    kinds, share : tuple of str, float
+        See `read_wanted`.
+
+    Raises
+    ------
+    RequestError
+        If the table breaks a rule.
+    """
     if not isinstance(value, Mapping):
         return value
     kind = [key for key in value if key in kinds or key == "edge"]
