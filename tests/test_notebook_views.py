@@ -53,6 +53,9 @@ def test_all_is_in_the_page_and_nothing_is_loaded(browser, tmp_path, width):
     path.write_text(f"<!DOCTYPE html>{head}{'<hr>'.join(parts)}", encoding="utf-8")
     page = browser.page(path, width=width)
     assert page.run("document.documentElement.scrollWidth") <= width
+    # and nothing has to be scrolled to within it
+    wide = "[...document.querySelectorAll('div')].filter((d) => d.scrollWidth > d.clientWidth)"
+    assert page.run(f"{wide}.map((d) => d.textContent.slice(0, 60))") == []
     assert page.complaints == []
     assert page.requests == []
     # no text is cut off, and no column is so narrow that words become letters
