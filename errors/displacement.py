@@ -354,7 +354,9 @@ class DisplacementTerms(NamedTuple):
     d_mean: NDArray[np.float64]
     d: NDArray[np.float64]
 
-    __repr__ = short_repr
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return short_repr(self)
 
 
 def displace(points: ArrayLike, displacement: ArrayLike) -> NDArray[np.float64]:

@@ -39,7 +39,13 @@ from scipy.stats import binomtest
 
 from aspectgraph import read_dimensions, read_solid
 from errors.checks import frequency_text, interval_text, probability_text
-from errors.measurands import Localisation, MeasurandModel, acceptance_limits, uncertainty_ratio
+from errors.measurands import (
+    DecisionRule,
+    Localisation,
+    MeasurandModel,
+    acceptance_limits,
+    uncertainty_ratio,
+)
 from planner import Camera, Effort, PoseUncertainty, plan_inspection
 from planner.request.dimension import Dimension
 
@@ -132,7 +138,9 @@ for name, pose in places.items():
     ratio, limits = "", ""
     if planned.tolerance:
         ratio = f"{uncertainty_ratio(p.expanded_uncertainty, planned.tolerance):.3f}"
-        between = acceptance_limits(planned.tolerance, p.expanded_uncertainty)
+        between = acceptance_limits(
+            planned.tolerance, p.standard_uncertainty, DecisionRule.iso14253()
+        )
         limits = (
             "nowhere"
             if between is None

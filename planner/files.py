@@ -55,6 +55,29 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
             Path(temporary).unlink(missing_ok=True)
 
 
+# more seconds than that are beyond the year 5138
+_SECONDS_DIGITS = 11
+
+
+def timestamp(environment: Mapping[str, str] | None = None) -> str:
+    """Return date and time (UTC) for a file: of ``SOURCE_DATE_EPOCH`` if that is set, otherwise now.
+
+    Parameters
+    ----------
+    environment : mapping of str to str, optional
+        The environment. Default: that of the process.
+
+    Returns
+    -------
+    str
+        In the form of ISO 8601, such as ``"2026-03-01T09:30:00Z"``.
+    """
+    text = (os.environ if environment is None else environment).get("SOURCE_DATE_EPOCH", "")
+    is_seconds = text.isascii() and text.isdigit() and len(text) <= _SECONDS_DIGITS
+    seconds = int(text) if is_seconds else time.time()
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(seconds))
+
+
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
     """Raise `OutputError` where the system does not let a file be written."""
@@ -377,6 +400,18 @@ def plan_file(path: str | os.PathLike[str]) -> Path:
         raise PlanFileError.of_rule("path", "must be a path", got)
     path = Path(path)
     return path / "plan.json" if path.is_dir() else path
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, or nothing if it cannot be read."""
+    digest = hashlib.sha256()
+    try:
+        with open(path, "rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    except OSError:
+        return ""
+    return digest.hexdigest()
 
 
 class _Exchange:

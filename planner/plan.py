@@ -384,8 +384,18 @@ class InspectionPlan(PlanTables):
             If it cannot be written.
         """
         path = plan_file(path)
-        write_text(path, json.dumps(encoded(self.to_dict()), indent=1, allow_nan=False) + "\n")
+        write_text(path, self.file_text())
         return path
+
+    def file_text(self) -> str:
+        """Return what the plan's file holds.
+
+        Returns
+        -------
+        str
+            JSON.
+        """
+        return json.dumps(encoded(self.to_dict()), indent=1, allow_nan=False) + "\n"
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, InspectionPlan):

@@ -50,16 +50,15 @@ def test_all_that_is_shown_is_tested_here():
     """The fenced and the indented code are all there is, and of known kinds."""
     assert README.count("```") == 2 * (len(SNIPPETS) + 2)
     assert [words(command)[1] for command in OWN] == [
-        "plan",
-        "info",
-        "dimensions",
-        "graph",
-        "simulate",
-        "cameras",
-        "measure",
+        *("plan", "program", "render", "measure"),
+        *("info", "dimensions", "graph", "simulate", "cameras"),
     ]
     rest = [words(command) for command in COMMANDS if command not in OWN]
-    assert rest == [["pip", "install", ".[step]"]]
+    assert rest == [["pip", "install", ".[step,robot]"]]
+
+
+def test_it_is_short():
+    assert len(OUTSIDE_BLOCKS.split()) <= 700
 
 
 def test_commands_run_as_printed(clone, capsys):
@@ -72,7 +71,8 @@ def test_commands_run_as_printed(clone, capsys):
     settings, dimensions, verdict = PRINTED.split("\n\n")
     for quoted in (*settings.splitlines(), *dimensions.splitlines(), verdict):
         assert " ".join(quoted.split()) in " ".join(out.split())
-    assert "4 of 4 targets measured in 2 images" in " ".join(out.split())
+    assert "1 round from home to home" in out
+    assert "2 of 2 targets measured in 1 image" in " ".join(out.split())
     assert "Save TOML" in (clone / "edges.html").read_text(encoding="utf-8")
     assert len(read_graphml(clone / "graph.graphml")) > 1
     check_table(read_plan(clone / "plan" / "plan.json"))
@@ -125,5 +125,5 @@ def test_extras_that_are_named_exist():
         .split("[project.optional-dependencies]")[1]
     )
     named = set(re.findall(r"\[([a-z]+)\]", README.split("## Plan a part")[0]))
-    assert named == {"step", "plot"}
+    assert named == {"step", "robot"}
     assert all(re.search(rf"^{name} = ", extras, flags=re.MULTILINE) for name in named)

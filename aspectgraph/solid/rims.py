@@ -49,7 +49,9 @@ class Circle(NamedTuple):
     axis: FloatArray
     radius_mm: float
 
-    __repr__ = short_repr
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return short_repr(self)
 
     def distances_mm(self, points: FloatArray) -> FloatArray:
         """Return the distances of points from the circle.
@@ -97,7 +99,9 @@ class CircularEdge(NamedTuple):
     vertices: tuple[int, ...]
     turn_deg: float
 
-    __repr__ = short_repr
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return short_repr(self)
 
 
 def fit_circle(points: FloatArray) -> Circle | None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from statistics import NormalDist
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -62,35 +63,6 @@ def uncertainty_ratio(expanded: float, tolerance: tuple[float, float]) -> float:
     if math.isinf(upper - lower) and upper > lower:
         return 0.0
     return expanded / check_positive(upper - lower, "tolerance")
-
-
-def acceptance_limits(
-    tolerance: tuple[float, float], expanded: float
-) -> tuple[float, float] | None:
-    """Return the deviations between which a measured part is proven to conform (ISO 14253-1: guard band of U).
-
-    Parameters
-    ----------
-    tolerance : (float, float)
-        Lower and upper deviation that the drawing allows; an infinite one is no limit.
-    expanded : float
-        Expanded uncertainty U, not negative.
-
-    Returns
-    -------
-    (float, float) or None
-        The tolerance less U at either side; None if nothing is left, so that conformity cannot be proven.
-
-    Raises
-    ------
-    InvalidParameterError
-        If the uncertainty is negative.
-    """
-    if not expanded >= 0:
-        raise InvalidParameterError(f"expanded must not be negative. Got {expanded!r}.")
-    lower = tolerance[0] + expanded
-    upper = tolerance[1] - expanded
-    return (lower, upper) if lower <= upper else None
 
 
 class Decision(StrEnum):
@@ -263,6 +235,82 @@ def decide(
     if deviation < lower - guard or deviation > upper + guard:
         return Decision.DOES_NOT_CONFORM
     return Decision.UNDECIDED
+
+
+def acceptance_limits(
+    tolerance: tuple[float, float], standard_uncertainty: float, rule: DecisionRule
+) -> tuple[float, float] | None:
+    """Return the deviations between which `decide` says that a part conforms.
+
+    Parameters
+    ----------
+    tolerance : (float, float)
+        Lower and upper deviation that the drawing allows; an infinite one is no limit.
+    standard_uncertainty : float
+        Standard uncertainty u of the value, not negative.
+    rule : DecisionRule
+        How it is decided. By ISO 14253-1:2017 both limits count where the tolerance is narrow, so that less than
+        the guard band of one limit is left.
+
+    Returns
+    -------
+    (float, float) or None
+        The tolerance less a guard band at either side; None if nothing is left, so that conformity cannot be proven.
+
+    Raises
+    ------
+    InvalidParameterError
+        If the uncertainty is negative.
+    """
+    u = check_not_negative(standard_uncertainty, "standard_uncertainty")
+    lower, upper = tolerance
+    band = _inner_band(tolerance, u, rule)
+    if band is None or lower + band > upper - band:
+        return None
+    return lower + band, upper - band
+
+
+def guard_band(standard_uncertainty: float, rule: DecisionRule) -> float:
+    """Return how far from a limit a value must lie to decide, if no other limit is near.
+
+    Parameters
+    ----------
+    standard_uncertainty : float
+        Standard uncertainty u of the value, not negative.
+    rule : DecisionRule
+        How it is decided.
+
+    Returns
+    -------
+    float
+        0 for simple acceptance, U, or 1.65 u for ISO 14253-1 at 95 %.
+    """
+    if rule.name == "simple":
+        return 0.0
+    if rule.name == "guard U":
+        return COVERAGE * standard_uncertainty
+    return NormalDist().inv_cdf(rule.level) * standard_uncertainty
+
+
+def _inner_band(tolerance: tuple[float, float], u: float, rule: DecisionRule) -> float | None:
+    """Return how far inside each limit a value must lie to conform; None if no value does."""
+    lower, upper = tolerance
+    band = guard_band(u, rule)
+    half = (upper - lower) / 2
+    if u == 0 or rule.name != "iso14253-1" or math.isinf(half):
+        return band
+
+    def lacking(band: float) -> float:
+        return conformance_probability(lower + band, u, tolerance) - rule.level
+
+    if lacking(half) < 0:
+        return None
+    if lacking(band) >= 0:
+        return band
+    from scipy.optimize import brentq
+
+    # the other limit only lowers the probability
+    return float(brentq(lacking, band, half, xtol=1e-12 * half))
 
 
 def _below(x: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import time
@@ -47,9 +46,16 @@ from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import OutputError, PlanFileError, PlannerError, RequestError
 from planner.executors import leave_signals_to_the_parent
-from planner.files import absolute, check_set_place, name_text, output_folder, read_json, write_text
-from planner.identity import Request
-from planner.identity import digest_of as digest_of_request
+from planner.files import (
+    absolute,
+    check_set_place,
+    file_digest,
+    name_text,
+    output_folder,
+    read_json,
+    write_text,
+)
+from planner.identity import Request, digest_of
 from planner.inspection import plan_request, space_of, visible_regions, with_light
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
@@ -191,7 +197,7 @@ class PartRequest:
         settings = {name: getattr(self, name) for name in own}
         # in the request as they are resolved: a default that is given is a default
         settings["limits"] = {"time_limit_s": self.options.time_limit_s}
-        return digest_of_request(self.request.fingerprint(), settings)
+        return digest_of(self.request.fingerprint(), settings)
 
 
 def limits_of(options: InspectionOptions) -> dict[str, Any]:
@@ -283,7 +289,7 @@ def found_again(part: str, folder: Path, file_sha256: str, request: str) -> Part
         return None
     return (
         result
-        if result.status == REFUSED or digest_of(folder / PLAN_FILE) == result.plan_sha256
+        if result.status == REFUSED or file_digest(folder / PLAN_FILE) == result.plan_sha256
         else None
     )
 
@@ -308,18 +314,6 @@ def parts_in(path: Path) -> set[str] | None:
         return {result.part for result in from_plain(_Table, {"rows": rows}, PlanFileError).rows}
     except PlanFileError:
         return None
-
-
-def digest_of(path: Path) -> str:
-    """Return the SHA-256 of a file, or nothing if it cannot be read."""
-    digest = hashlib.sha256()
-    try:
-        with open(path, "rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
-    except OSError:
-        return ""
-    return digest.hexdigest()
 
 
 def write_tables(results: Iterable[PartResult], out: Path) -> None:
@@ -358,7 +352,7 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
     PartResult
         It is written, too, if that is possible.
     """
-    file_sha256 = digest_of(path)
+    file_sha256 = file_digest(path)
     fingerprint = request.fingerprint
     begun = time.monotonic()
     earlier_result = found_again(part, folder, file_sha256, fingerprint)
@@ -552,7 +546,7 @@ def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartRes
         entities=len(plan.entities),
         settings=len(plan.settings),
         lower_bound=int(plan.lower_bound),
-        plan_sha256=digest_of(folder / PLAN_FILE),
+        plan_sha256=file_digest(folder / PLAN_FILE),
     )
 
 
@@ -823,7 +817,7 @@ def _earlier_result(task: PartTask, may_replace: bool) -> PartResult | None:
         kind = "a link that leads nowhere" if task.path.is_symlink() else "a pipe or a device"
         return task.failed(f"the part must be an existing file. Got {kind}.", REFUSED)
     earlier_result = found_again(
-        task.part, task.folder, digest_of(task.path), task.request.fingerprint
+        task.part, task.folder, file_digest(task.path), task.request.fingerprint
     )
     if earlier_result is None and not may_replace:
         try:

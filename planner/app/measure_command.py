@@ -27,9 +27,11 @@ from planner.exceptions import PlanFileError, PlannerError, RequestError
 from planner.files import (
     absolute,
     check_set_place,
+    file_digest,
     name_text,
     output_folder,
     path_text,
+    plan_file,
     print_json,
     read_json,
     staged_folder,
@@ -92,7 +94,7 @@ def measure(options: Measure) -> int:
         check_same_part(solid, plan, options.part)
         if not options.force:
             _check_places(parts, solid)
-        measurer = Measurer(plan, solid)
+        measurer = Measurer(plan, solid, plan_digest=_plan_digest(options))
         outcomes = [_measured(measurer, part, measure_options, options) for part in parts]
     reasons = {
         part.serial: outcome
@@ -116,6 +118,12 @@ def measure(options: Measure) -> int:
         for outcome in outcomes
     ]
     return max(codes, key=_SEVERITY.index)
+
+
+def _plan_digest(options: Measure) -> str:
+    """Return the digest of the plan's file; nothing of what can be read only once."""
+    path = plan_file(options.plan)
+    return file_digest(path) if path.is_file() else ""
 
 
 def render(options: Render) -> int:
@@ -170,6 +178,7 @@ def _measured(
             part.images,
             measure_options,
             serial=part.serial,
+            operator=name_text(options.operator or ""),
             partial=options.partial,
             allow_lossy=options.allow_lossy,
         )

@@ -18,7 +18,6 @@ from planner.app.quantities import (
     DEG,
     MM,
     PX,
-    RAD,
     SECONDS,
     SHARE,
     WHITE,
@@ -28,6 +27,7 @@ from planner.app.quantities import (
     lengths,
     memory,
     registration,
+    sigma_angle,
     sigma_pair,
     value,
     whole,
@@ -266,7 +266,7 @@ class Promise:
     accuracy: Annotated[float, value(SHARE, "A"), BETWEEN_0_AND_1] = 0.98
     probability: Annotated[float, value(SHARE, "P"), BETWEEN_0_AND_1] = 0.9
     sigma_mm: Length = 0.2
-    sigma_rad: Annotated[float, value(RAD, "RAD"), NOT_NEGATIVE] = 0.002
+    sigma_rad: Annotated[float, value(sigma_angle, "RAD"), NOT_NEGATIVE] = 0.002
 
 
 @dataclass(kw_only=True)
@@ -430,6 +430,8 @@ class PlanOutput:
         moved
     graph_limit
         write graph.graphml, the joint graph, for up to this many entities (default: 24; more if it is small)
+    explain
+        also print what P and P_all mean, and what is assumed of points in the image and of faces
     """
 
     out: Folder = "plan"
@@ -437,6 +439,7 @@ class PlanOutput:
     resume: bool = False
     again: Annotated[str | None, _named("PLAN")] = None
     graph_limit: Limit = None
+    explain: bool = False
 
 
 @dataclass(kw_only=True)
@@ -586,6 +589,8 @@ class Simulate(PartReading):
     part
         the part of the plan; the simulation then also counts the displaced images in which edges can be found (default:
         not counted)
+    explain
+        also print what P and P_all mean
     """
 
     usage = ("PLAN [options]",)
@@ -594,6 +599,7 @@ class Simulate(PartReading):
     poses: Number = 100_000
     seed: Seed = 0
     part: Annotated[str | None, _named("PART")] = None
+    explain: bool = False
 
 
 @dataclass(kw_only=True)
@@ -664,7 +670,7 @@ class ArmErrors:
         check P with this many displaced poses per setting
     """
 
-    sigma_joints: Annotated[float | None, value(RAD, "RAD"), NOT_NEGATIVE] = None
+    sigma_joints: Annotated[float | None, value(sigma_angle, "RAD"), NOT_NEGATIVE] = None
     sigma_hand_eye: SigmaPair = None
     sigma_part: SigmaPair = None
     simulate: Number = 10_000
@@ -718,6 +724,8 @@ class Images:
         folder with setting_01.png and so on: PNG, TIFF, BMP or NumPy, 8 or 16 bits
     serial
         name of the measured part, for the files
+    operator
+        who measures, for the files
     parts
         IMAGES holds a folder of images for each of many parts, named by their serials; a part that cannot be measured
         gets a reason, and the others are measured
@@ -733,6 +741,7 @@ class Images:
     plan: str = field(kw_only=False)
     images: str = field(kw_only=False)
     serial: Annotated[str | None, _named("TEXT")] = None
+    operator: Annotated[str | None, _named("TEXT")] = None
     parts: bool = False
     partial: bool = False
     allow_lossy: bool = False

@@ -568,8 +568,12 @@ def _print_planned(
         print_arm(result)
     _print_unit(job.part, job.reading.get("units"))
     _print_left_out(job.targets)
-    if text := localisation_text(options, job.targets.items):
-        print_text(text)
+    if options.explain:
+        terminal_tables.print_explanation(result)
+        if text := localisation_text(options, job.targets.items):
+            print_text(text)
+    elif result.settings:
+        print("--explain prints what P and P_all mean, and what is assumed.")
     if result.unfinished and leftovers:
         print("The same command with --resume continues from here.")
     for text in written.notes:
@@ -688,7 +692,7 @@ def simulate(options: Simulate) -> int:
     if options.json:
         print_json(result.to_dict())
     else:
-        terminal_tables.print_simulation(loaded, result)
+        terminal_tables.print_simulation(loaded, result, explain=options.explain)
     return DONE if loaded.complete and result.confirmed else INCOMPLETE
 
 

@@ -118,6 +118,33 @@ SECONDS = Quantity(
 )
 
 
+# as a standard deviation, a larger number without a unit was rather meant as mrad or degrees
+_PLAIN_RAD = 0.1
+
+
+def sigma_angle(text: str) -> float:
+    """Return the standard deviation of an angle, rad; a large one must have its unit.
+
+    Parameters
+    ----------
+    text : str
+        Like ``0.002``, ``2mrad`` or ``0.1deg``.
+
+    Raises
+    ------
+    ValueError
+        If it is no angle, or has no unit and is above 0.1 rad (5.7°).
+    """
+    angle = RAD(text)
+    plain = text.strip()
+    if _PLAIN_RAD < angle < math.inf and plain[-1:].isdigit():
+        raise ValueError(
+            f"must have a unit above {_PLAIN_RAD} rad. Got {plain!r}, which is {math.degrees(angle):.3g}° in rad; "
+            f"did you mean {plain}mrad or {plain}deg?"
+        )
+    return angle
+
+
 def lengths(text: str) -> list[float]:
     """Return lengths separated by commas, mm; each may have its unit.
 
@@ -152,7 +179,7 @@ def sigma_pair(text: str) -> tuple[float, float]:
     """
     words = text.split(",")
     try:
-        sigmas = (MM(words[0]), RAD(words[1])) if len(words) == 2 else (-1.0, -1.0)
+        sigmas = (MM(words[0]), sigma_angle(words[1])) if len(words) == 2 else (-1.0, -1.0)
     except ValueError:
         sigmas = (-1.0, -1.0)
     if min(sigmas) >= 0:

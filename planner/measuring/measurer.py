@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,6 +18,7 @@ from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
+from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
@@ -266,6 +268,8 @@ class Measurer:
         The plan.
     solid : Solid
         Its part.
+    plan_digest : str
+        SHA-256 of the plan's file, for the results. Default: that of the file that the plan would be written to.
 
     Raises
     ------
@@ -282,8 +286,9 @@ class Measurer:
     'setting_01'
     """
 
-    def __init__(self, plan: InspectionPlan, solid: Solid) -> None:
+    def __init__(self, plan: InspectionPlan, solid: Solid, *, plan_digest: str = "") -> None:
         check_kinds(plan=(plan, "InspectionPlan"), solid=(solid, "Solid"))
+        self._plan_digest = plan_digest or hashlib.sha256(plan.file_text().encode()).hexdigest()
         self._digest = PartRecord.of(solid).digest
         why = plan.request.other_part(solid)
         if why:
@@ -308,6 +313,7 @@ class Measurer:
         options: MeasureOptions,
         *,
         serial: str = "",
+        operator: str = "",
         partial: bool = False,
         allow_lossy: bool = False,
     ) -> MeasurementResults:
@@ -321,6 +327,8 @@ class Measurer:
             How.
         serial : str
             Name of the part, for the files.
+        operator : str
+            Who measures, for the files.
         partial : bool
             Whether images may be missing.
         allow_lossy : bool
@@ -380,7 +388,7 @@ class Measurer:
             options.rule,
             serial,
             self._correlation(results, registered),
-            self._source(image_set),
+            self._source(image_set, operator),
             (*image_set.notes, *notes),
             pictures,
         )
@@ -593,8 +601,17 @@ class Measurer:
                         correlation[at] = covariance[i, j] / u
         return correlation
 
-    def _source(self, found: ImageSet) -> Source:
-        return Source(project_version(), self.plan.part, self._digest, dict(found.digests))
+    def _source(self, found: ImageSet, operator: str) -> Source:
+        return Source(
+            program=project_version(),
+            part=self.plan.part,
+            part_digest=self._digest,
+            images=dict(found.digests),
+            date=timestamp(),
+            operator=operator,
+            plan_digest=self._plan_digest,
+            camera=self.plan.camera,
+        )
 
 
 def measure(

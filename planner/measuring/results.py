@@ -20,10 +20,11 @@ from scipy.stats import chi2 as chi_squared
 from aspectgraph.entities.entity_rules import csv_text
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
-from errors.measurands import conformance_probability, decide
+from errors.measurands import acceptance_limits, conformance_probability, decide
 from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
+from planner.camera.camera import Camera
 from planner.files import write_text
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
@@ -40,6 +41,9 @@ CONSISTENT = 0.99
 
 # errors that readings from several images have in common
 _COMMON = ("surfaces", "localisation floor")
+
+
+_Limits = tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]]
 
 
 # How results are shown: values with the digits that their uncertainty leaves, and decisions in
@@ -59,11 +63,15 @@ _SEVERAL = {"conforms": "conform", "does not conform": "do not conform"}
 
 def number_text(value: float, uncertainty: float) -> str:
     """Return a value with as many decimals as its uncertainty has with two digits."""
-    decimals = 4
-    for decimals in range(7):
+    return f"{value:.{decimals_of(uncertainty)}f}"
+
+
+def decimals_of(uncertainty: float) -> int:
+    """Return the decimals that an uncertainty has with two digits, at most 6."""
+    for decimals in range(6):
         if uncertainty * 10**decimals >= 9.5:
-            break
-    return f"{value:.{decimals}f}"
+            return decimals
+    return 6
 
 
 def nominal_text(result: Result) -> str:
@@ -126,6 +134,9 @@ class Result(ShownInNotebook):
         In the order of the images.
     notes : tuple of str
         What the user should know.
+    accepted : (float, float) or None
+        Deviations between which the rule says that a part conforms; None without a value or a tolerance, or if nothing
+        is left between the guard bands.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -137,7 +148,7 @@ class Result(ShownInNotebook):
     unit: Annotated[str, Meta(pattern="^(mm|deg)$")]
     nominal: float
     tolerance: Annotated[
-        tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]] | None,
+        _Limits | None,
         Meta(description="Lower and upper deviation; null in place of one is no limit."),
     ]
     value: NumberOrNull
@@ -147,6 +158,10 @@ class Result(ShownInNotebook):
     reason: str
     readings: tuple[Reading, ...]
     notes: tuple[str, ...] = ()
+    accepted: Annotated[
+        _Limits | None,
+        Meta(description="Deviations between which the rule accepts; null: it accepts none."),
+    ] = None
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 
@@ -227,9 +242,14 @@ def merged(
     deviation = value - target.nominal
     decision = decide(deviation, u, target.tolerance, rule)
     probability = math.nan
+    accepted = None
     if target.tolerance is not None:
         probability = conformance_probability(deviation, u, target.tolerance)
-    return Result(*target_fields, value, u, decision, probability, "", tuple(readings), notes)
+        accepted = acceptance_limits(target.tolerance, u, rule)
+    return Result(
+        *(*target_fields, value, u, decision, probability),
+        *("", tuple(readings), notes, accepted),
+    )
 
 
 def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...]]:
@@ -325,7 +345,7 @@ def qif_text(results: MeasurementResults) -> str:
     Returns
     -------
     str
-        XML. The same results give the same text: it has no date, and its UUID is that of what it was measured from.
+        XML. The same results give the same text: its date is theirs, and its UUID is that of what it says.
     """
     ids = _Ids()
     root = ET.Element("QIFDocument", {"xmlns": NAMESPACE, "idMax": "0", "versionQIF": "3.0.0"})
@@ -423,6 +443,7 @@ def _results(
     sets = _list(parent, "MeasurementResultsSet", 1)
     measured = _add(sets, "MeasurementResults", id=ids.next())
     part = ids.next()
+    _traceability(measured, results.source)
     images = results.source.images
     if images:
         files = _list(measured, "ExternalFileReferences", len(images))
@@ -444,6 +465,17 @@ def _results(
     if results.serial:
         _add(component, "SerialNumber", results.serial)
     _add(_add(component, "Status"), "InspectionStatusEnum", status)
+
+
+def _traceability(measured: ET.Element, source: Source) -> None:
+    """Write when and by whom it was measured, as far as it is known."""
+    if not source.date and not source.operator:
+        return
+    traceability = _add(measured, "InspectionTraceability")
+    if source.date:
+        _add(traceability, "InspectionEnd", source.date)
+    if source.operator:
+        _add(_add(traceability, "InspectionOperator"), "Name", source.operator)
 
 
 def _measurement(element: ET.Element, one: Result, item: str, part: str) -> None:
@@ -504,7 +536,16 @@ FORMAT: Final = "aspectgraph-results"
 
 COLUMNS = (
     *("name", "kind", "unit", "nominal", "lower", "upper", "value", "deviation", "u", "U", "k"),
-    *("decision", "P_conforms", "images", "found", "rms_px", "overexposed"),
+    *(
+        "decision",
+        "P_conforms",
+        "accept_lower",
+        "accept_upper",
+        "images",
+        "found",
+        "rms_px",
+        "overexposed",
+    ),
     *(f"u_{source.replace(' ', '_')}" for source in SOURCES),
     "reason",
 )
@@ -733,12 +774,34 @@ class Rule:
 
 @dataclass(frozen=True)
 class Source:
-    """What was measured: the program's version, the part with its SHA-256, and the SHA-256 of each image."""
+    """What was measured, when, by whom and with what.
+
+    Attributes
+    ----------
+    program : str
+        The program's version.
+    part, part_digest : str
+        The part with its SHA-256.
+    images : mapping of str to str
+        The SHA-256 of each image.
+    date : str
+        When, in the form of ISO 8601 (UTC).
+    operator : str
+        Who measured; empty if not stated.
+    plan_digest : str
+        SHA-256 of the plan as its file has it.
+    camera : Camera or None
+        The calibration by which pixels became directions.
+    """
 
     program: str
     part: str
     part_digest: str
     images: Mapping[str, str]
+    date: str = ""
+    operator: str = ""
+    plan_digest: str = ""
+    camera: Camera | None = None
 
 
 @dataclass(frozen=True)
@@ -797,6 +860,7 @@ def _row(one: Result) -> dict[str, Any]:
         *map(_number, (one.value, one.deviation, one.standard_uncertainty)),
         *(_number(one.expanded_uncertainty), COVERAGE, one.decision.value),
         _number(one.conformance_probability),
+        *(plain_tolerance(one.accepted) or (None, None)),
         " ".join(reading.image for reading in readings),
         _number(max((reading.found_share for reading in readings), default=math.nan)),
         _number(min((reading.rms_px for reading in readings), default=math.nan)),

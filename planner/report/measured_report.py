@@ -11,15 +11,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import Decision, DecisionRule
+from errors.measurands import Decision, DecisionRule, guard_band
 from ground.templates import asset, render, render_macro
+from planner.camera.camera import Camera
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import Registered
 from planner.measuring.results import (
     MeasurementResults,
     Result,
+    decimals_of,
     nominal_text,
+    number_text,
     value_texts,
     verdict,
 )
@@ -245,10 +248,17 @@ def value_bar(result: Result, rule: DecisionRule) -> ValueBar | None:
         share = (value - low + room) / (high - low + 2 * room)
         return round(min(max(share, 0.0), 1.0) * _BAR[0], 2)
 
-    guard = _guard(rule, result.standard_uncertainty)
     bands = [("tolerance", at(lower), at(upper))]
-    if guard > 0:
-        bands += [("band", at(limit - guard), at(limit + guard)) for limit in limits]
+    outside = guard_band(result.standard_uncertainty, rule)
+    if outside > 0:
+        # between the values that conform and those that do not, nothing is decided
+        accepted = result.accepted or (upper, upper)
+        undecided = [(lower - outside, accepted[0]), (accepted[1], upper + outside)]
+        bands += [
+            ("band", at(low), at(high))
+            for (low, high), limit in zip(undecided, (lower, upper), strict=True)
+            if math.isfinite(limit)
+        ]
     return ValueBar(
         f"{result.name}: deviation {result.deviation:+.4g} ± {expanded:.2g}",
         bands,
@@ -267,17 +277,6 @@ def value_bar(result: Result, rule: DecisionRule) -> ValueBar | None:
 def _legend(states: Iterable[int]) -> list[tuple[str, str]]:
     """Return the colours of states with their words."""
     return [(COLOURS[State(k)], STATE_TEXTS[State(k)]) for k in sorted(set(states))]
-
-
-def _guard(rule: DecisionRule, u: float) -> float:
-    """Return how wide a guard band is drawn."""
-    if rule.name == "simple":
-        return 0.0
-    if rule.name == "guard U":
-        return 2 * u
-    from scipy.stats import norm
-
-    return float(norm.ppf(rule.level)) * u
 
 
 def _dots(points: NDArray[np.void], size: float) -> list[Stroke]:
@@ -305,6 +304,8 @@ def _whiskers(points: NDArray[np.void]) -> str:
 
 
 _PICTURES = "report/templates/measured_pictures.svg"
+# digits of a digest that tell files apart at a glance
+_DIGEST_DIGITS = 12
 _ORDER = (
     Decision.NOT_MEASURED,
     Decision.DOES_NOT_CONFORM,
@@ -357,6 +358,8 @@ def measured_html(results: MeasurementResults) -> str:
         style=asset("planner.report", "templates/measured.css"),
         heading=heading,
         verdict=verdict(results),
+        facts=_facts(results),
+        sorting=asset("planner.report", "templates/sort.js"),
         notes=list(image_notes(results)),
         explanation=_explanation(results),
         whisker=f"{WHISKER:g}",
@@ -365,6 +368,36 @@ def measured_html(results: MeasurementResults) -> str:
         images=[_image(name, results) for name in results.pictures],
     )
     return str(page)
+
+
+def _facts(results: MeasurementResults) -> dict[str, str]:
+    """Return what an auditor asks first, by names: what was measured, when, by whom, with what, how decided."""
+    source = results.source
+    rows = {
+        "Part": source.part or "part",
+        "Serial": results.serial,
+        "Measured": source.date,
+        "Operator": source.operator,
+        "Decision rule": str(results.rule),
+        "Program": f"aspectgraph {source.program}",
+        "Digest of the part": source.part_digest[:_DIGEST_DIGITS],
+        "Digest of the plan": source.plan_digest[:_DIGEST_DIGITS],
+        **(_camera_facts(source.camera) if source.camera is not None else {}),
+    }
+    return {name: value for name, value in rows.items() if value}
+
+
+def _camera_facts(camera: Camera) -> dict[str, str]:
+    """Return the camera and its calibration in words."""
+    width, height = camera.resolution
+    pitch = " × ".join(f"{1000 * length:.4g}" for length in dict.fromkeys(camera.pixel_pitch_mm))
+    centre = camera.principal_point_px
+    place = "in the middle" if centre is None else f"at {centre[0]:.2f}, {centre[1]:.2f} px"
+    lens = "no distortion" if camera.distortion is None else "distortion calibrated"
+    return {
+        "Camera": f"{camera.name or 'camera'}, {width} × {height} px of {pitch} µm",
+        "Calibration": f"image distance {camera.image_distance_mm:.6g} mm, principal point {place}, {lens}",
+    }
 
 
 def _explanation(results: MeasurementResults) -> str:
@@ -381,7 +414,9 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
         Column("target", kind="link"),
         Column("nominal", right=True),
         Column("value", right=True),
+        Column("deviation", right=True),
         Column("U (k = 2)", right=True),
+        Column("accepted", right=True),
         Column("tolerance, guard bands, value ± U", kind="lines"),
         Column("decision", kind="lines"),
     )
@@ -393,8 +428,37 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
             lines.append(CellLine(result.reason, "note"))
         decision = CellLine(result.decision.value, _CLASSES[result.decision])
         link = (_anchor(result, results), result.name)
-        rows.append((link, nominal_text(result), *value_texts(result), lines, [decision]))
+        value, uncertainty = value_texts(result)
+        texts = (nominal_text(result), value, _deviation_text(result), uncertainty)
+        rows.append((link, *texts, _accepted_text(result), lines, [decision]))
     return Table(columns, rows, style="stack")
+
+
+def _deviation_text(result: Result) -> str:
+    """Return how far a value is off, with the digits of its U; nothing of what was not measured."""
+    if not result.measured:
+        return ""
+    text = number_text(result.deviation, result.expanded_uncertainty)
+    return text if text.startswith("-") else f"+{text}"
+
+
+def _accepted_text(result: Result) -> str:
+    """Return the deviations that the rule accepts with this uncertainty; nothing without a tolerance."""
+    if not result.measured or result.tolerance is None:
+        return ""
+    if result.accepted is None:
+        return "none: u is too large"
+    decimals = decimals_of(result.expanded_uncertainty)
+    lower, upper = result.accepted
+    texts = []
+    # inwards, so that no value is said to be accepted that is not
+    if math.isfinite(lower):
+        texts.append(f"{math.ceil(lower * 10**decimals) / 10**decimals:.{decimals}f}")
+    if math.isfinite(upper):
+        texts.append(f"{math.floor(upper * 10**decimals) / 10**decimals:+.{decimals}f}")
+    if len(texts) == 2:
+        return " .. ".join(texts)
+    return f"{'up to' if math.isinf(lower) else 'from'} {texts[0]}"
 
 
 def _anchor(result: Result, results: MeasurementResults) -> str:

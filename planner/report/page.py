@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import base64
-import datetime
 import math
-import os
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,6 +19,7 @@ from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.exceptions import RequestError
+from planner.files import timestamp
 from planner.progress import report
 from planner.report.figure import (
     GraphPicture,
@@ -67,6 +65,7 @@ from planner.report.wording import (
     simulated_sentences,
     surfaces_sources,
     unfinished_sentence,
+    unlit_sentence,
     window_sentence,
 )
 from planner.request.targets import PlannedDimension, words_of
@@ -77,6 +76,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
     from aspectgraph import EntityAspectGraph, Solid
+    from planner.camera.camera import Camera
     from planner.plan import InspectionPlan
     from planner.progress import Progress
     from planner.request.reach import Space
@@ -96,8 +96,6 @@ if TYPE_CHECKING:
 
 # digits of a digest that tell parts apart at a glance
 _DIGEST_DIGITS = 12
-# more seconds than that are beyond the year 5138
-_SECONDS_DIGITS = 11
 
 
 def report_date(environment: Mapping[str, str] | None = None) -> str:
@@ -113,10 +111,7 @@ def report_date(environment: Mapping[str, str] | None = None) -> str:
     str
         Such as ``"2026-03-01"``. A plan file holds no date, so equal requests give equal plans.
     """
-    text = (os.environ if environment is None else environment).get("SOURCE_DATE_EPOCH", "")
-    is_seconds = text.isascii() and text.isdigit() and len(text) <= _SECONDS_DIGITS
-    seconds = int(text) if is_seconds else time.time()
-    return datetime.datetime.fromtimestamp(seconds, datetime.UTC).date().isoformat()
+    return timestamp(environment).partition("T")[0]
 
 
 def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
@@ -129,17 +124,29 @@ def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
     date : str, optional
         When the report was written; nothing is said of it otherwise.
     """
-    camera = plan.camera
     rows = {
         "Part": plan.part or "part",
         "Digest of the part": _digest(plan),
-        "Camera": f"{camera.name or 'camera'}, f = {camera.focal_length_mm:g} mm, "
-        f"f/{camera.f_number:g}, focused at {camera.focus_distance_mm:g} mm",
+        "Camera": camera_text(plan.camera),
         "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
         "Program": f"aspectgraph {project_version()}",
         "Date": date or "",
     }
     return {name: value for name, value in rows.items() if value}
+
+
+def camera_text(camera: Camera) -> str:
+    """Return a camera with its lens, for the head of a report.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    """
+    return (
+        f"{camera.name or 'camera'}, f = {camera.focal_length_mm:g} mm, f/{camera.f_number:g}, "
+        f"focused at {camera.focus_distance_mm:g} mm"
+    )
 
 
 def _digest(plan: InspectionPlan) -> str:
@@ -589,6 +596,7 @@ class Report:
             base_style=asset("planner.report", "templates/base.css"),
             style=asset("planner.report", "templates/page.css"),
             script=asset("planner.report", "templates/page.js"),
+            sorting=asset("planner.report", "templates/sort.js"),
             **self.values,
         )
         return str(page)
@@ -768,7 +776,8 @@ def _lead(plan: InspectionPlan) -> str:
     return (
         f"{inspected} of {n_targets} {verb} measured from {count(n, _POSE)} "
         f"({_numbers(n)}). {features}{' ' if features else ''}"
-        f"{bound_sentence(plan, _nouns(plan), _POSE)} {simulated} {unfinished_sentence(plan)} {light_sentence(plan)}"
+        f"{bound_sentence(plan, _nouns(plan), _POSE)} {simulated} {unfinished_sentence(plan)} {light_sentence(plan)} "
+        f"{unlit_sentence(plan)}"
     ).rstrip()
 
 

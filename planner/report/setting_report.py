@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph.solid.solid import RayScene
 from errors.checks import interval_text, probability_text
-from errors.measurands import Localisation, acceptance_limits, uncertainty_ratio
+from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, exposure_of
 from planner.progress import TimeLeft, report
@@ -426,9 +426,10 @@ def _budget(dimension: PlannedDimension, measurement: Measurement) -> str | list
 def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[CellLine]:
     if dimension.tolerance is None:
         return [CellLine("no tolerance stated")]
-    limits = acceptance_limits(dimension.tolerance, measurement.expanded_uncertainty)
+    rule = DecisionRule.iso14253()
+    limits = acceptance_limits(dimension.tolerance, measurement.standard_uncertainty, rule)
     if limits is None:
-        return [CellLine("nothing: U takes the whole tolerance", "bad")]
+        return [CellLine("nothing: u is too large for the tolerance", "bad")]
     low, high = (dimension.nominal + limit for limit in limits)
     upper = unbroken(f"{high:.6g} {dimension.unit}")
     if math.isinf(low):

@@ -289,6 +289,12 @@ def print_plan(plan: InspectionPlan) -> None:
     print_text(words(verdict(plan), names))
 
 
+def print_explanation(plan: InspectionPlan) -> None:
+    """Print what the probabilities of a plan mean; nothing of a plan without settings."""
+    if plan.settings:
+        print_text(promise_sentence(plan))
+
+
 def _print_not_inspected(plan: InspectionPlan) -> None:
     """Print which targets are not inspected, and why; a reason of several once."""
     for reason, names in names_by_reason(plan.uninspectable).items():
@@ -344,8 +350,10 @@ def tightest_margin(plan: InspectionPlan, setting: SensorSetting) -> str:
     return ""
 
 
-def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
-    """Print predicted probabilities beside simulated frequencies."""
+def print_simulation(
+    plan: InspectionPlan, result: SimulationResult, *, explain: bool = False
+) -> None:
+    """Print predicted probabilities beside simulated frequencies, and what they mean if asked to explain."""
     columns = (
         Column(words_of(plan.targets).items[0]),
         Column("setting", right=True),
@@ -372,8 +380,8 @@ def print_simulation(plan: InspectionPlan, result: SimulationResult) -> None:
         for k in range(len(plan.settings)):
             for text in unshown_texts(result.shown, k):
                 print_text(words(f"setting {k + 1}: {text}", names), indent="  ")
-    if plan.settings:
-        print_text(promise_sentence(plan))
+    if explain:
+        print_explanation(plan)
     if any(result.rates):
         print_text(f"All intervals hold together with {percent(result.confidence)} confidence.")
 

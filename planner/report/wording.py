@@ -344,6 +344,16 @@ def lamps_named(image: LitImage) -> str:
     return f"lamp{'s' * (len(image.lamps) > 1)} {numbers}"
 
 
+def unlit_sentence(plan: InspectionPlan) -> str:
+    """Say what a plan without lamps does not promise; empty of one with lamps, or without settings."""
+    if plan.light is not None or not plan.settings:
+        return ""
+    return (
+        "Light is not planned, so nothing is promised of contrast: an edge that your lamps do not show is not "
+        "measured. --light plans lamps."
+    )
+
+
 def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
     """Say for each image of a setting where its lamp is and what it shows, and what no lamp shows."""
     if plan.light is None:
@@ -378,8 +388,7 @@ def verdict(plan: InspectionPlan) -> str:
         sentences.append(unfinished_sentence(plan))
     if plan.light is not None and n:
         sentences.append(light_sentence(plan))
-    if n:
-        sentences.append(promise_sentence(plan))
+    sentences.append(unlit_sentence(plan))
     return " ".join(filter(None, sentences))
 
 

@@ -9,12 +9,15 @@ from scipy.spatial.transform import Rotation
 from errors import success_probability
 from errors.measurands import (
     Circle,
+    Decision,
+    DecisionRule,
     Line,
     Localisation,
     Measurand,
     MeasurandError,
     MeasurandModel,
     acceptance_limits,
+    decide,
     kind,
     uncertainty_ratio,
 )
@@ -378,5 +381,25 @@ def test_what_entities_do_not_define_is_refused(name, geometry, message):
 
 def test_conformity():
     assert uncertainty_ratio(0.01, (-0.05, 0.05)) == pytest.approx(0.1)
-    assert acceptance_limits((-0.05, 0.05), 0.01) == pytest.approx((-0.04, 0.04))
-    assert acceptance_limits((-0.05, 0.05), 0.06) is None
+    # guard bands of U, of nothing, and of the 95 % quantile of a normal distribution
+    limits = acceptance_limits((-0.05, 0.05), 0.005, DecisionRule.guard())
+    assert limits == pytest.approx((-0.04, 0.04))
+    assert acceptance_limits((-0.05, 0.05), 0.03, DecisionRule.guard()) is None
+    assert acceptance_limits((-0.05, 0.05), 0.03, DecisionRule.simple()) == (-0.05, 0.05)
+    limits = acceptance_limits((-0.05, 0.05), 0.005, DecisionRule.iso14253())
+    assert limits == pytest.approx((-0.05 + 1.644854 * 0.005, 0.05 - 1.644854 * 0.005))
+    limits = acceptance_limits((-math.inf, 0.05), 0.005, DecisionRule.iso14253())
+    assert limits == pytest.approx((-math.inf, 0.05 - 1.644854 * 0.005))
+
+
+@pytest.mark.parametrize("rule", [DecisionRule.iso14253(0.99), DecisionRule.guard()])
+@pytest.mark.parametrize("u", [0.001, 0.02, 0.024, 0.0255, 0.05])
+def test_acceptance_limits_are_where_the_decision_changes(rule, u):
+    tolerance = (-0.02, 0.1)
+    limits = acceptance_limits(tolerance, u, rule)
+    if limits is None:
+        assert decide(0.04, u, tolerance, rule) is not Decision.CONFORMS
+        return
+    for limit, inwards in zip(limits, (1e-9, -1e-9), strict=True):
+        assert decide(limit + inwards, u, tolerance, rule) is Decision.CONFORMS
+        assert decide(limit - inwards, u, tolerance, rule) is not Decision.CONFORMS

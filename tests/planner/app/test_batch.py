@@ -24,9 +24,10 @@ from planner import (
 )
 from planner.app import batch
 from planner.app import batch as scheduler
-from planner.app.batch import PLANNED, REFUSED, PartResult, dask_executor, digest_of, write_tables
+from planner.app.batch import PLANNED, REFUSED, PartResult, dask_executor, write_tables
 from planner.app.main import main
 from planner.app.process import BAD_INPUT, INCOMPLETE
+from planner.files import file_digest
 from planner.plan import read_plan
 from planner.report.plan_folder import folder_lock
 
@@ -111,7 +112,7 @@ def test_every_part_has_a_result_and_is_found_again(parts, request_, tmp_path, m
             len(found.settings),
             found.lower_bound,
         )
-        assert one.file_sha256 == digest_of(parts / one.part)
+        assert one.file_sha256 == file_digest(parts / one.part)
     rows = json.loads((out / "results.json").read_text())
     assert [row["part"] for row in rows] == [one.part for one in results]
     with open(out / "results.csv", newline="") as table:

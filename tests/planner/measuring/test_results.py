@@ -4,6 +4,7 @@ The schema is `qif_written.xsd`, which states requirements of QIF 3.0 for what i
 """
 
 import dataclasses
+import hashlib
 import json
 import re
 import uuid
@@ -52,6 +53,7 @@ from planner.measuring.results import (
     qif_text,
     results_schema,
 )
+from planner.report.measured_report import measured_html
 
 SCHEMA = xmlschema.XMLSchema11(Path(__file__).with_name("qif_written.xsd"))
 
@@ -479,7 +481,27 @@ def test_results_are_valid_and_written_whole(results, tmp_path):
 
 def test_the_same_images_give_the_same_bytes(solid, images, exact, results):
     again = measure(measured_plan(solid), solid, images, registration=exact)
+    # all but the time
+    again = dataclasses.replace(again, source=dataclasses.replace(again.source, date="then"))
+    results = dataclasses.replace(results, source=dataclasses.replace(results.source, date="then"))
     assert json.dumps(again.to_dict()) == json.dumps(results.to_dict())
+
+
+def test_results_say_when_by_whom_and_with_what(solid, images, exact, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    plan = measured_plan(solid)
+    results = Measurer(plan, solid).measure(images, MeasureOptions(exact), operator="A. Meyer")
+    source = results.source
+    assert (source.date, source.operator) == ("1970-01-02T00:00:00Z", "A. Meyer")
+    assert source.plan_digest == hashlib.sha256(plan.file_text().encode()).hexdigest()
+    assert source.camera == plan.camera
+    root = ET.fromstring(qif_text(results))
+    assert first(root, "InspectionEnd").text == "1970-01-02T00:00:00Z"
+    assert first(root, "InspectionOperator")[0].text == "A. Meyer"
+    assert faults(qif_text(results)) == []
+    page = measured_html(results)
+    for text in ("A. Meyer", "1970-01-02T00:00:00Z", source.plan_digest[:12], plan.camera.name):
+        assert text in page
 
 
 def test_a_measurer_measures_many_parts(solid, exact):

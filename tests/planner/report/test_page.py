@@ -28,6 +28,7 @@ from planner.report.figure import color_of, figure_views, plan_figure
 from planner.report.page import facts, make_report, report_date, report_html
 from planner.report.predicted_image import PictureMaker, png_data
 from planner.report.tables import stance
+from planner.report.terminal_tables import print_explanation
 from planner.report.wording import margin_texts, verdict
 
 SIZE = (80.0, 50.0, 60.0)
@@ -382,10 +383,17 @@ def test_margins_are_told_with_their_units():
 def test_verdict_names_bound_and_simulation():
     assert verdict(box_plan()) == (
         "2 of 3 entities inspected from 2 settings. Proven lower bound for the 2 inspected entities: 1. Every plan "
-        "that inspects them under this request has at least 1 setting. Not simulated. P is the probability that the "
-        "error is at most 2 % of the edge's image length, given a registered image in which the edge is found."
+        "that inspects them under this request has at least 1 setting. Not simulated. Light is not planned, so "
+        "nothing is promised of contrast: an edge that your lamps do not show is not measured. --light plans lamps."
     )
-    assert "Proven minimal" in verdict(box_plan(lower_bound=2))
+
+
+def test_what_probabilities_mean_is_printed_on_demand(capsys):
+    print_explanation(box_plan())
+    text = " ".join(capsys.readouterr().out.split())
+    assert text.startswith(
+        "P is the probability that the error is at most 2 % of the edge's image length, "
+    )
 
 
 def test_pictures_that_had_no_time_are_replaced_by_a_sentence(page):

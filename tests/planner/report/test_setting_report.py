@@ -30,8 +30,8 @@ def texts(lines):
     return [line.text for line in lines]
 
 
-def accepted(expanded, **fields):
-    (line,) = _accepted(dimension(**fields), SimpleNamespace(expanded_uncertainty=expanded))
+def accepted(u, **fields):
+    (line,) = _accepted(dimension(**fields), SimpleNamespace(standard_uncertainty=u))
     return line.text
 
 
@@ -52,8 +52,9 @@ def test_the_permitted_error_is_a_share_of_the_tolerance():
     assert planned_dimension(*given).share_text == ""
 
 
-def test_what_is_accepted_is_the_tolerance_less_the_uncertainty_on_both_sides():
-    assert accepted(0.05) == "19.95 and 20.25\u00a0mm"
+def test_what_is_accepted_is_the_tolerance_less_guard_bands_on_both_sides():
+    # 1.644854 u inside the limits 19.9 and 20.3
+    assert accepted(0.025) == "19.9411 and 20.2589\u00a0mm"
     assert "nothing" in accepted(0.25)
     assert accepted(0.05, tolerance=None) == "no tolerance stated"
 

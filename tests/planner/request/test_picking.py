@@ -142,7 +142,9 @@ def test_the_record_says_what_the_file_says_and_is_taken_again(browser, part, tm
     page.run("choice.add(items.map((_, k) => k))")
     # two names that are equal, and one that is the default name of another item
     page.run("choice.rename(0, 'same'); choice.rename(1, 'same'); choice.rename(2, 'e0')")
-    page.run("$('tolerance').value = '±0.4'; $('share').value = 50; choice.tolerances.set(3, '0/0.3')")
+    page.run(
+        "$('tolerance').value = '±0.4'; $('share').value = 50; choice.tolerances.set(3, '0/0.3')"
+    )
     page.run("chosen()")
     record = page.run("choice.record()")
     page.run("choice.remove([...choice.names.keys()]); choice.tolerances.clear(); choice.share = 1")
