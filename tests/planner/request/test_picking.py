@@ -12,7 +12,7 @@ from aspectgraph import MissingExtraError, Solid
 from aspectgraph.plot.picker import picker_html
 from ground.templates import asset
 from planner import Dimension, pick
-from planner.request import picking
+from planner.request import dimension_files
 from planner.request.resolve import resolve_wanted
 
 WIDTH_PX = 1000
@@ -205,7 +205,7 @@ def test_a_notebook_shows_a_widget(part):
 
 def test_without_the_extra_one_line_says_what_to_install(part, monkeypatch):
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    picking._picker_class.cache_clear()
+    dimension_files._picker_class.cache_clear()
     with pytest.raises(MissingExtraError, match=r"needs the package anywidget.*'\.\[notebook\]'"):
         pick(part)
-    picking._picker_class.cache_clear()
+    dimension_files._picker_class.cache_clear()
