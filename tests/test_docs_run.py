@@ -1,5 +1,6 @@
 """The commands and snippets of the tutorial and the guides run as printed; see also test_readme.py."""
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -75,9 +76,12 @@ def test_commands_run_as_printed(page, clone, capsys):
             TOML.search(page.read_text("utf-8"))[1], encoding="utf-8"
         )
     for words in commands(page):
-        assert main(words) == 0, words
+        # the tutorial says that a target may have no value
+        codes = (0, 1) if words[:2] == ["measure", "boss"] else (0,)
+        assert main(words) in codes, words
     if page.stem == "tutorial":
         out = capsys.readouterr().out
+        check_rehearsal()
         assert "12 of 12 entities inspected from 1 setting" in out
         assert "Proven minimal" in out
         assert read_plan("boss/plan.json").complete
@@ -87,6 +91,16 @@ def test_commands_run_as_printed(page, clone, capsys):
         assert set(read_plan("plan-wanted/plan.json").dimensions) == {"bore", "width", "front"}
         # what the file states, see the table on that page
         assert len(read_plan("plan-all/plan.json").inspected) == 12
+
+
+def check_rehearsal():
+    """Nearly all edges are measured, and 19 of 20 values are to be within U of the true one."""
+    truth = json.loads(Path("boss-images/truth.json").read_text())["values"]["setting_01"]
+    results = json.loads(Path("boss-measured/results.json").read_text())["results"]
+    measured = [result for result in results if not result["reason"]]
+    assert len(measured) >= 11
+    within = [abs(one["value"] - truth[one["name"]]) <= one["U"] for one in measured]
+    assert within.count(False) <= 2
 
 
 def test_no_command_meets_the_plan_of_another_page():
