@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from aspectgraph.exceptions import OutputError, ReadError
+from ground.short_repr import short_repr
 
 # Files that are written whole or not at all, read up to a limit, and digested.
 
@@ -311,6 +312,8 @@ class SolidChoice:
 
     measured: Sequence[int] | None = None
     occluders: str | Sequence[int] = ()
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if isinstance(self.occluders, str) and self.occluders != "all":

@@ -60,6 +60,7 @@ from .request.camera_limits import default_workspace as default_workspace
 from .request.constraints import Requirements as Requirements
 from .request.dimension import Dimension as Dimension
 from .request.dimension_files import dimensions_to_plan as dimensions_to_plan
+from .request.dimension_files import pick as pick
 from .request.reach import BoxRegion as BoxRegion
 from .request.reach import MeshRegion as MeshRegion
 from .request.reach import SphereRegion as SphereRegion

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from errors.measurands.geometry import Localisation
 from ground.convert import STATED, Meta, Plain, Shape, from_plain, to_plain
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
@@ -293,6 +294,8 @@ class Request:
     def __post_init__(self) -> None:
         if self.edge_break_mm is not None:
             checked_break(self.edge_break_mm)
+
+    __repr__ = short_repr
 
     def identity(self) -> dict[str, Any]:
         """Return all fields as plain values, the same in every process.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ground.short_repr import short_repr
 from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera, camera_parts, check_bodies
 from planner.camera.pose import PoseUncertainty, look_at, world_to_cam
@@ -95,6 +96,8 @@ class PosePrediction:
     conditional_probability: float
     missed: dict[str, float]
     p_all: float = math.nan
+
+    __repr__ = short_repr
 
     @property
     def inspected(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.geometry import Localisation as Localisation
+from ground.short_repr import short_repr
 from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -171,6 +172,8 @@ class InspectionOptions(RunOptions):
     registration: Any = None
     edge_break_mm: tuple[float, float] | None = None
     gap: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.effort is not None:

@@ -31,6 +31,7 @@ from aspectgraph.visibility.visibility_regions import KeptRegions
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
 from ground.convert import STATED, Meta, from_plain, to_plain
+from ground.short_repr import short_repr
 from planner.argument_kinds import (
     MAPPING,
     NOT_NEGATIVE,
@@ -139,6 +140,8 @@ class PartRequest:
     graph_limit: int = 0
     effort: Effort = field(default_factory=Effort)
     limits: Mapping[str, Any] = field(default_factory=dict)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         check_kinds(
@@ -253,6 +256,8 @@ class PartResult:
     file_sha256: Annotated[str, STATED] = ""
     request: Annotated[str, STATED] = ""
     plan_sha256: Annotated[str, STATED] = ""
+
+    __repr__ = short_repr
 
     def write(self, folder: Path) -> None:
         """Write the record next to the plan.

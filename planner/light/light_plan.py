@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.convert import STATED, Meta, NullIs, Shape, from_plain, to_plain
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
@@ -79,6 +81,8 @@ class LitImage:
     ] = ()
     expose_for: Exposure | None = None
 
+    __repr__ = short_repr
+
     def exposure_dict(self) -> dict[str, Any] | None:
         """Return what the image is exposed for as plain values, ready for JSON.
 
@@ -130,7 +134,7 @@ _SHARED = tuple(item.name for item in fields(LightRecord) if item.name != "setti
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LightPlan:
+class LightPlan(ShownInNotebook):
     """Lamps that light the targets of a plan.
 
     Attributes
@@ -185,6 +189,35 @@ class LightPlan:
         if self.area is not None:
             lamps = str(self.area)
         return f"<LightPlan: {lamps}, contrast {self.contrast:g}, {sum(map(len, self.images))} images, {dark} unlit>"
+
+    def _notebook_view(self) -> NotebookView:
+        rows = []
+        for number, images in enumerate(self.images, start=1):
+            for image in images:
+                places = [", ".join(f"{c:.1f}" for c in self.lamps[lamp]) for lamp in image.lamps]
+                lamps = ", ".join(f"{lamp + 1}" for lamp in image.lamps)
+                weakest = f"{min(image.contrast.values()):.2f}"
+                rows.append((number, lamps, "; ".join(places), ", ".join(image.contrast), weakest))
+        headings = ("setting", "lamp", "at (mm)", "shows", "smallest contrast")
+        n = len(self.lamps)
+        lines = (
+            self._verdict(),
+            f"{n} {self.kind} lamp{'s' * (n != 1)} (at least {self.lower_bound} needed), "
+            f"{len(rows)} images, {self.ground} background, contrast ≥ {self.contrast:g}",
+        )
+        unlit = {
+            f"{name} in setting {number}": reason
+            for number, reasons in enumerate(self.unlit, start=1)
+            for name, reason in reasons.items()
+        }
+        return NotebookView("Lamps", lines, NotebookTable(headings, rows, right=(0, 1, 4)), unlit)
+
+    def _verdict(self) -> Toned:
+        if not self.complete:
+            return Toned(f"{sum(map(len, self.unlit))} targets are not lit.", "bad")
+        if not self.minimal:
+            return Toned("Every target is lit; fewer lamps may be enough.", "open")
+        return Toned("Every target is lit; fewer lamps are not enough.", "good")
 
     @property
     def complete(self) -> bool:

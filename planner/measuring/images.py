@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.checks import percent_text
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.response import LINEAR, Response, stated_in_file
 from planner.exceptions import RequestError
@@ -203,6 +204,8 @@ class Picture:
     def __post_init__(self) -> None:
         if not self.levels.size:
             object.__setattr__(self, "levels", self.grey)
+
+    __repr__ = short_repr
 
     @classmethod
     def of(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from errors.measurands import DecisionRule, Localisation
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from ground.faces import project_version
+from ground.short_repr import short_repr
 from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
 from planner.camera.camera import Camera
@@ -255,6 +256,8 @@ class MeasureOptions:
     white_level: int | None = None
     response: str | float | None = None
     edge_break_mm: tuple[float, float] | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.response is not None:

@@ -587,6 +587,13 @@ class Reading:
     notes: tuple[str, ...] = ()
     edge_shift: Annotated[NumberOrNull, Key("by_mm_of_break")] = math.nan
 
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        value = f"{self.value:.6g}, u = {self.standard_uncertainty:.2g}"
+        if not self.measured:
+            value = "not measured"
+        return f"<Reading of {self.name!r} in {self.image!r}: {value}>"
+
     @property
     def measured(self) -> bool:
         """Whether it has a value."""

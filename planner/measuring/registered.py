@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph.entities.entity_rules import PARAMETERS
 from aspectgraph.solid.solid import RayScene
 from ground.convert import NOT_STORED, Meta, NullIs, Shape
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.measuring.samples import POSE, PartEdge, PartModel
 from planner.request.registration import LEAST_POSE
@@ -323,6 +324,8 @@ class Registered:
     )
     lamps: Annotated[Mapping[str, Lamp], NOT_STORED] = field(default_factory=dict, repr=False)
     pose_covariance: Annotated[Array, Shape(6, 6)] = field(init=False, repr=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose_covariance", self.covariance[:POSE, :POSE])

@@ -24,6 +24,7 @@ from scipy.stats import chi2 as chi_squared
 from aspectgraph.exceptions import how_to_install
 from errors.registration import Posterior, Rows, posterior
 from ground.convert import Meta, Shape, check_fields, shown
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
@@ -131,6 +132,8 @@ class Fiducials:
     sigma_mm: Annotated[_Positive, Meta(le=MAX_SIGMA_MM)]
     sigma_rad: Annotated[_Positive, Meta(le=MAX_SIGMA_RAD)]
     corner_px: Annotated[_Positive, Meta(le=MOST_CORNER_PX)] = CORNER_PX
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "board2part", rigid_motion(self.board2part, "board2part"))
@@ -463,6 +466,8 @@ class Registration:
     poses: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     pose_uncertainty: PoseUncertainty | None = None
     board: Fiducials | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         value = self.surfaces_mm

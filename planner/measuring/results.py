@@ -23,6 +23,7 @@ from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands import acceptance_limits, conformance_probability, decide
 from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from planner.camera.camera import Camera
 from planner.files import write_text
 from planner.measuring.images import Picture
@@ -32,6 +33,7 @@ from planner.measuring.response import ResponseRecord
 from planner.request.dimension import plain_tolerance
 from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
 from planner.request.targets import Target
+from planner.request.words import tolerance_text
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
 
@@ -46,8 +48,70 @@ _COMMON = ("surfaces", "localisation floor", "response", "edge state")
 _Limits = tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]]
 
 
+# How results are shown: values with the digits that their uncertainty leaves, and decisions in
+# words.
+
+
+# colours of decisions in a notebook
+_TONES = {
+    Decision.CONFORMS: "good",
+    Decision.DOES_NOT_CONFORM: "bad",
+    Decision.UNDECIDED: "open",
+    Decision.NOT_MEASURED: "bad",
+}
+# of decisions whose words differ for several targets
+_SEVERAL = {"conforms": "conform", "does not conform": "do not conform"}
+
+
+def number_text(value: float, uncertainty: float) -> str:
+    """Return a value with as many decimals as its uncertainty has with two digits."""
+    return f"{value:.{decimals_of(uncertainty)}f}"
+
+
+def decimals_of(uncertainty: float) -> int:
+    """Return the decimals that an uncertainty has with two digits, at most 6."""
+    for decimals in range(6):
+        if uncertainty * 10**decimals >= 9.5:
+            return decimals
+    return 6
+
+
+def nominal_text(result: Result) -> str:
+    """Return the nominal value with its unit and tolerance."""
+    tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
+    return f"{result.nominal:.6g} {result.unit}{tolerance}"
+
+
+def value_texts(result: Result) -> tuple[str, str]:
+    """Return a value and its U; nothing of what was not measured."""
+    if not result.measured:
+        return "", ""
+    u = result.expanded_uncertainty
+    return number_text(result.value, u), number_text(u, u)
+
+
+def verdict(results: MeasurementResults) -> str:
+    """Say in a sentence or two what was measured."""
+    measured = sum(result.measured for result in results)
+    parts = [
+        f"{n} {name if n == 1 else _SEVERAL.get(name, name)}" for name, n in results.counts.items()
+    ]
+    n_targets = len(results)
+    n_images = len(results.images)
+    return (
+        f"{measured} of {n_targets} target{'s' * (n_targets != 1)} measured in "
+        f"{n_images} image{'s' * (n_images != 1)}. "
+        f"Decisions ({results.rule}): {', '.join(parts) or 'none'}."
+    )
+
+
+def _decision_cell(decision: Decision) -> str | Toned:
+    tone = _TONES.get(decision)
+    return decision.value if tone is None else Toned(decision.value, tone)
+
+
 @dataclass(frozen=True)
-class Result:
+class Result(ShownInNotebook):
     """One target, measured.
 
     Attributes
@@ -119,6 +183,29 @@ class Result:
         if not measured:
             return {}
         return min(measured, key=lambda one: one.standard_uncertainty).budget
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        value, u = value_texts(self)
+        measured = f"{value} ± {u} {self.unit}, " if self.measured else ""
+        return f"<Result {self.name!r}: {measured}{self.decision.value}>"
+
+    def _notebook_view(self) -> NotebookView:
+        value, u = value_texts(self)
+        rows = [
+            ("nominal", nominal_text(self)),
+            ("value", f"{value} {self.unit}" if value else self.reason),
+            ("U (k = 2)", f"{u} {self.unit}" if u else ""),
+            ("decision", _decision_cell(self.decision)),
+        ]
+        for reading in self.readings:
+            share = f"{100 * reading.found_share:.0f} % of its points found"
+            rows.append((f"in {reading.image}", reading.reason or share))
+        notes = {f"note {n}": note for n, note in enumerate(self.notes, start=1)}
+        filled = [row for row in rows if str(row[1])]
+        return NotebookView(
+            f"{self.name} ({self.kind})", table=NotebookTable(("", ""), filled), items=notes
+        )
 
 
 def merged(
@@ -513,7 +600,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, eq=False)
-class MeasurementResults:
+class MeasurementResults(ShownInNotebook):
     """The results of one part.
 
     Attributes
@@ -569,7 +656,30 @@ class MeasurementResults:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         counts = ", ".join(f"{n} {name}" for name, n in self.counts.items())
-        return f"<MeasurementResults of {self.serial or 'a part'!r}: {counts or 'nothing'}>"
+        part = self.serial or self.source.part or "a part"
+        return f"<MeasurementResults of {part!r}: {counts or 'nothing'}>"
+
+    def _notebook_view(self) -> NotebookView:
+        headings = ("target", "nominal", "value", f"U (k = {COVERAGE:g})", "decision")
+        rows = [
+            (
+                result.name,
+                nominal_text(result),
+                *value_texts(result),
+                _decision_cell(result.decision),
+            )
+            for result in self
+        ]
+        remarks = {
+            result.name: "; ".join(filter(None, (result.reason, *result.notes))) for result in self
+        }
+        items = {name: text for name, text in (*remarks.items(), *self.failed.items()) if text}
+        return NotebookView(
+            f"Measured: {self.serial or self.source.part or 'a part'}",
+            (verdict(self), *self.notes),
+            NotebookTable(headings, rows, right=(1, 2, 3)),
+            items,
+        )
 
     @property
     def readings(self) -> dict[str, tuple[Reading, ...]]:

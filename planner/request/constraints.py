@@ -20,6 +20,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from ground.decorators import entry_kernel, kernel
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.detectability.conditions import NOT_ASKED, Detectability
@@ -312,6 +313,8 @@ class Requirements:
     focus_reserve: FocusReserve = NO_RESERVE
     showing: Detectability = NOT_ASKED
     cell: Annotated[PoseRegion | None, PlainReach] = field(default=None, repr=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for name in limit_names():

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from ground.short_repr import short_repr
 from planner.argument_kinds import (
     ABOVE_0_TO_1,
     NOT_NEGATIVE,
@@ -212,6 +213,8 @@ class Dimension:
     surfaces_from: str = ""
     places: int = 1
     edge_break_mm: tuple[float, float] | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import errors
 from errors.registration import Imaging, KnownPoses, Stretches, Values, known_poses
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import (
     PoseUncertainty,
@@ -158,6 +159,8 @@ class Means:
     by_surfaces: float | None = None
     own_edges: OwnEdges | None = None
     edges: EdgeState = SHARP
+
+    __repr__ = short_repr
 
 
 class EdgeModels:

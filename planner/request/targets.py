@@ -23,6 +23,7 @@ from errors.measurands import Circle, Line, Localisation, Measurand
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
 from ground.convert import STATED, Meta
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError, RequestError
@@ -514,6 +515,8 @@ class PlannedDimension(Target):
     edge_break_mm: tuple[float, float] | None = None
     surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
     edges: EdgeState = field(default=SHARP, repr=False, kw_only=True)
+
+    __repr__ = short_repr
 
     @classmethod
     def of(
