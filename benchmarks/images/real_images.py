@@ -29,9 +29,9 @@ from broken_part import Sizes, dimensions_of, mesh_of, solid_of, write_step
 from measured_images import displaced
 from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, minimum_filter, zoom
 
-import planner
 from aspectgraph import read_solid
 from planner import (
+    Backlight,
     Camera,
     Effort,
     LampDome,
@@ -356,9 +356,9 @@ class Bench:
             return DOME
         if light == "ring":
             return "ring"
-        if light == "backlight" and hasattr(planner, "Backlight"):
+        if light == "backlight":
             size = 2 * BACKLIGHT_MM
-            return planner.Backlight.horizontal((*MIDDLE_MM, -BELOW_MM), size, size)
+            return Backlight.horizontal((*MIDDLE_MM, -BELOW_MM), size, size)
         return None
 
     def _bare_plan(self):
@@ -470,8 +470,7 @@ def above_the_table(places) -> np.ndarray:
 
 
 def options_of(condition: Condition) -> MeasureOptions:
-    """Return how a condition is measured: what it states is told, if the options have a field for it."""
-    known = {field.name for field in fields(MeasureOptions)}
+    """Return how a condition is measured: the measurement gets what the condition states."""
     stated = condition.state.split("+")
     options: dict = {}
     kind, size = condition.broken
@@ -481,8 +480,6 @@ def options_of(condition: Condition) -> MeasureOptions:
         options["response"] = condition.response
     if "white" in stated:
         options["white_level"] = 2**condition.bits - 1
-    for name in set(options) - known:
-        del options[name]
     return MeasureOptions(Registration.own_edges(SURFACES_MM), **options)
 
 
