@@ -6,7 +6,8 @@ and sharp, chamfered or rounded edges. Light goes from face to face. The images 
 response of the camera to whole grey values. Nothing is shared with what measures them.
 
 FOLDER keeps plans and rendered light, so a second run measures only. Each combination of --edges, --materials,
---lights, --responses, --bits and --states is a line of the table. The measurement gets what a state names.
+--lights, --responses, --bits and --states is a line of the table. The measurement gets what a state names. Lamps and
+ring are planned; dome and backlight take the poses of a plan without light.
 """
 
 from __future__ import annotations
@@ -31,7 +32,6 @@ from scipy.ndimage import binary_dilation, gaussian_filter, maximum_filter, mini
 
 from aspectgraph import read_solid
 from planner import (
-    Backlight,
     Camera,
     Effort,
     LampDome,
@@ -73,7 +73,6 @@ RING_MM = 35.0
 RING_LAMPS = 24
 BACKLIGHT_MM = 160.0
 BELOW_MM = 10.0
-MIDDLE_MM = (40.0, 30.0)
 
 LIGHTS = ("lamps", "ring", "dome", "backlight")
 MATERIALS = ("matt", "plastic", "brushed", "blasted")
@@ -339,48 +338,29 @@ class Bench:
     def _plan(self, light: str):
         path = self._folder / f"plan_{light}.json"
         if not path.exists():
-            lighting = self._lighting(light)
-            if lighting is None:
-                plan = self._bare_plan()
-            elif light == "backlight":
-                plan = self._planned(lighting)
-            else:
-                plan = self._bare_plan()
-                plan = replace(plan, light=plan_light(plan, self.solid, lighting))
+            plan = self._bare_plan()
+            if light in ("lamps", "ring"):
+                places = DOME if light == "lamps" else "ring"
+                plan = replace(plan, light=plan_light(plan, self.solid, places))
             plan.write(path)
         return read_plan(path)
-
-    def _lighting(self, light: str):
-        """Return the light that is planned, or None."""
-        if light == "lamps":
-            return DOME
-        if light == "ring":
-            return "ring"
-        if light == "backlight":
-            size = 2 * BACKLIGHT_MM
-            return Backlight.horizontal((*MIDDLE_MM, -BELOW_MM), size, size)
-        return None
 
     def _bare_plan(self):
         path = self._folder / "plan.json"
         if not path.exists():
-            self._planned(None).write(path)
+            plan_inspection(
+                self.solid,
+                dimensions_of(self.solid, TOLERANCE_MM, SHARE),
+                CAMERA,
+                PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
+                workspace=WORKSPACE_MM,
+                reach=above_the_table,
+                registration=Registration.own_edges(SURFACES_MM),
+                surfaces_mm=SURFACES_MM,
+                effort=Effort.named("quick"),
+                rng=1,
+            ).write(path)
         return read_plan(path)
-
-    def _planned(self, lamps):
-        return plan_inspection(
-            self.solid,
-            dimensions_of(self.solid, TOLERANCE_MM, SHARE),
-            CAMERA,
-            PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
-            workspace=WORKSPACE_MM,
-            reach=above_the_table,
-            registration=Registration.own_edges(SURFACES_MM),
-            surfaces_mm=SURFACES_MM,
-            effort=Effort.named("quick"),
-            rng=1,
-            lamps=lamps,
-        )
 
     def light(self, condition: Condition, seed: int) -> dict[str, tuple[np.ndarray, float]]:
         """Return the light of each image, and its scale to a share of white."""
