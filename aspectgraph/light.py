@@ -691,6 +691,8 @@ class LightGraph(EntityAspectGraph):
 
     regions: LightRegions
 
+    _title = "Light graph"
+
     def __repr__(self) -> str:
         """Return a one-line summary."""
         size = f"{len(self.graph)} domains, {self.graph.number_of_edges()} adjacencies"

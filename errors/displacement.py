@@ -36,6 +36,7 @@ from errors.checks import (
     check_positive,
 )
 from errors.exceptions import CovarianceError, InvalidParameterError, InvalidShapeError
+from ground.short_repr import short_repr
 
 # Ratio of correlated normal variables with a zero-mean numerator (Hinkley 1969): the law behind
 # eqs 10-11.
@@ -99,6 +100,8 @@ class NormalRatio:
     var_d: ArrayField
     cov: ArrayField
     mean_d: ArrayField
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         names = ("var_n", "var_d", "cov", "mean_d")
@@ -350,6 +353,10 @@ class DisplacementTerms(NamedTuple):
     n_v: NDArray[np.float64]
     d_mean: NDArray[np.float64]
     d: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return short_repr(self)
 
 
 def displace(points: ArrayLike, displacement: ArrayLike) -> NDArray[np.float64]:

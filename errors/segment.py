@@ -20,6 +20,7 @@ from errors.checks import (
 )
 from errors.displacement import image_segment, point_displacement
 from errors.exceptions import InvalidParameterError
+from ground.short_repr import short_repr
 
 # Quantization error of a length measured on the pixel grid (eqs 1-3).
 #
@@ -140,6 +141,8 @@ class SegmentQuantization:
 
     angle_rad: ArrayField
     pixel_pitch_mm: ArrayField
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "angle_rad", check_finite(self.angle_rad, "angle_rad"))

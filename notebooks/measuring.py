@@ -49,6 +49,7 @@ for one in results:
         f"   true {true[one.name]:8.3f}   {one.decision.value}"
     )
     assert abs(one.value - true[one.name]) < one.expanded_uncertainty
+results
 
 # %% [markdown]
 # The robot is off by 0.2 mm and 2 mrad, so the images are some pixels off their prediction. After

@@ -29,8 +29,8 @@ EXAMPLES = Path("../examples") if Path("../examples").is_dir() else Path("exampl
 
 solid = read_solid(EXAMPLES / "nist_ctc_01_ap242.stp")
 edges = select_entities(solid, "near 0,0,50 < 120 and length > 40")
-print(solid)
 print(f"{len(edges)} edges: {edges}")
+solid
 
 # %% [markdown]
 # ## The request

@@ -1,6 +1,7 @@
 from .app.batch import PartRequest as PartRequest
 from .app.batch import PartResult as PartResult
 from .app.batch import plan_folder as plan_folder
+from .app.model_dimensions import ModelDimensions as ModelDimensions
 from .camera.calibration import Distortion as Distortion
 from .camera.camera import Camera as Camera
 from .camera.camera import camera_names as camera_names
@@ -22,6 +23,8 @@ from .exceptions import RequestError as RequestError
 from .exceptions import RobotError as RobotError
 from .exceptions import UncertaintyError as UncertaintyError
 from .inspection import plan_inspection as plan_inspection
+from .light.area_light import Backlight as Backlight
+from .light.light_catalogue import light_names as light_names
 from .light.light_plan import Exposure as Exposure
 from .light.light_plan import LightPlan as LightPlan
 from .light.light_plan import LitImage as LitImage
@@ -29,7 +32,11 @@ from .light.lighting import LampBox as LampBox
 from .light.lighting import LampDome as LampDome
 from .light.lighting import Lighting as Lighting
 from .light.lighting import RingSpace as RingSpace
+from .light.mounted_light import CoaxialLight as CoaxialLight
+from .light.mounted_light import DiffuseDome as DiffuseDome
+from .light.mounted_light import RingLight as RingLight
 from .light.plan_light import plan_light as plan_light
+from .light.reflection import Material as Material
 from .measuring.measurer import MeasureOptions as MeasureOptions
 from .measuring.measurer import Measurer as Measurer
 from .measuring.measurer import measure as measure
@@ -41,8 +48,10 @@ from .measuring.results import Decision as Decision
 from .measuring.results import DecisionRule as DecisionRule
 from .measuring.results import MeasurementResults as MeasurementResults
 from .measuring.results import Result as Result
+from .optics import LightShows as LightShows
 from .optics import OpticsProposal as OpticsProposal
 from .optics import PosePrediction as PosePrediction
+from .optics import compare_lights as compare_lights
 from .optics import optics_table as optics_table
 from .optics import predict as predict
 from .optics import propose_optics as propose_optics
@@ -59,6 +68,7 @@ from .request.camera_limits import default_workspace as default_workspace
 from .request.constraints import Requirements as Requirements
 from .request.dimension import Dimension as Dimension
 from .request.dimension_files import dimensions_to_plan as dimensions_to_plan
+from .request.dimension_files import pick as pick
 from .request.reach import BoxRegion as BoxRegion
 from .request.reach import MeshRegion as MeshRegion
 from .request.reach import SphereRegion as SphereRegion

@@ -12,6 +12,7 @@ from scipy.optimize import LinearConstraint, linprog, milp
 from scipy.sparse import csr_matrix
 
 from ground.decorators import entry_kernel
+from ground.short_repr import short_repr
 from planner.exceptions import CoverError
 from planner.executors import THREADS
 
@@ -40,6 +41,8 @@ class Cover:
 
     chosen: tuple[int, ...]
     lower_bound: int
+
+    __repr__ = short_repr
 
     @property
     def optimal(self) -> bool:

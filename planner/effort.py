@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any
 
+from ground.short_repr import short_repr
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_number
 from planner.exceptions import RequestError
 
@@ -108,6 +109,8 @@ class Search:
     stop_at_perfect: bool = True
     explain: bool = True
     sampling: str = "covering"
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.sampling not in ("covering", "workspace"):
@@ -251,6 +254,8 @@ class Effort:
     good_enough: float = 1.0
     bound_targets: int = 500
     search: Search = field(default_factory=Search)
+
+    __repr__ = short_repr
 
     @classmethod
     def named(cls, name: str) -> Effort:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from errors.measurands.geometry import Localisation
 from ground.convert import STATED, Meta, Plain, Shape, from_plain, to_plain
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
@@ -22,6 +23,7 @@ from planner.files import program_digest
 from planner.light.lighting import Lighting
 from planner.plan_file import Amount, Coordinates, Count, Fraction
 from planner.request.constraints import Requirements
+from planner.request.edge_state import Break, EdgeState, checked_break
 from planner.request.models import Means
 from planner.request.registration import RegistrationRecord
 from planner.request.target_records import plain_target, target_from
@@ -267,6 +269,8 @@ class Request:
         Standard deviation of the position of faces along their normals, mm.
     registration : RegistrationRecord or None
         How poses are known when values are read; None for no better than planned.
+    edge_break_mm : (float, float) or None
+        By how much the part's edges are broken along their faces, least and most, mm; None if it is not stated.
     """
 
     part: PartRecord | None
@@ -285,6 +289,13 @@ class Request:
     gap: Annotated[float, STATED, Meta(ge=0, lt=1, title="must be in [0, 1)")] = 0.0
     surfaces_mm: Annotated[Amount, STATED] = 0.0
     registration: Annotated[RegistrationRecord | None, STATED] = None
+    edge_break_mm: Break | None = None
+
+    def __post_init__(self) -> None:
+        if self.edge_break_mm is not None:
+            checked_break(self.edge_break_mm)
+
+    __repr__ = short_repr
 
     def identity(self) -> dict[str, Any]:
         """Return all fields as plain values, the same in every process.
@@ -338,7 +349,13 @@ class Request:
             self.accuracy,
             self.localisation,
             surfaces_mm=self.surfaces_mm,
+            edges=self.edges,
         )
+
+    @property
+    def edges(self) -> EdgeState:
+        """By how much the part's edges are broken, as plans count it."""
+        return EdgeState.planned(self.edge_break_mm)
 
     def check_lasting(self) -> None:
         """Refuse a request that another process could not recognise.
@@ -373,6 +390,10 @@ def _unnamed(value: Any, owner: str) -> list[tuple[str, str]]:
 # A request from its identity, as plan files store it: so a plan can be made again.
 
 
+# fields that earlier plan files do not have: nothing was stated
+_LATER = ("edge_break_mm",)
+
+
 def restored_request(identity: Mapping[str, Any]) -> Request:
     """Return the request whose identity this is.
 
@@ -387,7 +408,7 @@ def restored_request(identity: Mapping[str, Any]) -> Request:
         If a field is missing, wrong or unknown; names it.
     """
     for item in fields(Request):
-        if item.name not in identity:
+        if item.name not in identity and item.name not in _LATER:
             raise PlanFileError(f"request.{item.name} must be given. Got none.")
     try:
         return from_plain(Request, identity, PlanFileError)

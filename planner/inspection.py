@@ -28,9 +28,11 @@ from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
 from planner.identity import Request
+from planner.light.area_light import AreaSpace
 from planner.light.corner_light import DEFAULT_STEP
 from planner.light.lighting import Lighting, RingSpace
 from planner.light.plan_light import chosen_lamps
+from planner.measuring.lit_edges import reads_of
 from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions, RunOptions
 from planner.plan import InspectionPlan
@@ -198,6 +200,8 @@ def _problem(
             deadline=deadline.of_regions(),
         )
         space = space_of(request, regions)
+    else:
+        space = in_area_light(request, space)
     missing = {name for name in entities if name not in space.entities}
     if missing and not deadline.limited:
         raise RequestError.of_rule(
@@ -260,14 +264,22 @@ def visible_regions(
     )
 
 
-def space_of(request: Request, regions: VisibilityRegions) -> Space:
-    """Return the space that is planned in: with a ring light, where edges show to the camera."""
+def space_of(request: Request, regions: Space) -> Space:
+    """Return the space that is planned in: with a ring or an area light, where edges show to the camera."""
     from aspectgraph import LightRegions
 
     if request.ring is None or not isinstance(regions, LightRegions):
-        return regions
+        return in_area_light(request, regions)
     step = DEFAULT_STEP if request.ring.step is None else request.ring.step
     return RingSpace(regions, request.camera, step)
+
+
+def in_area_light(request: Request, space: Space) -> Space:
+    """Return a space with what a light with an area shows in it; the same if the request has none."""
+    lighting = request.lighting
+    if lighting is None or lighting.area is None or isinstance(space, AreaSpace):
+        return space
+    return AreaSpace(space, request.camera, lighting.area, lighting.limits)
 
 
 def with_light(
@@ -279,4 +291,6 @@ def with_light(
     """Return a plan with the lamps asked for, if it has none yet: one that was ended early has not."""
     if lighting is None or plan.light is not None:
         return plan
-    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress))
+    targets = (plan.targets[name] for name in plan.inspected)
+    reads = reads_of(solid, plan.request.registration, targets)
+    return replace(plan, light=chosen_lamps(lighting, plan, solid, progress, reads=reads))

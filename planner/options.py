@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from errors.measurands.geometry import Localisation as Localisation
+from ground.short_repr import short_repr
 from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -115,10 +116,11 @@ class InspectionOptions(RunOptions):
         Robot that must reach every setting, and how the part lies before it. Each setting of the
         plan then has a ``fixturing`` and ``joints``. The cell only forbids poses, so the lower
         bound is proven without it, and holds.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting, optional
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, "ring", "backlight" or Lighting, optional
         Lamps that must light the targets, as in `plan_light`. The plan then has its ``light``. If
         no lamp lights a target in any setting, the program searches for other poses. With "ring",
-        the search is restricted to viewpoints where the ring light makes edges visible.
+        the search is restricted to viewpoints where the ring light makes edges visible. The same
+        holds for a backlight.
     effort : Effort, optional
         How long to search. Default: ``Effort()``, or ``Effort.for_dimensions()`` for dimensions.
     localisation : Localisation, optional
@@ -134,6 +136,10 @@ class InspectionOptions(RunOptions):
         The program predicts it from what each pose shows of the part. A `PoseUncertainty` is that
         of poses that something else measures. Where the camera may be while it takes the images,
         remains ``pose_uncertainty``. Default: values are read with the planned poses.
+    edge_break_mm : (float, float), optional
+        By how much the part's edges are broken along their faces, least and most, mm, such as
+        (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
+        of the model, and P and U of dimensions contain this. Default: edges are planned as sharp.
     gap : float
         Stop improving the plan and its bound at this gap, in [0, 1). The gap is the share of the
         settings that the bound does not prove to be needed. Default: improve both as far as the
@@ -164,7 +170,10 @@ class InspectionOptions(RunOptions):
     localisation: Localisation | None = None
     surfaces_mm: float | None = None
     registration: Any = None
+    edge_break_mm: tuple[float, float] | None = None
     gap: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.effort is not None:

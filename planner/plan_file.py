@@ -397,6 +397,11 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
         _refuse(
             "light.lower_bound", f"must be at most {n}, the number of lamps", light["lower_bound"]
         )
+    has_area = light.get("area") is not None
+    if has_area != (light["kind"] not in ("fixed", "ring", "placed")):
+        _refuse(
+            "light.area", "must be given of a light with an area, and of no other", light["kind"]
+        )
     _check_one_each("light.settings", light["settings"], settings)
     for k, (lit, setting) in enumerate(zip(light["settings"], settings, strict=True)):
         where = ("light", "settings", k)
@@ -405,7 +410,12 @@ def _check_light(light: Mapping[str, Any], settings: Sequence[Any]) -> None:
             reported += image["contrast"]
             path = (*where, "images", i)
             on = image["lamps"]
-            if not on or on != sorted(set(on)) or on[-1] >= n or (len(on) > 1) > light["together"]:
+            if light.get("area"):
+                if on:
+                    _refuse(field_name(*path, "lamps"), "must be empty with light.area", on)
+            elif (
+                not on or on != sorted(set(on)) or on[-1] >= n or (len(on) > 1) > light["together"]
+            ):
                 rule = f"must be numbers of lamps below {n} in rising order, more than one only if they are on together"
                 _refuse(field_name(*path, "lamps"), rule, on)
             for name, value in image["contrast"].items():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ground.templates import render
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from planner.argument_kinds import check_kinds
 from planner.files import write_text
 from planner.text_table import Column, Table
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _DEG = math.degrees(1.0)
 
 
-class PlanTables:
+class PlanTables(ShownInNotebook):
     """What an `InspectionPlan` shows of itself; it brings the fields."""
 
     settings: tuple[Any, ...]
@@ -98,8 +98,8 @@ class PlanTables:
             it was not counted). ``probability`` is that of the error alone. ``simulated``,
             ``simulated_low``, ``simulated_high`` and ``verdict`` come from the simulation, or are
             None. ``standard_uncertainty`` is u of the measured value. ``variance_translation``,
-            ``variance_rotation``, ``variance_localisation``, ``variance_localisation_floor`` and
-            ``variance_surfaces`` add up to u² (None for short arcs).
+            ``variance_rotation``, ``variance_localisation``, ``variance_localisation_floor``,
+            ``variance_surfaces`` and ``variance_edge_state`` add up to u² (None for short arcs).
             ``search_window_px`` is the distance to search on either side of the prediction.
             ``warnings`` holds sentences or None. ``reason`` is None in these rows. ``x``, ``y``,
             ``z`` are the camera's position in mm. ``rx``, ``ry``, ``rz`` are its rotation vector,
@@ -211,8 +211,8 @@ class PlanTables:
             write_text(path, text)
         return text
 
-    def _repr_html_(self) -> str:
-        """Return a table of the settings, as notebooks show it; see also `plan_figure` for the plan in 3-D."""
+    def _notebook_view(self) -> NotebookView:
+        """Return a table of the settings; see also `plan_figure` for the plan in 3-D."""
         from errors.checks import frequency_text, probability_text
 
         rows = []
@@ -224,16 +224,34 @@ class PlanTables:
             place = ", ".join(f"{c:.1f}" for c in setting.position)
             names = ", ".join(setting.entities)
             rows.append((number, place, names, probability_text(smallest), simulated))
-        titles = ("", "camera at (mm)", "entities", "smallest P", "simulated")
-        return str(
-            render(
-                "planner",
-                "plan.html",
-                table=Table(list(map(Column, titles)), rows),
-                caption=self._caption(),
-                reasons=self.uninspectable,
-            )
+        headings = ("", "camera at (mm)", "entities", f"smallest {self._promised}", "simulated")
+        return NotebookView(
+            f"Plan of {self.part or 'a part'}",
+            (self._verdict(), self._caption()),
+            NotebookTable(headings, rows, right=(0,)),
+            self.uninspectable,
         )
+
+    @property
+    def _promised(self) -> str:
+        """Symbol of the probability that all settings state."""
+        return "P_all" if all(setting.p_all for setting in self.settings) else "P"
+
+    def _verdict(self) -> Toned:
+        """Say how good the plan is: what is inspected, how surely, and whether it can be shorter."""
+        from errors.checks import probability_text
+
+        if not self.settings:
+            return Toned("No target is inspected.", "bad")
+        promises = [s.promise[name] for s in self.settings for name in s.entities]
+        sure = f"smallest {self._promised} {probability_text(min(promises), self.probability)}"
+        n = len(self.uninspectable)
+        if n:
+            return Toned(f"{n} of {len(self.targets)} targets not inspected; {sure}.", "bad")
+        if len(self.settings) > self.lower_bound:
+            bound = f"at least {self.lower_bound} of {len(self.settings)} settings are needed"
+            return Toned(f"Every target is inspected; {sure}; {bound}.", "open")
+        return Toned(f"Every target is inspected; {sure}; no plan has fewer settings.", "good")
 
     def _caption(self) -> str:
         total = len(self.targets)

@@ -23,6 +23,7 @@ from planner.request.dimension_files import (
     surfaces_or_default,
     with_surfaces_of_call,
 )
+from planner.request.edge_state import checked_break
 from planner.request.problem import Problem, choice_for
 from planner.request.reach import Space, TargetSpace
 from planner.request.targets import Target, check_is_edge, edge_targets
@@ -101,6 +102,7 @@ def resolve_request(
         targets=targets,
         workspace=_workspace(solid, camera, options),
         ring=_ring(options, options.lighting),
+        lighting=None if options.lighting is None else options.lighting.on_part(part, camera),
     )
     if options.cell is not None:
         check_kinds(cell=(options.cell, "Cell"))
@@ -128,7 +130,9 @@ def resolve_targets(
         If an argument breaks its rule.
     """
     items = wanted if isinstance(wanted, Mapping) else _named(solid, wanted)
-    localisation = localisation_or_default(options.localisation, items.values())
+    localisation = localisation_or_default(
+        options.localisation, items.values(), options.edge_break_mm
+    )
     items = with_surfaces_of_call(items, options.surfaces_mm, localisation)
     options = replace(options, localisation=localisation)
     return ResolvedTargets(*_resolved(solid, items, camera, options), localisation)
@@ -177,6 +181,8 @@ def request_of_any_part(
         "lighting": options.lighting,
         "effort": options.effort or Effort(),
     }
+    if options.edge_break_mm is not None:
+        values["edge_break_mm"] = checked_break(options.edge_break_mm)
     for field in fields(Request):
         if field.name not in values and hasattr(options, field.name):
             values[field.name] = getattr(options, field.name)
@@ -215,6 +221,7 @@ def problem_on(
         request.localisation,
         request.surfaces_mm,
         registered,
+        request.edges,
     )
 
 

@@ -167,8 +167,8 @@ def cameras(names):
 
 def light(names):
     assert read_plan("plan.json").light.kind == "ring"
-    # of the last choice, of lamps that are on together
-    assert names["light"].together
+    # of the last choice, in front of metal
+    assert names["light"].kind == "coaxial"
     assert names["plan"].complete
     assert "showing" in next(iter(names["graph"].graph.nodes.values()))
 

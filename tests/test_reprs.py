@@ -1,17 +1,48 @@
 """What a notebook shows of a result: one short line with numbers that are true."""
 
 import copy
+import inspect
 import pickle
-from dataclasses import replace
+import re
+from collections import defaultdict
+from dataclasses import is_dataclass, replace
 from itertools import product
 
 import numpy as np
 import pytest
+from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
+from plan_examples import LIGHT
 
-from aspectgraph import Solid, build_aspect_graph, plot_graph, plot_section
+import aspectgraph
+import errors
+import ga
+import planner
+from aspectgraph import (
+    Solid,
+    build_aspect_graph,
+    domain_path,
+    plot_graph,
+    plot_section,
+    stability,
+)
 from errors import simulate_success
 from ga import maximize
-from planner import Camera, Effort, PoseUncertainty, plan_inspection, plan_setting
+from ground.short_repr import LONGEST, short_repr
+from planner import (
+    Box,
+    Camera,
+    Dimension,
+    Effort,
+    Fixturing,
+    InspectionOptions,
+    MeasureOptions,
+    Measurer,
+    PoseUncertainty,
+    Registration,
+    plan_inspection,
+    plan_setting,
+    predict,
+)
 
 FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 BOX = Solid(list(product((0, 40), (0, 30), (0, 20))), FACES, name="box")
@@ -136,3 +167,99 @@ def test_equality_and_pickling_are_as_before(plan):
     for result in (plan, plan.settings[0], plan.simulate(100)):
         assert pickle.loads(pickle.dumps(result)) == copy.copy(result) == result
         assert "\n" not in repr(result)
+
+
+PACKAGES = (aspectgraph, errors, ga, planner)
+# what may be long: a record with one of these among its fields gives its text itself
+MAY_BE_LONG = re.compile(r"Array|ndarray|Mapping|dict|list|Sequence|Iterable|\.\.\.|Any|Callable")
+
+
+def public_classes():
+    things = [getattr(package, name) for package in PACKAGES for name in package.__all__]
+    return {c for c in things if inspect.isclass(c) and not issubclass(c, Exception)}
+
+
+def is_generated(cls):
+    """Whether a dataclass or a named tuple shows all its fields in full."""
+    if is_dataclass(cls):
+        return hasattr(cls.__repr__, "__wrapped__")
+    return hasattr(cls, "_fields") and cls.__repr__.__module__ != cls.__module__
+
+
+def test_a_record_that_may_be_long_has_a_text_of_its_own():
+    full = [cls for cls in public_classes() if cls.__repr__ is not short_repr and is_generated(cls)]
+    assert planner.Detectability in full
+    long = {
+        cls.__name__: kind
+        for cls in full
+        for base in cls.__mro__
+        for kind in map(str, vars(base).get("__annotations__", {}).values())
+        if MAY_BE_LONG.search(kind) and "ClassVar" not in kind
+    }
+    # its words are checked: a camera has at most one name
+    assert long == {}
+
+
+def parts_of(value):
+    """What a value holds: items of containers, else fields and properties."""
+    if isinstance(value, dict):
+        return list(value.values())[:3]
+    if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
+        return list(value)[:3]
+    names = {name for name, kind in inspect.getmembers(type(value)) if isinstance(kind, property)}
+    names |= {*getattr(value, "__dict__", {}), *getattr(value, "_fields", ())}
+    return [getattr(value, name) for name in sorted(names) if not name.startswith("_")]
+
+
+def instances(*values):
+    """All values of public classes in some values, each class up to three times."""
+    shown = defaultdict(list)
+    # by identity; kept, so that no other value gets the same
+    seen = {}
+    waiting = list(values)
+    while waiting:
+        value = waiting.pop()
+        cls = type(value)
+        is_ours = cls.__module__.split(".")[0] in {package.__name__ for package in PACKAGES}
+        if id(value) in seen or not (is_ours or isinstance(value, dict | list | tuple)):
+            continue
+        seen[id(value)] = value
+        if is_ours:
+            shown[cls].append(value)
+            if len(shown[cls]) > 3:
+                continue
+        waiting += parts_of(value)
+    return {cls: shown[cls] for cls in shown.keys() & public_classes()}
+
+
+def test_every_value_is_one_short_line(eag, plan):
+    solid = thick_plate()
+    exact = Registration.given({1: POSES[0]})
+    images = photograph(fine_plate(left=0.05), POSES[:1])
+    measurer = Measurer(measured_plan(solid, ["left", "right"]), solid)
+    results = measurer.measure(images, MeasureOptions(exact), partial=True)
+    table = Box([0, 0, 0], [9, 9, 1])
+    values = [
+        [eag, *eag.graph.nodes.values(), *eag.graph.edges.values()],
+        [stability(eag), domain_path(eag, 0, 3)],
+        [list(solid.rims()), list(solid.faces), list(solid.edges)],
+        [replace(plan, light=LIGHT).simulated(100)],
+        [measurer, results, MeasureOptions(exact)],
+        [Effort.named("thorough"), InspectionOptions(effort=EFFORT)],
+        predict(BOX, {"top": 1}, plan.settings[0].cam2world, CAMERA, UNCERTAINTY),
+        [Dimension("diameter", ("r0",), tolerance=(-0.1, 0.1))],
+        [table, Fixturing(np.eye(4), {"table": table})],
+    ]
+    shown = instances(*values)
+    names = {cls.__name__ for cls in shown}
+    assert len(names) > 35
+    assert {"MeasurementResults", "Result", "Reading", "InspectionPlan", "Effort", "Rim"} <= names
+    texts = {repr(value) for values in shown.values() for value in values}
+    assert {text for text in texts if "\n" in text or len(text) > 300} == set()
+    ours = [v for values in shown.values() for v in values if type(v).__repr__ is short_repr]
+    assert {repr(value) for value in ours if len(repr(value)) > LONGEST} == set()
+    left = results["left"]
+    value = f"{left.value:.3f} ± {left.expanded_uncertainty:.3f} mm"
+    assert repr(left) == f"<Result 'left': {value}, {left.decision.value}>"
+    assert repr(left.readings[0]).startswith("<Reading of 'left' in 'setting_01': 16.")
+    assert repr(UNCERTAINTY) == "<PoseUncertainty: 0.05, 0.05, 0.05 mm, 0.001, 0.001, 0.001 rad>"

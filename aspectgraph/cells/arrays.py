@@ -816,6 +816,26 @@ class CellSet:
         """Total volume in mm³."""
         return float(self.volumes.sum())
 
+    def in_front_of(self, point: np.ndarray, normal: np.ndarray) -> CellSet:
+        """Return the cells that reach in front of a plane.
+
+        Parameters
+        ----------
+        point : ndarray, shape (3,)
+            A point of the plane, mm.
+        normal : ndarray, shape (3,)
+            Its normal, to the front.
+
+        Returns
+        -------
+        CellSet
+            Without the cells behind the plane.
+        """
+        heights = [float(((cell.vertices - point) @ normal).max()) for cell in self]
+        # cells that end in the plane do so within the rounding of their corners
+        reaching = np.array(heights) > 1e-6 * self._grid.step_mm
+        return CellSet(self._cx, self._cells[reaching], self._grid)
+
     @cached_property
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner in mm, shape (2, 3).

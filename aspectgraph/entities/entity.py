@@ -18,6 +18,7 @@ from aspectgraph.solid.checks import FARTHEST_MM
 from aspectgraph.solid.rims import Arc, Circle, FloatArray, Rim, angles_of
 from aspectgraph.solid.solid import Solid, check_solid
 from aspectgraph.solid.topology import Edge, describe_point
+from ground.short_repr import short_repr
 
 # Parts of entities: stretches of straight edges and runs of rims and arcs, as values with a text
 # form.
@@ -646,6 +647,8 @@ class Entity:
     circle: Circle | None = field(default=None, compare=False)
     points: np.ndarray = field(default=None, compare=False)  # type: ignore[arg-type]  # that of the ends
     part: Part | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for name, value in (("endpoints", self.endpoints), ("points", self.points)):

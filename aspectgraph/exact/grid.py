@@ -17,6 +17,7 @@ from aspectgraph.solid.checks import segment_distance, side_distances
 from aspectgraph.solid.solid import Solid
 from aspectgraph.solid.topology import Face, describe_edge, describe_point
 from ground.decorators import entry_kernel, kernel_without_refcounts
+from ground.short_repr import short_repr
 
 # The integer grid of a part: exact signs, points and planes on it.
 
@@ -285,6 +286,8 @@ class Grid:
     points: np.ndarray
     snapping_mm: float
     resolution: float
+
+    __repr__ = short_repr
 
     @classmethod
     def over(

@@ -32,6 +32,8 @@ from aspectgraph.exceptions import EntityError, GraphMLError
 from aspectgraph.files import replacing, up_to_limit
 from aspectgraph.solid.solid import Solid
 from aspectgraph.visibility.visibility_regions import VisibilityRegions
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook
+from ground.short_repr import short_repr
 
 # The entity-based aspect graph: viewing domains as nodes, common boundaries as edges (paper
 # section 3).
@@ -65,6 +67,21 @@ def curve_attributes(entities: Collection[Entity]) -> dict[str, tuple[object, ..
     return {"kinds": kinds, "circles": tuple(rows), **attributes}
 
 
+# what a notebook shows of a graph: domains, and characters of a list of names
+_SHOWN_DOMAINS = 12
+_SHOWN_CHARACTERS = 60
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return as many names as a cell of a table has room for, at least one, and how many more there are."""
+    shown = list(names[:1])
+    for name in names[1:]:
+        if len(", ".join([*shown, name])) > _SHOWN_CHARACTERS:
+            return f"{', '.join(shown)} and {len(names) - len(shown)} more"
+        shown.append(name)
+    return ", ".join(shown) or "none"
+
+
 @dataclass(frozen=True)
 class PartitionSurface:
     """A plane across which one entity appears or disappears.
@@ -94,8 +111,10 @@ class PartitionSurface:
     faces: tuple[int, ...]
     plane: tuple[float, float, float, float]
 
+    __repr__ = short_repr
 
-class EntityAspectGraph:
+
+class EntityAspectGraph(ShownInNotebook):
     """The entity-based aspect graph EAG(E, V, O, A) of a solid.
 
     E are the entities, V viewing domains, O observable lists, and A adjacencies.
@@ -123,6 +142,8 @@ class EntityAspectGraph:
         The regions of the entities, which answer `observable` and `covering_cells`.
     """
 
+    _title = "Aspect graph"
+
     def __init__(
         self, regions: VisibilityRegions, graph: nx.Graph, cx: Complex, domains: Domains
     ) -> None:
@@ -136,6 +157,38 @@ class EntityAspectGraph:
         """Return a one-line summary."""
         size = f"{len(self.graph)} domains, {self.graph.number_of_edges()} adjacencies"
         return f"<EntityAspectGraph of {self.solid.name!r}: {len(self.entities)} entities, {size}>"
+
+    def _notebook_view(self) -> NotebookView:
+        listed_as = self.regions.listed_as
+        nodes = self.graph.nodes
+        total = math.fsum(volume for _, volume in nodes(data="volume"))
+        rows = []
+        for node in sorted(nodes)[:_SHOWN_DOMAINS]:
+            names = nodes[node][listed_as]
+            place = ", ".join(f"{c:.1f}" for c in nodes[node]["viewpoint"])
+            percent = 100 * nodes[node]["volume"] / total
+            share = f"{percent:.2g} %" if percent >= 0.01 else "< 0.01 %"
+            clearance = f"{nodes[node]['clearance']:.3g}"
+            rows.append((node, len(names), _some(names), share, place, clearance))
+        headings = (
+            "domain",
+            "entities",
+            listed_as,
+            "share of space",
+            "viewpoint (mm)",
+            "clearance (mm)",
+        )
+        lines = [
+            f"{len(self.entities)} entities, {len(nodes)} domains, "
+            f"{self.graph.number_of_edges()} adjacencies."
+        ]
+        if len(nodes) > len(rows):
+            lines.append(f"The {len(rows)} domains with the longest lists:")
+        return NotebookView(
+            f"{self._title} of {self.solid.name or 'a part'}",
+            lines,
+            NotebookTable(headings, rows, right=(0, 1, 3, 5)),
+        )
 
     @property
     def solid(self) -> Solid:
@@ -729,6 +782,8 @@ class ListOfEntities:
     domains: tuple[int, ...]
     clearance: float
 
+    __repr__ = short_repr
+
 
 @dataclass(frozen=True)
 class Crossing:
@@ -745,6 +800,8 @@ class Crossing:
     domain: int
     appear: tuple[str, ...]
     vanish: tuple[str, ...]
+
+    __repr__ = short_repr
 
 
 def stability(eag: EntityAspectGraph | nx.Graph) -> list[ListOfEntities]:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from aspectgraph.solid.topology import Edge, FacetedSurface
+from ground.short_repr import short_repr
 
 # Circles: the true one that a chain of chords stands for, and the one fitted to points.
 #
@@ -47,6 +48,10 @@ class Circle(NamedTuple):
     centre: FloatArray
     axis: FloatArray
     radius_mm: float
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return short_repr(self)
 
     def distances_mm(self, points: FloatArray) -> FloatArray:
         """Return the distances of points from the circle.
@@ -93,6 +98,10 @@ class CircularEdge(NamedTuple):
     circle: Circle
     vertices: tuple[int, ...]
     turn_deg: float
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        return short_repr(self)
 
 
 def fit_circle(points: FloatArray) -> Circle | None:
@@ -313,6 +322,8 @@ class Arc:
     start_rad: float
     end_rad: float
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         for name in ("centre", "axis"):
             array = np.array(getattr(self, name), dtype=np.float64) + 0.0  # no negative zeros
@@ -359,6 +370,8 @@ class Rim(Arc):
     start_rad, end_rad : float
         Angle about the axis from `reference` where the first chord starts, and this angle plus 2π.
     """
+
+    __repr__ = short_repr
 
 
 def reference_direction(axis: FloatArray) -> FloatArray:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from itertools import starmap
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import SolidError
+from aspectgraph.files import SolidEntry
 from aspectgraph.phases import phase
 from aspectgraph.solid.checks import (
     check_areas,
@@ -48,9 +50,15 @@ from aspectgraph.solid.topology import (
     signed_volume,
     triangulate_faces,
 )
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
+
+PLOTLY = "application/vnd.plotly.v1+json"
+"""MIME type of a figure that notebooks draw in 3-D without loading anything."""
+
+_FIGURE_PX = 420
 
 # Rays against triangles, with Open3D: the one place that builds its scene.
 #
@@ -183,17 +191,20 @@ class FileSolids(NamedTuple):
         Solids whose edges can be entities, counted from 0 in the order of the file.
     occluders : tuple of int
         Solids that only stand in the way.
+    entries : tuple of SolidEntry
+        All solids of the file. Empty if it holds one solid, which nobody named.
     """
 
     measured: tuple[int, ...]
     occluders: tuple[int, ...]
+    entries: tuple[SolidEntry, ...] = ()
 
 
 # characters of a wrong argument that an error repeats
 _LONGEST = 40
 
 
-class Solid:
+class Solid(ShownInNotebook):
     """A polyhedral solid: the part to inspect.
 
     Parameters
@@ -565,6 +576,30 @@ class Solid:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         return f"<Solid {self.name!r}: {len(self.vertices)} vertices, {len(self.edges)} edges, {len(self.faces)} faces>"
+
+    def _views(self) -> dict[str, Callable[[], Any]]:
+        return {PLOTLY: self._notebook_figure, **super()._views()}
+
+    def _notebook_figure(self) -> dict[str, Any]:
+        """Return the part in 3-D, as notebooks that know plotly draw it."""
+        return json.loads(self.plot().update_layout(height=_FIGURE_PX).to_json())
+
+    def _notebook_view(self) -> NotebookView:
+        size = " × ".join(f"{length:.5g}" for length in np.ptp(self.bounds, axis=0))
+        rows = [
+            ("size", f"{size} mm"),
+            ("volume", f"{self.volume / 1000:.5g} cm³"),
+            (
+                "vertices, edges, faces",
+                f"{len(self.vertices)}, {len(self.edges)}, {len(self.faces)}",
+            ),
+            ("straight edges to measure", f"{len(self.straight_edges())}"),
+            ("rims, arcs", f"{len(self.rims())}, {len(self.arcs())}"),
+        ]
+        notes = {f"note {n}": note for n, note in enumerate(self.notes, start=1)}
+        return NotebookView(
+            f"Solid {self.name}".strip(), table=NotebookTable(("", ""), rows), items=notes
+        )
 
 
 def _known_keys(

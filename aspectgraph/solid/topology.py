@@ -21,6 +21,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from aspectgraph.exceptions import NonManifoldError, OpenSolidError, OrientationError, SolidError
+from ground.short_repr import short_repr
 
 # The loops of all faces as arrays: what holds for every face is computed for all of them at once.
 #
@@ -197,6 +198,8 @@ class Face:
     outer: tuple[int, ...]
     holes: tuple[tuple[int, ...], ...] = ()
     curved: bool = False
+
+    __repr__ = short_repr
 
     @property
     def loops(self) -> tuple[tuple[int, ...], ...]:

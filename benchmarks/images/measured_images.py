@@ -6,6 +6,9 @@ strongest. `planner.measure` reads all dimensions. A table tells by kind, and by
 the readings, their root mean square error, the mean stated u, the share of errors within 2 u, how many were measured,
 and false finds: readings that are off by more than a pixel and 3 u. The last lines tell how deviations were
 recovered, and the processor time of an image.
+
+With ``--responses`` each image goes through responses of cameras to grey values of several depths, poses are from own
+edges, and a table tells bias, root mean square, u and coverage by response.
 """
 
 from __future__ import annotations
@@ -128,6 +131,74 @@ def rows_of(options) -> list[Row]:
     return rows
 
 
+def encoded(light, response: str) -> np.ndarray:
+    """Return levels in [0, 1] of light by a response: "linear", "srgb", "video", or a gamma."""
+    light = np.clip(light, 0.0, 1.0)
+    if response == "linear":
+        return light
+    if response == "video":
+        return (16 + 219 * light ** (1 / 2.2)) / 255
+    if response == "srgb":
+        # IEC 61966-2-1
+        return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return light ** (1 / float(response))
+
+
+def show_responses(options) -> None:
+    """Measure parts in images of several responses and depths, and print a line for each of these."""
+    plan = read_plan(options.plan)
+    part = DeviatingPart(options.part)
+    measurer = Measurer(plan, read_solid(options.part))
+    measured = witnesses_of(plan)
+    renderer = Renderer(part.vertices, part.triangles, plan.camera.matrix, samples=2)
+    poses = [np.asarray(setting.cam2world) for setting in plan.settings]
+    draw = np.random.default_rng(99)
+    lamps = [
+        best_lamp(renderer, pose, [own for (place, _), own in measured.items() if place == k], draw)
+        for k, pose in enumerate(poses)
+    ]
+    optics = Optics(
+        plan.camera.matrix, plan.camera.resolution, exposure=options.exposure, noise=0.004, every=2
+    )
+    cells = {(response, bits): [] for response in options.responses for bits in options.bits}
+    for seed in range(options.first, options.first + options.parts):
+        rng = np.random.default_rng(seed)
+        part.deviate(rng, options.planes, options.cylinders, options.planes / 2)
+        images = PartImages(part.vertices, part.triangles, optics)
+        light = {
+            k + 1: images.light(displaced(pose, plan.pose_uncertainty.sigmas, rng), [lamp], rng)
+            for k, (pose, lamp) in enumerate(zip(poses, lamps, strict=True))
+        }
+        truth = {place: part.true_value(target) for place, target in measured.items()}
+        for (response, bits), rows in cells.items():
+            most = 2**bits - 1
+            kind = np.uint8 if bits == 8 else np.uint16
+            taken = {
+                k: np.rint(encoded(image, response) * most).astype(kind)
+                for k, image in light.items()
+            }
+            stated = {"response": response} if options.stated else {}
+            how = MeasureOptions(Registration.own_edges(), white_level=most, **stated)
+            results = measurer.measure(taken, how)
+            for result in results:
+                value = truth_of(result, truth)
+                if value is not None:
+                    rows.append(_row(plan, seed, "own edges", result, value))
+            print(f"part {seed}, {response}, {bits} bits:", *results.notes, file=sys.stderr)
+    print(
+        f"{'response':<10}{'bits':>4}{'n':>5}{'read':>6}{'bias':>8}{'rms/u':>7}{'u':>7}{'in 2u':>7}   µm"
+    )
+    for (response, bits), rows in cells.items():
+        good = [row for row in rows if not row.reason]
+        error = 1000 * np.array([row.read - row.truth for row in good])
+        u = 1000 * np.array([row.u for row in good])
+        print(
+            f"{response:<10}{bits:>4}{len(rows):>5}{len(good):>6}{error.mean():8.1f}"
+            f"{np.sqrt(((error / u) ** 2).mean()):7.2f}{u.mean():7.1f}"
+            f"{np.mean(np.abs(error) <= 2 * u):7.3f}"
+        )
+
+
 def _row(plan, seed, method, result, truth) -> Row:
     target = plan.dimensions[result.name]
     pixel = np.nan
@@ -198,7 +269,13 @@ def main() -> int:
     parser.add_argument("--gloss", type=float, default=0.0)
     parser.add_argument("--floor", type=float, help="of the localisation, px")
     parser.add_argument("--csv", type=Path)
+    parser.add_argument("--responses", nargs="+", help="linear, srgb, video, or a gamma")
+    parser.add_argument("--bits", nargs="+", type=int, default=[8])
+    parser.add_argument("--stated", action="store_true", help="the responses, when measuring")
     options = parser.parse_args()
+    if options.responses:
+        show_responses(options)
+        return 0
     rows = rows_of(options)
     show(rows)
     if options.csv:

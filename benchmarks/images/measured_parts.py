@@ -104,8 +104,8 @@ class Condition:
         return f"surfaces x{self.surfaces:g}, poses x{self.poses:g}"
 
 
-def measured_part(model: Model, seed: int, condition: Condition, options) -> list[Row]:
-    """Render and measure one part that is drawn."""
+def rendered(model: Model, seed: int, condition: Condition, options) -> dict[str, np.ndarray]:
+    """Draw a part and poses, and return its images by name: rendered, or kept from an earlier run."""
     rng = np.random.default_rng(seed)
     planes = condition.surfaces * options.surfaces_mm
     model.part.deviate(rng, planes, CYLINDERS * planes, TILTS * planes)
@@ -121,20 +121,26 @@ def measured_part(model: Model, seed: int, condition: Condition, options) -> lis
     scene = PartImages(model.part.vertices, model.part.triangles, optics)
     sigmas = condition.poses * plan.pose_uncertainty.sigmas
     real = [displaced(np.asarray(one.cam2world), sigmas, rng) for one in plan.settings]
-    began = time.process_time()
     kept = options.keep and options.keep / f"{model.plan_path.parent.name} {seed} {condition}.npz"
     if kept and kept.exists():
-        images = dict(np.load(kept))
-    else:
-        images = {}
-        for shot in model.shots:
-            lamps = model.lamps[shot.name]
-            chosen = lamps[rng.integers(len(lamps))]
-            images[shot.name] = scene.image(real[shot.setting], chosen, rng)
-        if kept:
-            options.keep.mkdir(parents=True, exist_ok=True)
-            np.savez(kept, **images)
-    rendered = time.process_time()
+        return dict(np.load(kept))
+    images = {}
+    for shot in model.shots:
+        lamps = model.lamps[shot.name]
+        chosen = lamps[rng.integers(len(lamps))]
+        images[shot.name] = scene.image(real[shot.setting], chosen, rng)
+    if kept:
+        options.keep.mkdir(parents=True, exist_ok=True)
+        np.savez(kept, **images)
+    return images
+
+
+def measured_part(model: Model, seed: int, condition: Condition, options) -> list[Row]:
+    """Render and measure one part that is drawn."""
+    began = time.process_time()
+    images = rendered(model, seed, condition, options)
+    spent = time.process_time() - began
+    plan = model.plan
     truth = {where: model.part.true_value(one) for where, one in model.measured.items()}
     how = Registration.own_edges(options.surfaces_mm)
     rows = []
@@ -150,7 +156,7 @@ def measured_part(model: Model, seed: int, condition: Condition, options) -> lis
                 print(f"{model.name} {seed} {label} {name}: {note}", file=sys.stderr)
     print(
         f"{model.name} {seed} {condition}: {len(images)} images, "
-        f"{(rendered - began) / len(images):.1f} s to render, {seconds:.2f} s to measure one",
+        f"{spent / len(images):.1f} s to render, {seconds:.2f} s to measure one",
         file=sys.stderr,
         flush=True,
     )

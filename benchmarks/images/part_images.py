@@ -309,6 +309,11 @@ class PartImages:
 
     def image(self, cam2world, lamps: list[Lamp], rng) -> np.ndarray:
         """Return an image (h, w) of 8 bits from a pose (4, 4)."""
+        grey = self.light(cam2world, lamps, rng)
+        return np.clip(np.rint(grey * 255), 0, 255).astype(np.uint8)
+
+    def light(self, cam2world, lamps: list[Lamp], rng) -> np.ndarray:
+        """Return the light (h, w) on a sensor with noise, as a share of full exposure."""
         one = self.optics
         width, height = one.size
         v, u = np.mgrid[:height, :width]
@@ -325,7 +330,7 @@ class PartImages:
         grey.ravel()[again] = total / one.samples**2
         grey = gaussian_filter(one.exposure * grey, one.blur_px, mode="nearest")
         grey += rng.normal(0.0, one.noise, grey.shape)
-        return np.clip(np.rint(grey * 255), 0, 255).astype(np.uint8)
+        return grey
 
     def _once(self, cam2world, pixels, lamps) -> np.ndarray:
         """Grey values (h, w) of one ray for each pixel (h * w, 2), or of fewer where the picture is smooth."""

@@ -6,7 +6,8 @@ and sharp, chamfered or rounded edges. Light goes from face to face. The images 
 response of the camera to whole grey values. Nothing is shared with what measures them.
 
 FOLDER keeps plans and rendered light, so a second run measures only. Each combination of --edges, --materials,
---lights, --responses, --bits and --states is a line of the table. The measurement gets what a state names.
+--lights, --responses, --bits and --states is a line of the table. The measurement gets what a state names. Lamps and
+ring are planned; dome and backlight take the poses of a plan without light.
 """
 
 from __future__ import annotations
@@ -449,8 +450,7 @@ def above_the_table(places) -> np.ndarray:
 
 
 def options_of(condition: Condition) -> MeasureOptions:
-    """Return how a condition is measured: what it states is told, if the options have a field for it."""
-    known = {field.name for field in fields(MeasureOptions)}
+    """Return how a condition is measured: the measurement gets what the condition states."""
     stated = condition.state.split("+")
     options: dict = {}
     kind, size = condition.broken
@@ -460,8 +460,6 @@ def options_of(condition: Condition) -> MeasureOptions:
         options["response"] = condition.response
     if "white" in stated:
         options["white_level"] = 2**condition.bits - 1
-    for name in set(options) - known:
-        del options[name]
     return MeasureOptions(Registration.own_edges(SURFACES_MM), **options)
 
 

@@ -161,7 +161,13 @@ POINTS = 16
 FLOOR_PX = 0.05
 """Error that all points of an edge or rim have in common, px, where it is not given.
 
-In path-traced images, edges over a whole rim were found 0.02 to 0.10 px off their position, and lines up to 0.04 px.
+In path-traced images, edges over a whole rim were found 0.02 to 0.10 px off their position, and lines up to 0.04 px. It
+stands for what is not known of real edges, too.
+"""
+DETECTOR_FLOOR_PX = 0.01
+"""The same of the detector alone, on sharp edges, px: where the state of the edges is an error of its own.
+
+In path-traced images of sharp edges, lines and rims were found 0.005 to 0.01 px off after registration.
 """
 
 NotNegative = Annotated[float, Meta(ge=0, title="must be finite and not negative")]

@@ -1,4 +1,4 @@
-"""The command about the catalogue: which cameras there are. It loads nothing that takes long."""
+"""The commands about the catalogues: which cameras and lights there are. Lists load nothing that takes long."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from typing import Any
 
 from cyclopts import Argument
 
-from planner.app.options import COMMANDS, Cameras, Completion, texts_of
+from ground.convert import to_plain
+from planner.app.options import COMMANDS, Cameras, Completion, Lights, texts_of
 from planner.app.parsing import arguments_of, choices_of, first_line, takes_value
-from planner.app.process import DONE
+from planner.app.process import DONE, INCOMPLETE
 from planner.camera.camera import Camera, camera_names, camera_parts
+from planner.exceptions import RequestError
 from planner.files import print_json
+from planner.light.light_catalogue import light_parts
 from planner.progress import visible
 from planner.text_table import Column, print_table, print_text, words
 
@@ -104,6 +107,82 @@ def _lens_facts(lens: Mapping[str, Any]) -> str:
         f"{lens['focal_length_mm']:g} mm, f/{lens['widest_f_number']:g} to {narrowest}, "
         f"from {lens['closest_object_mm']:g} mm on, image circle {lens['image_circle_mm']:g} mm"
     )
+
+
+def lights(options: Lights) -> int:
+    """List the catalogue of lights, or what each kind of light shows of a plan."""
+    if options.plan is not None:
+        return _compare(options.plan, options)
+    for name in ("part", "material"):
+        if getattr(options, name) is not None:
+            raise RequestError(f"--{name} needs a plan.")
+    # here, because it loads what takes long
+    from planner.app.job import check_nothing_read
+
+    check_nothing_read(options)
+    lights_of = light_parts()
+    if options.json:
+        print_json(lights_of)
+        return DONE
+    columns = (Column("--light"), Column("size (mm)"), Column("above the part (mm)", right=True))
+    rows = []
+    for kind, of_kind in lights_of.items():
+        for name, facts in of_kind.items():
+            above = facts.get("working_mm")
+            rows.append(
+                (f"{kind}:{name}", _light_size(facts), "" if above is None else f"{above:g}")
+            )
+    print_table(columns, rows)
+    for kind, of_kind in lights_of.items():
+        for name, facts in of_kind.items():
+            # an address is never broken
+            print(f"{kind}:{name}: {visible(facts['source'] or 'a typical size, of no maker')}")
+    return DONE
+
+
+def _light_size(facts: Mapping[str, Any]) -> str:
+    """Return the size of a light of the catalogue."""
+    if "width_mm" in facts:
+        return f"{facts['width_mm']:g} x {facts['height_mm']:g}"
+    if "side_mm" in facts:
+        return f"window of {facts['side_mm']:g}"
+    if "inner_mm" in facts:
+        return f"{facts['inner_mm']:g} to {facts['outer_mm']:g}"
+    return f"{facts['diameter_mm']:g}, hole of {facts['hole_mm']:g}"
+
+
+def _compare(path: str, options: Lights) -> int:
+    """Print what each kind of light shows of a plan."""
+    # here, because they load what takes long
+    from planner.app.job import check_same_part, read_part
+    from planner.optics import compare_lights, sufficient
+    from planner.plan import read_plan
+    from planner.progress import terminal_progress
+
+    if options.part is None:
+        raise RequestError("lights PLAN needs the part of the plan. Give --part PART.")
+    plan = read_plan(path)
+    solid = read_part(options.part, options)
+    check_same_part(solid, plan, options.part)
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        compared = compare_lights(plan, solid, options.material, progress=progress)
+    if options.json:
+        print_json([to_plain(item) for item in compared])
+    else:
+        columns = (Column("light"), Column("shows", right=True), Column("does not show"))
+        rows = [
+            (
+                item.kind,
+                f"{len(item.shown)} of {len(item.shown) + len(item.dark)}",
+                ", ".join(item.dark),
+            )
+            for item in compared
+        ]
+        print_table(columns, rows)
+        for item in compared:
+            print_text(f"{item.kind}: {item.light}")
+        print_text(sufficient(compared))
+    return INCOMPLETE if compared[0].dark else DONE
 
 
 # Shell completion: a script made from the parser, so that it knows every command and option.

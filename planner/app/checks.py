@@ -65,6 +65,7 @@ _OPTIONS = {
     "registration": "--register",
     "focus_reserve": "--focus-margin-mm",
     "rng": "--seed",
+    "edge_break_mm": "--edges",
     "time_limit_s": "--time-limit",
     "memory_limit_bytes": "--memory-limit",
     "bodies": "--body",
@@ -187,7 +188,7 @@ def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> s
 _PROMISES = ("accuracy", "probability")
 _IN_FULL = (*_PROMISES, "contrast", "share")
 # options that say nothing without --light
-_OF_LIGHT = ("contrast", "grey-step", "ground")
+_OF_LIGHT = ("contrast", "grey-step", "ground", "material")
 
 
 def check_numbers(options: Command) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,9 @@ import numpy as np
 from aspectgraph import (
     AspectGraphError,
     PartFileNotFoundError,
-    ReadError,
     ReadLimits,
     SolidChoice,
-    read_dimensions,
+    list_solids,
     read_entities,
     read_solid,
     resolve_entities,
@@ -26,10 +25,20 @@ from aspectgraph.entities.entity_rules import parse_names
 from aspectgraph.light import check_contrast
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
-from errors.measurands.geometry import FLOOR_PX
+from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.measurand import kinds
 from planner.app.checks import in_words_of_shell, named_by, option, read_camera
-from planner.app.options import Batch, ChosenEntities, Light, Optics, PartReading, Plan, Workspace
+from planner.app.model_dimensions import ModelDimensions, stated_dimensions
+from planner.app.options import (
+    Batch,
+    ChosenEntities,
+    DimensionTargets,
+    Light,
+    Optics,
+    PartReading,
+    Plan,
+    Workspace,
+)
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
@@ -37,18 +46,27 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
-from planner.light.lighting import RING, LampBox, LampDome, Lighting, check_lamps_given, check_step
+from planner.light.area_light import Backlight
+from planner.light.area_lights import BACKLIGHT, is_area_word
+from planner.light.light_catalogue import light_facts
+from planner.light.lighting import (
+    RING,
+    LampBox,
+    LampDome,
+    Lighting,
+    check_lamps_given,
+    check_step,
+)
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
-from planner.report.wording import count
 from planner.request.camera_limits import default_workspace
-from planner.request.dimension_files import SURFACES_MM, dimensions_to_plan, read_wanted
+from planner.request.dimension_files import SURFACES_MM, read_wanted
 from planner.request.resolve import resolve_wanted, with_places
 from planner.resolve_request import ResolvedRequest, resolve_request
 
 if TYPE_CHECKING:
-    from aspectgraph import Entity, ModelDimension, Solid
+    from aspectgraph import Entity, Solid, SolidEntry
     from planner.robotcell import Cell
 
 
@@ -101,8 +119,9 @@ def cell_again(plan: InspectionPlan, path: str | None, plan_path: Path) -> Cell 
 
 
 _RULE = (
-    "--light must be ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in mm, or a TOML "
-    "file with lamps = [[X, Y, Z], ...]."
+    "--light must be backlight, diffuse-dome, coaxial or ring-light, each alone or with :NAME of the catalogue, "
+    "backlight:X,Y,Z,WIDTH,HEIGHT, ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in "
+    "mm, or a TOML file with lamps = [[X, Y, Z], ...]."
 )
 
 
@@ -116,14 +135,20 @@ def read_lighting(options: Light) -> Lighting | None:
     """
     check_contrast(options.contrast)
     check_step(options.grey_step)
-    if options.together and options.light in (None, RING):
+    is_one = options.light in (None, RING) or is_area_word(options.light)
+    if options.together and is_one:
         option_text = "no --light" if options.light is None else f"--light {options.light}"
         raise RequestError(f"--together needs lamps by --light at, box or dome. Got {option_text}.")
     lamps = _lamps(options.light)
     if lamps is None:
         return None
     return Lighting(
-        lamps, options.contrast, options.grey_step, options.ground, together=options.together
+        lamps,
+        options.contrast,
+        options.grey_step,
+        options.ground,
+        together=options.together,
+        material=options.material,
     )
 
 
@@ -131,12 +156,21 @@ def _lamps(text: str | None) -> Any:
     if text is None or text == RING:
         return text
     name, _, numbers = text.partition(":")
+    is_rectangle = name == BACKLIGHT and "," in numbers
+    if is_area_word(text) and not is_rectangle and not text.endswith(":"):
+        if numbers:
+            light_facts(name, numbers)
+        return text
     if name == "at":
         return check_lamps_given([_numbers(place, text) for place in numbers.split(";")])
     if name == "box":
         values = _numbers(numbers, text)
         if len(values) == 6:
             return LampBox((values[0], values[1], values[2]), (values[3], values[4], values[5]))
+    elif name == BACKLIGHT:
+        values = _numbers(numbers, text)
+        if len(values) == 5:
+            return Backlight.horizontal(values[:3], values[3], values[4])
     elif name == "dome":
         values = _numbers(numbers, text)
         if len(values) in (4, 5):
@@ -175,12 +209,6 @@ def _from_file(path: Path) -> Any:
 _OF_MODEL = ("one_per_pattern", "reference_dimensions", "no_basic_dimensions")
 """Options that choose among the dimensions of the model."""
 
-_LEFT_OUT = {
-    "reference": "see --reference-dimensions",
-    "basic": "plan without --no-basic-dimensions",
-}
-"""What to do about dimensions that their role leaves out."""
-
 
 @dataclass(frozen=True)
 class JobTargets:
@@ -212,26 +240,48 @@ def read_request(options: Plan | Optics, solid: Solid) -> JobTargets:
     RequestError, ReadError, EntityError
         If they ask for what is not there, or break a rule.
     """
-    for name in _OF_MODEL:
-        if getattr(options, name) and not _all_of_model(options):
-            got = "none" if options.dimensions is None else repr(options.dimensions)
-            raise RequestError(f"{option(name)} must be given with --dimensions all. Got {got}.")
+    check_of_model(options)
     if options.dimensions is None:
         localisation = read_localisation(options.localisation or "rounding")
-        if "--share" in options.typed:
-            raise RequestError("--share must be given with --dimensions. Got none.")
         entities = chosen_entities(options, solid)
         # what cannot be measured is refused before the work
         with named_by("entities" if options.select is None else "select", vars(options)):
             resolve_wanted(solid, entities, options.accuracy)
         return JobTargets(entities, entities, localisation)
-    localisation = read_localisation(options.localisation or "gaussian")
+    localisation = read_localisation(options.localisation or _gaussian_text(options))
     with named_by("dimensions", vars(options)):
         return _wanted_dimensions(options, solid, localisation)
 
 
-def _all_of_model(options: Plan | Optics) -> bool:
+def check_of_model(options: DimensionTargets) -> None:
+    """Refuse options that choose among dimensions where none are asked for.
+
+    Raises
+    ------
+    RequestError
+        Names the option.
+    """
+    for name in _OF_MODEL:
+        if getattr(options, name) and not all_of_model(options):
+            got = "none" if options.dimensions is None else repr(options.dimensions)
+            raise RequestError(f"{option(name)} must be given with --dimensions all. Got {got}.")
+    if options.dimensions is None and "--share" in options.typed:
+        raise RequestError("--share must be given with --dimensions. Got none.")
+
+
+def all_of_model(options: DimensionTargets) -> bool:
+    """Tell whether the dimensions of the model are asked for."""
     return options.dimensions is not None and options.dimensions.strip().lower() == "all"
+
+
+def choice_of(options: DimensionTargets) -> ModelDimensions:
+    """Return which dimensions of the model the options choose."""
+    return ModelDimensions(
+        options.share,
+        options.one_per_pattern,
+        options.reference_dimensions,
+        not options.no_basic_dimensions,
+    )
 
 
 def _wanted_dimensions(
@@ -240,17 +290,10 @@ def _wanted_dimensions(
     """Return the dimensions of the model, or those of a file."""
     left_out: dict[str, str] = {}
     items: Mapping[str, Any]
-    if _all_of_model(options):
-        stated = _stated(options, solid)
-        items, left_out = dimensions_to_plan(
-            stated,
-            share=options.share,
-            one_per_pattern=options.one_per_pattern,
-            reference=options.reference_dimensions,
-            basic=not options.no_basic_dimensions,
-        )
-        if not items:
-            raise _nothing_to_plan(stated, options.part)
+    if all_of_model(options):
+        with reading_shown(quiet=options.quiet, lines=options.verbose):
+            stated = stated_dimensions(options.part, solid, read_limits(options))
+        items, left_out = choice_of(options).chosen(stated, options.part)
     else:
         items = with_places(
             solid, read_wanted(Path(str(options.dimensions)), kinds(), options.share)
@@ -258,21 +301,6 @@ def _wanted_dimensions(
     rounded = localisation.model == "rounding"
     entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
     return JobTargets(items, entities, localisation, left_out)
-
-
-def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestError:
-    """Return the error of a model without a dimension to plan; it counts those left out by their role."""
-    roles = Counter(dimension.role for dimension in stated if dimension.entities is not None)
-    texts = [
-        f"{count(roles[role], f'{role} dimension')} {'is' if roles[role] == 1 else 'are'} left out: {advice}"
-        for role, advice in _LEFT_OUT.items()
-        if roles[role]
-    ]
-    error = RequestError(
-        f"--dimensions all needs a dimension that can be measured. Got none in {part}."
-    )
-    error.hint = ". ".join(texts)
-    return error
 
 
 def chosen_entities(options: ChosenEntities, solid: Solid) -> dict[str, Entity]:
@@ -293,18 +321,6 @@ def read_limits(options: PartReading) -> ReadLimits:
     """Return what reading the part may take."""
     seconds = options.read_time_limit
     return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
-
-
-def _stated(options: Plan | Optics, solid: Solid) -> tuple[ModelDimension, ...]:
-    part = options.part
-    with reading_shown(quiet=options.quiet, lines=options.verbose):
-        stated = read_dimensions(part, solid, limits=read_limits(options))
-    if not stated:
-        raise ReadError(
-            f"the part must be a STEP file with semantic dimensions (AP242). Got {part}, which states none; a file of "
-            "dimensions can be given instead."
-        )
-    return stated
 
 
 def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
@@ -343,11 +359,19 @@ def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
                 f"For {n_stated} of {len(items)} dimensions, the error follows from flatness and profile tolerances of "
                 "the model. "
             )
+    default = _gaussian_text(options)
+    floor = default.rpartition(":")[2]
     return (
-        "note: points in the image have errors of 0.1 px, and of 0.05 px that all points of an edge or rim share "
-        f"(--localisation gaussian:0.1:0.05), the default with --dimensions. {faces}Without --dimensions, points are "
+        f"note: points in the image have errors of 0.1 px, and of {floor} px that all points of an edge or rim share "
+        f"(--localisation {default}), the default with --dimensions. {faces}Without --dimensions, points are "
         "rounded to whole pixels"
     )
+
+
+def _gaussian_text(options: Plan | Optics) -> str:
+    """Return the default of ``--localisation`` for dimensions: stated breaks are no part of its floor."""
+    floor_px = FLOOR_PX if getattr(options, "edges", None) is None else DETECTOR_FLOOR_PX
+    return f"gaussian:0.1:{floor_px:g}"
 
 
 def _gaussian(sigma_px: float = 0.1, floor_px: float = FLOOR_PX) -> Localisation:
@@ -479,6 +503,7 @@ def inspection_options(options: Plan | Optics | Batch, **more: Any) -> Inspectio
         "workspace": None,
         "localisation": None,
         "rng": getattr(options, "seed", 0),
+        "edge_break_mm": getattr(options, "edges", None),
     }
     return InspectionOptions(**{**same, **values, **more})
 
@@ -590,8 +615,21 @@ def _read(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
     occluders = arguments.pop("occluders", None)
     if occluders:
         arguments["solids"] = SolidChoice(arguments.get("solids"), occluders)
-    try:
+    with _naming_part(part, options):
         return read_solid(part, limits=read_limits(options), **arguments)
+
+
+def read_solid_list(part: str, options: PartReading) -> tuple[SolidEntry, ...]:
+    """List the solids of a STEP file; an error names the file."""
+    with reading_shown(quiet=options.quiet, lines=options.verbose), _naming_part(part, options):
+        return list_solids(part, limits=read_limits(options))
+
+
+@contextmanager
+def _naming_part(part: str, options: PartReading) -> Iterator[None]:
+    """Let an error of reading a part name its file, and options instead of parameters."""
+    try:
+        yield
     except AspectGraphError as error:
         if error.parameter == "path":
             missing = isinstance(error, PartFileNotFoundError)

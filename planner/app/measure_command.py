@@ -23,6 +23,7 @@ from planner.app.process import (
     write_error,
     write_fault,
 )
+from planner.camera.pose import PoseUncertainty
 from planner.exceptions import PlanFileError, PlannerError, RequestError
 from planner.files import (
     absolute,
@@ -42,6 +43,7 @@ from planner.measuring.measurer import MeasureOptions, Measurer
 from planner.measuring.registration import Registration
 from planner.measuring.rehearsal import TRUTH, Rehearsal
 from planner.measuring.results import FORMAT, MeasurementResults
+from planner.measuring.task import REPEATABILITY
 from planner.plan import read_plan
 from planner.progress import visible
 from planner.report import terminal_tables
@@ -86,6 +88,9 @@ def measure(options: Measure) -> int:
         coverage=options.coverage,
         rule=_RULES[options.rule],
         white_level=options.white_level,
+        response=options.response,
+        edge_break_mm=options.edges,
+        repeatability=_repeatability(options),
     )
     out = absolute(options.out)
     parts = _parts(options, out)
@@ -259,6 +264,14 @@ def _code(results: MeasurementResults, condition: str) -> int:
         return NOT_REGISTERED
     fine = results.measured if condition == "measured" else results.conforms
     return DONE if fine else INCOMPLETE
+
+
+def _repeatability(options: Measure) -> PoseUncertainty:
+    """Return by how much the camera moves between images of a setting."""
+    if options.repeatability is None:
+        return REPEATABILITY
+    translation_mm, rotation_rad = options.repeatability
+    return PoseUncertainty.isotropic(translation_mm=translation_mm, rotation_rad=rotation_rad)
 
 
 def _localisation(options: Measure) -> Localisation | None:

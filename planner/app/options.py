@@ -22,13 +22,15 @@ from planner.app.quantities import (
     SHARE,
     WHITE,
     Count,
-    all_or_indices,
-    indices,
+    all_or_solids,
+    break_range,
     lengths,
+    material,
     memory,
     registration,
     sigma_angle,
     sigma_pair,
+    solid_names,
     value,
     whole,
 )
@@ -74,6 +76,7 @@ Pixels = Annotated[float, value(PX, "PX"), NOT_NEGATIVE]
 Time = Annotated[float | None, value(SECONDS, "S"), POSITIVE_SECONDS]
 Contrast = Annotated[float, value(SHARE, "C"), _CONTRAST]
 Box = Annotated[BOX | None, value(MM, "X0 Y0 Z0 X1 Y1 Z1", count=6)]
+BreakRange = Annotated[tuple[float, float] | None, value(break_range, "LOW..HIGH")]
 SigmaPair = Annotated[tuple[float, float] | None, value(sigma_pair, "MM,RAD")]
 Camera = Annotated[str, _named("NAME|FILE")]
 Folder = Annotated[str, _named("DIR", "--out", "-o")]
@@ -151,17 +154,18 @@ class PartReading(Units, Messages):
     Attributes
     ----------
     solids
-        solids of a STEP file to measure, counted from 0 (default: all)
+        solids of a STEP file to measure, by number or name, as 'info --list' lists them (default: all); a name with
+        commas, or of digits, stands in double quotes: '"12"'
     occluders
-        solids that only block the view; all: those that --solids does not name
+        solids that only block the view, likewise; all: those that --solids does not name
     gap_mm
         widest gap between the edges and faces of a STEP file
     read_time_limit
         end the reading of a STEP file after so many seconds (default: 300)
     """
 
-    solids: Annotated[Any, value(indices, "N,N")] = None
-    occluders: Annotated[Any, value(all_or_indices, "all|N,N")] = None
+    solids: Annotated[Any, value(solid_names, "N|NAME,...")] = None
+    occluders: Annotated[Any, value(all_or_solids, "all|N|NAME,...")] = None
     gap_mm: Annotated[float | None, value(MM, "MM")] = None
     read_time_limit: Time = None
 
@@ -189,9 +193,9 @@ class ChosenEntities:
         TOML, JSON or CSV file; ids like 3,17-21,r2; end points like '(0,0,10)-(25,0,10)'; or all. A plan measures an
         edge's length, a rim's diameter and an arc's radius
     select
-        conditions joined by 'and': length > 20, radius > 5, turn < 100, convex, reentrant, kind = rim, direction = z,
-        face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5. Without kind or radius,
-        only edges are selected
+        conditions joined by 'and': length > 20, radius > 5, diameter = 12 (within 0.01 mm), turn < 100, convex,
+        reentrant, kind = rim, direction = z, face = top (bottom, left, right, front, back: of the part's box), near
+        10,20,30 < 5. Without kind, radius or diameter, only edges are selected
     all
         all sharp straight edges
     """
@@ -208,7 +212,7 @@ class ChosenEntities:
 
 
 @dataclass(kw_only=True)
-class ChosenTargets(ChosenEntities):
+class DimensionTargets(Command):
     """What to measure, by one of the first options.
 
     Attributes
@@ -229,13 +233,14 @@ class ChosenTargets(ChosenEntities):
     localisation
         error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px;
         FLOOR does not average out (default: rounding with --entities, --select and --all, gaussian:0.1:0.05 with
-        --dimensions)
+        --dimensions, gaussian:0.1:0.01 if --edges is stated, too)
     surfaces_mm
         standard deviation of the position of the part's faces along their normals, for dimensions (default: what
         flatness and profile tolerances of the part state, else 0.02; with rounding 0)
+    edges
+        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm, for dimensions; 0 is sharp
+        (default: planned as sharp)
     """
-
-    exactly_one: ClassVar[tuple[str, ...]] = (*ChosenEntities.exactly_one, "--dimensions")
 
     dimensions: Annotated[str | None, _named("FILE|all")] = None
     one_per_pattern: bool = False
@@ -244,6 +249,14 @@ class ChosenTargets(ChosenEntities):
     share: Annotated[float, value(SHARE, "S"), ABOVE_0_TO_1] = 0.25
     localisation: Annotated[str | None, _named("MODEL")] = None
     surfaces_mm: OptionalLength = None
+    edges: BreakRange = None
+
+
+@dataclass(kw_only=True)
+class ChosenTargets(DimensionTargets, ChosenEntities):
+    """What to measure, by one of the first options."""
+
+    exactly_one: ClassVar[tuple[str, ...]] = (*ChosenEntities.exactly_one, "--dimensions")
 
 
 @dataclass(kw_only=True)
@@ -394,8 +407,14 @@ class Light:
     Attributes
     ----------
     light
-        ring (on the camera); places for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps
-        at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in mm (default: no lamps)
+        backlight, which the part lies on; diffuse-dome, coaxial or ring-light, which the camera carries; each alone or
+        with :NAME of the catalogue (aspectgraph lights); backlight:X,Y,Z,WIDTH,HEIGHT, a bright rectangle that shines
+        upwards; ring (a lamp on the camera); places for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on
+        dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in
+        mm (default: no lamps)
+    material
+        how the part reflects light: matt, or metal with a roughness from 0.02 (nearly a mirror) to 1; 0.3 is milled
+        or blasted (default: matt)
     contrast
         least contrast of an edge, (I1 - I2) / (I1 + I2)
     grey_step
@@ -407,6 +426,7 @@ class Light:
     """
 
     light: Annotated[str | None, _named("LAMPS")] = None
+    material: Annotated[Any, value(material, "matt|metal[:ROUGHNESS]")] = None
     contrast: Contrast = 0.1
     grey_step: Annotated[float, value(SHARE, "STEP")] = _GREY_STEP
     ground: Literal["dark", "bright"] = "dark"
@@ -496,6 +516,8 @@ class Info(PartFile):
         list only edges, rims and arcs for which the rule holds; see plan --help (default: all)
     min_length
         leave out shorter edges
+    list
+        only list the solids of a STEP file with their names, without reading their shape
     """
 
     usage = ("PART [options]",)
@@ -511,6 +533,7 @@ columns:
     picture: File = None
     select: Annotated[str | None, _named("RULE")] = None
     min_length: Length = 0.0
+    list: bool = False
 
 
 @dataclass(kw_only=True)
@@ -533,6 +556,28 @@ class Cameras(Messages):
     usage = ("[options]",)
 
     sources: bool = False
+
+
+@dataclass(kw_only=True)
+class Lights(PartReading):
+    """List the lights that --light knows by name, or which light suffices for a plan.
+
+    Attributes
+    ----------
+    plan
+        plan.json, or the folder it is in: compare the kinds of lights in its settings (default: list the catalogue)
+    part
+        the part of the plan; needed with PLAN
+    material
+        how the part reflects light: matt, or metal with a roughness from 0.02 (nearly a mirror) to 1; 0.3 is milled
+        or blasted (default: matt)
+    """
+
+    usage = ("[options]", "PLAN --part PART [options]")
+
+    plan: str | None = field(default=None, kw_only=False)
+    part: Annotated[str | None, _named("PART")] = None
+    material: Annotated[Any, value(material, "matt|metal[:ROUGHNESS]")] = None
 
 
 @dataclass(kw_only=True)
@@ -736,6 +781,9 @@ class Images:
     white_level
         grey value of full exposure, such as 4095 of 12 bits (default: that of the plan's camera, else where the image's
         brightest pixels end)
+    response
+        how much light a grey value stands for: linear, srgb, a gamma such as 2.2, or a file of two columns, level and
+        light (default: that of the plan's camera, else what image files state, tested on the edges of the images)
     """
 
     plan: str = field(kw_only=False)
@@ -746,6 +794,7 @@ class Images:
     partial: bool = False
     allow_lossy: bool = False
     white_level: Annotated[Any, value(WHITE, "GREY")] = None
+    response: Annotated[str | None, _named("RESPONSE")] = None
 
 
 @dataclass(kw_only=True)
@@ -789,6 +838,12 @@ class Measure(Deciding, Images, PartReading):
         before it improved by the part's edges
     surfaces_mm
         standard deviation of the position of the part's faces along their normals (default: that of the plan)
+    edges
+        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm; 0 is sharp (default: that of the
+        plan, else assumed sharp within 0.05 mm)
+    repeatability
+        standard deviations of the camera's displacement between images of a setting under different lamps (default:
+        0.02mm,0.1mrad)
     qif
         also write results.qif: QIF 3.0, with statuses and u
     """
@@ -806,6 +861,8 @@ exit codes:
     force: bool = False
     register: Annotated[str, _named("edges|none|FILE|edges+FILE")] = "edges"
     surfaces_mm: OptionalLength = None
+    edges: BreakRange = None
+    repeatability: SigmaPair = None
     qif: bool = False
 
 
@@ -861,7 +918,17 @@ class BatchOutput:
 
 
 @dataclass(kw_only=True)
-class Batch(Promise, WithCamera, BatchOutput, SearchEffort, Limits, Showing, Units, Messages):
+class Batch(
+    DimensionTargets,
+    Promise,
+    WithCamera,
+    BatchOutput,
+    SearchEffort,
+    Limits,
+    Showing,
+    Units,
+    Messages,
+):
     """Plan every part of a folder, on many processes.
 
     Attributes
@@ -872,6 +939,11 @@ class Batch(Promise, WithCamera, BatchOutput, SearchEffort, Limits, Showing, Uni
         entities for which the rule holds; see plan --help (default: all sharp straight edges)
     all
         all sharp straight edges, the default
+    dimensions
+        all: the dimensions that each part (AP242) states
+    localisation
+        error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px;
+        FLOOR does not average out (default: rounding, with --dimensions gaussian:0.1:0.05)
     jobs
         parts to plan at a time, at most one per core
     scheduler
@@ -879,11 +951,12 @@ class Batch(Promise, WithCamera, BatchOutput, SearchEffort, Limits, Showing, Uni
     """
 
     usage = ("FOLDER --camera NAME|FILE --out DIR [options]",)
-    at_most_one = ("--select", "--all")
+    at_most_one = ("--select", "--all", "--dimensions")
 
     folder: str = field(kw_only=False)
     select: Annotated[str | None, _named("RULE")] = None
     all: bool = False
+    dimensions: Annotated[str | None, _named("all")] = None
     scheduler: Annotated[str | None, _named("ADDRESS")] = None
 
 
@@ -949,7 +1022,20 @@ class Help(Command):
 
 
 _COMMANDS: tuple[type[Command], ...] = (
-    *(Plan, Info, Dimensions, Cameras, Optics, Simulate, Reach, Program, Render, Measure, Batch),
+    *(
+        Plan,
+        Info,
+        Dimensions,
+        Cameras,
+        Lights,
+        Optics,
+        Simulate,
+        Reach,
+        Program,
+        Render,
+        Measure,
+        Batch,
+    ),
     Graph,
     *(Completion, Help),
 )

@@ -49,15 +49,20 @@ from planner.app.checks import option, read_camera
 from planner.app.job import (
     Job,
     JobTargets,
+    all_of_model,
     check_nothing_read,
+    check_of_model,
     check_same_part,
+    choice_of,
     chosen_entities,
     inspection_options,
     localisation_text,
     read_job,
     read_limits,
+    read_localisation,
     read_part,
     read_request,
+    read_solid_list,
     workspace_of,
 )
 from planner.app.options import Batch, Dimensions, Graph, Info, Optics, Plan, Simulate
@@ -81,7 +86,12 @@ from planner.report.plan_folder import (
     rescue,
     write_graph,
 )
-from planner.report.terminal_tables import graph_record, part_record, plan_record
+from planner.report.terminal_tables import (
+    graph_record,
+    part_record,
+    plan_record,
+    solid_records,
+)
 from planner.report.wording import cost_sentence, incumbent_line
 from planner.request.camera_limits import default_workspace
 from planner.request.dimension import Dimension
@@ -436,6 +446,8 @@ def listed(names: list[str]) -> str:
 
 def info(options: Info) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
+    if options.list:
+        return _list_solids(options)
     solid = read_part(options.part, options)
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         edges = solid.straight_edges(min_length_mm=options.min_length)
@@ -459,6 +471,16 @@ def info(options: Info) -> int:
     _print_unit(options.part, options.units)
     if options.picture:
         print(visible(str(options.picture)))
+    return DONE
+
+
+def _list_solids(options: Info) -> int:
+    """Show the solids of a STEP file, with the names that --solids takes."""
+    entries = read_solid_list(options.part, options)
+    if options.json:
+        print_json({"part": options.part, "solids": solid_records(entries)})
+    else:
+        terminal_tables.print_solids(entries)
     return DONE
 
 
@@ -628,13 +650,28 @@ def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionP
         return *work.done(), best.interrupted
 
 
-def batch(options: Batch) -> int:
-    """Plan every part of a folder."""
+def _request_of_parts(options: Batch) -> PartRequest:
+    """Return what is asked for every part of a folder."""
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
+    check_of_model(options)
+    choice = None
     effort = Effort.named(options.effort or "standard")
-    request = PartRequest(
+    localisation = None
+    if options.localisation is not None:
+        localisation = read_localisation(options.localisation)
+    if options.dimensions is not None:
+        if not all_of_model(options):
+            raise RequestError.of_rule("dimensions", "must be all", repr(options.dimensions))
+        choice = choice_of(options)
+        localisation = localisation or read_localisation("gaussian")
+        if options.effort is None:
+            effort = Effort.for_dimensions()
+    elif "--surfaces-mm" in options.typed:
+        raise RequestError("--surfaces-mm must be given with --dimensions. Got none.")
+    limits = inspection_options(options, time_limit_s=options.time_limit, localisation=localisation)
+    return PartRequest(
         read_camera(options.camera),
         uncertainty,
         accuracy=options.accuracy,
@@ -645,8 +682,14 @@ def batch(options: Batch) -> int:
         simulate=options.simulate,
         graph_limit=options.graph_limit,
         effort=effort if options.give_up is None else effort.giving_up(options.give_up),
-        limits=limits_of(inspection_options(options, time_limit_s=options.time_limit)),
+        limits=limits_of(limits),
+        dimensions=choice,
     )
+
+
+def batch(options: Batch) -> int:
+    """Plan every part of a folder."""
+    request = _request_of_parts(options)
     if not options.force:
         check_set_place(Path(options.out), TABLES, is_table)
     out = absolute(options.out)

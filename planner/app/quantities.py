@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from planner.exceptions import PlannerError, RequestError
 
 if TYPE_CHECKING:
+    from planner.light.reflection import Material
     from planner.request.registration import RegistrationRecord
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf(?:inity)?|nan)"
@@ -67,6 +68,9 @@ class Count(NamedTuple):
     minimum: int
     maximum: int = 10**9
 
+
+MOST_BREAK_MM = 10.0
+"""As `planner.request.edge_state.MOST_BREAK_MM`, which takes long to load."""
 
 BOX = tuple[float, float, float, float, float, float]
 
@@ -164,6 +168,31 @@ def lengths(text: str) -> list[float]:
         raise ValueError(f"must be numbers like 250,400. Got {text!r}.") from None
 
 
+def break_range(text: str) -> tuple[float, float]:
+    """Return the least and the largest break of edges, mm.
+
+    Parameters
+    ----------
+    text : str
+        Like ``0.1..0.3`` or ``100um..0.3mm``, or one length for both.
+
+    Raises
+    ------
+    ValueError
+        If it is no such pair, or not in rising order.
+    """
+    words = text.split("..")
+    try:
+        limits = [MM(word) for word in words]
+    except ValueError:
+        limits = []
+    if len(limits) in (1, 2) and 0 <= limits[0] <= limits[-1] <= MOST_BREAK_MM:
+        return limits[0], limits[-1]
+    raise ValueError(
+        f"must be two lengths like 0.1..0.3 or one, in rising order from 0 to {MOST_BREAK_MM:g} mm. Got {text!r}."
+    )
+
+
 def sigma_pair(text: str) -> tuple[float, float]:
     """Return standard deviations of a pose: a length in mm and an angle in rad.
 
@@ -220,9 +249,41 @@ def registration(text: str) -> RegistrationRecord | None:
     return RegistrationRecord(GIVEN, None, uncertainty)
 
 
+def material(text: str) -> Material:
+    """Return how the part reflects light.
+
+    Parameters
+    ----------
+    text : str
+        ``matt``, ``metal``, or ``metal:ROUGHNESS``.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these.
+    """
+    # here, because it loads numpy
+    from planner.light.reflection import Material
+
+    kind, colon, roughness = text.partition(":")
+    try:
+        if not colon:
+            return Material(kind)  # type: ignore[arg-type]
+        if kind == "metal":
+            return Material("metal", float(roughness))
+    except (ValueError, PlannerError):
+        pass
+    rule = "must be matt, metal, or metal:ROUGHNESS with a roughness from 0.02 to 1"
+    raise ValueError(f"{rule}. Got {text!r}.")
+
+
 # no file has more solids; Python reads no number of more than some thousand digits
 _WHOLE = re.compile(r"[-+]?\d{1,400}", re.ASCII)
 _INDEX = re.compile(r"\d{1,18}", re.ASCII)
+_SOLID = re.compile(
+    r"""\s*(?:"(?P<quoted>(?:[^"]|"")+)"(?P<which>:\d+|:all)?\s*|(?P<plain>[^,"\s][^,]*))(?=,|\Z)""",
+    re.ASCII,
+)
 
 
 def whole(text: str) -> int:
@@ -244,34 +305,46 @@ def whole(text: str) -> int:
     return int(text)
 
 
-def indices(text: str) -> list[int]:
-    """Return whole numbers separated by commas.
+def solid_names(text: str) -> list[int | str]:
+    """Return numbers and names of solids separated by commas; digits alone are a number.
 
     Parameters
     ----------
     text : str
-        Like ``0,2``.
+        Like ``0,2`` or ``bracket,bolt:2``. A name in double quotes is taken as it is: ``"12"`` is no
+        number, and commas may be in it. A double quote in it stands twice.
 
     Raises
     ------
     ValueError
-        If one of them is none.
+        If one of them is empty, or quotes do not end.
     """
-    numbers = text.split(",")
-    if not all(_INDEX.fullmatch(number.strip()) for number in numbers):
-        raise ValueError(f"must be whole numbers like 0,2. Got {text!r}.")
-    return [int(number) for number in numbers]
+    names: list[int | str] = []
+    place = 0
+    while place <= len(text):
+        match = _SOLID.match(text, place)
+        if match is None or not (match["quoted"] or match["plain"]):
+            raise ValueError(
+                f"must be numbers or names of solids like 0,2 or bracket,bolt:2. Got {text!r}."
+            )
+        plain = (match["plain"] or "").strip()
+        if match["quoted"]:
+            names.append(match["quoted"].replace('""', '"') + (match["which"] or ""))
+        else:
+            names.append(int(plain) if _INDEX.fullmatch(plain) else plain)
+        place = match.end() + 1
+    return names
 
 
-def all_or_indices(text: str) -> str | list[int]:
-    """Return ``all``, or whole numbers separated by commas.
+def all_or_solids(text: str) -> str | list[int | str]:
+    """Return ``all``, or numbers and names of solids.
 
     Parameters
     ----------
     text : str
-        ``all``, or like ``0,2``.
+        ``all``, or as `solid_names` takes it; ``"all"`` in double quotes is a name.
     """
-    return text if text == "all" else indices(text)
+    return text if text == "all" else solid_names(text)
 
 
 # models of errors in the image, and how many numbers may follow each

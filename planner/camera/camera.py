@@ -33,6 +33,7 @@ from planner.camera.calibration import (
     read_toml,
 )
 from planner.camera.calibration_files import calibrated_fields
+from planner.camera.response import Response, check_response
 from planner.exceptions import CameraError, RequestError
 from planner.files import name_text
 
@@ -449,6 +450,9 @@ class Camera:
     white_level : int, optional
         Grey value of full exposure in its image files of 8 or 16 bits, such as 4095 of 12 bits.
         Default: that of the image, see `planner.measuring.images.white_of`.
+    response : str or float, optional
+        How much light a grey value stands for: "linear", "srgb", a gamma such as 2.2, or a file. The file has two
+        columns, level and light, as shares of full exposure. Default: what image files state and edges show.
 
     Raises
     ------
@@ -488,6 +492,13 @@ class Camera:
             "Without it, it is that of each image.",
         ),
     ] = None
+    response: Annotated[
+        str | None,
+        Meta(
+            description="Light of a grey value: linear, srgb, a gamma, or rows of level and light. "
+            "Without it, image files and edges show it."
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
@@ -510,6 +521,8 @@ class Camera:
             raise CameraError.of_rule("name", "must be text", shown(self.name))
         if self.white_level is not None:
             object.__setattr__(self, "white_level", check_white_level(self.white_level))
+        if self.response is not None:
+            object.__setattr__(self, "response", check_response(self.response))
         # focus a rounding error beyond f is none: the image distance would not be finite
         if not 1.0 / self.focal_length_mm > 1.0 / self.focus_distance_mm:
             rule = (
@@ -678,7 +691,7 @@ class Camera:
             Width and height, px.
         **lens : float or str
             Must hold ``pixel_pitch_mm`` (one number, across), ``f_number`` and ``focus_distance_mm``; may hold
-            ``largest_blur_mm``, ``white_level`` and ``name``.
+            ``largest_blur_mm``, ``white_level``, ``response`` and ``name``.
 
         Returns
         -------
@@ -770,7 +783,7 @@ class Camera:
         ----------
         path : str or os.PathLike
             The file. Its ``calibration`` may name a file for `from_calibration` in the same folder.
-            It replaces focal length, resolution and both pixel pitches.
+            It replaces focal length, resolution and both pixel pitches. Its ``response`` may name a file there, too.
 
         Returns
         -------
@@ -786,6 +799,8 @@ class Camera:
         path = Path(path)
         text, data = read_toml(path)
         try:
+            if "response" in data:
+                data["response"] = Response.of(data["response"], path.parent).text
             if "calibration" in data:
                 return cls.from_calibration(
                     path.parent / str(data.pop("calibration")),

@@ -196,6 +196,13 @@ class PoseUncertainty:
 
     covariance: Covariance
 
+    def __repr__(self) -> str:
+        """Return a one-line summary: the standard deviations."""
+        shift, turn = (
+            ", ".join(f"{sigma:.4g}" for sigma in part) for part in self.sigmas.reshape(2, 3)
+        )
+        return f"<PoseUncertainty: {shift} mm, {turn} rad>"
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", _check_covariance(self.covariance))
 

@@ -23,6 +23,7 @@ from planner.detectability.conditions import Detectability
 from planner.detectability.corners import (
     FITTED_PX,
     OWN,
+    SHARP,
     Contours,
     SeenArms,
     arms_of,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 # images need it.
 
 
-_kept: WeakKeyDictionary[Solid, PartLines] = WeakKeyDictionary()
+_kept: WeakKeyDictionary[Solid, dict[bool, PartLines]] = WeakKeyDictionary()
 
 
 class PartLines:
@@ -54,24 +55,31 @@ class PartLines:
     ----------
     solid : Solid
         The part.
+    only_outlines : bool
+        Whether edges of two faces that both turn to the camera make no line, as in front of a backlight.
 
     Attributes
     ----------
     contours : Contours
-        Of the part.
+        Of the part, which show as in daylight.
+    showing : Contours
+        The same, which show as asked.
     at : dict
         See `meeting`.
     scene : RayScene
         Of the part.
     compiled : tuple of array
-        Of `contours` vertices (3, v), ends, planes (4, f), faces and kinds, as compiled loops take them: coordinates
+        Of `showing` vertices (3, v), ends, planes (4, f), faces and kinds, as compiled loops take them: coordinates
         one after the other, so that several points are computed at once, and numbers that cannot be negative.
     bulges : array (m, 3)
         From the middle of each edge of `contours` to that of the arc it is a chord of, mm; 0 for straight ones.
     """
 
-    def __init__(self, solid: Solid) -> None:
+    def __init__(self, solid: Solid, *, only_outlines: bool = False) -> None:
         self.contours = contours_of(solid)
+        # what is not sharp shows where one of its faces turns away
+        kinds = self.contours.kinds & ~np.uint8(SHARP) if only_outlines else self.contours.kinds
+        self.showing = self.contours._replace(kinds=kinds)
         self.at = meeting(self.contours)
         self.scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
         contours = self.contours
@@ -79,16 +87,17 @@ class PartLines:
             np.array(rows.T, order="C") for rows in (contours.vertices, contours.planes)
         )
         ends, faces = (rows.astype(np.uint32) for rows in (contours.ends, contours.faces))
-        self.compiled: Any = (vertices, ends, planes, faces, contours.kinds)
+        self.compiled: Any = (vertices, ends, planes, faces, kinds)
         self.bulges = _bulges(solid, contours)
         self._relations: dict[tuple[tuple[int, ...], float], NDArray[np.uint8]] = {}
 
     @classmethod
-    def of(cls, solid: Solid) -> PartLines:
+    def of(cls, solid: Solid, *, only_outlines: bool = False) -> PartLines:
         """Return the lines of a part; the same ones as long as the part is there."""
-        if solid not in _kept:
-            _kept[solid] = cls(solid)
-        return _kept[solid]
+        of_part = _kept.setdefault(solid, {})
+        if only_outlines not in of_part:
+            of_part[only_outlines] = cls(solid, only_outlines=only_outlines)
+        return of_part[only_outlines]
 
     def relation(self, edge_ids: Sequence[int], radius_mm: float) -> NDArray[np.uint8]:
         """Return `relation_to` an entity's edges."""
@@ -301,6 +310,8 @@ class ImageCheck:
         What is asked.
     scanned : sequence of sequence of Scanned, optional
         What is scanned of each entity without edges of its own. Default: nothing.
+    only_outlines : bool
+        See `PartLines`.
 
     Attributes
     ----------
@@ -320,6 +331,8 @@ class ImageCheck:
         camera: Camera,
         showing: Detectability,
         scanned: Sequence[Sequence[Scanned]] = (),
+        *,
+        only_outlines: bool = False,
     ) -> None:
         self.showing = showing
         self._ends = np.ascontiguousarray(ends, np.float64)
@@ -333,7 +346,7 @@ class ImageCheck:
             edge_ids, self._ends, scanned or [()] * len(edge_ids)
         )
         self._has_pieces = np.diff(self._pieces.first) > 0
-        self._part = PartLines.of(solid)
+        self._part = PartLines.of(solid, only_outlines=only_outlines)
         self.contours = self._part.contours
         self.scene = self._part.scene
         self._near_own_px = near_own_px(showing)
@@ -508,7 +521,7 @@ class ImageCheck:
         if len(short):
             poses = cam2world[pairs[seen.of[short] // 2, 0]]
             of, angle, place = tip_lines(
-                poses, self._scale, self.contours, self.arms, seen.arm[short]
+                poses, self._scale, self._part.showing, self.arms, seen.arm[short]
             )
             visible = self._visible(poses[of, :3, 3], place)
             np.minimum.at(seen.tip_deg, short[of[visible]], angle[visible])

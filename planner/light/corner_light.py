@@ -48,7 +48,7 @@ DEFAULT_STEP = 0.1
 
 # points of an edge that are looked beside, and how far: so far that the detector's window is filled
 SHARES = np.linspace(0.06, 0.94, 9)
-_BESIDE_PX = 3.0
+BESIDE_PX = 3.0
 # a ray that ends this share before the point has been stopped by something else: from a lamp a metre away by 0.02 mm,
 # a hundred times what rounding makes
 _SHORT = 2e-5
@@ -166,7 +166,7 @@ def rays_beside(sight: Array, along: Array, hidden: Array, pixel_rad: float) -> 
     aside = across(sight, along)
     aside *= np.where((aside * hidden).sum(axis=-1) < 0, -1.0, 1.0)[..., None]
     return np.asarray(
-        sight + _BESIDE_PX * pixel_rad * np.linalg.norm(sight, axis=-1, keepdims=True) * aside
+        sight + BESIDE_PX * pixel_rad * np.linalg.norm(sight, axis=-1, keepdims=True) * aside
     )
 
 
@@ -342,7 +342,7 @@ def demands_of(plan: Planned, solid: Solid, scene: RayScene, ground: str) -> Dem
         for name in setting.entities:
             key = name, id(targets[name])
             if key not in entities:
-                entities[key] = _parts(targets[name], solid, name)
+                entities[key] = parts_of(targets[name], solid, name)
             parts = entities[key]
             regions = []
             behind = []
@@ -389,7 +389,7 @@ def seen_as(
         yield sure | open_ones
 
 
-def _parts(target: Target, solid: Solid, name: str) -> tuple[Entity, ...]:
+def parts_of(target: Target, solid: Solid, name: str) -> tuple[Entity, ...]:
     """Return the edges, rims and arcs that something measured consists of."""
     return tuple(
         _curve(solid, name, item)
@@ -999,16 +999,70 @@ def corners_of(
     Corners
         With the lines that a corner may be fitted with; an end that has none is left out.
     """
-    required = plan.requirements
-    camera = plan.camera
-    separation = required.get("separation_px", 0.0)
-    required_deg = required.get("min_corner_deg", 0.0)
-    poses = np.array(
-        [np.asarray(setting.cam2world) for setting in plan.settings], np.float64
-    ).reshape(-1, 4, 4)
-    pixel = max(camera.pixel_pitch_mm) / camera.image_distance_mm
+    separation = plan.requirements.get("separation_px", 0.0)
+    poses = _poses_of(plan)
+    pixel = max(plan.camera.pixel_pitch_mm) / plan.camera.image_distance_mm
     edges = _seen_edges(solid, poses, names, edge_ids, separation > 0)
     beside_edges = beside_lines(scene, edges, separation, pixel)
+    at_ends = corner_lines_of(plan, solid, names, edge_ids)
+    sites = []
+    lines = []
+    for line in at_ends:
+        points = points_of_arm(line.corner, line.tip, line.eye, pixel)
+        sites.append(_compared_of_corner_light(solid, scene, line.edge_id, points, line.eye, pixel))
+        lines.append(SeenLine(line.eye, points, line.tip - line.corner))
+    beside = beside_lines(scene, lines, separation, pixel)
+    used, end = np.unique([line.end for line in at_ends], return_inverse=True)
+    pair_of = {line.end: line.pair for line in at_ends}
+    pair = np.array([pair_of[number] for number in used.tolist()], dtype=int)
+    return Corners(_joined(sites), end, pair, beside, beside_edges)
+
+
+class CornerLine(NamedTuple):
+    """A line in an image that leaves an end of a length.
+
+    Attributes
+    ----------
+    pair : int
+        Number of the length among those that were asked about.
+    end : int
+        Number of the end, a different one for each end of each length.
+    edge_id : int
+        The edge of the line.
+    corner, tip : array (3,)
+        From where to where it is seen, mm.
+    eye : array (3,)
+        Place of the camera, mm.
+    """
+
+    pair: int
+    end: int
+    edge_id: int
+    corner: Array
+    tip: Array
+    eye: Array
+
+
+def corner_lines_of(
+    plan: Planned,
+    solid: Solid,
+    names: Sequence[tuple[int, str]],
+    edge_ids: Sequence[Sequence[int]],
+    *,
+    only_outlines: bool = False,
+) -> list[CornerLine]:
+    """Return the lines that leave the ends of lengths in the images of a plan; none if it asks for no corners.
+
+    Parameters
+    ----------
+    plan, solid, names, edge_ids
+        As `corners_of` takes them.
+    only_outlines : bool
+        See `PartLines`.
+    """
+    required = plan.requirements
+    required_deg = required.get("min_corner_deg", 0.0)
+    poses = _poses_of(plan)
     numbers = np.flatnonzero([bool(ids) and required_deg > 0 for ids in edge_ids])
     ends = np.array(
         [plan.targets[names[k][1]].points for k in numbers.tolist()], np.float64
@@ -1017,28 +1071,30 @@ def corners_of(
         solid,
         [edge_ids[k] for k in numbers.tolist()],
         ends,
-        camera,
-        Detectability(separation, 0.0, required_deg),
+        plan.camera,
+        Detectability(required.get("separation_px", 0.0), 0.0, required_deg),
+        only_outlines=only_outlines,
     )
     pairs = np.array([(names[k][0], i) for i, k in enumerate(numbers.tolist())], np.int64).reshape(
         -1, 2
     )
     seen = image.corner_lines(poses, pairs)
     arms = image.arms
-    used, end = np.unique(seen.of, return_inverse=True)
-    eyes = poses[pairs[seen.of // 2, 0], :3, 3]
-    sites = []
     lines = []
-    for a, eye in zip(seen.arm.tolist(), eyes, strict=True):
-        points = _points_of_arm(arms.corner[a], arms.tip[a], eye, pixel)
-        sites.append(
-            _compared_of_corner_light(
-                solid, scene, int(image.contours.ids[arms.contour[a]]), points, eye, pixel
-            )
+    for a, end in zip(seen.arm.tolist(), seen.of.tolist(), strict=True):
+        setting, number = pairs[end // 2].tolist()
+        edge_id = int(image.contours.ids[arms.contour[a]])
+        eye = poses[setting, :3, 3]
+        lines.append(
+            CornerLine(int(numbers[number]), end, edge_id, arms.corner[a], arms.tip[a], eye)
         )
-        lines.append(SeenLine(eye, points, arms.tip[a] - arms.corner[a]))
-    beside = beside_lines(scene, lines, separation, pixel)
-    return Corners(_joined(sites), end, numbers[pairs[used // 2, 1]], beside, beside_edges)
+    return lines
+
+
+def _poses_of(plan: Planned) -> Array:
+    """Return the poses of a plan (n, 4, 4)."""
+    poses = [np.asarray(setting.cam2world) for setting in plan.settings]
+    return np.array(poses, np.float64).reshape(-1, 4, 4)
 
 
 def _seen_edges(
@@ -1064,7 +1120,7 @@ def _seen_edges(
 _Pair = tuple[tuple[Array, Array], tuple[Array, Array] | None]
 
 
-def _points_of_arm(corner: Array, tip: Array, eye: Array, pixel_rad: float) -> Array:
+def points_of_arm(corner: Array, tip: Array, eye: Array, pixel_rad: float) -> Array:
     """Return points (n, 3) of a line near a corner."""
     length = float(np.linalg.norm(tip - corner))
     pixel = float(np.linalg.norm(corner - eye)) * pixel_rad

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from ground.convert import STATED, Meta, NullIs, Shape, from_plain, to_plain
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError
+from planner.light.area_light import AreaLight, area_brightness
+from planner.light.area_lights import AreaRecord
 from planner.plan_file import Amount, Coordinates, Count, Fraction, Reasons, Share
 from planner.request.targets import targets_of
 
@@ -31,19 +36,25 @@ class Exposure(NamedTuple):
     Attributes
     ----------
     target : str
-        The brightest point is next to this target.
+        The brightest point at an edge is next to this target.
     pixel : (int, int)
-        That point, px: u and v.
+        Middle of the region to look at, px: u and v.
     dimmest : str
         The target whose edges get least light.
     times : float
         How many times less; infinite if most of its edges get none.
+    radius_px : int
+        Radius of the region; 0 for the pixel alone.
+    share : float
+        Share of white that the mean of the region should have. The brightest point next to an edge then has 80 %.
     """
 
     target: str
     pixel: Annotated[tuple[_Pixel, _Pixel], Meta(title="must be two integers from 0, u and v")]
     dimmest: str
     times: Annotated[float, NullIs(math.inf), Meta(ge=1, title="must be a number from 1, or null")]
+    radius_px: _Pixel = 0
+    share: Annotated[float, Meta(gt=0, le=1, title="must be a number in (0, 1]")] = 0.8
 
 
 @dataclass(frozen=True)
@@ -60,8 +71,8 @@ class LitImage:
     silhouettes : tuple of str
         Names of targets with at least one edge that the camera sees as a silhouette.
     expose_for : Exposure or None
-        The brightest point next to the edges, for a matt part of one albedo. None if its light was
-        not computed, as in plans of earlier programs.
+        The region to look at, for a matt part of one albedo. None if its light was not computed, as
+        in plans of earlier programs.
     """
 
     lamps: Annotated[tuple[Count, ...], Meta(title="must be an array of numbers of lamps")]
@@ -78,6 +89,8 @@ class LitImage:
     ] = ()
     expose_for: Exposure | None = None
 
+    __repr__ = short_repr
+
     def exposure_dict(self) -> dict[str, Any] | None:
         """Return what the image is exposed for as plain values, ready for JSON.
 
@@ -86,7 +99,7 @@ class LitImage:
         dict or None
             An infinite ratio is None.
         """
-        return None if self.expose_for is None else to_plain(self.expose_for)
+        return None if self.expose_for is None else to_plain(self.expose_for, defaults=True)
 
 
 @dataclass(frozen=True)
@@ -101,7 +114,7 @@ class LitSetting:
 class LightRecord:
     """Lamps that make what is measured show, in every setting, as files hold them."""
 
-    kind: Literal["fixed", "ring", "placed"]
+    kind: Literal["fixed", "ring", "placed", "backlight", "diffuse-dome", "coaxial", "ring-light"]
     contrast: Fraction
     step: Amount
     ground: Literal["dark", "bright"]
@@ -112,6 +125,7 @@ class LightRecord:
     settings: Annotated[
         tuple[LitSetting, ...], Meta(title="must be an array with one object per setting")
     ]
+    area: AreaRecord | None = None
 
     @property
     def light(self) -> LightPlan:
@@ -128,13 +142,13 @@ _SHARED = tuple(item.name for item in fields(LightRecord) if item.name != "setti
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LightPlan:
+class LightPlan(ShownInNotebook):
     """Lamps that light the targets of a plan.
 
     Attributes
     ----------
     kind : str
-        "fixed", "ring" or "placed".
+        "fixed", "ring" or "placed", or the kind of a light with an area, such as "backlight".
     contrast : float
         Least contrast.
     step : float
@@ -142,7 +156,8 @@ class LightPlan:
     ground : str
         "dark", or "bright" for a back light.
     lamps : array (n, 3)
-        Positions of the lamps in use, mm. One is on at a time, or all are.
+        Positions of the lamps in use, mm. One is on at a time, or all are. None of a light with an
+        area.
     images : tuple of tuple of LitImage
         Per setting, the images to take. There is one, unless no single lamp lights all targets.
     unlit : tuple of dict of str to str
@@ -153,6 +168,8 @@ class LightPlan:
         How the bound was proven.
     together : bool
         Whether all lamps are on in every image.
+    area : Backlight, DiffuseDome, CoaxialLight, RingLight or None
+        The light with an area, which is on in every image.
     """
 
     kind: str
@@ -165,6 +182,7 @@ class LightPlan:
     lower_bound: int
     bound_proof: str = field(default="")
     together: bool = False
+    area: AreaLight | None = None
 
     def __post_init__(self) -> None:
         places = np.array(self.lamps, dtype=np.float64).reshape(-1, 3)
@@ -176,7 +194,38 @@ class LightPlan:
         n = len(self.lamps)
         dark = sum(map(len, self.unlit))
         lamps = f"{n} {self.kind} lamp{'s' * (n != 1)} (at least {self.lower_bound} needed)"
+        if self.area is not None:
+            lamps = str(self.area)
         return f"<LightPlan: {lamps}, contrast {self.contrast:g}, {sum(map(len, self.images))} images, {dark} unlit>"
+
+    def _notebook_view(self) -> NotebookView:
+        rows = []
+        for number, images in enumerate(self.images, start=1):
+            for image in images:
+                places = [", ".join(f"{c:.1f}" for c in self.lamps[lamp]) for lamp in image.lamps]
+                lamps = ", ".join(f"{lamp + 1}" for lamp in image.lamps)
+                weakest = f"{min(image.contrast.values()):.2f}"
+                rows.append((number, lamps, "; ".join(places), ", ".join(image.contrast), weakest))
+        headings = ("setting", "lamp", "at (mm)", "shows", "smallest contrast")
+        n = len(self.lamps)
+        lines = (
+            self._verdict(),
+            f"{n} {self.kind} lamp{'s' * (n != 1)} (at least {self.lower_bound} needed), "
+            f"{len(rows)} images, {self.ground} background, contrast ≥ {self.contrast:g}",
+        )
+        unlit = {
+            f"{name} in setting {number}": reason
+            for number, reasons in enumerate(self.unlit, start=1)
+            for name, reason in reasons.items()
+        }
+        return NotebookView("Lamps", lines, NotebookTable(headings, rows, right=(0, 1, 4)), unlit)
+
+    def _verdict(self) -> Toned:
+        if not self.complete:
+            return Toned(f"{sum(map(len, self.unlit))} targets are not lit.", "bad")
+        if not self.minimal:
+            return Toned("Every target is lit; fewer lamps may be enough.", "open")
+        return Toned("Every target is lit; fewer lamps are not enough.", "good")
 
     @property
     def complete(self) -> bool:
@@ -226,6 +275,10 @@ class LightPlan:
 
 # What to expose an image for: the brightest place beside the edges of its targets, for a matt
 # part of one albedo.
+#
+# The real camera is displaced, so the pixel that shows this place may show another face. A region
+# is named that is evenly lit, also around it, as far as the displacement may move the image. How
+# much brighter the place beside edges is than this region, is computed.
 
 
 Array = NDArray[np.float64]
@@ -245,6 +298,19 @@ _ALONG = 17
 _SAME = 1e-3
 # digits of a ratio
 _DIGITS = 3
+# radius of a region, px
+_REGION_PX = 10
+# an evenly lit region, with what is around it: its darkest place has this share of the light of the brightest
+_EVEN = 0.9
+# a region's share of white is at most this, so that it is not overexposed itself
+_MOST_WHITE = 0.9
+# pixels that are looked at in an image, and so many within reach of one
+_MOST_PIXELS = 20_000
+_WITHIN = 3
+# a displacement of the image in two directions is within so many standard deviations in 99 of 100 images
+_SPREADS = math.sqrt(-2 * math.log(0.01))
+# a reach without a lit region is halved so often
+_HALVINGS = 3
 # rays to lamps start this far above a face, as a share of the way from the camera
 _LIFT = 1e-5
 
@@ -254,7 +320,8 @@ def exposure(
     cam2world: Array,
     camera: Camera,
     points: Mapping[str, Array],
-    lamps: Array,
+    lamps: Array | AreaLight,
+    spread_px: float = 0.0,
 ) -> Exposure | None:
     """Return what to expose an image for.
 
@@ -268,8 +335,10 @@ def exposure(
         The camera.
     points : mapping of str to array (n, 3)
         Points on the edges of each target, mm.
-    lamps : array (k, 3)
-        The lamps that are on, mm.
+    lamps : array (k, 3) or AreaLight
+        The lamps that are on, mm, or a light with an area.
+    spread_px : float
+        How far the image may be displaced, px. The pixel is named for one that is not.
 
     Returns
     -------
@@ -298,7 +367,67 @@ def exposure(
     weakest = next(name for name, value in dimmest.items() if value <= (1 + _SAME) * darkest)
     u, v = np.rint(brightest[target][1]).astype(int).tolist()
     times = brightest_light / darkest if darkest > 0 else np.inf
-    return Exposure(target, (u, v), weakest, float(f"{times:.{_DIGITS}g}"))
+    exposed = Exposure(target, (u, v), weakest, float(f"{times:.{_DIGITS}g}"))
+    if spread_px <= 0:
+        return exposed
+
+    def light_at(pixels: Array) -> Array:
+        return irradiance(scene, cam2world, camera, pixels, lamps) / brightest_light
+
+    reach = _REGION_PX + spread_px
+    for _ in range(_HALVINGS):
+        region = _even_region(light_at, camera, reach)
+        if region is not None:
+            pixel, share = region
+            return exposed._replace(pixel=pixel, radius_px=_REGION_PX, share=share)
+        reach /= 2
+    return exposed
+
+
+def _even_region(
+    light_at: Callable[[Array], Array], camera: Camera, reach: float
+) -> tuple[tuple[int, int], float] | None:
+    """Return the middle of a region that is lit up to a reach around it, px, and its share of white.
+
+    Of evenly lit ones it is the brightest, otherwise the evenest. None if there is none.
+    """
+    width, height = camera.resolution
+    step = max(reach / _WITHIN, math.sqrt(width * height / _MOST_PIXELS))
+    u = np.arange(step / 2, width - 1, step)
+    v = np.arange(step / 2, height - 1, step)
+    grid = np.stack(np.meshgrid(u, v), axis=-1)
+    light = light_at(grid.reshape(-1, 2)).reshape(grid.shape[:2])
+    size = 2 * math.ceil(reach / step) + 1
+    low = minimum_filter(light, size, mode="constant", cval=0.0)
+    high = maximum_filter(light, size, mode="constant", cval=0.0)
+    is_lit = (low > 0) & (WHITE_SHARE * high <= _MOST_WHITE)
+    if not is_lit.any():
+        return None
+    even = np.where(is_lit, low / np.where(is_lit, high, 1.0), 0.0)
+    worth = np.where(even >= _EVEN, 1.0 + low, even)
+    at = int(np.argmax(np.round(worth / _SAME).ravel()))
+    pixel = np.rint(grid.reshape(-1, 2)[at]).astype(int).tolist()
+    # the darkest place around it counts, so that nothing beside edges is overexposed
+    share = WHITE_SHARE * float(low.ravel()[at])
+    return (pixel[0], pixel[1]), float(f"{share:.2g}")
+
+
+def spread_px(plan: Planned, cam2world: Array, points: Array) -> float:
+    """Return how far the image of points (n, 3) is displaced in 99 of 100 images, px.
+
+    A camera that is displaced by t and turned by a small vector w has points p in its frame at p - t - w x p.
+    """
+    local = world_to_cam(points, cam2world)
+    x, y, z = local[local[:, 2] > 0].T
+    zero = np.zeros_like(z)
+    # by t and w, of each coordinate of p
+    by_x = -np.stack([zero + 1, zero, zero, zero, z, -y])
+    by_y = -np.stack([zero, zero + 1, zero, -z, zero, x])
+    by_z = -np.stack([zero, zero, zero + 1, y, -x, zero])
+    focal = plan.camera.matrix.diagonal()[:2]
+    rows = np.stack([focal[0] * (by_x - x / z * by_z) / z, focal[1] * (by_y - y / z * by_z) / z])
+    spread = np.einsum("aik,ij,bjk->kab", rows, plan.pose_uncertainty.covariance, rows)
+    return _SPREADS * math.sqrt(float(np.linalg.eigvalsh(spread)[:, -1].max(initial=0.0)))
 
 
 def beside(camera: Camera, cam2world: Array, points: Array) -> Array:
@@ -364,17 +493,21 @@ def exposure_of(
     setting = plan.settings[k]
     targets = targets_of(plan.targets, setting)
     points = {name: targets[name].points for name in image.contrast}
-    lamps = light.lamps[list(image.lamps)]
-    return exposure(scene, np.asarray(setting.cam2world), plan.camera, points, lamps)
+    lamps = light.area or light.lamps[list(image.lamps)]
+    pose = np.asarray(setting.cam2world)
+    spread = spread_px(plan, pose, np.concatenate(list(points.values())))
+    return exposure(scene, pose, plan.camera, points, lamps, spread)
 
 
 def irradiance(
-    scene: RayScene, cam2world: Array, camera: Camera, pixels: Array, lamps: Array
+    scene: RayScene, cam2world: Array, camera: Camera, pixels: Array, lamps: Array | AreaLight
 ) -> Array:
     """Return the light (n,) on what pixels show: cosine over squared distance of all lamps, 1/mm².
 
-    It is 0 off the part and off the sensor.
+    It is 0 off the part and off the sensor. Of a light with an area, it is the brightness of the image.
     """
+    if not isinstance(lamps, np.ndarray):
+        return area_brightness(lamps, scene, cam2world, camera, pixels)
     tangents = tangents_of(camera, pixels)
     right, down, forward = cam2world[:3, :3].T
     rays = tangents[:, :1] * right + tangents[:, 1:] * down + forward

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +25,14 @@ from ground.convert import Plain, from_plain, to_plain
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
+from planner.light.area_light import AreaLight, EdgePoints
+from planner.light.area_lights import (
+    AREA_LIGHTS,
+    area_of_word,
+    in_material,
+    is_area_light,
+    is_area_word,
+)
 from planner.light.corner_light import (
     DEFAULT_STEP,
     SHARES,
@@ -35,11 +43,15 @@ from planner.light.corner_light import (
     corners_of,
     demands_of,
     edge_steps,
+    parts_of,
     rays_beside,
     sure_contrast,
 )
+from planner.light.reflection import Glare, Material, Places
 from planner.progress import Progress, labelled
 from planner.request.reach import PlainReach, Reach, check_reach, reach_margin
+from planner.request.reads import Reads, TargetReads
+from planner.request.targets import targets_of
 from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
@@ -326,8 +338,8 @@ LampSpace = LampBox | LampDome
 """Where lamps may be placed."""
 
 
-def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
-    """Return a space of lamps, the places (n, 3) of fixed ones, or "ring" for the lamp on the camera.
+def check_lamps_given(lamps: Any) -> LampSpace | AreaLight | Array | str:
+    """Return a space of lamps, an area light, the places (n, 3) of fixed lamps, "ring" or "backlight".
 
     Raises
     ------
@@ -336,12 +348,16 @@ def check_lamps_given(lamps: Any) -> LampSpace | Array | str:
     """
     if isinstance(lamps, LampBox | LampDome):
         return lamps
+    if is_area_light(lamps):
+        return lamps
     if isinstance(lamps, str):
-        if lamps == RING:
+        if lamps == RING or is_area_word(lamps):
             return lamps
-        raise RequestError.of_rule(
-            "lamps", f"must be positions, a LampBox, a LampDome or {RING!r}", repr(lamps)
+        rule = (
+            f"must be positions, a LampBox, a LampDome, a light with an area, {RING!r}, "
+            f"{', '.join(map(repr, AREA_LIGHTS))}, or such a word with a name of the catalogue"
         )
+        raise RequestError.of_rule("lamps", rule, repr(lamps))
     return _numbers("lamps", lamps, (-1, 3))
 
 
@@ -376,6 +392,67 @@ _AROUND = np.array([step for step in product((-1, 0, 1), repeat=3) if any(step)]
 _AROUND /= np.linalg.norm(_AROUND, axis=1, keepdims=True)
 
 
+@dataclass(frozen=True)
+class Readers:
+    """What measuring will find of pairs, under one lamp at a time.
+
+    Attributes
+    ----------
+    reads : Reads
+        Of the part.
+    settings : sequence of (array (4, 4), Camera)
+        Pose and camera of each setting.
+    setting : array of int (pairs,)
+        The setting of each pair.
+    targets : sequence of TargetReads or None
+        Of each pair; None of one that is a length in the image, of which `Corners` tells.
+    background : float
+        Light behind the part, 0 or 1.
+    """
+
+    reads: Reads
+    settings: Sequence[tuple[Array, Camera]]
+    setting: NDArray[np.int_]
+    targets: Sequence[TargetReads | None]
+    background: float
+
+    @classmethod
+    def of(cls, reads: Reads, plan: Planned, pairs: Sequence[Pair], ground: str) -> Readers:
+        """Return those of a plan's pairs."""
+        background = float(ground == "bright")
+        settings = [
+            (np.asarray(setting.cam2world, dtype=np.float64), plan.camera)
+            for setting in plan.settings
+        ]
+        targets: list[TargetReads | None] = []
+        for pair in pairs:
+            target = targets_of(plan.targets, plan.settings[pair.setting])[pair.name]
+            pose = settings[pair.setting]
+            is_length = target.in_image or target.measurand.in_image
+            targets.append(None if is_length else reads.of_target(*pose, target, background))
+        numbers = np.array([pair.setting for pair in pairs], dtype=int)
+        return cls(reads, settings, numbers, targets, background)
+
+    def read(self, places: Array, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of the pairs (n, pairs) that lamps at places (n, 3) show will be read."""
+        is_read = shown.copy()
+        for k, target in enumerate(self.targets):
+            rows = np.flatnonzero(shown[:, k])
+            if target is not None and len(rows):
+                is_read[rows, k] = target.shown(places[rows])
+        for number, pose in enumerate(self.settings):
+            pairs = np.flatnonzero(self.setting == number)
+            rows = np.flatnonzero(is_read[:, pairs].any(axis=1))
+            registered = self.reads.registered(*pose, places[rows], self.background)
+            is_read[np.ix_(rows[~registered], pairs)] = False
+        return is_read
+
+    def why_not(self, pair: int) -> str:
+        """Say why a pair is not read under any lamp; empty if it may be."""
+        target = self.targets[pair]
+        return "" if target is None else target.reason
+
+
 @dataclass
 class Served:
     """Places of lamps (n, 3), the contrast and the step (n, pairs) with which they show each pair; 0 where they do not.
@@ -396,6 +473,10 @@ class Served:
         How far lamps may be off: all must show from 26 places so far around, too.
     corners : Corners, optional
         Lines of which one must show at each end, and beside which no shadow may end.
+    glare : Glare, optional
+        Faces of metal beside which lamps must have no mirror image.
+    readers : Readers, optional
+        What measuring will find of pairs.
     """
 
     light: LightRegions | None
@@ -406,6 +487,8 @@ class Served:
     clearance_mm: float = 0.0
     tolerance_mm: float = 0.0
     corners: Corners | None = None
+    glare: Glare | None = None
+    readers: Readers | None = None
     places: Array = field(default_factory=lambda: np.empty((0, 3)))
     contrast: Array = field(init=False)
     step: Array = field(init=False)
@@ -432,6 +515,10 @@ class Served:
     def keep(self, places: Array, wanted: NDArray[np.bool_] | None = None) -> None:
         """Add places, wherever they are; ``wanted`` (n, pairs) is what they are to show, all if None."""
         contrast, step = self.shown(places, wanted)
+        if self.readers is not None:
+            is_read = self.readers.read(places, contrast > 0)
+            contrast = np.where(is_read, contrast, 0.0)
+            step = np.where(is_read, step, 0.0)
         self.places = np.concatenate([self.places, places])
         self.contrast = np.concatenate([self.contrast, contrast])
         self.step = np.concatenate([self.step, step])
@@ -476,6 +563,8 @@ class Served:
                 contrast[lit, k] = np.minimum(contrast[lit, k], behind[0])
                 step[lit, k] = np.minimum(step[lit, k], behind[1])
         shown = (contrast >= self.least_contrast) & (step >= self.least_step)
+        if self.glare is not None:
+            shown &= ~self.glare.meets(places, len(self.pairs))
         rows = np.flatnonzero(shown.any(axis=1))
         if self.corners is not None and rows.size:
             each = np.arange(rows.size)[:, None]
@@ -499,6 +588,20 @@ class Served:
         """Tell whether no shadow may end beside a pair."""
         beside = None if self.corners is None else self.corners.beside_edges
         return beside is not None and pair in beside.line
+
+    def read_text(self, pair: int) -> str:
+        """Say what else is asked so that a pair is read; empty if nothing is."""
+        if self.readers is None:
+            return ""
+        why = self.readers.why_not(pair)
+        return f"; {why}" if why else ", and enough of the part's edges"
+
+    def unread_text(self, pair: int) -> str:
+        """Say what else may keep a pair from being read; empty if nothing does."""
+        if self.readers is None:
+            return ""
+        why = self.readers.why_not(pair)
+        return f"; {why}" if why else ", or too little of the part's edges"
 
     def corners_under(self, places: Array, sets: NDArray[np.int_]) -> NDArray[np.bool_]:
         """Return which pairs (n, pairs) meet what `Corners` asks for, under sets (n, size) of lamps."""
@@ -731,6 +834,8 @@ def _plain_lamps(lamps: Any) -> Any:
     """Return what `Lighting` has as lamps as plain values."""
     if isinstance(lamps, LampBox | LampDome):
         return {"kind": type(lamps).__name__, **to_plain(lamps, defaults=True)}
+    if is_area_light(lamps):
+        return to_plain(lamps, defaults=True)
     return lamps if isinstance(lamps, str) else np.asarray(lamps).tolist()
 
 
@@ -738,6 +843,8 @@ def _lamps_from(values: Any) -> Any:
     """Return the lamps of plain values."""
     if not isinstance(values, Mapping):
         return values
+    if values["kind"] in AREA_LIGHTS:
+        return from_plain(AREA_LIGHTS[values["kind"]], values, RequestError)
     kind = {"LampBox": LampBox, "LampDome": LampDome}[values["kind"]]
     others = {key: item for key, item in values.items() if key != "kind"}
     return from_plain(kind, others, RequestError)
@@ -749,8 +856,11 @@ class Lighting:
 
     Parameters
     ----------
-    lamps : array_like, shape (n, 3), or LampBox, LampDome or "ring"
-        Positions of the lamps, mm, or the region where lamps may be, or a ring light.
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, DiffuseDome, CoaxialLight, RingLight or str
+        Positions of the lamps, mm, or the region where lamps may be, or a light with an area. "ring"
+        is a lamp on the camera. "backlight" is one that the part lies on, as `Backlight.under`
+        makes it. "diffuse-dome", "coaxial" and "ring-light" are as large as the camera needs them.
+        "backlight:NAME" and so on are lights of the catalogue, see `light_names`.
     contrast, step : float
         Least contrast, and least step of grey values.
     ground : str
@@ -760,6 +870,9 @@ class Lighting:
     together : bool
         Whether all lamps are on in every image, as in a cell without switches. They then have equal
         strength. Otherwise one lamp is on at a time.
+    material : Material, optional
+        Of the part. Default: matt, or that of a `DiffuseDome`, `CoaxialLight` or `RingLight`. On metal,
+        lamps are left out whose mirror image is next to an edge.
 
     Raises
     ------
@@ -781,12 +894,21 @@ class Lighting:
     ground: str = "dark"
     tolerance_mm: float = 0.0
     together: bool = False
+    material: Material | None = None
 
     def __post_init__(self) -> None:
         check_contrast(self.contrast)
         object.__setattr__(self, "lamps", check_lamps_given(self.lamps))
+        if self.material is not None and self.area is not None:
+            object.__setattr__(self, "lamps", in_material(self.area, self.material))
         if self.together and self.is_ring:
             rule = "must be False for a ring light, which is one lamp"
+            raise RequestError.of_rule("together", rule, "True")
+        if self.together and self.material is not None and self.material.kind == "metal":
+            rule = "must be False for metal, on which light of several lamps does not add up"
+            raise RequestError.of_rule("together", rule, "True")
+        if self.together and self.is_area:
+            rule = "must be False for a light that has an area, which is one lamp"
             raise RequestError.of_rule("together", rule, "True")
         if self.ground not in GROUNDS:
             raise RequestError.of_rule(
@@ -798,7 +920,9 @@ class Lighting:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         lamps: object = self.given
-        if lamps is None:
+        if self.is_area:
+            lamps = self.area or self.lamps
+        elif lamps is None:
             lamps = "a ring light"
         elif isinstance(lamps, np.ndarray):
             lamps = f"{len(lamps)} lamps"
@@ -806,13 +930,53 @@ class Lighting:
 
     @property
     def given(self) -> LampSpace | NDArray[np.float64] | None:
-        """Positions (n, 3) of fixed lamps, mm, or their region, or None for a ring light."""
-        return None if self.is_ring else self.lamps
+        """Positions (n, 3) of fixed lamps, mm, or their region, or None for a ring or an area light."""
+        return None if self.is_ring or self.is_area else self.lamps
 
     @property
     def is_ring(self) -> bool:
         """Whether the lamp is on the camera."""
-        return isinstance(self.lamps, str)
+        return isinstance(self.lamps, str) and self.lamps == RING
+
+    @property
+    def is_area(self) -> bool:
+        """Whether it is a light with an area, such as a backlight."""
+        return is_area_word(self.lamps) or self.area is not None
+
+    @property
+    def area(self) -> AreaLight | None:
+        """The light with an area; None if there is none, or if the part decides where it is."""
+        return self.lamps if is_area_light(self.lamps) else None
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least contrast and step."""
+        return self.contrast, self.step
+
+    def on_part(self, solid: Solid, camera: Camera) -> Lighting:
+        """Return the same with a light that follows from part and camera.
+
+        Parameters
+        ----------
+        solid : Solid
+            The part.
+        camera : Camera
+            The camera.
+
+        Returns
+        -------
+        Lighting
+            Equal to this one, unless its lamps are a word such as "backlight".
+
+        Raises
+        ------
+        RequestError
+            If the catalogue has no such light, or the camera is focused at infinity.
+        """
+        if not isinstance(self.lamps, str) or not is_area_word(self.lamps):
+            return self
+        light = area_of_word(self.lamps, solid, camera, self.material or Material())
+        return replace(self, lamps=light)
 
     @property
     def is_fixed(self) -> bool:
@@ -820,7 +984,7 @@ class Lighting:
         return isinstance(self.lamps, np.ndarray)
 
     def check_part(self, solid: Solid) -> None:
-        """Refuse fixed lamps inside the part.
+        """Refuse fixed lamps inside the part, and a light with an area that it is in the way of.
 
         Parameters
         ----------
@@ -830,12 +994,22 @@ class Lighting:
         Raises
         ------
         LightError
-            If there is one.
+            If there is a lamp inside.
+        RequestError
+            If a backlight passes through the part or shines away from it.
         """
+        if self.area is not None:
+            self.area.check_part(solid)
         if isinstance(self.given, np.ndarray):
             check_lamps(solid, self.given)
 
-    def served(self, plan: Planned, solid: Solid, progress: Progress | None = None) -> Served:
+    def served(
+        self,
+        plan: Planned,
+        solid: Solid,
+        progress: Progress | None = None,
+        reads: Reads | None = None,
+    ) -> Served:
         """Return a record of lamp positions that light the targets; it is empty at first.
 
         Parameters
@@ -846,6 +1020,8 @@ class Lighting:
             The part.
         progress : callable, optional
             ``progress(done, total, label)``.
+        reads : Reads, optional
+            What measuring will find in the images; it does not count for lamps that are on together.
 
         Returns
         -------
@@ -874,9 +1050,44 @@ class Lighting:
         clearance = 0.0 if places is None or isinstance(places, np.ndarray) else places.clearance_mm
         names = [(pair.setting, pair.name) for pair in demands.pairs]
         corners = corners_of(plan, solid, scene, names, demands.edge_ids)
+        readers = None
+        if reads is not None and not self.together:
+            readers = Readers.of(reads, plan, demands.pairs, self.ground)
         return Served(
-            light, scene, demands.pairs, self.contrast, self.step, clearance, off, corners
+            light,
+            scene,
+            demands.pairs,
+            self.contrast,
+            self.step,
+            clearance,
+            off,
+            corners,
+            _glare(plan, solid, demands.pairs, self.material),
+            readers,
         )
+
+
+def _glare(
+    plan: Planned, solid: Solid, pairs: Sequence[Pair], material: Material | None
+) -> Glare | None:
+    """Return the faces of metal beside what settings measure, as their cameras see them."""
+    if material is None or material.kind == "matt" or not pairs:
+        return None
+    eyes = eyes_of(plan)
+    parts: list[Places] = []
+    owner: list[int] = []
+    for k, pair in enumerate(pairs):
+        target = targets_of(plan.targets, plan.settings[pair.setting])[pair.name]
+        for entity in parts_of(target, solid, pair.name):
+            edges = EdgePoints.of(solid, entity.edge_ids)
+            views = eyes[pair.setting] - edges.points
+            views /= np.linalg.norm(views, axis=1, keepdims=True)
+            for normals in edges.normals.swapaxes(0, 1):
+                seen = (normals * views).sum(axis=1) > 0
+                parts.append(Places(edges.points[seen], normals[seen], views[seen]))
+                owner += [k] * int(seen.sum())
+    joined = Places(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    return Glare(joined, np.array(owner, dtype=int), material.roughness)
 
 
 def eyes_of(plan: Planned) -> NDArray[np.float64]:

@@ -13,13 +13,16 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
 from aspectgraph.light import DEFAULT_CONTRAST, LightRegions
+from aspectgraph.solid.solid import RayScene
 from planner.argument_kinds import check_kinds
 from planner.cover import maximal_columns, min_cover
 from planner.exceptions import RequestError
+from planner.light.area_light import AreaLight, shown_of_plan
 from planner.light.corner_light import DEFAULT_STEP, LampSets, fewest_together, sites_of
 from planner.light.light_plan import LightPlan, LitImage, with_exposures
 from planner.light.lighting import LampSpace, Lighting, Served, eyes_of
 from planner.progress import Progress
+from planner.request.reads import Reads
 from planner.verify.simulate_setting import Planned
 
 if TYPE_CHECKING:
@@ -159,6 +162,7 @@ _TOGETHER_PLACES = 300
 _DEFAULTS = (DEFAULT_CONTRAST, DEFAULT_STEP, "dark", 0.0)
 # what else keeps an edge from being shown
 _SHADOW = ", or a shadow next to it"
+_MIRRORED = ", or mirrored by the metal next to it"
 
 
 def plan_light(
@@ -197,9 +201,9 @@ def plan_light(
         The plan.
     solid : Solid
         Its part.
-    lamps : array_like, shape (n, 3), or LampBox, LampDome, "ring" or Lighting
+    lamps : array_like, shape (n, 3), or LampBox, LampDome, Backlight, "ring", "backlight" or Lighting
         Positions of the lamps of a cell, mm, or the region where lamps may be, or a ring light on
-        the camera. A `Lighting` also holds the other options; then omit them here.
+        the camera, or a backlight. A `Lighting` also holds the other options; then omit them here.
     contrast : float
         Least contrast, strictly between 0 and 1; see `aspectgraph.contrast`.
     step : float
@@ -255,11 +259,49 @@ def chosen_lamps(
     solid: Solid,
     progress: Progress | None = None,
     also: ArrayLike = (),
+    reads: Reads | None = None,
 ) -> LightPlan:
-    """Choose lamps as `plan_light` does; ``also`` (n, 3) are places to try besides, mm, where lamps are placed."""
-    served = lighting.served(plan, solid, progress)
+    """Choose lamps as `plan_light` does, under which measuring also finds enough of each target.
+
+    Parameters
+    ----------
+    lighting, plan, solid, progress
+        As of `plan_light`.
+    also : array_like (n, 3)
+        Places to try besides, mm, where lamps are placed.
+    reads : Reads, optional
+        What measuring will find.
+    """
+    lighting = lighting.on_part(solid, plan.camera)
+    if lighting.area is not None:
+        return _by_area(lighting, lighting.area, plan, solid)
+    served = lighting.served(plan, solid, progress, reads)
     light = _chosen(lighting, served, plan, also)
     return with_exposures(light, plan, served.scene)
+
+
+def _by_area(lighting: Lighting, area: AreaLight, plan: Planned, solid: Solid) -> LightPlan:
+    """What a light with an area shows; there is nothing to choose."""
+    area.check_part(solid)
+    scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+    shown = shown_of_plan(area, plan, solid, scene, lighting.limits)
+    images = [
+        (LitImage((), setting.contrast, setting.silhouettes),) if setting.contrast else ()
+        for setting in shown
+    ]
+    light = LightPlan(
+        area.kind,
+        lighting.contrast,
+        lighting.step,
+        lighting.ground,
+        np.empty((0, 3)),
+        tuple(images),
+        tuple(setting.unlit for setting in shown),
+        0,
+        f"Every image is taken with {area}.",
+        area=area,
+    )
+    return with_exposures(light, plan, scene)
 
 
 def _chosen(lighting: Lighting, served: Served, plan: Planned, also: ArrayLike = ()) -> LightPlan:
@@ -367,7 +409,8 @@ def _too_little(served: Served, i: int) -> str:
     text = "gives it too little contrast or light"
     text += " against its background" if served.pairs[i].backdrops else ""
     text += ", or shows no other line at an end" if served.needs_corners(i) else ""
-    return text + (", or casts a shadow next to it" if served.clear_beside(i) else "")
+    text += ", or casts a shadow next to it" if served.clear_beside(i) else ""
+    return text + served.unread_text(i)
 
 
 def _fixed(work: _Work) -> LightPlan:
@@ -405,6 +448,7 @@ def _placed(work: _Work, space: LampSpace) -> LightPlan:
                 proven = "no position in" if none else "no position found in"
                 beside = ", and another line at each end" if served.needs_corners(i) else ""
                 beside += ", and no shadow next to it" if served.clear_beside(i) else ""
+                beside += served.read_text(i)
                 dark[i] = f"{proven} {space} {lights} with enough contrast and step{beside}."
     for k in {served.pairs[i].setting for i in dark}:
         others = [i for i, pair in enumerate(served.pairs) if pair.setting == k and i not in dark]
@@ -531,10 +575,12 @@ def _why_dark(served: Served, i: int) -> str:
     behind = ", or no contrast with its background" if pair.backdrops else ""
     behind += ", or no other line at an end" if served.needs_corners(i) else ""
     behind += _SHADOW if served.clear_beside(i) else ""
+    behind += _MIRRORED if served.glare is not None else ""
     start = f"none of {n} lamps shows it" if n > 1 else "the lamp does not show it"
     return (
         f"{start}: {even.sum()} with a contrast under {served.least_contrast:g}, {weak.sum()} with a step "
-        f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}."
+        f"under {served.least_step:g}, {n - (even | weak).sum()} not lighting all of it{behind}"
+        f"{served.unread_text(i)}."
     )
 
 

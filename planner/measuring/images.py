@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.checks import percent_text
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
+from planner.camera.response import LINEAR, Response, stated_in_file
 from planner.exceptions import RequestError
 from planner.measuring.samples import CLIPPED_SHARE, Scans, find_edges, noise_of
 from planner.sensor_setting import setting_name
@@ -50,6 +52,11 @@ PLATEAU = "plateau"
 """The origin of white at which the brightest pixels of an image end."""
 DEPTH = "depth"
 """The origin of white that is the largest number of as many bits as an image needs: it may be more."""
+
+FILE = "file"
+"""The origin of a response that an image file states."""
+ASSUMED = "assumed"
+"""The origin of a response that nothing states: grey values are taken to be proportional to light."""
 
 _DEPTHS = (8, 10, 12, 14, 16)
 # pixels, and their share of the image, that may be brighter than white: hot ones
@@ -164,15 +171,23 @@ class Picture:
     name : str
         Its name, such as "setting_01.png".
     grey : array (h, w)
-        Grey values, float32.
+        Light, float32, scaled so that full exposure is ``white``: grey values if these are proportional to light.
     white : float
         Grey value of full exposure.
     noise : float
-        Standard deviation of the noise, in grey values.
+        Standard deviation of the noise, as ``grey``.
     camera : Camera
         The camera.
     white_from : str
         Where ``white`` is from, see `White`.
+    response : Response
+        How much light a grey value stands for.
+    response_from : str
+        Where it is from: `STATED`, `FILE`, `ASSUMED`, or the edges.
+    levels : array (h, w)
+        Grey values as the image has them; those of ``grey`` if not stated.
+    power : float
+        Power that the light was raised to, see `raised`.
     """
 
     name: str
@@ -181,13 +196,50 @@ class Picture:
     noise: float
     camera: Camera
     white_from: str = STATED
+    response: Response = LINEAR
+    response_from: str = ASSUMED
+    levels: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0), np.float32))
+    power: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not self.levels.size:
+            object.__setattr__(self, "levels", self.grey)
+
+    __repr__ = short_repr
 
     @classmethod
-    def of(cls, name: str, image: NDArray[np.generic], camera: Camera) -> Picture:
-        """Return an image of 8 or 16 bits, or of floats in [0, 1]."""
+    def of(
+        cls,
+        name: str,
+        image: NDArray[np.generic],
+        camera: Camera,
+        in_file: Response | None = None,
+    ) -> Picture:
+        """Return an image of 8 or 16 bits, or of floats in [0, 1], whose file may state a response."""
         grey = np.ascontiguousarray(image, dtype=np.float32)
         white = white_of(image, camera.white_level)
-        return cls(name, grey, white.level, noise_of(grey), camera, white.origin)
+        picture = cls(name, grey, white.level, noise_of(grey), camera, white.origin)
+        if camera.response is not None:
+            return picture.under(Response.of(camera.response), STATED)
+        return picture if in_file is None else picture.under(in_file, FILE)
+
+    def under(self, response: Response, origin: str) -> Picture:
+        """Return the image in the light of a response, and where this is from."""
+        grey = response.applied(self.levels, self.white)
+        return replace(
+            self, grey=grey, noise=noise_of(grey), response=response, response_from=origin
+        )
+
+    def raised(self, power: float) -> Picture:
+        """Return the image as if its light were this power of it."""
+        share = np.maximum(self.grey / np.float32(self.white), np.float32(0.0))
+        grey = np.asarray(self.white * share ** np.float32(power), dtype=np.float32)
+        return replace(self, grey=grey, noise=noise_of(grey), power=power)
+
+    @property
+    def clipped_from(self) -> float:
+        """Light from which on it is overexposed; grey values tell, whatever light they stand for."""
+        return self.white * float(self.response.light(np.array(CLIPPED_SHARE))) ** self.power
 
     def notes(
         self, blur_px: float, overexposed: Sequence[str] = (), share: float | None = None
@@ -204,7 +256,7 @@ class Picture:
             For what share of the time to expose, if the image is overexposed and that is known.
         """
         notes = []
-        bright = float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
+        bright = self.bright_share
         shorter = "expose for half of the time or less"
         if share is not None:
             shorter = f"expose for {percent_text(share, 2)} of the time, less if the part is shiny"
@@ -227,6 +279,11 @@ class Picture:
         return f", if white is {self.white:.0f} (white_level of the camera states it)"
 
     @property
+    def bright_share(self) -> float:
+        """How bright nearly all of the image is at most, as a share of white."""
+        return float(np.quantile(self.grey[::4, ::4], BRIGHT_SHARE)) / self.white
+
+    @property
     def overexposed(self) -> bool:
         """Whether so much of the image is overexposed that it has a note."""
         return self.clipped_share > MOST_CLIPPED
@@ -242,7 +299,7 @@ class Picture:
     @property
     def clipped_share(self) -> float:
         """Share of the pixels that are overexposed."""
-        return float(np.mean(self.grey >= CLIPPED_SHARE * self.white))
+        return float(np.mean(self.levels >= CLIPPED_SHARE * self.white))
 
     def find(
         self,
@@ -253,7 +310,14 @@ class Picture:
     ) -> Scans:
         """Scan across edges, see `planner.measuring.samples.find_edges`."""
         return find_edges(
-            self.grey, centres, across, half_px, white=self.white, noise=self.noise, sign=sign
+            self.grey,
+            centres,
+            across,
+            half_px,
+            white=self.white,
+            noise=self.noise,
+            sign=sign,
+            clipped=self.clipped_from,
         )
 
 
@@ -321,11 +385,14 @@ class ImageSet:
         What was changed or assumed.
     digests : dict of str to str
         SHA-256 of the bytes of each file, which were decoded, or of the array.
+    responses : dict of str to Response
+        What files state of the light that their grey values stand for.
     """
 
     images: dict[str, Image] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     digests: dict[str, str] = field(default_factory=dict)
+    responses: dict[str, Response] = field(default_factory=dict)
 
 
 def shots_of(plan: InspectionPlan) -> list[Shot]:
@@ -385,7 +452,7 @@ def read_images(
             image_set.notes.append(f"{shot.name}: no image")
             continue
         try:
-            image, digest, notes = _read(files[shot.name], allow_lossy)
+            image, digest, notes, response = _read(files[shot.name], allow_lossy)
             _check_size(image, camera)
             _check_white(image, camera)
         except RequestError as error:
@@ -393,6 +460,8 @@ def read_images(
             continue
         image_set.images[shot.name] = image
         image_set.digests[shot.name] = digest
+        if response is not None:
+            image_set.responses[shot.name] = response
         image_set.notes += [f"{shot.name}: {note}" for note in notes]
     wrong += _twice(image_set.digests)
     if wrong:
@@ -458,26 +527,26 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:_LISTED]) + more
 
 
-def _read(item: Any, allow_lossy: bool) -> tuple[Image, str, list[str]]:
-    """Return the grey image of a file or array, its digest, and notes."""
+def _read(item: Any, allow_lossy: bool) -> tuple[Image, str, list[str], Response | None]:
+    """Return the grey image of a file or array, its digest, notes, and the response that it states."""
     if isinstance(item, str | os.PathLike):
         content = _content(Path(item))
         digest = hashlib.sha256(content).hexdigest()
-        array, notes = _decoded(content, allow_lossy)
+        array, notes, response = _decoded(content, allow_lossy)
         image, more = _as_grey(array)
         if array.ndim == 2 and _is_mosaic(image) and not allow_lossy:
             rule = (
                 "looks like the mosaic of a colour camera; convert it to grey, or use --allow-lossy"
             )
             raise _wrong(rule)
-        return image, digest, notes + more
+        return image, digest, notes + more, response
     try:
         array = np.asarray(item)
     except (TypeError, ValueError):
         raise _wrong("is no array of numbers") from None
     image, notes = _as_grey(array)
     digest = hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
-    return image, digest, notes
+    return image, digest, notes, None
 
 
 def _content(path: Path) -> bytes:
@@ -496,14 +565,14 @@ def _content(path: Path) -> bytes:
     return content
 
 
-def _decoded(content: bytes, allow_lossy: bool) -> tuple[Image, list[str]]:
-    """Return the array of an image file, and notes; what it is, its bytes say.
+def _decoded(content: bytes, allow_lossy: bool) -> tuple[Image, list[str], Response | None]:
+    """Return the array of an image file, notes, and its response; what it is, its bytes say.
 
     The decoders of files that are not what they say raise errors of all kinds.
     """
     if content.startswith(_NUMPY):
         try:
-            return np.asarray(np.load(BytesIO(content), allow_pickle=False)), []
+            return np.asarray(np.load(BytesIO(content), allow_pickle=False)), [], None
         except Exception:
             raise _wrong("is no NumPy file of an array") from None
     from PIL import Image as Pillow
@@ -514,8 +583,9 @@ def _decoded(content: bytes, allow_lossy: bool) -> tuple[Image, list[str]]:
         try:
             with Pillow.open(BytesIO(content)) as picture:
                 notes = _check_picture(picture, content, allow_lossy)
+                response = stated_in_file(picture.info, picture.getexif())
                 with _without_stderr(picture.format == "TIFF"):
-                    return _array_of(picture), notes
+                    return _array_of(picture), notes, response
         except RequestError:
             raise
         except Exception:

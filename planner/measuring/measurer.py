@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
+from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from ground.faces import project_version
+from ground.short_repr import short_repr
 from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
+from planner.camera.camera import Camera
+from planner.camera.pose import PoseUncertainty
+from planner.camera.response import check_response
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
 from planner.files import timestamp
 from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
+from planner.measuring.advice import advice_of_images, advised, with_advice
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
 from planner.measuring.reading import (
     Reading,
@@ -32,9 +39,11 @@ from planner.measuring.reading import (
 from planner.measuring.register import bias_of, check_lens, looks_like, register_as_shown
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
-from planner.measuring.results import MeasurementResults, Result, Source, merged
+from planner.measuring.response import JudgedResponse, judge_response
+from planner.measuring.results import MeasurementResults, Result, Source, edges_text, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
+    REPEATABILITY,
     NotRegisteredError,
     TooFarError,
     check_distance,
@@ -42,6 +51,7 @@ from planner.measuring.task import (
     distance_of,
 )
 from planner.request.dimension import is_one_sided
+from planner.request.edge_state import EdgeState, checked_break
 from planner.request.registration import GIVEN, LEAST_POSE, OWN_EDGES
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import SensorSetting, setting_name
@@ -50,6 +60,7 @@ from planner.verify.setting_record import search_windows_px
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from aspectgraph.solid.solid import RayScene
+    from planner.light.area_light import AreaLight
     from planner.light.light_plan import LitImage
     from planner.plan import InspectionPlan
 
@@ -118,7 +129,7 @@ def image_notes(
                 scene,
                 np.asarray(pose),
                 {name: targets[name].points for name in image.contrast},
-                plan.light.lamps[list(image.lamps)],
+                plan.light.area or plan.light.lamps[list(image.lamps)],
             )
         blur = registered[name].blur_px if name in registered else 0.0
         notes += [f"{name}: {note}" for note in picture.notes(blur, lost, share)]
@@ -140,7 +151,7 @@ def exposure_share(
     scene: RayScene,
     cam2world: NDArray[np.float64],
     points: Mapping[str, NDArray[np.float64]],
-    lamps: NDArray[np.float64],
+    lamps: NDArray[np.float64] | AreaLight,
 ) -> float | None:
     """Return for what share of the time to expose, so that the brightest place beside edges has 80 % of white.
 
@@ -157,8 +168,8 @@ def exposure_share(
         Pose of the camera.
     points : mapping of str to array (n, 3)
         Points on the edges of each target, mm.
-    lamps : array (k, 3)
-        The lamps that were on, mm.
+    lamps : array (k, 3) or AreaLight
+        The lamps that were on, mm, or the light with an area.
 
     Returns
     -------
@@ -174,7 +185,7 @@ def exposure_share(
     u, v = np.rint(pixels[light > 0]).astype(int).T
     levels, shares = _by_light(light[light > 0], picture.grey[v, u] / picture.white)
     # where half of the places are overexposed, and where there is more light, nothing is seen
-    fair = np.logical_and.accumulate(shares < CLIPPED_SHARE)
+    fair = np.logical_and.accumulate(shares < picture.clipped_from / picture.white)
     if fair.sum() < _FEWEST_LEVELS:
         return None
     # a line, as some light comes from everywhere
@@ -193,8 +204,6 @@ def _by_light(
     return levels, np.array([np.median(shares[number == k]) for k in usual])
 
 
-FLOOR_PX = 0.08
-"""Error that all points of an entity have in common, px, where the plan does not state one."""
 NEAR_PX = 3.0
 """Entities are searched this far from a registered prediction, px."""
 
@@ -214,21 +223,30 @@ class MeasureOptions:
         How poses are known.
     localisation : Localisation or None
         How well edges are found; only its floor counts, because single points are judged by their own residuals. A
-        registration takes edges to be off by three times the floor. None is the plan's, or a floor of 0.08 px if that
-        has none.
+        registration takes edges to be off by three times the floor. None is the plan's. If that is none or the
+        default of 0.05 px, it is 0.01 px, because broken edges are an error of their own.
     coverage : float
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule
         How it is decided.
     white_level : int or None
         Grey value of full exposure. None is that of the plan's camera, see `Camera`.
+    response : str, float or None
+        How much light a grey value stands for: "linear", "srgb", a gamma, or a file, see `Camera`. None is that of the
+        plan's camera.
+    edge_break_mm : (float, float) or None
+        By how much the part's edges are broken along their faces, least and most, mm. Targets that state their own
+        keep it. None is the plan's; without that, edges are assumed to be sharp within 0.05 mm.
+    repeatability : PoseUncertainty
+        By how much the camera moves between the images that a setting takes under different lamps. Images that are
+        farther apart are refused. Default: 0.02 mm and 0.1 mrad.
 
     Raises
     ------
     RequestError
-        If the coverage is not in (0, 1].
+        If the coverage is not in (0, 1], or the breaks are not two numbers in rising order.
     CameraError
-        If the white level is not a grey value.
+        If the white level is not a grey value, or the response none.
 
     Examples
     --------
@@ -242,12 +260,30 @@ class MeasureOptions:
     coverage: float = COVERAGE_SHARE
     rule: DecisionRule = field(default_factory=DecisionRule.iso14253)
     white_level: int | None = None
+    response: str | float | None = None
+    edge_break_mm: tuple[float, float] | None = None
+    repeatability: PoseUncertainty = REPEATABILITY
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
+        if self.response is not None:
+            object.__setattr__(self, "response", check_response(self.response))
+        if self.edge_break_mm is not None:
+            object.__setattr__(self, "edge_break_mm", checked_break(self.edge_break_mm))
         if self.white_level is not None:
             object.__setattr__(self, "white_level", check_white_level(self.white_level))
         if not 0 < self.coverage <= 1:
             raise RequestError.of_rule("coverage", "must be in (0, 1]", repr(self.coverage))
+
+
+def _unregistered(shot: Shot, why: str, advice: str) -> list[Reading]:
+    """Return the readings of an image that cannot be registered: none has a value."""
+    reason = f"the image cannot be registered: {why}"
+    return [
+        Reading(name, shot.name, shot.setting, reason=reason, advice=advice)
+        for name in shot.targets
+    ]
 
 
 def witness_key(setting: SensorSetting, name: str) -> str:
@@ -302,7 +338,8 @@ class Measurer:
             for setting in plan.settings
             for name in setting.entities
         }
-        self.model = PartModel(solid, self._by_witness)
+        area = None if plan.light is None else plan.light.area
+        self.model = PartModel(solid, self._by_witness, area)
 
     def measure(
         self,
@@ -341,36 +378,25 @@ class Measurer:
         RequestError
             If images are missing or wrong.
         """
-        camera = self.plan.camera
-        if options.white_level is not None:
-            camera = replace(camera, white_level=options.white_level)
+        camera = self._camera(options)
         image_set = read_images(
             images, self.shots, camera, partial=partial, allow_lossy=allow_lossy
         )
-        registered: dict[str, Registered] = {}
-        failed: dict[str, str] = {}
-        readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
-        pictures = {}
-        for shot in self.shots:
-            if shot.name not in image_set.images:
-                continue
-            pictures[shot.name] = Picture.of(shot.name, image_set.images[shot.name], camera)
-        for shots in self._by_pose(pictures, options.registration):
-            try:
-                registration = self._registered(shots, pictures, options)
-            except NotRegisteredError as error:
-                failed |= {shot.name: str(error) for shot in shots}
-                continue
-            for shot in shots:
-                registered[shot.name] = registration
-                for reading in self._read(shot, pictures[shot.name], registration, options):
-                    readings[reading.name].append(reading)
+        pictures = {
+            name: Picture.of(name, image, camera, image_set.responses.get(name))
+            for name, image in image_set.images.items()
+        }
+        registered, failed = self._all_registered(pictures, options)
+        poses = registered | self._alone(failed, pictures, options)
+        response = judge_response(self.model, pictures, poses, self._edges_half_px(poses))
+        pictures = response.pictures
+        if response.is_changed:
+            registered, failed = self._all_registered(pictures, options)
+        readings = self._readings(response, registered, options)
         for shot in self.shots:
             if shot.name in failed:
-                reason = f"the image cannot be registered: {failed[shot.name]}"
-                for name in shot.targets:
-                    place = (name, shot.name, shot.setting)
-                    readings[name].append(Reading(*place, reason=reason))
+                for reading in _unregistered(shot, *failed[shot.name]):
+                    readings[reading.name].append(reading)
         results = {
             name: merged(name, self.plan.targets[name], target_readings, options.rule)
             for name, target_readings in readings.items()
@@ -381,14 +407,93 @@ class Measurer:
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             registered,
-            failed,
+            {name: with_advice(*both) for name, both in failed.items()},
             options.rule,
             serial,
             self._correlation(results, registered),
             self._source(image_set, operator),
-            (*image_set.notes, *notes),
+            (*image_set.notes, *response.notes(readings), *notes),
             pictures,
+            response.records(),
+            self._edges_text(list(results.values()), options),
         )
+
+    def _camera(self, options: MeasureOptions) -> Camera:
+        """Return the plan's camera with what is stated of its grey values."""
+        camera = self.plan.camera
+        if options.white_level is not None:
+            camera = replace(camera, white_level=options.white_level)
+        if options.response is not None:
+            camera = replace(camera, response=str(options.response))
+        return camera
+
+    def _all_registered(
+        self, pictures: Mapping[str, Picture], options: MeasureOptions
+    ) -> tuple[dict[str, Registered], dict[str, tuple[str, str]]]:
+        """Return the registrations of images, and why others cannot be registered, with advice."""
+        registered: dict[str, Registered] = {}
+        failed: dict[str, tuple[str, str]] = {}
+        for shots in self._by_pose(pictures, options.registration):
+            try:
+                registration = self._registered(shots, pictures, options)
+            except NotRegisteredError as error:
+                advice = advice_of_images([pictures[shot.name] for shot in shots], error.counts)
+                failed |= {shot.name: (str(error), advice) for shot in shots}
+                continue
+            registered |= {shot.name: registration.of(shot.name) for shot in shots}
+        return registered, failed
+
+    def _alone(
+        self,
+        failed: Collection[str],
+        pictures: Mapping[str, Picture],
+        options: MeasureOptions,
+    ) -> dict[str, Registered]:
+        """Return what images that cannot be registered together are by themselves: a wrong response moves edges."""
+        registered: dict[str, Registered] = {}
+        for shots in self._by_pose(pictures, options.registration):
+            if len(shots) < 2:
+                continue
+            for shot in shots:
+                if shot.name in failed:
+                    with suppress(NotRegisteredError):
+                        registered[shot.name] = self._registered([shot], pictures, options)
+        return registered
+
+    def _readings(
+        self,
+        response: JudgedResponse,
+        registered: Mapping[str, Registered],
+        options: MeasureOptions,
+    ) -> dict[str, list[Reading]]:
+        """Return what is read in registered images, by target."""
+        readings: dict[str, list[Reading]] = {name: [] for name in self.targets}
+        for shots in self._by_pose(response.pictures, options.registration):
+            for shot in shots:
+                if shot.name not in registered:
+                    continue
+                pose = registered[shot.name]
+                others = [
+                    self._read(shot, pictures[shot.name], pose, options)
+                    for pictures in response.others
+                ]
+                picture = response.pictures[shot.name]
+                image_readings = self._read(shot, picture, pose, options)
+                for i, reading in enumerate(image_readings):
+                    alike = [bent_readings[i] for bent_readings in others]
+                    reading = response.counted(reading, alike)
+                    readings[reading.name].append(advised(reading, picture, pose.blur_px))
+        return readings
+
+    def _edges_half_px(self, registered: Mapping[str, Registered]) -> float:
+        """Return how far from their predictions the edges of all images are searched, px."""
+        planned = [shot for shot in self.shots if shot.name in registered]
+        widest = NEAR_PX
+        for shot in planned:
+            if registered[shot.name].method == PLANNED:
+                windows = search_windows_px(self.plan, self.plan.settings[shot.setting])
+                widest = max(widest, *windows.values())
+        return widest
 
     def _by_pose(self, pictures: Mapping[str, Picture], how: Registration) -> list[list[Shot]]:
         """Return the shots that have an image, those of one pose together: of a setting, unless each has its own."""
@@ -412,24 +517,17 @@ class Measurer:
         setting_pictures = [pictures[shot.name] for shot in shots]
         if registration.board is not None:
             try:
-                pose, covariance = locate(registration.board, setting_pictures, planned, covariance)
+                pose, covariance = locate(
+                    registration.board,
+                    setting_pictures,
+                    planned,
+                    covariance,
+                    options.repeatability,
+                )
             except NoFiducialsError as error:
                 raise NotRegisteredError(str(error)) from None
         if registration.method in (OWN_EDGES, BOTH):
-            stated = covariance, self._surfaces_mm(registration)
-            prior = prior_covariance(self.model, *stated, setting_pictures[0].camera)
-            try:
-                registered = register_as_shown(
-                    self.model, setting_pictures, pose, *stated, self._bias_px(options)
-                )
-            except NotRegisteredError as error:
-                poses = [np.asarray(setting.cam2world) for setting in self.plan.settings]
-                like = looks_like(self.model, setting_pictures, poses, shot.setting, prior)
-                # what it looks like is the better reason
-                why = f"{error.what}; it {like}" if like else str(error)
-                raise NotRegisteredError(why) from None
-            check_lens(self.model, setting_pictures, pose, prior, registered)
-            return registered
+            return self._by_edges(shot.setting, setting_pictures, pose, covariance, options)
         if registration.method == GIVEN:
             stem = shot.name if shot.name in registration.poses else setting_name(shot.setting)
             if stem not in registration.poses:
@@ -452,6 +550,37 @@ class Measurer:
             self._check_edges(registered, setting_pictures, planned, options)
         return registered
 
+    def _by_edges(
+        self,
+        setting: int,
+        pictures: list[Picture],
+        pose: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        options: MeasureOptions,
+    ) -> Registered:
+        """Return the pose of a setting by the part's own edges, given what is known before."""
+        stated = covariance, self._surfaces_mm(options.registration)
+        prior = prior_covariance(self.model, *stated, pictures[0].camera)
+        try:
+            registered = register_as_shown(
+                self.model,
+                pictures,
+                pose,
+                *stated,
+                self._bias_px(options),
+                self.edge_state(options),
+                options.repeatability,
+            )
+        except NotRegisteredError as error:
+            poses = [np.asarray(setting.cam2world) for setting in self.plan.settings]
+            like = looks_like(self.model, pictures, poses, setting, prior)
+            # what it looks like is the better reason
+            why = f"{error.what}; it {like}" if like else str(error)
+            raise NotRegisteredError(why, counts={} if like else error.counts) from None
+        accuracy = self._bias_px(options), self.edge_state(options)
+        check_lens(self.model, pictures, pose, prior, registered, *accuracy)
+        return registered
+
     def _check_edges(
         self,
         stated: Registered,
@@ -464,7 +593,8 @@ class Measurer:
         surfaces_mm = self._surfaces_mm(options.registration)
         bias_px = self._bias_px(options)
         try:
-            seen = register_as_shown(self.model, own, planned, prior, surfaces_mm, bias_px)
+            state = self.edge_state(options)
+            seen = register_as_shown(self.model, own, planned, prior, surfaces_mm, bias_px, state)
         except TooFarError:
             raise
         except NotRegisteredError:
@@ -501,7 +631,14 @@ class Measurer:
                 )
                 readings.append(
                     read_length(
-                        place, target.measurand, edge, picture, registered, self.model, search
+                        place,
+                        target.measurand,
+                        edge,
+                        picture,
+                        registered,
+                        self.model,
+                        search,
+                        self.edge_state(options, target),
                     )
                 )
                 continue
@@ -517,12 +654,21 @@ class Measurer:
                     registered,
                     half_px=half[name],
                     coverage=options.coverage,
+                    edge_state=self.edge_state(options, target),
                 )
                 for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
             ]
             floor = self._floor_px(target.localisation, options)
             readings.append(
-                read_value(place, target.measurand, scans, registered, self.model, floor)
+                read_value(
+                    place,
+                    target.measurand,
+                    scans,
+                    registered,
+                    self.model,
+                    floor,
+                    picture.camera,
+                )
             )
         return readings
 
@@ -554,15 +700,40 @@ class Measurer:
         lower, upper = target.tolerance
         return min((upper - lower) * share / target.permitted_error, _MOST_TOLERANCE_PX)
 
+    def edge_state(self, options: MeasureOptions, target: Target | None = None) -> EdgeState:
+        """Return by how much the edges of a target are broken, or of the whole part.
+
+        Parameters
+        ----------
+        options : MeasureOptions
+            What is stated here counts more than what the plan states of the part.
+        target : Target, optional
+            What it states of its own edges counts most. Default: none.
+
+        Returns
+        -------
+        EdgeState
+            What is stated, or sharp within 0.05 mm.
+        """
+        of_target = getattr(target, "edge_break_mm", None)
+        return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
+
+    def _edges_text(self, results: Sequence[Result], options: MeasureOptions) -> str:
+        """Say by how much edges are taken to be broken."""
+        states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
+        return edges_text(results, states)
+
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:
             return options.localisation.floor_px
-        return planned.floor_px if planned.floor_px > 0 else FLOOR_PX
+        # broken edges are an error of its own here, which the default of plans stands for
+        is_default = planned.floor_px in (0.0, FLOOR_PX)
+        return DETECTOR_FLOOR_PX if is_default else planned.floor_px
 
     def _bias_px(self, options: MeasureOptions) -> float:
         """Return the standard deviation of edges' biases, px."""
         floors = (self._floor_px(target.localisation, options) for target in self.targets.values())
-        return bias_of(max(floors, default=FLOOR_PX))
+        return bias_of(max(floors, default=DETECTOR_FLOOR_PX))
 
     def _not_planned(self, rule: DecisionRule) -> dict[str, Result]:
         """Return results of what the plan does not inspect: the reason is the plan's."""
@@ -620,6 +791,7 @@ def measure(
     localisation: Localisation | None = None,
     coverage: float = COVERAGE_SHARE,
     rule: DecisionRule | None = None,
+    edge_break_mm: tuple[float, float] | None = None,
 ) -> MeasurementResults:
     """Measure one part in images of a plan's settings.
 
@@ -641,6 +813,9 @@ def measure(
         Share of an entity that must be found, in (0, 1].
     rule : DecisionRule, optional
         How it is decided. Default: ISO 14253-1 with 95 %.
+    edge_break_mm : (float, float), optional
+        By how much the part's edges are broken, least and most, mm. Default: that of the plan; without it, edges are
+        sharp within 0.05 mm.
 
     Returns
     -------
@@ -669,5 +844,6 @@ def measure(
         localisation,
         coverage,
         rule or DecisionRule.iso14253(),
+        edge_break_mm=edge_break_mm,
     )
     return Measurer(plan, solid).measure(images, options)

@@ -10,6 +10,7 @@ than were found in images.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -20,13 +21,17 @@ from errors.measurands import Geometry, Line
 from errors.measurands.geometry import FLOOR_PX
 from errors.registration import Imaging, Stretches
 from planner.camera.camera import Camera
+from planner.light.area_light import EdgePoints, Sight
 from planner.measuring.fit import CORRELATION_PX
+from planner.measuring.lit_edges import reads_of
 from planner.measuring.register import bias_of
 from planner.measuring.registered import prior_covariance
 from planner.measuring.samples import APART_PX, END_PX, POSE, PartEdges, PartModel
 from planner.measuring.verdict import LEAST_SHARE
+from planner.request.edge_state import EdgeState, shifts_of
 from planner.request.models import Lifts, OwnEdges, key_of
 from planner.request.problem import Problem
+from planner.request.reach import entity_space
 from planner.request.registration import OWN_EDGES, RegistrationRecord
 from planner.request.targets import PlannedDimension, Target, sample_points
 
@@ -73,7 +78,8 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
     """
     single = problem.single
     targets = dict(single.measured)
-    model = PartModel(single.space.solid, targets)
+    area = getattr(entity_space(single.space), "area", None)
+    model = PartModel(single.space.solid, targets, area)
     if surfaces_mm is None:
         surfaces_mm = max((target.surfaces_mm for target in targets.values()), default=0.0)
     before = prior_covariance(
@@ -83,10 +89,11 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
     floor = (
         max((target.localisation.floor_px for target in targets.values()), default=0.0) or FLOOR_PX
     )
+    breaks_px = _spread_mm(problem.edges) * _px_per_mm(problem.camera)
     return OwnEdges(
         before[:POSE, :POSE].copy(),
         _stretches(model, problem.camera, sigmas),
-        _imaging(problem.camera, bias_of(floor)),
+        _imaging(problem.camera, math.hypot(bias_of(floor), breaks_px)),
         {
             key_of(target.name, target.witness.entities): _lifts(
                 model, target.name, targets[target.name]
@@ -95,6 +102,17 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
             if isinstance(target, PlannedDimension)
         },
     )
+
+
+def _spread_mm(edges: EdgeState) -> float:
+    """Return the standard deviation of where steps of broken edges are seen, mm; the step may be at both lines."""
+    mean, square = shifts_of(np.array([0.0, 1.0]), edges)
+    return math.sqrt(max(float(square - mean**2), 0.0))
+
+
+def _px_per_mm(camera: Camera) -> float:
+    """Return how many pixels a millimetre is in the plane of focus."""
+    return camera.image_distance_mm / (camera.focus_distance_mm * max(camera.pixel_pitch_mm))
 
 
 def registered_problem(problem: Problem, how: RegistrationRecord | None) -> Problem:
@@ -107,6 +125,7 @@ def registered_problem(problem: Problem, how: RegistrationRecord | None) -> Prob
     how : RegistrationRecord or None
         How poses are known; None for no better than planned.
     """
+    problem = replace(problem, reads=reads_of(problem.space.solid, how, problem.targets))
     if how is None:
         return problem
     if how.method == OWN_EDGES:
@@ -161,7 +180,7 @@ def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
         _rounded(along),
         np.array([_span(edge.geometry) for edge in edges]),
         np.array([model.carried_by[edge.name] for edge in edges], dtype=np.int64),
-        _free(model.edges, edge_of, (points, normals), turn),
+        _free(model.edges, edge_of, EdgePoints(points, tangents, normals), turn, camera),
         _rounded(turn),
         sigmas,
     )
@@ -183,10 +202,15 @@ def _span(geometry: Geometry) -> float:
 
 
 def _free(
-    edges: PartEdges, edge_of: NDArray[np.int64], where: tuple[Array, Array], turn: Array
+    edges: PartEdges,
+    edge_of: NDArray[np.int64],
+    of_edges: EdgePoints,
+    turn: Array,
+    camera: Camera,
 ) -> NDArray[np.bool_]:
-    """Return in which directions of the grid points (m, 3) with normals (m, 2, 3) are seen; (m, n, n)."""
-    points, normals = where
+    """Return in which directions of the grid points (m) of edges are seen, and their light shows them; (m, n, n)."""
+    points = of_edges.points
+    normals = of_edges.normals
     across = np.linspace(-1.0, 1.0, GRID)
     a, b = np.meshgrid(across, across, indexing="ij")
     c = 1.0 - np.abs(a) - np.abs(b)
@@ -205,6 +229,12 @@ def _free(
         ray_points = lifted[first : first + _RAYS, None, None]
         rays = np.broadcast_to(2 * extent * ways, (len(ray_points), *ways.shape))
         free[first : first + _RAYS] = ~edges.scene.blocked(ray_points, rays)
+    if edges.area is not None:
+        sight = Sight.of(edges.solid, camera, edges.scene)
+        for k in range(len(points)):
+            point = EdgePoints(*(values[k : k + 1] for values in of_edges))
+            eyes = points[k] + camera.focus_distance_mm * ways[free[k]]
+            free[k, free[k]] = edges.area.contrasts(sight, point, eyes)[0][:, 0] > 0
     return free
 
 

@@ -6,7 +6,7 @@ import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,15 @@ from ground.convert import NOT_STORED, Key, Meta
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.pose import world_to_cam
 from planner.detectability.image_check import SECTORS
+from planner.measuring.breaks import (
+    Breaks,
+    FoundPoints,
+    break_shifts,
+    entity_breaks,
+    levels_beside,
+    lit_breaks,
+    two_steps,
+)
 from planner.measuring.fit import (
     CORRELATION_PX,
     Fit,
@@ -36,7 +45,8 @@ from planner.measuring.fit import (
     uneven_px,
 )
 from planner.measuring.images import Picture
-from planner.measuring.registered import NumberOrNull, Registered, displaced
+from planner.measuring.register import signs_of
+from planner.measuring.registered import Faces, NumberOrNull, Registered, displaced
 from planner.measuring.samples import (
     ALONG_VARIANCE,
     POSE,
@@ -49,7 +59,8 @@ from planner.measuring.samples import (
     across_of,
     pixels_of,
 )
-from planner.measuring.verdict import Sampled, beside_shadows, stretches_of
+from planner.measuring.verdict import BESIDE_PX, Sampled, beside_shadows, stretches_of
+from planner.request.edge_state import SHARP, EdgeState, spread_of
 
 Array = NDArray[np.float64]
 
@@ -59,6 +70,16 @@ Array = NDArray[np.float64]
 LEAST_POINTS = 8
 """Fewer found points are no entity."""
 _MARGIN_PX = 4.0
+# share of an entity's samples at which nothing is found, of one that is elsewhere
+_ABSENT = 0.8
+# share of white: a lamp that makes such a step would show an edge
+_SURE_STEP = 0.06
+# edges around an entity: so near to it, px, but not it; so many of their samples; so many of them found
+_AROUND_PX = 150.0
+_OWN_PX = 6.0
+_EVERY = 8
+_FEWEST_AROUND = 40
+_FOUND_AROUND = 0.9
 # of an entity's size: difference quotients across it in the image
 _AHEAD = 1e-5
 
@@ -88,8 +109,9 @@ class EntityScan:
     edge : PartEdge
         The entity.
     points : structured array (m,)
-        u, v: found place, px (of what was not found, where it was looked for). nu, nv: unit vector across. x, y, z: the
-        sample, mm. share: where on the entity. residual_px: distance from the fit. state: see `State`.
+        u, v: found place, px, less what a stated break moves it (of what was not found, the place of the model).
+        nu, nv: unit vector across. x, y, z: the sample, mm. share: where on the entity. residual_px: distance from the
+        fit. state: see `State`.
     directions : array (k, 2)
         x/z and y/z of the rays of found points.
     origins : array (k, 3)
@@ -102,6 +124,10 @@ class EntityScan:
         Why there is no fit; empty if there is one.
     spacing_px : float
         Distance of neighbouring samples in the image.
+    breaks : Breaks or None
+        Where the steps of found points are if the entity is broken; None if it was not asked.
+    moved : bool
+        Whether no edge is where the model has one, though the light would show it.
     """
 
     edge: PartEdge
@@ -112,6 +138,8 @@ class EntityScan:
     fit: Fit | None
     reason: str
     spacing_px: float
+    breaks: Breaks | None = None
+    moved: bool = False
 
     @property
     def n_found(self) -> int:
@@ -160,6 +188,7 @@ def scan_entity(
     *,
     half_px: float,
     coverage: float,
+    edge_state: EdgeState = SHARP,
 ) -> EntityScan:
     """Look for an entity in an image, and fit it.
 
@@ -181,17 +210,24 @@ def scan_entity(
         How far from its prediction it is searched, px.
     coverage : float
         Share of its samples that must be found.
+    edge_state : EdgeState
+        By how much it is broken.
     """
     camera = picture.camera
     pose = registered.cam2world
     places = registered.moved(model, edge, samples.points)
     centres = pixels_of(places, pose, camera)
     across = across_of(places, samples.tangents, pose, camera)
-    scans = _searched(picture, centres, across, samples, half_px)
-    if isinstance(edge.geometry, Circle):
-        scans.offset[:] -= _curvature(centres, across) / 2 * _along_variance(scans)
+    breaks = entity_breaks(edge, frame, samples, edge_state, places, across, pose, camera)
+    if not edge_state.is_sharp:
+        breaks = _lit(breaks, samples, model, picture, registered, (centres, across))
+    # steps of stated breaks are searched where they are expected, and carried back to the edge of the model
+    seen = centres + breaks.expected[:, None] * across
+    stretch = stretches_of(edge, samples.share)
+    scans = _searched(picture, seen, across, samples, breaks.half_px(half_px), stretch)
+    _expect(scans, edge, breaks, edge_state, (centres, across))
     scans.state[:] = _without_shadows(
-        model, edge, samples, picture, registered, (centres, across), scans
+        model, edge, samples, picture, registered, (seen, across), scans, breaks.band_px
     )
     pixels = centres + np.where(scans.state == State.FOUND, scans.offset, 0.0)[:, None] * across
     normal = np.cross(frame.x, frame.y)
@@ -208,6 +244,49 @@ def scan_entity(
         fit, good = robust_fit(edge.geometry, flat, scale[is_found])
         residual[is_found] = fit.residual
         state[np.flatnonzero(is_found)[~good]] = State.OUTLIER
+    points = _points_of(samples, pixels, across, residual, state)
+    reason = _incomplete(edge, points, coverage)
+    is_found = state == State.FOUND
+    sampled = Sampled(model.edges.scene, camera, pose, [edge], _alone(samples))
+    moved = bool(reason) and _is_moved(sampled, picture, registered, (centres, across), state)
+    return EntityScan(
+        edge,
+        points,
+        tangents_of(camera, pixels[is_found]),
+        origins[is_found],
+        scale[is_found],
+        None if reason else fit,
+        _moved_text(edge, half_px) if moved else reason,
+        _spacing(centres),
+        breaks.of(is_found),
+        moved,
+    )
+
+
+def _expect(
+    scans: Scans,
+    edge: PartEdge,
+    breaks: Breaks,
+    edge_state: EdgeState,
+    where: tuple[Array, Array],
+) -> None:
+    """Correct what was found, in place: two steps of a break are no fault, and the blur of a curved step moves it."""
+    double = two_steps(breaks.ends, edge_state) & (scans.state == State.TWO_STEPS)
+    scans.state[double] = State.FOUND
+    if isinstance(edge.geometry, Circle):
+        scans.offset[:] -= _curvature(*where) / 2 * _along_variance(scans)
+
+
+def _moved_text(edge: PartEdge, half_px: float) -> str:
+    """Return the reason of an entity that the light would show, and that is not where it was searched."""
+    place = f"where the model has {_word(edge)} {edge.name}"
+    return f"no edge is {place} (moved more than {half_px:.0f} px?)"
+
+
+def _points_of(
+    samples: Samples, pixels: Array, across: Array, residual: Array, state: NDArray[np.int64]
+) -> NDArray[np.void]:
+    """Return samples as a structured array, see `EntityScan`."""
     points = np.zeros(len(state), dtype=POINT)
     points["u"], points["v"] = pixels.T
     points["nu"], points["nv"] = across.T
@@ -215,26 +294,87 @@ def scan_entity(
     points["share"] = samples.share
     points["residual_px"] = residual
     points["state"] = state
-    reason = _incomplete(edge, points, coverage)
-    is_found = state == State.FOUND
-    directions = tangents_of(camera, pixels[is_found])
-    fit = None if reason else fit
-    return EntityScan(
-        edge, points, directions, origins[is_found], scale[is_found], fit, reason, _spacing(centres)
-    )
+    return points
+
+
+def _lit(
+    breaks: Breaks,
+    samples: Samples,
+    model: PartModel,
+    picture: Picture,
+    registered: Registered,
+    where: tuple[Array, Array],
+) -> Breaks:
+    """Return breaks with what the lamp tells that fits the image, if there is one."""
+    lamp = registered.lamps.get(picture.name)
+    if lamp is None or not len(breaks.ends):
+        return breaks
+    eye = registered.cam2world[:3, 3]
+    middle = samples.points.mean(axis=0)
+    faces = Faces(samples.points, breaks.normals[:, 0], eye, middle, model.edges.scene)
+    levels = levels_beside(picture, *where, breaks)
+    return lit_breaks(breaks, samples, lamp, faces, levels, registered.blur_px)
+
+
+def _is_moved(
+    sampled: Sampled,
+    picture: Picture,
+    registered: Registered,
+    where: tuple[Array, Array],
+    state: NDArray[np.int64],
+) -> bool:
+    """Tell whether the light would show an entity of which nothing is found, so that it must be elsewhere.
+
+    Where no lamp explains the image, the edges around it tell: nearly all of them are found.
+    """
+    is_lost = np.isin(state, (State.WEAK, State.AT_END))
+    if not len(state) or is_lost.mean() < _ABSENT:
+        return False
+    lamp = registered.lamps.get(picture.name)
+    if lamp is not None:
+        faces, on_part = sampled.beside(where[1], BESIDE_PX)
+        shaded = np.where(on_part, faces.shaded(lamp), lamp.background)
+        would_show = np.abs(shaded[1] - shaded[0]) >= _SURE_STEP
+        return bool(would_show[is_lost].mean() >= _ABSENT)
+    others = registered.samples
+    if not len(others):
+        return False
+    away = np.stack([others["u"], others["v"]], axis=1)
+    distance = np.linalg.norm(away[:, None] - where[0][::_EVERY][None], axis=2).min(axis=1)
+    beside = (distance > _OWN_PX) & (distance < _AROUND_PX)
+    if beside.sum() < _FEWEST_AROUND:
+        return False
+    return bool(np.mean(others["state"][beside] == State.FOUND) >= _FOUND_AROUND)
+
+
+def _alone(samples: Samples) -> Samples:
+    """Return samples of one entity, with the number 0."""
+    return replace(samples, edge=np.zeros_like(samples.edge))
+
+
+def _word(edge: PartEdge) -> str:
+    return "edge" if isinstance(edge.geometry, Line) else "rim"
 
 
 def _searched(
-    picture: Picture, centres: Array, across: Array, samples: Samples, half_px: float
+    picture: Picture,
+    centres: Array,
+    across: Array,
+    samples: Samples,
+    half_px: float,
+    stretch: NDArray[np.int64],
 ) -> Scans:
-    """Scan twice: the sign of the step is that of most of the entity."""
+    """Scan twice: the sign of the step is that of most of the stretch (m,) that a sample is in.
+
+    Around a bore, a lit wall is brighter than the face around it here, and darker there.
+    """
     usable = samples.usable
     state = np.where(samples.visible, int(State.NEAR_LINE), int(State.HIDDEN))
     offset, step, blur = np.zeros((3, len(state)))
     if usable.any():
-        first = picture.find(centres[usable], across[usable], half_px)
-        sign = np.full(len(first.step), sign_of(first), dtype=np.int64)
-        scans = picture.find(centres[usable], across[usable], half_px, sign)
+        places = centres[usable], across[usable]
+        sign = signs_of(picture, *places, half_px, stretch[usable])
+        scans = picture.find(*places, half_px, sign)
         state[usable] = scans.state
         offset[usable] = scans.offset
         step[usable] = scans.step
@@ -250,15 +390,15 @@ def _without_shadows(
     registered: Registered,
     where: tuple[Array, Array],
     found: Scans,
+    band_px: float = 0.0,
 ) -> NDArray[np.int64]:
     """Return what became of samples (m,) if a shadow that ends beside the edge does not count as the edge."""
     lamp = registered.lamps.get(picture.name)
     good = found.state == State.FOUND
     if lamp is None or not good.any():
         return found.state
-    alone = replace(samples, edge=np.zeros_like(samples.edge))
     pose = registered.cam2world
-    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], alone)
+    sampled = Sampled(model.edges.scene, picture.camera, pose, [edge], _alone(samples), band_px)
     edges = where[0] + np.where(good, found.offset, 0.0)[:, None] * where[1]
     stretch = stretches_of(edge, samples.share)
     shadows = beside_shadows(lamp, sampled, picture, (edges, where[1]), good, stretch)
@@ -281,17 +421,6 @@ def _curvature(centres: Array, across: Array) -> Array:
     second = centres[2:] - 2 * centres[1:-1] + centres[:-2]
     second = np.concatenate([second[:1], second, second[-1:]])
     return np.asarray((second * across).sum(axis=1) / (first**2).sum(axis=1))
-
-
-def sign_of(scans: Scans) -> int:
-    """Return the sign of an edge's step: that of its strongest scans."""
-    good = scans.state == State.FOUND
-    strong = scans.step[good] if good.any() else scans.step[np.isfinite(scans.step)]
-    if not len(strong):
-        return 0
-    limit = np.quantile(np.abs(strong), 0.5)
-    total = float(np.sign(strong[np.abs(strong) >= limit]).sum())
-    return int(np.sign(total))
 
 
 def _spacing(centres: Array) -> float:
@@ -320,7 +449,7 @@ def _px_per_mm(
 
 def _incomplete(edge: PartEdge, points: NDArray[np.void], coverage: float) -> str:
     """Say why what was found of an entity is not enough; empty if it is."""
-    word = "edge" if isinstance(edge.geometry, Line) else "rim"
+    word = _word(edge)
     if not len(points):
         return f"the image of {word} {edge.name} is too short"
     is_found = points["state"] == State.FOUND
@@ -374,6 +503,7 @@ def drawn_uncertainty(
     model: PartModel,
     noise: Sequence[tuple[float, float]],
     seed: int,
+    edges: float = 0.0,
 ) -> float:
     """Return half the width of the interval that holds 95.45 % of the drawn values.
 
@@ -391,6 +521,8 @@ def drawn_uncertainty(
         For each entity the standard deviation of an independent point, and the floor, px.
     seed : int
         Of the draws.
+    edges : float
+        Standard deviation of the value by broken edges, in its unit.
     """
     rng = np.random.default_rng(seed)
     scan_unknowns = [model.unknowns_of(scan.edge) for scan in scans]
@@ -404,7 +536,7 @@ def drawn_uncertainty(
         columns = np.searchsorted(unknowns, surfaces)
         drawn = np.concatenate([moves[:, :POSE], moves[:, columns]], axis=1)
         fits.append(_drawn_fits(scan, frame, registered, model, drawn, (sigma, floor), rng))
-    values = measurand.value(fits)
+    values = measurand.value(fits) + edges * rng.standard_normal(DRAWS)
     tail = (1 - COVERED) / 2
     low, high = np.quantile(values, [tail, 1 - tail])
     return float(high - low) / 2
@@ -450,8 +582,15 @@ def _across(geometry: Geometry, flat: Array) -> Array:
 # Readings: the value of one target in one image.
 
 
-SOURCES = ("pose", "surfaces", "pose with surfaces", "localisation", "localisation floor")
-"""What the variance of a reading comes from. What pose and surfaces have in common may be negative."""
+SOURCES = (
+    *("pose", "surfaces", "pose with surfaces", "localisation", "localisation floor"),
+    "response",
+    "edge state",
+)
+"""What the variance of a reading comes from. What pose and surfaces have in common may be negative.
+
+That of the response is known only after all images are read, see `planner.measuring.response`.
+"""
 
 # steps of difference quotients, mm and rad
 _STEP = np.array([1e-3] * 3 + [1e-5] * 3 + [1e-3] * 2 * PARAMETERS)
@@ -492,6 +631,12 @@ class Reading:
         U by drawing instead of derivatives, see `drawn_uncertainty`.
     notes : tuple of str
         What the user should know.
+    edge_shift : float
+        How far the value moves at most if all edges that it is measured at are broken by 1 mm; nan of a sharp part.
+    advice : str
+        What to change in the shop if it was not measured; empty if nothing is known.
+    moved : bool
+        Whether no edge is where the model has one, though the light would show it.
     """
 
     name: Annotated[str, NOT_STORED]
@@ -510,6 +655,16 @@ class Reading:
     gradient: Annotated[Array, NOT_STORED] = field(default_factory=lambda: np.empty(0))
     drawn_uncertainty: Annotated[NumberOrNull, Key("U_drawn")] = math.nan
     notes: tuple[str, ...] = ()
+    edge_shift: Annotated[NumberOrNull, Key("by_mm_of_break")] = math.nan
+    advice: str = ""
+    moved: Annotated[bool, NOT_STORED] = False
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        value = f"{self.value:.6g}, u = {self.standard_uncertainty:.2g}"
+        if not self.measured:
+            value = "not measured"
+        return f"<Reading of {self.name!r} in {self.image!r}: {value}>"
 
     @property
     def measured(self) -> bool:
@@ -530,6 +685,7 @@ def read_value(
     registered: Registered,
     model: PartModel,
     floor_px: float,
+    camera: Camera,
 ) -> Reading:
     """Return the reading of a target from what was found of its entities.
 
@@ -547,13 +703,17 @@ def read_value(
         The part.
     floor_px : float
         Error across an entity that all of its points have in common, px.
+    camera : Camera
+        The camera.
     """
     counts = counts_of(scans)
     share = min(scan.found_share for scan in scans)
     points = tuple(scan.points for scan in scans)
     reasons = [scan.reason for scan in scans if scan.reason]
     if reasons:
-        return Reading(*where, reason=reasons[0], found_share=share, counts=counts, points=points)
+        reason = next((scan.reason for scan in scans if scan.moved), reasons[0])
+        lost = Reading(*where, reason=reason, found_share=share, counts=counts, points=points)
+        return replace(lost, moved=any(scan.moved for scan in scans))
     fits = [scan.fit for scan in scans if scan.fit is not None]
     value = measurand.nominal + float(measurand.value([fit.fitted[None] for fit in fits])[0])
     by_fitted = _by_fitted(measurand, [fit.fitted for fit in fits])
@@ -575,14 +735,16 @@ def read_value(
         floor += common_px**2 * float(((slope @ fit.common) ** 2).sum())
         unknowns, rows = _fitted_by_unknowns(scan, frame, registered, model)
         np.add.at(gradient, unknowns, slope @ rows)
-    budget = budget_of(gradient, registered.covariance, random, floor)
+    broken = edge_effect(scans, measurand.frames, by_fitted, registered, camera)
+    budget = budget_of(gradient, registered.covariance, random, floor, broken.variance)
     u = math.sqrt(max(math.fsum(budget.values()), 0.0))
     # of the name, so that no other target changes the draws
     seed = zlib.crc32(where[0].encode())
-    drawn = drawn_uncertainty(measurand, scans, registered, model, noise, seed)
+    edge_sigma = math.sqrt(broken.variance)
+    drawn = drawn_uncertainty(measurand, scans, registered, model, noise, seed, edge_sigma)
     return Reading(
         *where,
-        value=value,
+        value=value - broken.shift,
         standard_uncertainty=u,
         budget=budget,
         found_share=share,
@@ -592,7 +754,72 @@ def read_value(
         gradient=gradient,
         drawn_uncertainty=drawn,
         notes=_notes(COVERAGE * u, drawn, gradient, registered),
+        edge_shift=broken.by_mm,
     )
+
+
+class EdgeEffect(NamedTuple):
+    """What broken edges do to a value.
+
+    Attributes
+    ----------
+    shift : float
+        What is corrected.
+    variance : float
+        Of what remains.
+    by_mm : float
+        How far the value moves at most if all edges are broken by 1 mm; nan of a sharp part.
+    """
+
+    shift: float
+    variance: float
+    by_mm: float
+
+
+def edge_effect(
+    scans: Sequence[EntityScan],
+    frames: Sequence[Frame],
+    slopes: Sequence[Array],
+    registered: Registered,
+    camera: Camera,
+) -> EdgeEffect:
+    """Return what broken edges do to a value.
+
+    Parameters
+    ----------
+    scans : sequence of EntityScan (e,)
+        Its entities, each with a fit.
+    frames : sequence of Frame (e,)
+        The planes that they are fitted in.
+    slopes : sequence of array (e,)
+        Derivatives of the value by what is fitted of each.
+    registered : Registered
+        The image.
+    camera : Camera
+        The camera.
+    """
+    shifts = []
+    state = SHARP
+    for scan, frame, slope in zip(scans, frames, slopes, strict=True):
+        if scan.breaks is None or scan.breaks.state.is_sharp or scan.fit is None:
+            continue
+        state = scan.breaks.state
+        counted = scan.points[scan.points["state"] == State.FOUND]
+        pixels = np.stack([counted["u"], counted["v"]], axis=1)
+        across = np.stack([counted["nu"], counted["nv"]], axis=1)
+        points = FoundPoints(pixels, across, scan.origins, scan.px_per_mm)
+        pose = registered.cam2world
+        shifts.append(break_shifts(scan.breaks, scan.edge, frame, points, pose, camera, slope))
+    if not shifts:
+        return EdgeEffect(0.0, 0.0, math.nan)
+    shift, variance = spread_of(
+        np.array([shift.mean for shift in shifts]),
+        np.array([shift.mean_square for shift in shifts]),
+        state,
+    )
+    ends = np.array([shift.ends for shift in shifts])
+    by_mm = max(float(ends.max(axis=1).sum()), -float(ends.min(axis=1).sum()))
+    return EdgeEffect(shift, variance, by_mm)
 
 
 def _notes(
@@ -617,7 +844,9 @@ def counts_of(scans: Sequence[EntityScan]) -> dict[str, int]:
     return total
 
 
-def budget_of(gradient: Array, covariance: Array, random: float, floor: float) -> dict[str, float]:
+def budget_of(
+    gradient: Array, covariance: Array, random: float, floor: float, edges: float = 0.0
+) -> dict[str, float]:
     """Return the variance of a value by `SOURCES`, given its gradient by the unknowns and their covariance."""
     by_pose = gradient[:POSE]
     by_surface = gradient[POSE:]
@@ -627,6 +856,8 @@ def budget_of(gradient: Array, covariance: Array, random: float, floor: float) -
         2 * float(by_pose @ covariance[:POSE, POSE:] @ by_surface),
         random,
         floor,
+        0.0,
+        edges,
     )
     return dict(zip(SOURCES, parts, strict=True))
 
@@ -709,6 +940,7 @@ def read_length(
     registered: Registered,
     model: PartModel,
     how: tuple[float, float, float],
+    edge_state: EdgeState = SHARP,
 ) -> Reading:
     """Return the reading of an edge's length.
 
@@ -729,13 +961,15 @@ def read_length(
     how : (float, float, float)
         How far from their predictions lines are searched, px; share of the edge that must be found; error that all
         points of a line have in common, px.
+    edge_state : EdgeState
+        By how much edges are broken.
     """
     half_px, coverage, floor_px = how
-    length_scan = _scan(model, edge, picture, registered, (half_px, coverage, None))
+    length_scan = _scan(model, edge, picture, registered, (half_px, coverage, None), edge_state)
     scans = [length_scan]
     reasons = [length_scan.reason]
     for end in _ends(edge):
-        arm = _arm(model, edge, end, picture, registered, half_px)
+        arm = _arm(model, edge, end, picture, registered, half_px, edge_state)
         reasons.append("" if arm else "no line that leaves a corner was found")
         scans += [arm] if arm else []
     counts = counts_of(scans)
@@ -743,7 +977,12 @@ def read_length(
     reason = next(filter(None, reasons), "")
     if reason:
         return Reading(
-            *where, reason=reason, found_share=length_scan.found_share, counts=counts, points=points
+            *where,
+            reason=reason,
+            found_share=length_scan.found_share,
+            counts=counts,
+            points=points,
+            moved=length_scan.moved,
         )
     fitted = np.concatenate([scan.fit.fitted for scan in scans if scan.fit is not None])
     planned = _planned_ends(model, edge, registered, picture.camera, np.zeros(POSE + 6))
@@ -753,12 +992,15 @@ def read_length(
         pitch = np.array(picture.camera.pixel_pitch_mm)
         return float(measurand.image_value(corners[None] * pitch, planned * pitch)[0])
 
-    random, floor = _localisation(value, fitted, scans, floor_px)
-    length = measurand.nominal + value(fitted)
+    by_fitted = _slopes(value, fitted)
+    random, floor = _localisation(by_fitted, scans, floor_px)
+    frames = [_facing(scan.edge, registered) for scan in scans]
+    broken = edge_effect(scans, frames, list(by_fitted.reshape(-1, 2)), registered, picture.camera)
+    length = measurand.nominal + value(fitted) - broken.shift
     unknowns, slopes = _by_unknowns(model, edge, registered, picture.camera, length)
     gradient = np.zeros(model.n_unknowns)
     np.add.at(gradient, unknowns, slopes)
-    budget = budget_of(gradient, registered.covariance, random, floor)
+    budget = budget_of(gradient, registered.covariance, random, floor, broken.variance)
     return Reading(
         *where,
         value=length,
@@ -769,6 +1011,7 @@ def read_length(
         counts=counts,
         points=points,
         gradient=gradient,
+        edge_shift=broken.by_mm,
     )
 
 
@@ -793,6 +1036,7 @@ def _scan(
     picture: Picture,
     registered: Registered,
     how: tuple[float, float, Array | None],
+    edge_state: EdgeState,
 ) -> EntityScan:
     """Scan a line; near a point only, if one is given."""
     half_px, coverage, near = how
@@ -811,6 +1055,7 @@ def _scan(
         registered,
         half_px=half_px,
         coverage=coverage,
+        edge_state=edge_state,
     )
 
 
@@ -821,6 +1066,7 @@ def _arm(
     picture: Picture,
     registered: Registered,
     half_px: float,
+    edge_state: EdgeState,
 ) -> EntityScan | None:
     """Return the line that leaves an end of an edge and is found best; None if there is none."""
     best = None
@@ -831,7 +1077,7 @@ def _arm(
         sine = abs(float(along[0] * way[1] - along[1] * way[0]))
         if sine < math.sin(math.radians(LEAST_ANGLE_DEG)):
             continue
-        scan = _scan(model, other, picture, registered, (half_px, ARM_SHARE, end))
+        scan = _scan(model, other, picture, registered, (half_px, ARM_SHARE, end), edge_state)
         worth = sine * scan.n_found
         if scan.fit is not None and worth > share:
             best = scan
@@ -906,15 +1152,20 @@ def _by_unknowns(
     return unknowns, -length / before * slopes
 
 
-def _localisation(
-    value: Callable[[Array], float], fitted: Array, scans: Sequence[EntityScan], floor_px: float
-) -> tuple[float, float]:
-    """Return the variances of the value by single points and by the floor of each line."""
+def _slopes(value: Callable[[Array], float], fitted: Array) -> Array:
+    """Return the derivatives of a length by what is fitted of all lines."""
     slopes = np.empty(len(fitted))
     for i in range(len(fitted)):
         step = np.zeros(len(fitted))
         step[i] = _LENGTH_STEP
         slopes[i] = (value(fitted + step) - value(fitted - step)) / (2 * _LENGTH_STEP)
+    return slopes
+
+
+def _localisation(
+    slopes: Array, scans: Sequence[EntityScan], floor_px: float
+) -> tuple[float, float]:
+    """Return the variances of a value by single points and by the floor of each line, given its derivatives."""
     random = 0.0
     floor = 0.0
     for k, scan in enumerate(scans):

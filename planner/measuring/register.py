@@ -12,6 +12,7 @@ with Tukey's weights. Every edge has a bias of its own in every image: light and
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,11 +25,13 @@ from scipy.stats import chi2 as chi_squared
 from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.registration import Posterior, Rows, bias_variance_of, posterior, surprise
 from ground.decorators import njit
+from planner.camera.pose import PoseUncertainty
 from planner.measuring.images import Picture
 from planner.measuring.registered import Lamp, Registered, prior_covariance
 from planner.measuring.samples import POSE, SAMPLING_PX, PartModel, State, gradients_of, profiles_of
 from planner.measuring.task import (
     MOVE_SIGMAS,
+    REPEATABILITY,
     ImageScan,
     NotRegisteredError,
     Scan,
@@ -38,8 +41,11 @@ from planner.measuring.task import (
     noise_of,
     registration_task,
     solved,
+    with_breaks,
 )
 from planner.measuring.verdict import Attempt, judged
+from planner.request.edge_state import SHARP, EdgeState
+from planner.request.registration import LEAST_POSE
 from planner.sensor_setting import setting_name
 
 # The coarse shift: by how many pixels an image is off its prediction, before edges are told from
@@ -145,6 +151,8 @@ stretch finds both, and more shadows too, so the lamp must explain it.
 _BIAS_ROUNDS = 12
 _BIAS_STILL = 1.02
 _COARSE_PX = 1.5
+# an image that is farther from the common pose is compared by its own registration, px
+_FAR_PX = 0.7
 _SIGMAS = 3.0
 _ROOM_PX = 2.0
 _MOST_WINDOW_PX = 60.0
@@ -202,7 +210,8 @@ class Scanner:
         """Return what is found up to so many px from the prediction."""
         places = self._task.predicted(x)
         every = zip(self._pictures, self._signs, self._left_out, strict=True)
-        scans = [_scanned(picture, places, half, sign, out) for picture, sign, out in every]
+        double = self._task.two_steps
+        scans = [_scanned(picture, places, half, sign, out, double) for picture, sign, out in every]
         return Scan(x, *places, scans)
 
     def no_worse(self, scan: Scan, last: Scan, half: float) -> Scan:
@@ -235,9 +244,11 @@ def _scanned(
     half: float,
     sign: NDArray[np.int64],
     out: NDArray[np.bool_],
+    two_steps: NDArray[np.bool_] | bool,
 ) -> ImageScan:
     scans = picture.find(*places, half, sign)
-    state = np.where(out & (scans.state == State.FOUND), int(State.SHADOW), scans.state)
+    state = np.where(two_steps & (scans.state == State.TWO_STEPS), int(State.FOUND), scans.state)
+    state = np.where(out & (state == State.FOUND), int(State.SHADOW), state)
     return ImageScan(scans.offset, state == State.FOUND, state, scans.blur_px)
 
 
@@ -252,6 +263,8 @@ def register(
     planned: Array,
     prior: Array,
     bias_px: float = BIAS_PX,
+    edge_state: EdgeState = SHARP,
+    repeatability: PoseUncertainty = REPEATABILITY,
 ) -> Registered:
     """Return the pose of a setting and the deviations of the part's surfaces.
 
@@ -267,18 +280,22 @@ def register(
         What is known of pose and surfaces, see `prior_covariance`.
     bias_px : float
         Standard deviation of where an edge is found as a whole.
+    edge_state : EdgeState
+        By how much edges are broken.
+    repeatability : PoseUncertainty
+        By how much the camera moves between images of the setting.
 
     Returns
     -------
     Registered
-        The estimate and its joint covariance.
+        The estimate and its joint covariance; of several images, each also has its own, see `Registered.of`.
 
     Raises
     ------
     NotRegisteredError
         If the images do not show the part from near the planned pose, or are from different poses.
     """
-    task = registration_task(model, pictures[0].camera, planned, prior, bias_px)
+    task = registration_task(model, pictures[0].camera, planned, prior, bias_px, edge_state)
     start = _coarse(task, pictures)
     outcome = _best(task, pictures, start)
     if not outcome[0].accepted and outcome[0].share >= LEAST_HOPEFUL:
@@ -286,44 +303,99 @@ def register(
         other = _best(task, pictures, start._replace(late=0))
         outcome = other if other[0].accepted else outcome
     attempt, lamps = outcome
-    registered = replace(judged(attempt, _stated(attempt)), lamps=lamps)
+    estimate, variance = _stated(attempt)
+    registered = replace(judged(attempt, estimate), lamps=lamps)
     if len(pictures) > 1:
-        _check_one_pose(attempt)
+        of_images = _of_images(attempt, registered, estimate.mean, variance, repeatability)
+        registered = replace(registered, of_images=of_images)
     return registered
 
 
-def _check_one_pose(attempt: Attempt) -> None:
-    """Refuse images that are from different poses, as far as each shows enough of the part to tell.
+def _of_images(
+    attempt: Attempt,
+    registered: Registered,
+    x: Array,
+    variance: float,
+    repeatability: PoseUncertainty,
+) -> dict[str, Registered]:
+    """Return the registration of each image: the surfaces are the same ones, the camera may have moved a little.
 
-    Each is registered alone. Then the surfaces are the same ones, and the camera may have moved between images.
+    Each is also registered alone, so that one from quite another pose is found, as far as it shows enough of the part.
+    Such images are refused. The others are moved a little from the common pose, at the unknowns x (n,).
     """
     task = attempt.task
-    alone = []
-    for picture in attempt.pictures:
-        start = SearchStart(attempt.scan.x, attempt.lead)
-        alone_attempt = _attempted(task, [picture], start, task.samples.edge)
-        if not alone_attempt.convincing:
+    repeatability = with_breaks(repeatability, task.break_mm)
+    alike = task.samples.edge
+    rows = list(attempt.rows)
+    compared: dict[int, list[Rows]] = {}
+    for k, picture in enumerate(attempt.pictures):
+        alone = _attempted(task, [picture], SearchStart(attempt.scan.x, attempt.lead), alike)
+        if not alone.convincing:
             # farther off than edges are searched
-            alone_attempt = _attempted(task, [picture], _coarse(task, [picture]), task.samples.edge)
-        if alone_attempt.convincing:
-            alone.append(alone_attempt)
-    if len(alone) < 2:
-        return
+            alone = _attempted(task, [picture], _coarse(task, [picture]), alike)
+        if not alone.convincing:
+            continue
+        compared[k] = alone.rows[0]
+        away = np.linalg.norm(alone.scan.centres - attempt.scan.centres, axis=1)
+        if np.median(away) > _FAR_PX:
+            # nearby, rows of all images are about the same unknowns
+            rows[k] = alone.rows[0]
     n = len(task.prior)
-    rows = list(alone[0].rows)
-    for k, alone_attempt in enumerate(alone[1:]):
-        move = n + POSE * k + np.arange(POSE)
-        rows += [
-            rows._replace(
-                unknowns=np.concatenate([rows.unknowns, move]),
-                design=np.hstack([rows.design, rows.design[:, :POSE]]),
-            )
-            for rows in alone_attempt.rows
-        ]
-    between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(alone) - 1)
-    estimate = posterior(block_diag(task.prior, *between), rows, task.bias_px**2)
-    names = [alone_attempt.pictures[0].name for alone_attempt in alone]
-    check_one_pose(names, estimate.mean[n:], estimate.covariance)
+    if len(compared) > 1:
+        between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(compared) - 1)
+        first, *others = compared.values()
+        moving = [first, *(_moved_too(other, n + POSE * i) for i, other in enumerate(others))]
+        estimate, _ = _enlarged(block_diag(task.prior, *between), moving, variance)
+        names = [attempt.pictures[k].name for k in compared]
+        check_one_pose(names, estimate.mean[n:], estimate.covariance, repeatability)
+    # half of the variance of what is between two of them
+    around = repeatability.covariance / 2 + np.diag(LEAST_POSE**2)
+    moving = [_moved_too(image_rows, n + POSE * k) for k, image_rows in enumerate(rows)]
+    estimate, _ = _enlarged(block_diag(task.prior, *[around] * len(rows)), moving, variance)
+    pose = slice(0, POSE)
+    of_images = {}
+    for k, picture in enumerate(attempt.pictures):
+        move = slice(n + POSE * k, n + POSE * (k + 1))
+        select = np.zeros((n, len(estimate.mean)))
+        select[:, :n] = np.eye(n)
+        select[pose, move] = np.eye(POSE)
+        # the common pose and surfaces lie in a curved valley, so only what differs is from this one step
+        own_x = x.copy()
+        own_x[pose] += estimate.mean[move]
+        prior = task.prior.copy()
+        prior[pose, pose] += around
+        of_images[picture.name] = replace(
+            registered,
+            cam2world=task.places(own_x)[0],
+            covariance=select @ estimate.covariance @ select.T,
+            prior=prior,
+        )
+    return of_images
+
+
+def _moved_too(rows: list[Rows], first: int) -> list[Rows]:
+    """Return rows of an image whose camera also moves by unknowns of its own, from the first one on."""
+    move = first + np.arange(POSE)
+    return [
+        row._replace(
+            unknowns=np.concatenate([row.unknowns, move]),
+            design=np.hstack([row.design, row.design[:, :POSE]]),
+        )
+        for row in rows
+    ]
+
+
+def _enlarged(prior: Array, rows: list[list[Rows]], variance: float) -> tuple[Posterior, float]:
+    """Return an estimate with biases as large as the rows of images show, at least of a variance; and theirs."""
+    every = list(itertools.chain.from_iterable(rows))
+    estimate = posterior(prior, every, variance)
+    for _ in range(_BIAS_ROUNDS):
+        shown = bias_variance_of(every, estimate, variance)
+        if shown <= _BIAS_STILL * variance:
+            break
+        variance = shown
+        estimate = posterior(prior, every, variance)
+    return estimate, variance
 
 
 def _best(
@@ -379,7 +451,7 @@ def _attempted(
     first = task.predicted(np.zeros(len(task.prior)))[0]
     scanner = Scanner(task, pictures, out)
     scan = scanner.signed(start.x, start.windows[0], alike)
-    rows: list[Rows] = []
+    rows: list[list[Rows]] = []
     for level in range(len(start.windows) - 1, -1, -1):
         x, rows = solved(
             task, scan.x, scan.across, scan.scans, going_on=level > 0, whole=level < start.late
@@ -426,21 +498,14 @@ def _coarse(task: Task, pictures: list[Picture]) -> SearchStart:
     return SearchStart(x, lead)
 
 
-def _stated(attempt: Attempt) -> Posterior:
+def _stated(attempt: Attempt) -> tuple[Posterior, float]:
     """Return the estimate with biases of all modes, and as large as the edges show; the stated ones at least.
 
-    Edges deviate more than light moves them if the part has an error of form, or surfaces deviate more than stated.
+    Edges deviate more than light moves them if the part has an error of form, or surfaces deviate more than stated. And
+    return the variance of the biases.
     """
     task = attempt.task
-    rows = attempt.rows
-    variance = task.bias_px**2
-    estimate = posterior(task.prior, rows, variance)
-    for _ in range(_BIAS_ROUNDS):
-        shown = bias_variance_of(rows, estimate, variance)
-        if shown <= _BIAS_STILL * variance:
-            break
-        variance = shown
-        estimate = posterior(task.prior, rows, variance)
+    estimate, variance = _enlarged(task.prior, attempt.rows, task.bias_px**2)
     # this step, too, may leave the valley
     x = estimate.mean
     noise = noise_of(task, attempt.scan.scans)
@@ -449,7 +514,7 @@ def _stated(attempt: Attempt) -> Posterior:
         if cost_of(task, x, attempt.found_at(x), noise, variance) <= largest_cost:
             break
         x = (x + attempt.scan.x) / 2
-    return Posterior(x, estimate.covariance)
+    return Posterior(x, estimate.covariance), variance
 
 
 # Registration of a part whose faces deviate more than stated: it is repeated with what the image
@@ -468,6 +533,8 @@ def register_as_shown(
     pose_covariance: Array,
     surfaces_mm: float,
     bias_px: float,
+    edge_state: EdgeState = SHARP,
+    repeatability: PoseUncertainty = REPEATABILITY,
 ) -> Registered:
     """Return the pose of a setting and the deviations of the part's surfaces, see `register`.
 
@@ -476,7 +543,7 @@ def register_as_shown(
 
     Parameters
     ----------
-    model, pictures, planned, bias_px
+    model, pictures, planned, bias_px, edge_state, repeatability
         As of `register`.
     pose_covariance : array (6, 6)
         Of the planned pose.
@@ -496,7 +563,7 @@ def register_as_shown(
     shown_mm = surfaces_mm
     for _ in range(_ROUNDS):
         prior = prior_covariance(model, pose_covariance, shown_mm, pictures[0].camera)
-        registered = register(model, pictures, planned, prior, bias_px)
+        registered = register(model, pictures, planned, prior, bias_px, edge_state, repeatability)
         more = times_more(model, registered, prior)
         if more <= 1:
             break
@@ -589,7 +656,13 @@ def looks_like(
 
 
 def check_lens(
-    model: PartModel, pictures: list[Picture], pose: Array, prior: Array, found: Registered
+    model: PartModel,
+    pictures: list[Picture],
+    pose: Array,
+    prior: Array,
+    found: Registered,
+    bias_px: float = BIAS_PX,
+    edge_state: EdgeState = SHARP,
 ) -> None:
     """Refuse images without the lens distortion that the plan's camera has.
 
@@ -605,6 +678,8 @@ def check_lens(
         What is known of pose and surfaces.
     found : Registered
         Their registration with the distortion.
+    bias_px, edge_state
+        As of `register`.
 
     Raises
     ------
@@ -614,7 +689,7 @@ def check_lens(
     if pictures[0].camera.distortion is None:
         return
     try:
-        other = register(model, _undistorted(pictures), pose, prior)
+        other = register(model, _undistorted(pictures), pose, prior, bias_px, edge_state)
     except NotRegisteredError:
         return
     better = other.misfit_px < BETTER_MISFIT * found.misfit_px

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from aspectgraph.entities.entity_rules import PARAMETERS
 from aspectgraph.solid.solid import RayScene
 from ground.convert import NOT_STORED, Meta, NullIs, Shape
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.measuring.samples import POSE, PartEdge, PartModel
 from planner.request.registration import LEAST_POSE
@@ -48,6 +49,11 @@ _FAR = (0.6, 1.2, 3.0)
 _STARTS = 2
 _LOWEST = -0.1
 _MANY = 800
+# of other lamps: how many are kept, and costs by which their weight falls, as a share of the least and at least
+_OTHERS = 4
+_COST_SHARE = 0.1
+_COST = 10.0
+_MOST_COSTS = 2.5
 _EVALUATIONS = 60
 # of the first simplex: logarithm of the distance, and turns
 _SIMPLEX = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
@@ -73,6 +79,8 @@ class Lamp:
         How badly it fits.
     background : float
         Grey value behind the part.
+    others : tuple of Lamp
+        Lamps that fit nearly as well: what an image shows of few directions leaves the lamp's open.
     """
 
     place: Array
@@ -82,6 +90,15 @@ class Lamp:
     ambient: float
     cost: float
     background: float = 0.0
+    others: tuple[Lamp, ...] = field(default=(), kw_only=True)
+
+    @property
+    def plausible(self) -> tuple[tuple[Lamp, ...], Array]:
+        """All lamps that fit, the best one first, and their weights, which sum up to 1."""
+        lamps = (self, *self.others)
+        costs = np.array([lamp.cost for lamp in lamps])
+        weight = np.exp((costs.min() - costs) / (_COST_SHARE * costs.min() + _COST))
+        return lamps, weight / weight.sum()
 
 
 @dataclass(frozen=True)
@@ -191,7 +208,13 @@ def fitted(faces: Faces, grey: Array) -> Lamp:
             options={"maxfev": _EVALUATIONS, "initial_simplex": _SIMPLEX},
         )
         lamps.append(moved(best.x, start))
-    return min(lamps, key=lambda one: one.cost)
+    best_lamp = min(lamps, key=lambda one: one.cost)
+    # costs of as many samples as those of the first search
+    (again,) = coarse.lamps(best_lamp.place[None], grey[few], (best_lamp.falloff,))
+    limit = (1 + _MOST_COSTS * _COST_SHARE) * again.cost + _MOST_COSTS * _COST
+    alike = [lamp for lamp in starts if lamp.cost <= limit]
+    others = tuple(alike[:: -(-len(alike) // _OTHERS)]) if alike else ()
+    return replace(best_lamp, cost=again.cost, others=others)
 
 
 def _places(faces: Faces) -> Array:
@@ -279,6 +302,8 @@ class Registered:
         the sample's edge; planned_u, planned_v: the sample at the planned pose.
     lamps : dict of str to Lamp
         The lamps of images that one fits.
+    of_images : dict of str to Registered
+        The registration of each of several images, whose camera may have moved a little between them.
     pose_covariance : array (6, 6)
         Covariance of the displacement of the camera.
     """
@@ -300,10 +325,19 @@ class Registered:
         default_factory=lambda: np.zeros(0, SAMPLE), repr=False
     )
     lamps: Annotated[Mapping[str, Lamp], NOT_STORED] = field(default_factory=dict, repr=False)
+    of_images: Annotated[Mapping[str, Registered], NOT_STORED] = field(
+        default_factory=dict, repr=False
+    )
     pose_covariance: Annotated[Array, Shape(6, 6)] = field(init=False, repr=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pose_covariance", self.covariance[:POSE, :POSE])
+
+    def of(self, image: str) -> Registered:
+        """Return the registration of an image of the setting, by its name."""
+        return replace(self.of_images.get(image, self), warnings=self.warnings, of_images={})
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""

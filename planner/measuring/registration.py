@@ -24,6 +24,7 @@ from scipy.stats import chi2 as chi_squared
 from aspectgraph.exceptions import how_to_install
 from errors.registration import Posterior, Rows, posterior
 from ground.convert import Meta, Shape, check_fields, shown
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import MAX_SIGMA_MM, MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import PlannerError, RequestError
@@ -33,6 +34,7 @@ from planner.measuring.samples import POSE, pixels_of
 from planner.measuring.task import (
     CREDIBLE,
     MOVE_SIGMAS,
+    REPEATABILITY,
     NotRegisteredError,
     check_distance,
     check_one_pose,
@@ -131,6 +133,8 @@ class Fiducials:
     sigma_mm: Annotated[_Positive, Meta(le=MAX_SIGMA_MM)]
     sigma_rad: Annotated[_Positive, Meta(le=MAX_SIGMA_RAD)]
     corner_px: Annotated[_Positive, Meta(le=MOST_CORNER_PX)] = CORNER_PX
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "board2part", rigid_motion(self.board2part, "board2part"))
@@ -246,7 +250,11 @@ class _Seen:
 
 
 def locate(
-    fiducials: Fiducials, pictures: list[Picture], planned: Array, pose_covariance: Array
+    fiducials: Fiducials,
+    pictures: list[Picture],
+    planned: Array,
+    pose_covariance: Array,
+    repeatability: PoseUncertainty = REPEATABILITY,
 ) -> tuple[Array, Array]:
     """Return the pose of a setting by its fiducials, and the covariance of its displacement.
 
@@ -260,6 +268,8 @@ def locate(
         Its planned pose.
     pose_covariance : array (6, 6)
         Of the planned pose.
+    repeatability : PoseUncertainty
+        By how much the camera moves between images of the setting.
 
     Returns
     -------
@@ -291,7 +301,10 @@ def locate(
     if len(seen) > 1:
         apart = view.solved(apart=True)
         check_one_pose(
-            [picture.name for picture in seen], apart.mean[_SCALE + 1 :], apart.covariance
+            [picture.name for picture in seen],
+            apart.mean[_SCALE + 1 :],
+            apart.covariance,
+            repeatability,
         )
     _check_corners(view, solution)
     return displaced(planned, solution.mean[:POSE])[0], solution.covariance[:POSE, :POSE]
@@ -463,6 +476,8 @@ class Registration:
     poses: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     pose_uncertainty: PoseUncertainty | None = None
     board: Fiducials | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         value = self.surfaces_mm

@@ -1,6 +1,6 @@
 """Images of a plan, rendered: to rehearse measuring before there is a camera.
 
-The part may deviate from its model, and the camera from its poses. Rays with the plan's lamps, or with a light on the
+The part may deviate from its model, and the camera from its poses. Rays with the plan's light, or with a light on the
 camera, give the grey values of a matt part. Light from face to face, gloss and lenses are left out. So the images tell
 whether plan, part, files and commands fit together, and how large errors of position are; they do not tell how a real
 part looks.
@@ -26,6 +26,7 @@ from ground.convert import Meta, Shape, to_plain
 from planner.argument_kinds import NOT_NEGATIVE, check_count, check_kinds, check_number
 from planner.camera.camera import Camera, tangents_of
 from planner.files import staged_folder, write_text
+from planner.light.area_light import AreaLight
 from planner.light.light_plan import WHITE_SHARE, beside
 from planner.measuring.fit import fit_entities
 from planner.measuring.images import Shot
@@ -275,10 +276,11 @@ def _on_chord(circle: Circle, first: Array, last: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Light:
-    """Small lamps (k, 3), and what is behind the part."""
+    """Small lamps (k, 3), and what is behind the part; or a light with an area."""
 
     lamps: Array
     ground: float
+    area: AreaLight | None = None
 
 
 class _Renderer:
@@ -324,6 +326,8 @@ class _Renderer:
         tangents = tangents_of(self._camera, pixels)
         rays = np.column_stack([tangents, np.ones(len(tangents))]) @ pose[:3, :3].T
         eye = pose[:3, 3]
+        if light.area is not None:
+            return DARK_SHARE + light.area.held(pose).brightness(self._scene, eye, rays)
         hit = self._scene.cast(eye, rays)
         depth = hit["t_hit"].astype(np.float64)
         met = np.isfinite(depth)
@@ -347,7 +351,7 @@ class Rehearsal:
     Parameters
     ----------
     plan : InspectionPlan
-        The plan. Its lamps light the part; without any, a light on the camera does.
+        The plan. Its lamps or its backlight light the part; without any, a light on the camera does.
     solid : Solid
         Its part, as designed.
     surfaces_mm : float, optional
@@ -481,6 +485,8 @@ class Rehearsal:
         light = self._plan.light
         if light is None:
             return _Light(pose[None, :3, 3], DARK_SHARE)
+        if light.area is not None:
+            return _Light(np.empty((0, 3)), DARK_SHARE, light.area)
         ground = _BRIGHT_GROUND if light.ground == "bright" else DARK_SHARE
         lit = light.images[shot.setting]
         if not lit:

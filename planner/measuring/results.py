@@ -23,13 +23,17 @@ from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands import acceptance_limits, conformance_probability, decide
 from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
+from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
 from planner.camera.camera import Camera
 from planner.files import write_text
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import NumberOrNull, Registered
+from planner.measuring.response import ResponseRecord
 from planner.request.dimension import plain_tolerance
+from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState
 from planner.request.targets import Target
+from planner.request.words import tolerance_text
 
 # Results: the readings of one target merged, its expanded uncertainty, and the decision.
 
@@ -38,14 +42,76 @@ CONSISTENT = 0.99
 """Readings of one target that differ more than with this probability are said to disagree."""
 
 # errors that readings from several images have in common
-_COMMON = ("surfaces", "localisation floor")
+_COMMON = ("surfaces", "localisation floor", "response", "edge state")
 
 
 _Limits = tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]]
 
 
+# How results are shown: values with the digits that their uncertainty leaves, and decisions in
+# words.
+
+
+# colours of decisions in a notebook
+_TONES = {
+    Decision.CONFORMS: "good",
+    Decision.DOES_NOT_CONFORM: "bad",
+    Decision.UNDECIDED: "open",
+    Decision.NOT_MEASURED: "bad",
+}
+# of decisions whose words differ for several targets
+_SEVERAL = {"conforms": "conform", "does not conform": "do not conform"}
+
+
+def number_text(value: float, uncertainty: float) -> str:
+    """Return a value with as many decimals as its uncertainty has with two digits."""
+    return f"{value:.{decimals_of(uncertainty)}f}"
+
+
+def decimals_of(uncertainty: float) -> int:
+    """Return the decimals that an uncertainty has with two digits, at most 6."""
+    for decimals in range(6):
+        if uncertainty * 10**decimals >= 9.5:
+            return decimals
+    return 6
+
+
+def nominal_text(result: Result) -> str:
+    """Return the nominal value with its unit and tolerance."""
+    tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
+    return f"{result.nominal:.6g} {result.unit}{tolerance}"
+
+
+def value_texts(result: Result) -> tuple[str, str]:
+    """Return a value and its U; nothing of what was not measured."""
+    if not result.measured:
+        return "", ""
+    u = result.expanded_uncertainty
+    return number_text(result.value, u), number_text(u, u)
+
+
+def verdict(results: MeasurementResults) -> str:
+    """Say in a sentence or two what was measured."""
+    measured = sum(result.measured for result in results)
+    parts = [
+        f"{n} {name if n == 1 else _SEVERAL.get(name, name)}" for name, n in results.counts.items()
+    ]
+    n_targets = len(results)
+    n_images = len(results.images)
+    return (
+        f"{measured} of {n_targets} target{'s' * (n_targets != 1)} measured in "
+        f"{n_images} image{'s' * (n_images != 1)}. "
+        f"Decisions ({results.rule}): {', '.join(parts) or 'none'}."
+    )
+
+
+def _decision_cell(decision: Decision) -> str | Toned:
+    tone = _TONES.get(decision)
+    return decision.value if tone is None else Toned(decision.value, tone)
+
+
 @dataclass(frozen=True)
-class Result:
+class Result(ShownInNotebook):
     """One target, measured.
 
     Attributes
@@ -73,6 +139,8 @@ class Result:
     accepted : (float, float) or None
         Deviations between which the rule says that a part conforms; None without a value or a tolerance, or if nothing
         is left between the guard bands.
+    advice : str
+        What to change in the shop if it was not measured; empty if nothing is known.
     deviation : float
         Measured value minus nominal value.
     expanded_uncertainty : float
@@ -98,6 +166,7 @@ class Result:
         _Limits | None,
         Meta(description="Deviations between which the rule accepts; null: it accepts none."),
     ] = None
+    advice: str = ""
     deviation: NumberOrNull = field(init=False)
     expanded_uncertainty: Annotated[NumberOrNull, Key("U")] = field(init=False)
 
@@ -117,6 +186,29 @@ class Result:
         if not measured:
             return {}
         return min(measured, key=lambda one: one.standard_uncertainty).budget
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        value, u = value_texts(self)
+        measured = f"{value} ± {u} {self.unit}, " if self.measured else ""
+        return f"<Result {self.name!r}: {measured}{self.decision.value}>"
+
+    def _notebook_view(self) -> NotebookView:
+        value, u = value_texts(self)
+        rows = [
+            ("nominal", nominal_text(self)),
+            ("value", f"{value} {self.unit}" if value else self.reason),
+            ("U (k = 2)", f"{u} {self.unit}" if u else ""),
+            ("decision", _decision_cell(self.decision)),
+        ]
+        for reading in self.readings:
+            share = f"{100 * reading.found_share:.0f} % of its points found"
+            rows.append((f"in {reading.image}", reading.reason or share))
+        notes = {f"note {n}": note for n, note in enumerate(self.notes, start=1)}
+        filled = [row for row in rows if str(row[1])]
+        return NotebookView(
+            f"{self.name} ({self.kind})", table=NotebookTable(("", ""), filled), items=notes
+        )
 
 
 def merged(
@@ -149,7 +241,13 @@ def merged(
     if not good:
         reason = missing or "; ".join(dict.fromkeys(f"{r.image}: {r.reason}" for r in readings))
         nothing = (math.nan, math.nan, Decision.NOT_MEASURED, math.nan)
-        return Result(*target_fields, *nothing, reason or "no image shows it", tuple(readings))
+        # of the image in which most of it was found
+        advised = sorted(
+            (r for r in readings if r.advice), key=lambda r: r.found_share, reverse=True
+        )
+        advice = advised[0].advice if advised else ""
+        reason = reason or "no image shows it"
+        return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
     value, u, notes = _weighted(good)
     notes += tuple(dict.fromkeys(note for reading in good for note in reading.notes))
     deviation = value - target.nominal
@@ -189,6 +287,51 @@ def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...
         return value, u, ()
     note = f"{len(readings)} readings disagree: u is enlarged by their spread"
     return value, u * math.sqrt(spread / freedoms), (note,)
+
+
+def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> str:
+    """Say by how much edges are taken to be broken, and what a break would do where none is stated.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        What was measured.
+    states : mapping of str to EdgeState
+        By target.
+
+    Returns
+    -------
+    str
+        Without a full stop.
+    """
+    common = list(dict.fromkeys(states.values()))
+    if len(common) == 1:
+        texts = [str(common[0])]
+    else:
+        texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
+    unstated = [result for result in results if result.name in states]
+    shifts = {
+        result.name: (TYPICAL_BREAK_MM * shift, result)
+        for result in unstated
+        if not states[result.name].stated
+        and result.measured
+        and (shift := _largest_shift(result)) > 0
+    }
+    if not all(state.stated for state in states.values()) and len(common) > 1:
+        texts.append(f"others: {EdgeState()}")
+    if shifts:
+        shift, worst = max(shifts.values(), key=lambda pair: pair[0] / pair[1].expanded_uncertainty)
+        texts.append(
+            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shift:.2g} {worst.unit}, "
+            f"its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm or --edges)"
+        )
+    return "; ".join(texts)
+
+
+def _largest_shift(result: Result) -> float:
+    """Return how far a break of 1 mm moves a value at most, in the reading that it moves least."""
+    shifts = [reading.edge_shift for reading in result.readings if reading.measured]
+    return min((shift for shift in shifts if math.isfinite(shift)), default=0.0)
 
 
 # Results as QIF 3.0 (ANSI/DMSC, ISO 23952): characteristics, their measurements and statuses, as
@@ -392,7 +535,7 @@ def _traceability(measured: ET.Element, source: Source) -> None:
 
 
 def _measurement(element: ET.Element, one: Result, item: str, part: str) -> None:
-    notes = [one.reason] if one.reason else list(one.notes)
+    notes = [text for text in (one.reason, one.advice) if text] if one.reason else list(one.notes)
     if notes:
         attributes = _list(element, "Attributes", 1)
         name = "reason" if one.reason else "note"
@@ -460,13 +603,13 @@ COLUMNS = (
         "overexposed",
     ),
     *(f"u_{source.replace(' ', '_')}" for source in SOURCES),
-    "reason",
+    *("reason", "advice"),
 )
 """Columns of the table."""
 
 
 @dataclass(frozen=True, eq=False)
-class MeasurementResults:
+class MeasurementResults(ShownInNotebook):
     """The results of one part.
 
     Attributes
@@ -489,6 +632,10 @@ class MeasurementResults:
         What the user should know.
     pictures : dict of str to Picture
         The images.
+    responses : dict of str to ResponseRecord
+        How much light their grey values stand for, and what says so.
+    edges : str
+        By how much edges are taken to be broken.
     """
 
     results: Mapping[str, Result]
@@ -500,6 +647,8 @@ class MeasurementResults:
     source: Source
     notes: tuple[str, ...] = ()
     pictures: Mapping[str, Picture] = field(default_factory=dict)
+    responses: Mapping[str, ResponseRecord] = field(default_factory=dict)
+    edges: str = ""
 
     def __iter__(self) -> Iterator[Result]:
         """Go through the results in the plan's order."""
@@ -516,7 +665,30 @@ class MeasurementResults:
     def __repr__(self) -> str:
         """Return a one-line summary."""
         counts = ", ".join(f"{n} {name}" for name, n in self.counts.items())
-        return f"<MeasurementResults of {self.serial or 'a part'!r}: {counts or 'nothing'}>"
+        part = self.serial or self.source.part or "a part"
+        return f"<MeasurementResults of {part!r}: {counts or 'nothing'}>"
+
+    def _notebook_view(self) -> NotebookView:
+        headings = ("target", "nominal", "value", f"U (k = {COVERAGE:g})", "decision")
+        rows = [
+            (
+                result.name,
+                nominal_text(result),
+                *value_texts(result),
+                _decision_cell(result.decision),
+            )
+            for result in self
+        ]
+        remarks = {
+            result.name: "; ".join(filter(None, (result.reason, *result.notes))) for result in self
+        }
+        items = {name: text for name, text in (*remarks.items(), *self.failed.items()) if text}
+        return NotebookView(
+            f"Measured: {self.serial or self.source.part or 'a part'}",
+            (verdict(self), *self.notes),
+            NotebookTable(headings, rows, right=(1, 2, 3)),
+            items,
+        )
 
     @property
     def readings(self) -> dict[str, tuple[Reading, ...]]:
@@ -555,6 +727,7 @@ class MeasurementResults:
             rule=Rule(self.rule.name, self.rule.level, COVERAGE),
             source=self.source,
             notes=self.notes,
+            edges=self.edges,
             results=tuple(self),
             measured=tuple(result.name for result in self if result.measured),
             correlation=self.correlation,
@@ -564,6 +737,7 @@ class MeasurementResults:
                 name: WhiteRecord(picture.white, picture.white_from)
                 for name, picture in self.pictures.items()
             },
+            response=self.responses,
         )
         return to_plain(file, defaults=True)
 
@@ -715,12 +889,14 @@ class ResultsFile:
     rule: Rule
     source: Source
     notes: tuple[str, ...]
+    edges: str
     results: tuple[Result, ...]
     measured: tuple[str, ...]
     correlation: Annotated[NDArray[np.float64], Shape(None, None)]
     images: Mapping[str, Registered]
     failed: Annotated[Mapping[str, str], Key("not_registered")]
     white: Mapping[str, WhiteRecord]
+    response: Mapping[str, ResponseRecord]
 
 
 def results_schema() -> dict[str, Any]:
@@ -756,7 +932,7 @@ def _row(one: Result) -> dict[str, Any]:
         _number(min((reading.rms_px for reading in readings), default=math.nan)),
         counts.get("overexposed", 0) / total if total else None,
         *(_signed_root(budget[source]) if budget else None for source in SOURCES),
-        one.reason,
+        *(one.reason, one.advice),
     )
     return dict(zip(COLUMNS, values, strict=True))
 

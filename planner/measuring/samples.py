@@ -15,12 +15,14 @@ from scipy.spatial import cKDTree
 from scipy.special import erf
 
 from aspectgraph.entities.entity_rules import PARAMETERS, Carriers
+from aspectgraph.light import DEFAULT_CONTRAST
 from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Geometry, Line
 from ground.decorators import njit
 from planner.camera.camera import Camera, image_of
 from planner.camera.pose import world_to_cam
 from planner.exceptions import RequestError
+from planner.light.area_light import AreaLight, EdgePoints, Sight
 from planner.request.targets import Target
 
 if TYPE_CHECKING:
@@ -190,6 +192,7 @@ def find_edges(
     white: float,
     noise: float,
     sign: NDArray[np.int64] | None = None,
+    clipped: float | None = None,
 ) -> Scans:
     """Scan an image across edges.
 
@@ -207,6 +210,8 @@ def find_edges(
         Standard deviation of the noise, in grey values.
     sign : array of int (m,), optional
         Sign of the step that is searched along each scan; 0 is either.
+    clipped : float, optional
+        Grey value from which on a scan is clipped. Default: `CLIPPED_SHARE` of white.
 
     Returns
     -------
@@ -235,7 +240,8 @@ def find_edges(
     second = np.asarray(others >= SECOND_SHARE * peak)
     state[second] = State.TWO_STEPS
     state[np.abs(offset) > half_px - 0.5] = State.AT_END
-    state[brightest >= CLIPPED_SHARE * white] = State.CLIPPED
+    limit = CLIPPED_SHARE * white if clipped is None else clipped
+    state[brightest >= limit] = State.CLIPPED
     # the filter sees the step of a sharp edge as this much gradient for each grey value
     weakest = max(WEAK_SHARE * white, NOISES * noise) / (np.sqrt(2 * np.pi) * 1.6 * SMOOTHING_PX)
     state[peak < weakest] = State.WEAK
@@ -293,6 +299,8 @@ class PartEdge:
         Outward unit normals of both faces, for each of these.
     chord_mm : float
         Largest distance of a chord from the circle.
+    convex : bool
+        Whether its faces meet at a convex angle; a re-entrant edge is never broken.
     """
 
     name: str
@@ -300,6 +308,7 @@ class PartEdge:
     edge_ids: tuple[int, ...]
     normals: Array
     chord_mm: float = 0.0
+    convex: bool = True
 
     def at(self, shares: Array) -> tuple[Array, Array, Array]:
         """Return points (n, 3), unit tangents (n, 3) and normals of both faces (n, 2, 3) at shares (n,) of it."""
@@ -448,10 +457,13 @@ class PartEdges:
     ----------
     solid : Solid
         The part.
+    area : AreaLight, optional
+        A light with an area: what it does not show counts as hidden.
     """
 
-    def __init__(self, solid: Solid) -> None:
+    def __init__(self, solid: Solid, area: AreaLight | None = None) -> None:
         self.solid = solid
+        self.area = area
         self.scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
         curves = [*solid.rims(), *solid.arcs()]
         chords = {edge_id for curve in curves for edge_id in curve.edge_ids}
@@ -489,7 +501,11 @@ class PartEdges:
     ) -> PartEdge:
         """Return an edge with the normals of its faces."""
         faces = np.array([self.solid.edges[i].faces for i in edge_ids])
-        return PartEdge(name, geometry, tuple(edge_ids), self.solid.normals[faces], chord_mm)
+        turns = [self.solid.edges[i].dihedral_deg for i in edge_ids]
+        normals = self.solid.normals[faces]
+        return PartEdge(
+            name, geometry, tuple(edge_ids), normals, chord_mm, float(np.median(turns)) > 0
+        )
 
     def samples(
         self, cam2world: Array, camera: Camera, edges: Sequence[PartEdge], margin_px: float
@@ -543,6 +559,12 @@ class PartEdges:
         visible = in_image(pixels_of(points, cam2world, camera), camera, margin_px)
         chord = table.chord_mm[number[visible]]
         visible[visible] = self._visible(points[visible], normals[visible], chord, cam2world)
+        if self.area is not None:
+            sight = Sight.of(self.solid, camera, self.scene)
+            of_edges = EdgePoints(points[visible], tangents[visible], normals[visible])
+            eye = np.asarray(cam2world)[None, :3, 3]
+            held = self.area.held(np.asarray(cam2world, dtype=np.float64))
+            visible[visible] = held.contrasts(sight, of_edges, eye)[0][0] >= DEFAULT_CONTRAST
         return Samples(number, share, points, tangents, visible, np.ones_like(visible))
 
     def _visible(
@@ -710,6 +732,8 @@ class PartModel:
         The part.
     targets : mapping of str to Target
         What is measured, by name.
+    area : AreaLight, optional
+        See `PartEdges`.
 
     Attributes
     ----------
@@ -728,9 +752,11 @@ class PartModel:
         If the part lacks an entity of a target.
     """
 
-    def __init__(self, solid: Solid, targets: Mapping[str, Target]) -> None:
+    def __init__(
+        self, solid: Solid, targets: Mapping[str, Target], area: AreaLight | None = None
+    ) -> None:
         self.solid = solid
-        self.edges = PartEdges(solid)
+        self.edges = PartEdges(solid, area)
         self.carriers = Carriers(solid)
         self._curves = {curve.id: curve for curve in (*solid.rims(), *solid.arcs())}
         self.carried_by: dict[str, tuple[int, int]] = {}
@@ -738,7 +764,7 @@ class PartModel:
             self._carry(edge)
         self._shown: tuple[bytes, Camera, ShownEdges] | None = None
         self.measured = {
-            name: tuple(self._entity(shape, name) for shape in target.geometry)
+            name: tuple(self.entity(shape, name) for shape in target.geometry)
             for name, target in targets.items()
         }
         self.free: set[int] = set()
@@ -784,7 +810,7 @@ class PartModel:
             pair = self.carriers.of_edge(edge.edge_ids[0])
         self.carried_by[edge.name] = pair
 
-    def _entity(self, geometry: Geometry, target: str) -> PartEdge:
+    def entity(self, geometry: Geometry, target: str) -> PartEdge:
         """Return the part's edge for an entity of a target."""
         if isinstance(geometry, Circle):
             return self._curve(geometry, target)

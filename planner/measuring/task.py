@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -17,7 +18,9 @@ from errors.measurands import Circle
 from errors.registration import Rows, posterior
 from ground.convert import shown
 from planner.camera.camera import Camera
+from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError
+from planner.measuring.breaks import registration_shift
 from planner.measuring.fit import CORRELATION_PX, TUKEY, scale_of, tukey_weights
 from planner.measuring.registered import displaced
 from planner.measuring.samples import (
@@ -29,6 +32,7 @@ from planner.measuring.samples import (
     across_of,
     pixels_of,
 )
+from planner.request.edge_state import SHARP, EdgeState
 
 Array = NDArray[np.float64]
 
@@ -56,16 +60,23 @@ class NotRegisteredError(Exception):
         What is wrong.
     perhaps : str
         What may be the reason, if no better one is found.
+    counts : mapping of str to int, optional
+        Samples of all edges by what became of them, in words.
 
     Attributes
     ----------
     what : str
         What is wrong, without the reason.
+    counts : mapping of str to int
+        Samples of all edges by what became of them; empty if they were not looked for.
     """
 
-    def __init__(self, what: str, perhaps: str = "") -> None:
+    def __init__(
+        self, what: str, perhaps: str = "", counts: Mapping[str, int] | None = None
+    ) -> None:
         super().__init__(f"{what}; {perhaps}" if perhaps else what)
         self.what = what
+        self.counts = counts or {}
 
 
 @dataclass
@@ -90,6 +101,14 @@ class Task:
         How samples move with these.
     bias_px : float
         Standard deviation of where an edge is found as a whole.
+    shift_px : array (m,) or float
+        Where steps are expected across the edges of the model: broken edges are seen beside them.
+    two_steps : array of bool (m,) or False
+        Of which samples two steps are no fault.
+    band_px : float
+        How wide the bands of broken edges are.
+    break_mm : float
+        How large their breaks may be.
     """
 
     model: PartModel
@@ -101,6 +120,10 @@ class Task:
     unknowns: NDArray[np.int64]
     moves: Array
     bias_px: float
+    shift_px: Array | float = 0.0
+    two_steps: NDArray[np.bool_] | bool = False
+    band_px: float = 0.0
+    break_mm: float = 0.0
 
     @cached_property
     def own(self) -> list[slice]:
@@ -140,10 +163,9 @@ class Task:
     def predicted(self, x: Array) -> tuple[Array, Array]:
         """Return predicted places and unit vectors across (m, 2)."""
         pose, points = self.places(x)
-        return (
-            pixels_of(points, pose, self.camera),
-            across_of(points, self.samples.tangents, pose, self.camera),
-        )
+        across = across_of(points, self.samples.tangents, pose, self.camera)
+        shift = np.broadcast_to(self.shift_px, len(points))
+        return pixels_of(points, pose, self.camera) + shift[:, None] * across, across
 
     def design(self, x: Array, across: Array) -> Array:
         """Return how far samples move across by the pose and by the six numbers of their surfaces; (m, 12)."""
@@ -199,7 +221,12 @@ class Scan(NamedTuple):
 
 
 def registration_task(
-    model: PartModel, camera: Camera, planned: Array, prior: Array, bias_px: float
+    model: PartModel,
+    camera: Camera,
+    planned: Array,
+    prior: Array,
+    bias_px: float,
+    edge_state: EdgeState = SHARP,
 ) -> Task:
     """Return what a registration needs.
 
@@ -209,6 +236,8 @@ def registration_task(
         See `Task`.
     camera : Camera
         The camera.
+    edge_state : EdgeState
+        By how much edges are broken.
 
     Raises
     ------
@@ -233,7 +262,19 @@ def registration_task(
         number, chosen.share, chosen.points, chosen.tangents, chosen.visible, chosen.apart
     )
     unknowns = np.array([model.unknowns_of(edge) for edge in used_edges])
-    return Task(model, camera, planned, prior, samples, used_edges, unknowns, moves, bias_px)
+    task = Task(model, camera, planned, prior, samples, used_edges, unknowns, moves, bias_px)
+    if edge_state.is_sharp:
+        return task
+    across = across_of(samples.points, samples.tangents, planned, camera)
+    effect = registration_shift(used_edges, samples, across, planned, camera, edge_state)
+    return replace(
+        task,
+        bias_px=math.hypot(bias_px, effect.sigma_px),
+        shift_px=effect.shift_px,
+        two_steps=effect.two_steps,
+        band_px=effect.band_px,
+        break_mm=edge_state.high_mm,
+    )
 
 
 def residual_scale(residual: Array) -> float:
@@ -258,8 +299,8 @@ LEAST_KEPT = 0.6
 
 def solved(
     task: Task, x: Array, across: Array, found: list[ImageScan], *, going_on: bool, whole: bool
-) -> tuple[Array, list[Rows]]:
-    """Return the next unknowns, and the rows that they are from.
+) -> tuple[Array, list[list[Rows]]]:
+    """Return the next unknowns, and the rows of each image that they are from.
 
     Weights of a first solution make the second one. Each edge has one bias: as long as outliers are not left out, this
     finds the pose more surely than biases of more modes.
@@ -284,7 +325,6 @@ def solved(
     weights = [tukey_weights(scan.offset, residual_scale(scan.offset[scan.good])) for scan in found]
     then = x
     for _ in range(2 if going_on else 3):
-        rows = []
         offsets = [scan.offset - moved(task, design, then - x) for scan in found]
         counted = [scan.good & (weight > 0) for scan, weight in zip(found, weights, strict=True)]
         residuals = [
@@ -300,9 +340,11 @@ def solved(
                 for scan, weight in zip(found, weights, strict=True)
             ]
         variance = _correlated(noise)
-        for scan, weight in zip(found, weights, strict=True):
-            rows += rows_of(task, design, scan.offset + now, scan.good * weight / variance)
-        alike = [row._replace(modes=None) for row in rows]
+        rows = [
+            rows_of(task, design, scan.offset + now, scan.good * weight / variance)
+            for scan, weight in zip(found, weights, strict=True)
+        ]
+        alike = [row._replace(modes=None) for of_image in rows for row in of_image]
         then = damped(task.prior, x, alike, task.bias_px**2)
     return then, rows
 
@@ -527,7 +569,25 @@ def check_distance(chi2: float, what: str = "its pose", place: str = "the planne
         raise TooFarError(f"{what} is {np.sqrt(chi2):.1f} standard deviations away from {place}")
 
 
-def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> None:
+REPEATABILITY = PoseUncertainty.isotropic(translation_mm=0.02, rotation_rad=1e-4)
+"""Displacement of a camera that stands still between the images of a setting, or is brought back to its pose."""
+
+
+def with_breaks(repeatability: PoseUncertainty, break_mm: float) -> PoseUncertainty:
+    """Return by how much a camera seems to move between lamps, if edges are broken by up to a width, mm.
+
+    A broken edge is bright where it faces the lamp, so the steps of all edges move towards the lamp or away from it.
+    """
+    seeming = np.repeat([break_mm**2, 0.0], 3)
+    return PoseUncertainty(repeatability.covariance + np.diag(seeming))
+
+
+def check_one_pose(
+    names: Sequence[str],
+    moves: Array,
+    covariance: Array,
+    repeatability: PoseUncertainty = REPEATABILITY,
+) -> None:
     """Refuse images of one setting that are from different poses.
 
     Parameters
@@ -538,6 +598,8 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
         Displacements of the camera in all but the first, as they were found.
     covariance : array
         Joint covariance of unknowns, of which these are the last ones.
+    repeatability : PoseUncertainty
+        By how much the camera may move.
 
     Raises
     ------
@@ -549,9 +611,10 @@ def check_one_pose(names: Sequence[str], moves: Array, covariance: Array) -> Non
     for k, name in enumerate(names[1:]):
         move = slice(POSE * k, POSE * (k + 1))
         at = slice(first + move.start, first + move.stop)
-        chi2 = distance_of(moves[move], covariance[at, at])
+        chi2 = distance_of(moves[move], covariance[at, at] + repeatability.covariance)
         if not chi2 <= limit:
             raise NotRegisteredError(
-                f"{names[0]} and {name} are from different poses: the camera moved by "
-                f"{np.sqrt(chi2):.1f} standard deviations between them"
+                f"{names[0]} and {name} are from different poses: between them the camera moved by "
+                f"{np.sqrt(chi2):.1f} standard deviations of its repeatability; hold camera and "
+                "part still, or state the repeatability; or edges are broken by more than stated (--edges)"
             )

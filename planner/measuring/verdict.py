@@ -18,6 +18,7 @@ from planner.measuring.images import Picture
 from planner.measuring.registered import LEAST_KNOWN, SAMPLE, Faces, Lamp, Registered, fitted
 from planner.measuring.samples import (
     POSE,
+    STATE_TEXTS,
     PartEdge,
     Samples,
     State,
@@ -110,6 +111,8 @@ class Sampled:
         The edges.
     samples : Samples
         Their samples, with numbers of these edges.
+    band_px : float
+        How wide the bands of broken edges are.
     """
 
     scene: RayScene
@@ -117,6 +120,7 @@ class Sampled:
     pose: Array
     edges: Sequence[PartEdge]
     samples: Samples
+    band_px: float = 0.0
 
     def beside(self, across: Array, beside_px: float) -> tuple[Faces, Bools]:
         """Return the faces on both sides of edges (2, m), the first against the vectors across, and which are any."""
@@ -240,9 +244,11 @@ def shown(
     Shown or None
         None if too little is known to tell.
     """
-    sampled = Sampled(task.model.edges.scene, task.camera, pose, task.edges, task.samples)
-    faces, on_part = sampled.beside(where[1], BESIDE_PX)
-    grey = _grey(picture, *where, BESIDE_PX)
+    sampled = Sampled(
+        task.model.edges.scene, task.camera, pose, task.edges, task.samples, task.band_px
+    )
+    faces, on_part = sampled.beside(where[1], BESIDE_PX + task.band_px)
+    grey = _grey(picture, *where, BESIDE_PX + task.band_px)
     finite = np.isfinite(grey)
     is_known = np.asarray(on_part & finite & agree)
     if is_known.sum() < LEAST_KNOWN:
@@ -312,9 +318,10 @@ def _compared_near(
     lamp: Lamp, sampled: Sampled, picture: Picture, where: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """Compare steps with those of a lamp as `_compared` does, as near to the edges as the blur allows."""
-    near, on_part = sampled.beside(where[1], NEAR_PX)
+    near, on_part = sampled.beside(where[1], NEAR_PX + sampled.band_px)
     shaded = np.where(on_part, near.shaded(lamp), lamp.background)
-    return _compared(shaded, _grey(picture, *where, NEAR_GREY_PX), on_part)
+    grey = _grey(picture, *where, NEAR_GREY_PX + sampled.band_px)
+    return _compared(shaded, grey, on_part)
 
 
 def _compared(shaded: Array, grey: Array, on_part: Bools) -> tuple[Array, Array]:
@@ -378,8 +385,8 @@ class Attempt:
         What was found at the registered unknowns.
     first : array (m, 2)
         Where the samples are planned, px.
-    rows : list of Rows
-        What the unknowns are from.
+    rows : list of list of Rows
+        What the unknowns are from, of each image.
     left_out : list of array of bool (m,)
         Which samples did not count in each image, as a shadow was taken for their edge before.
     lead : float
@@ -392,7 +399,7 @@ class Attempt:
     pictures: list[Picture]
     scan: Scan
     first: Array
-    rows: list[Rows]
+    rows: list[list[Rows]]
     left_out: list[Bools]
     lead: float
     found_at: Callable[[Array], list[ImageScan]]
@@ -474,6 +481,9 @@ class Attempt:
         return self.light[int(np.argmax([int(agreeing.sum()) for agreeing in self.agreeing]))]
 
     def _light(self, picture: Picture, one: ImageScan, agree: Bools) -> Shown | None:
+        if self.task.model.edges.area is not None:
+            # no lamp made this light, and the samples are those that it shows
+            return None
         pose, _ = self.task.places(self.scan.x)
         across = self.scan.across
         edges = self.scan.centres + np.where(agree, one.offset, 0.0)[:, None] * across
@@ -507,11 +517,13 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
     """
     task = attempt.task
     scans = attempt.scan.scans
-    chi2 = attempt.chi2
+    # of what is stated: biases of more modes count in it
+    chi2 = distance_of(estimate.mean[:POSE], task.prior[:POSE, :POSE])
     if not attempt.convincing:
         raise NotRegisteredError(
             f"only {100 * attempt.share:.0f} % of the part's visible edges were found where it has them",
             _dark_text(scans),
+            _counts(_states(attempt, np.any(attempt.agreeing, axis=0))["state"]),
         )
     check_distance(chi2)
     agree = np.any(attempt.agreeing, axis=0)
@@ -537,6 +549,12 @@ def judged(attempt: Attempt, estimate: Posterior) -> Registered:
         prior=task.prior,
         samples=_states(attempt, agree),
     )
+
+
+def _counts(states: NDArray[np.int64]) -> dict[str, int]:
+    """Return the number of samples (m,) by state, in words."""
+    counts = {STATE_TEXTS[state]: int(np.sum(states == state)) for state in State}
+    return {text: n for text, n in counts.items() if n}
 
 
 def _dark_text(found: list[ImageScan]) -> str:

@@ -386,8 +386,13 @@ def plan_figure(
     if hidden:
         traces.append(line_trace(hidden, color=_RED, width=7, name="not inspected", dash="dot"))
     traces.append(_path_trace(plan))
-    if plan.light is not None and _lamps(plan):
+    if plan.light is not None and plan.light.area is None and _lamps(plan):
         traces.append(_lamp_trace(plan.light))
+    if plan.light is not None and plan.light.area is not None:
+        corners = plan.light.area.outline
+        if len(corners):
+            line = np.vstack([corners, corners[:1]])
+            traces.append(line_trace([line], color=_YELLOW, width=5, name=plan.light.kind))
     frame = scene_frame(plan, solid)
     if space is not None and solid is not None:
         time_left = TimeLeft(until)
@@ -548,7 +553,10 @@ def _shown(plan: InspectionPlan, solid: Solid | None) -> np.ndarray:
 
 def _lamps(plan: InspectionPlan) -> Sequence[np.ndarray]:
     """Return the places of lamps that have places of their own, mm."""
-    return () if plan.light is None or plan.light.kind == "ring" else tuple(plan.light.lamps)
+    if plan.light is None or plan.light.kind == "ring":
+        return ()
+    area = plan.light.area
+    return tuple(plan.light.lamps) if area is None else tuple(area.outline)
 
 
 # The aspect graph as a picture beside the plan in 3-D: viewing domains to click on, and the

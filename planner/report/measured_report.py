@@ -14,14 +14,21 @@ from numpy.typing import NDArray
 from errors.measurands import Decision, DecisionRule, guard_band
 from ground.templates import asset, render, render_macro
 from planner.camera.camera import Camera
+from planner.measuring.advice import as_sentence
 from planner.measuring.images import Picture
 from planner.measuring.reading import SOURCES, Reading
 from planner.measuring.registered import Registered
-from planner.measuring.results import MeasurementResults, Result
+from planner.measuring.results import (
+    MeasurementResults,
+    Result,
+    decimals_of,
+    nominal_text,
+    number_text,
+    value_texts,
+    verdict,
+)
 from planner.measuring.samples import STATE_TEXTS, State
 from planner.report.tables import CellLine
-from planner.report.wording import count
-from planner.request.words import tolerance_text
 from planner.text_table import Column, Table, print_table, print_text, words
 
 # The table of measured values for the terminal.
@@ -42,6 +49,8 @@ def print_results(results: MeasurementResults) -> None:
     for result in results:
         if result.reason:
             print_text(words(f"not measured: {result.name}: {result.reason}", names))
+        if result.advice and result.advice not in result.reason:
+            print_text(words(f"{result.name}: {result.advice}", names))
         for note in result.notes:
             print_text(words(f"{result.name}: {note}", names))
     for note in image_notes(results):
@@ -50,40 +59,13 @@ def print_results(results: MeasurementResults) -> None:
 
 
 def image_notes(results: MeasurementResults) -> Iterable[str]:
-    """Yield what is to be known of the images."""
+    """Yield what is to be known of the edges and the images."""
+    if results.edges:
+        yield f"edges: {results.edges}"
     for note in results.notes:
         yield f"note: {note}"
     for name, why in results.failed.items():
         yield f"{name} cannot be registered: {why}"
-
-
-# of decisions whose words differ for several targets
-_SEVERAL = {"conforms": "conform", "does not conform": "do not conform"}
-
-
-def verdict(results: MeasurementResults) -> str:
-    """Say in a sentence or two what was measured."""
-    measured = sum(result.measured for result in results)
-    parts = [
-        f"{n} {name if n == 1 else _SEVERAL.get(name, name)}" for name, n in results.counts.items()
-    ]
-    return (
-        f"{measured} of {count(len(results), 'target')} measured in "
-        f"{count(len(results.images), 'image')}. "
-        f"Decisions ({results.rule}): {', '.join(parts) or 'none'}."
-    )
-
-
-def number_text(value: float, uncertainty: float) -> str:
-    """Return a value with as many decimals as its uncertainty has with two digits."""
-    return f"{value:.{_decimals(uncertainty)}f}"
-
-
-def _decimals(uncertainty: float) -> int:
-    for decimals in range(6):
-        if uncertainty * 10**decimals >= 9.5:
-            return decimals
-    return 6
 
 
 def _row(result: Result) -> tuple[str, ...]:
@@ -91,24 +73,11 @@ def _row(result: Result) -> tuple[str, ...]:
     share = max((reading.found_share for reading in readings), default=0.0)
     return (
         result.name,
-        _nominal_text(result),
-        *_value_texts(result),
+        nominal_text(result),
+        *value_texts(result),
         f"{100 * share:.0f} %",
         result.decision.value,
     )
-
-
-def _nominal_text(result: Result) -> str:
-    tolerance = "" if result.tolerance is None else f" {tolerance_text(result.tolerance)}"
-    return f"{result.nominal:.6g} {result.unit}{tolerance}"
-
-
-def _value_texts(result: Result) -> tuple[str, str]:
-    """Return a value and its U; nothing of what was not measured."""
-    if not result.measured:
-        return "", ""
-    u = result.expanded_uncertainty
-    return number_text(result.value, u), number_text(u, u)
 
 
 # Pictures of what was measured, as SVG: found points on the image, residuals as whiskers, values
@@ -415,12 +384,31 @@ def _facts(results: MeasurementResults) -> dict[str, str]:
         "Measured": source.date,
         "Operator": source.operator,
         "Decision rule": str(results.rule),
+        "Grey values": _response_text(results),
         "Program": f"aspectgraph {source.program}",
         "Digest of the part": source.part_digest[:_DIGEST_DIGITS],
         "Digest of the plan": source.plan_digest[:_DIGEST_DIGITS],
         **(_camera_facts(source.camera) if source.camera is not None else {}),
     }
     return {name: value for name, value in rows.items() if value}
+
+
+# what says which response an image has
+_SAID_BY = {
+    "camera": "stated",
+    "file": "stated by the image files",
+    "edges": "found on the edges of the images",
+    "assumed": "assumed",
+}
+
+
+def _response_text(results: MeasurementResults) -> str:
+    """Return how much light grey values stand for, and what says so."""
+    texts = {
+        f"{results.pictures[name].response.words}, {_SAID_BY[record.origin]}"
+        for name, record in results.responses.items()
+    }
+    return "; ".join(sorted(texts))
 
 
 def _camera_facts(camera: Camera) -> dict[str, str]:
@@ -439,8 +427,8 @@ def _camera_facts(camera: Camera) -> dict[str, str]:
 def _explanation(results: MeasurementResults) -> str:
     return (
         f"Rule: {results.rule}. Values in mm, angles in degrees. U is the expanded uncertainty of two "
-        "standard uncertainties: pose, surfaces and localisation. It does not count the calibration "
-        "of the lens and the temperature of the part."
+        "standard uncertainties: pose, surfaces, localisation, response of the camera and broken edges. It does not "
+        "count the calibration of the lens and the temperature of the part."
     )
 
 
@@ -464,8 +452,8 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
             lines.append(CellLine(result.reason, "note"))
         decision = CellLine(result.decision.value, _CLASSES[result.decision])
         link = (_anchor(result, results), result.name)
-        value, uncertainty = _value_texts(result)
-        texts = (_nominal_text(result), value, _deviation_text(result), uncertainty)
+        value, uncertainty = value_texts(result)
+        texts = (nominal_text(result), value, _deviation_text(result), uncertainty)
         rows.append((link, *texts, _accepted_text(result), lines, [decision]))
     return Table(columns, rows, style="stack")
 
@@ -484,7 +472,7 @@ def _accepted_text(result: Result) -> str:
         return ""
     if result.accepted is None:
         return "none: u is too large"
-    decimals = _decimals(result.expanded_uncertainty)
+    decimals = decimals_of(result.expanded_uncertainty)
     lower, upper = result.accepted
     texts = []
     # inwards, so that no value is said to be accepted that is not
@@ -517,8 +505,8 @@ def _target(result: Result, results: MeasurementResults) -> dict[str, Any]:
 
 def _sentence(result: Result) -> str:
     if not result.measured:
-        return f"Not measured: {result.reason}."
-    value, uncertainty = _value_texts(result)
+        return f"Not measured: {result.reason}. {as_sentence(result.advice)}".rstrip()
+    value, uncertainty = value_texts(result)
     text = (
         f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
         f"deviation {result.deviation:+.4f}, U = {uncertainty}."

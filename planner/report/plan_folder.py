@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph import MemoryLimitError, graph_of, write_graphml
 from aspectgraph import OutputError as GraphOutputError
+from ground.convert import to_plain
 from planner.argument_kinds import check_kinds
 from planner.callbacks import PICTURES_SHARE, Deadline
 from planner.exceptions import OutputError
@@ -355,9 +356,17 @@ def opencv_json(plan: InspectionPlan) -> str:
         "K": np.asarray(plan.camera.matrix).tolist(),
         "distortion": list(_coefficients(plan)),
         "image_size": list(plan.camera.resolution),
+        **_area_light(plan),
         "settings": settings,
     }
     return json.dumps(data, indent=1) + "\n"
+
+
+def _area_light(plan: InspectionPlan) -> dict[str, Any]:
+    """Return the light with an area, which is on in every image; nothing without one."""
+    if plan.light is None or plan.light.area is None:
+        return {}
+    return {"light": to_plain(plan.light.area, defaults=True)}
 
 
 def _lit_images(plan: InspectionPlan, k: int) -> dict[str, Any]:

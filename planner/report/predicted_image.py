@@ -20,6 +20,7 @@ from aspectgraph.solid.solid import RayScene
 from ground.templates import render
 from planner.camera.camera import Camera, image_of, tangents_of
 from planner.camera.pose import world_to_cam
+from planner.light.area_light import AreaLight
 from planner.report.figure import chord_circles, on_circle
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ class PictureMaker:
         cam2world: np.ndarray,
         entities: dict[str, Any],
         color: str,
-        lamp: np.ndarray | None = None,
+        lamp: np.ndarray | AreaLight | None = None,
         *,
         window: Window | None = None,
         outlined: Window | None = None,
@@ -340,9 +341,13 @@ class PictureMaker:
         return self._scene.cast(cam2world[:3, 3], directions)
 
     def shaded(
-        self, cam2world: np.ndarray, lamp: np.ndarray | None = None, *, window: Window | None = None
+        self,
+        cam2world: np.ndarray,
+        lamp: np.ndarray | AreaLight | None = None,
+        *,
+        window: Window | None = None,
     ) -> np.ndarray:
-        """Return a small grey image (h, w) of uint8, by lamps (3,) or (n, 3), or from its left shoulder."""
+        """Return a small grey image (h, w) of uint8: by lamps (3,) or (n, 3), an area light, or from its left."""
         matrix = self.camera.matrix
         (column, row, width, height) = window or (0, 0, *self.camera.resolution)
         scale = width / _SHADED_WIDTH
@@ -358,6 +363,10 @@ class PictureMaker:
         else:
             x, y = np.moveaxis(tangents_of(self.camera, np.stack([u, v], axis=-1)), -1, 0)
         rays = np.stack([x, y, np.ones_like(u)], axis=-1) @ cam2world[:3, :3].T
+        if lamp is not None and not isinstance(lamp, np.ndarray):
+            bright = lamp.held(cam2world).brightness(self._scene, cam2world[:3, 3], rays)
+            brightest = max(bright.max(initial=0.0), 1e-300)
+            return (_GROUND + (_BRIGHTEST - _GROUND) * bright / brightest).astype(np.uint8)
         hit = self._cast(cam2world, rays)
         if lamp is not None:
             return self._lit(cam2world[:3, 3], rays, hit, lamp)

@@ -12,7 +12,7 @@ from aspectgraph.solid.solid import RayScene
 from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
-from planner.light.light_plan import WHITE_SHARE, exposure_of
+from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
 from planner.progress import TimeLeft, report
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
@@ -206,15 +206,26 @@ def exposure_texts(plan: InspectionPlan, scene: RayScene | None, k: int) -> list
         exposure = image.expose_for or exposure_of(image, plan.light, plan, k, scene)
         if exposure is None:
             continue
-        text = (
-            f"under {lamps_named(image)}, expose so that pixel {exposure.pixel} beside {exposure.target} "
-            f"has {100 * WHITE_SHARE:.0f} % of white: it is the brightest place beside the targets of a "
-            "matt part"
-        )
+        text = f"under {lamps_named(image, plan.light)}, expose so that {_exposed_text(exposure)}"
         if exposure.times >= _UNEVEN:
             text += f"; {exposure.dimmest} gets {exposure.times:.1f} times less light"
         texts.append(text)
     return texts
+
+
+def _exposed_text(exposure: Exposure) -> str:
+    """Say what must be how bright."""
+    white = f"{100 * WHITE_SHARE:.0f} % of white"
+    if not exposure.radius_px:
+        return (
+            f"pixel {exposure.pixel} beside {exposure.target} has {white}: it is the brightest place "
+            "beside the targets of a matt part"
+        )
+    return (
+        f"the mean within {exposure.radius_px} px of pixel {exposure.pixel} has "
+        f"{100 * exposure.share:.2g} % of white: the brightest place beside the targets of a matt part, "
+        f"at {exposure.target}, then has {white}"
+    )
 
 
 def _pose_text(plan: InspectionPlan, setting: SensorSetting) -> str:
@@ -232,10 +243,11 @@ def _shots(plan: InspectionPlan, k: int, maker: PictureMaker) -> list[CaptionedP
     entities = drawn(plan, plan.settings[k].entities, plan.settings[k])
     color = color_of(k)
     images = plan.light.images[k] if plan.light is not None else ()
-    lamp = plan.light.lamps[list(images[0].lamps)] if plan.light is not None and images else None
+    lamp = None
     shaded = "Predicted image, hidden lines removed"
-    if images:
-        shaded += f", under {lamps_named(images[0])}"
+    if plan.light is not None and images:
+        lamp = plan.light.area or plan.light.lamps[list(images[0].lamps)]
+        shaded += f", under {lamps_named(images[0], plan.light)}"
     window = maker.window(pose, entities)
     times = maker.camera.resolution[0] / window[2]
     edge_map = CaptionedPicture(maker.edge_map_svg(pose, entities), _map_caption(plan))

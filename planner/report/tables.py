@@ -54,6 +54,7 @@ COLOURS = {
     "localisation": "#7a8794",
     "localisation_floor": "#3d454d",
     "surfaces": "#009e73",
+    "edge_state": "#cc79a7",
 }
 """Of the sources of variance, in every bar."""
 

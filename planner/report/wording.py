@@ -16,9 +16,10 @@ from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
 from planner.request.constraints import limit_sentences
 from planner.request.dimension_files import SURFACES_MM
+from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState, largest_shift
 from planner.request.targets import words_of
 from planner.rows import line_warning, unshown_warning
-from planner.verify.setting_record import search_windows_px
+from planner.verify.setting_record import measurements, search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
     CONSERVATIVE,
@@ -31,7 +32,7 @@ from planner.verify.simulate_setting import (
 if TYPE_CHECKING:
     from aspectgraph import JointEstimate
     from planner.camera.camera import Camera
-    from planner.light.light_plan import LitImage
+    from planner.light.light_plan import LightPlan, LitImage
     from planner.plan import InspectionPlan
     from planner.request.targets import PlannedDimension, Target
     from planner.verify.simulate_plan import ShownImages, SimulationResult
@@ -140,6 +141,48 @@ def registration_text(plan: InspectionPlan) -> str:
         return "values are read from images registered to the part's own edges"
     sigmas = registration.pose_uncertainty.sigmas
     return f"poses are known to {sigmas[:3].max():g} mm and {sigmas[3:].max():g} rad when values are read"
+
+
+def edges_text(plan: InspectionPlan) -> str:
+    """Say by how much edges are taken to be broken, and what a break would do where none is stated.
+
+    Empty where it does not matter: without dimensions, and where points lie on whole pixels and nothing is stated.
+    """
+    stated = {
+        name: EdgeState(*target.edge_break_mm, True)
+        for name, target in plan.dimensions.items()
+        if target.edge_break_mm is not None
+    }
+    part = plan.request.edge_break_mm
+    if part is not None and plan.dimensions:
+        stated = {"": EdgeState(*part, True)} | stated
+    texts = [f"{name}: {state}" if name else str(state) for name, state in stated.items()]
+    if (
+        part is None
+        and plan.request.localisation.model != "rounding"
+        and (text := _if_broken(plan))
+    ):
+        texts.append(text)
+    return "; ".join(texts)
+
+
+def _if_broken(plan: InspectionPlan) -> str:
+    """Say what a break would do to the worst of the dimensions that are planned as sharp; empty without any."""
+    worst = None
+    for setting in plan.settings:
+        for name, measurement in measurements(plan, setting).items():
+            target = plan.dimensions[name]
+            shift = TYPICAL_BREAK_MM * largest_shift(target.measurand)
+            share = shift / max(measurement.expanded_uncertainty, 1e-12)
+            if target.edge_break_mm is None and shift > 0 and (worst is None or share > worst[0]):
+                worst = share, target, shift, measurement.expanded_uncertainty
+    if worst is None:
+        return ""
+    _, target, shift, expanded = worst
+    return (
+        f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
+        f"{target.unit}, its U is {expanded:.2g} {target.unit} (state it with edge_break_mm or --edges)"
+    )
 
 
 def promise_sentence(plan: InspectionPlan) -> str:
@@ -324,6 +367,9 @@ def light_sentence(plan: InspectionPlan) -> str:
     contrast = f"a contrast of at least {light.contrast:g}"
     if light.kind == "ring":
         return f"A ring light on the camera gives {shown} {contrast}."
+    if light.area is not None:
+        text = f"{light.area} gives {shown} {contrast}."
+        return text[0].upper() + text[1:]
     n = len(light.lamps)
     lamps = f"{n} of the given lamps {'gives' if n == 1 else 'give'}"
     if light.kind == "placed":
@@ -338,8 +384,10 @@ def light_sentence(plan: InspectionPlan) -> str:
     return f"{lamps} {shown} {contrast}, {switched}{f' ({proof})' if n else ''}.{images}"
 
 
-def lamps_named(image: LitImage) -> str:
-    """Return which lamps are on in an image, such as "lamp 1" or "lamps 1, 2"."""
+def lamps_named(image: LitImage, light: LightPlan) -> str:
+    """Return which lamps are on in an image, such as "lamp 1", "lamps 1, 2" or "the backlight"."""
+    if light.area is not None:
+        return f"the {light.kind}"
     numbers = ", ".join(str(lamp + 1) for lamp in image.lamps)
     return f"lamp{'s' * (len(image.lamps) > 1)} {numbers}"
 
@@ -363,12 +411,12 @@ def lamp_texts(plan: InspectionPlan, k: int) -> list[str]:
         places = [
             ", ".join(f"{x:.1f}" for x in place) for place in plan.light.lamps[list(image.lamps)]
         ]
-        at = " and ".join(f"({place})" for place in places)
+        at = f" at {' and '.join(f'({place})' for place in places)} mm" if places else ""
         parts = [
             f"{name} {value:.2f}{' (silhouette)' if name in image.silhouettes else ''}"
             for name, value in image.contrast.items()
         ]
-        texts.append(f"{lamps_named(image)} at {at} mm: contrast of {', '.join(parts)}")
+        texts.append(f"{lamps_named(image, plan.light)}{at}: contrast of {', '.join(parts)}")
     return texts + [f"not shown: {name}: {reason}" for name, reason in plan.light.unlit[k].items()]
 
 

@@ -20,6 +20,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from ground.decorators import entry_kernel, kernel
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.detectability.conditions import NOT_ASKED, Detectability
@@ -36,6 +37,7 @@ from planner.request.reach import (
     clearance_slacks,
     distance_to,
     enclosing_sphere,
+    entity_space,
     reach_margin,
     visibility_slacks,
     workspace_slacks,
@@ -312,6 +314,8 @@ class Requirements:
     showing: Detectability = NOT_ASKED
     cell: Annotated[PoseRegion | None, PlainReach] = field(default=None, repr=False)
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         for name in limit_names():
             value = getattr(self, name)
@@ -534,7 +538,15 @@ class Constraints:
             else scanned_in(self.space, target.name, target.measurand.geometry)
             for target in self.targets
         ]
-        return ImageCheck(self.space.solid, edge_ids, self.ends, self.camera, showing, scanned)
+        return ImageCheck(
+            self.space.solid,
+            edge_ids,
+            self.ends,
+            self.camera,
+            showing,
+            scanned,
+            only_outlines=getattr(entity_space(self.space), "only_outlines", False),
+        )
 
     @property
     def shows(self) -> tuple[str, ...]:

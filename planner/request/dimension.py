@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from ground.short_repr import short_repr
 from planner.argument_kinds import (
     ABOVE_0_TO_1,
     NOT_NEGATIVE,
@@ -17,6 +18,7 @@ from planner.argument_kinds import (
     check_number,
 )
 from planner.exceptions import RequestError
+from planner.request.edge_state import checked_break
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -173,11 +175,13 @@ class Dimension:
     surfaces_from : str
         The tolerance of the model that `surfaces_mm` follows from. A value of the call replaces
         it. Empty if you state it.
-
     places : int
         Number of positions along two edges at which a distance is measured, 100 at most. Each is a
         characteristic of its own, such as ``"width [2 of 3 places]"``, on its own stretches. They
         divide the length over which the edges face each other into equal parts.
+    edge_break_mm : (float, float), optional
+        By how much its edges are broken along their faces, least and most, mm. Default: what the
+        call states of the whole part.
 
     Raises
     ------
@@ -208,6 +212,9 @@ class Dimension:
     surfaces_mm: float | None = None
     surfaces_from: str = ""
     places: int = 1
+    edge_break_mm: tuple[float, float] | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "entities", tuple(self.entities))
@@ -226,6 +233,8 @@ class Dimension:
             object.__setattr__(self, "direction", _checked_direction(self.direction))
         if self.surfaces_mm is not None:
             check_number("surfaces_mm", self.surfaces_mm, NOT_NEGATIVE)
+        if self.edge_break_mm is not None:
+            object.__setattr__(self, "edge_break_mm", checked_break(self.edge_break_mm))
         whole = isinstance(self.n_features, int) and not isinstance(self.n_features, bool)
         if not (whole and self.n_features >= 1):
             raise RequestError.of_rule(

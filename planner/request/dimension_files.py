@@ -1,25 +1,27 @@
-"""Dimensions and entities as a file of the command line holds them."""
+"""Dimensions and entities as a file of the command line holds them, or as they are picked in a notebook."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aspectgraph.dimensions.features import unique_names
 from aspectgraph.entities.entity_rules import parse_names
+from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
-from errors.measurands.geometry import Localisation
+from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
 from planner.argument_kinds import check_kinds
 from planner.exceptions import RequestError
 from planner.request.dimension import QUARTER, Dimension
 from planner.request.words import characteristic_name
 
 if TYPE_CHECKING:
-    from aspectgraph import ModelDimension
+    from aspectgraph import ModelDimension, Solid
     from aspectgraph.dimensions.features import SurfaceZone, Way
 
 
@@ -84,7 +86,7 @@ def with_surfaces_of_call(
 
 
 def localisation_or_default(
-    localisation: Localisation | None, items: Iterable[Any]
+    localisation: Localisation | None, items: Iterable[Any], edges: object = None
 ) -> Localisation:
     """Return how well points are found.
 
@@ -94,6 +96,8 @@ def localisation_or_default(
         As it was given.
     items : iterable
         What is wanted. Without a `Dimension`, values of edges, rims and arcs are measured as in the paper.
+    edges : object
+        By how much edges are broken. If it is stated, it is an error of its own, and the floor that of the detector.
 
     Returns
     -------
@@ -103,7 +107,8 @@ def localisation_or_default(
     if localisation is not None:
         return localisation
     if any(isinstance(item, Dimension) for item in items):
-        return Localisation.gaussian()
+        floor_px = FLOOR_PX if edges is None else DETECTOR_FLOOR_PX
+        return Localisation.gaussian(floor_px=floor_px)
     return Localisation.rounding()
 
 
@@ -138,7 +143,10 @@ def surfaces_or_default(surfaces_mm: float | None, localisation: Localisation | 
         ) from None
 
 
-_OPTIONS = ("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any")
+_OPTIONS = (
+    *("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any"),
+    "edge_break_mm",
+)
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
 _ANGLES = ("deg", "rad")
@@ -154,6 +162,7 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     ``tolerance = { upper = 0.05 }``, with ``max_error`` or ``accuracy`` besides. Other entities that
     give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
+    ``edge_break_mm = [0.1, 0.3]`` states by how much the edges of the dimension are broken, in mm whatever the unit.
 
     Parameters
     ----------
@@ -201,7 +210,7 @@ def _content(path: Path) -> dict[str, Any]:
     return content
 
 
-def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float) -> Any:
+def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float = QUARTER) -> Any:
     if not isinstance(value, Mapping):
         return value
     kind = [key for key in value if key in kinds or key == "edge"]
@@ -276,6 +285,109 @@ def _is_end_points(value: list[Any]) -> bool:
         and all(isinstance(x, int | float) for x in point)
         for point in value
     )
+
+
+# Picking in a notebook: the picker page as a widget that holds what is clicked.
+
+
+_HEIGHT_PX = 640
+
+
+def pick(solid: Solid) -> Any:
+    """Show a part in a notebook, to pick its edges, rims and arcs with the mouse.
+
+    The widget shows the page that ``aspectgraph info --picture`` writes. Names, tolerances and the
+    share of them that is permitted as error are typed in it. Show the widget as the last line of a
+    cell; another cell reads what is picked.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+
+    Returns
+    -------
+    anywidget.AnyWidget
+        A widget with these traits, which follow each click:
+
+        * ``entities``, a dict from names to ids, such as ``{"front": 17, "bore": "r3"}``, and
+        * ``dimensions``, a dict from names to `Dimension`. It is empty while the page refuses a
+          tolerance.
+        * ``fault`` is the page's sentence on what it refuses, otherwise empty.
+
+        `plan_inspection` takes both dicts.
+
+    Raises
+    ------
+    aspectgraph.MissingExtraError
+        The package anywidget is not installed.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import pick
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> picker = pick(block)  # doctest: +SKIP
+    >>> picker  # doctest: +SKIP
+    >>> plan = plan_inspection(block, picker.entities, camera, uncertainty)  # doctest: +SKIP
+    """
+    from aspectgraph.plot.picker import picker_html
+
+    check_kinds(solid=(solid, "Solid"))
+    widget = _picker_class()
+    return widget(page=picker_html(solid), part=solid.name, height_px=_HEIGHT_PX)
+
+
+@cache
+def _picker_class() -> Any:
+    """Return the class of the widget; the package that it needs is an extra."""
+    try:
+        import anywidget
+        import traitlets
+    except ImportError as error:
+        raise MissingExtraError(
+            f"picking in a notebook needs the package anywidget. Got {error}; "
+            f"{how_to_install('notebook')}"
+        ) from error
+    from ground.templates import asset
+
+    class Picker(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
+        """A part of which edges, rims and arcs are picked."""
+
+        _esm = str(asset("aspectgraph.plot", "page/widget.js"))
+        page = traitlets.Unicode().tag(sync=True)
+        height_px = traitlets.Int().tag(sync=True)
+        # what the page said last
+        picked = traitlets.Dict().tag(sync=True)
+        part = traitlets.Unicode()
+        entities = traitlets.Dict(read_only=True)
+        dimensions = traitlets.Dict(read_only=True)
+        fault = traitlets.Unicode(read_only=True)
+
+        @traitlets.observe("picked")
+        def _follow(self, change: Mapping[str, Any]) -> None:
+            rows = change["new"].get("rows", ())
+            entities, dimensions, fault = _picked(rows)
+            with self.hold_trait_notifications():
+                self.set_trait("entities", entities)
+                self.set_trait("dimensions", dimensions)
+                self.set_trait("fault", fault)
+
+        def __repr__(self) -> str:
+            return f"<Picker of {self.part!r}: {len(self.entities)} picked>"
+
+    return Picker
+
+
+def _picked(rows: Any) -> tuple[dict[str, Any], dict[str, Any], str]:
+    """Return entities, dimensions and what is refused, of what the page has in its list."""
+    from errors.measurands.measurand import kinds
+
+    entities = {row["key"]: row["entity"] for row in rows}
+    faults = [f"{row['key']}: {row['fault']}" for row in rows if row["fault"]]
+    if faults:
+        return entities, {}, faults[0]
+    return entities, {row["key"]: _wanted(row["key"], row["asked"], kinds()) for row in rows}, ""
 
 
 # Dimensions of a CAD model as a request: one characteristic for each feature of a pattern.

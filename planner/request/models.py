@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import errors
 from errors.registration import Imaging, KnownPoses, Stretches, Values, known_poses
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import (
     PoseUncertainty,
@@ -25,10 +26,10 @@ from planner.camera.pose import (
     paper_displacement_jacobian,
     world_to_cam,
 )
+from planner.request.edge_state import SHARP, EdgeState, value_sigma
 
 if TYPE_CHECKING:
     from errors.measurands import Localisation, Measurand, MeasurandModel
-
 
 # How surely poses and values are known after registration to the part's own edges, at any planned
 # pose.
@@ -144,6 +145,8 @@ class Means:
         Standard deviation of the value by surfaces, where it is known; then ``surfaces_mm`` does not count.
     own_edges : OwnEdges, optional
         Registration that makes poses better known than ``pose_uncertainty`` says.
+    edges : EdgeState
+        By how much edges are broken; for dimensions. Default: not at all.
     """
 
     camera: Camera
@@ -154,6 +157,9 @@ class Means:
     surfaces_mm: float = 0.0
     by_surfaces: float | None = None
     own_edges: OwnEdges | None = None
+    edges: EdgeState = SHARP
+
+    __repr__ = short_repr
 
 
 class EdgeModels:
@@ -285,6 +291,7 @@ def measurand_model(value: Measurand, permitted_error: float, means: Means) -> M
         permitted_error=permitted_error,
         surfaces_mm=means.surfaces_mm,
         by_surfaces=means.by_surfaces,
+        by_edges=value_sigma(value, means.edges),
     )
 
 

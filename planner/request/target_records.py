@@ -14,6 +14,7 @@ from ground.convert import Meta, NullIs, field_name, from_plain, to_plain
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Amount, Coordinates
 from planner.request.dimension import checked_tolerance
+from planner.request.edge_state import Break, checked_break
 from planner.request.targets import (
     EdgeTarget,
     EntityRecord,
@@ -80,7 +81,8 @@ class DimensionRecord:
     """A dimension: mm, or degrees. A deviation is null where there is no limit.
 
     Without a share there is no width of the tolerance; without ``surfaces_mm`` it is that of the request, and
-    ``surfaces_from`` is the tolerance of the model that it follows from.
+    ``surfaces_from`` is the tolerance of the model that it follows from. Without ``edge_break_mm`` the breaks of its
+    edges are those of the request.
     """
 
     kind: _Kind
@@ -105,6 +107,11 @@ class DimensionRecord:
     n_features: Annotated[int, Meta(ge=1, le=10**9, title="must be a whole number, 1 or more")]
     surfaces_mm: Amount | None
     surfaces_from: str
+    edge_break_mm: Break | None = None
+
+    def __post_init__(self) -> None:
+        if self.edge_break_mm is not None:
+            checked_break(self.edge_break_mm)
 
     @classmethod
     def of(cls, target: PlannedDimension) -> DimensionRecord:
@@ -121,6 +128,7 @@ class DimensionRecord:
             target.n_features,
             target.stated_surfaces_mm,
             target.surfaces_from,
+            target.edge_break_mm,
         )
 
     def target(self, name: str) -> PlannedDimension:
@@ -136,6 +144,7 @@ class DimensionRecord:
             self.n_features,
             self.surfaces_mm,
             self.surfaces_from,
+            self.edge_break_mm,
         )
         nominal = target.nominal
         if abs(nominal - self.nominal) > _SAME_NOMINAL * max(1.0, abs(nominal)):

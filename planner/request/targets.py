@@ -23,11 +23,13 @@ from errors.measurands import Circle, Line, Localisation, Measurand
 from errors.measurands.geometry import Geometry
 from errors.measurands.measurand import measurand
 from ground.convert import STATED, Meta
+from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Count
 from planner.request.dimension import Dimension, is_one_sided
+from planner.request.edge_state import SHARP, EdgeState
 from planner.request.models import (
     DimensionModels,
     EdgeModels,
@@ -494,8 +496,12 @@ class PlannedDimension(Target):
         Standard deviation of the position of its faces along their normals, mm, where the dimension states its own.
     surfaces_from : str
         The tolerance of the model that this follows from; empty if it was given.
+    edge_break_mm : (float, float) or None
+        By how much its edges are broken, least and most, mm, where the dimension states its own.
     surfaces_mm : float
         The same, or that of the request, once `measured_with` has stated it.
+    edges : EdgeState
+        By how much its edges are broken, by itself or by the request, once `measured_with` has stated it.
     """
 
     kind: str
@@ -506,7 +512,11 @@ class PlannedDimension(Target):
     n_features: int = 1
     stated_surfaces_mm: float | None = None
     surfaces_from: str = ""
+    edge_break_mm: tuple[float, float] | None = None
     surfaces_mm: float = field(default=0.0, repr=False, kw_only=True)
+    edges: EdgeState = field(default=SHARP, repr=False, kw_only=True)
+
+    __repr__ = short_repr
 
     @classmethod
     def of(
@@ -542,6 +552,7 @@ class PlannedDimension(Target):
             dimension.n_features,
             dimension.surfaces_mm,
             dimension.surfaces_from,
+            dimension.edge_break_mm,
         )
 
     @classmethod
@@ -583,7 +594,23 @@ class PlannedDimension(Target):
             self,
             localisation=means.localisation or Localisation.rounding(),
             surfaces_mm=self.surfaces_with(means),
+            edges=self.edges_with(means),
         )
+
+    def edges_with(self, means: Means) -> EdgeState:
+        """Return by how much its edges are broken: what it states itself, or the request.
+
+        Parameters
+        ----------
+        means : Means
+            Those of the request.
+
+        Returns
+        -------
+        EdgeState
+            The breaks.
+        """
+        return means.edges if self.edge_break_mm is None else EdgeState(*self.edge_break_mm, True)
 
     def surfaces_with(self, means: Means) -> float:
         """Return the standard deviation of the position of its faces: its own, or that of the request.
@@ -628,10 +655,12 @@ class PlannedDimension(Target):
         MeasurandModel
             It describes uncertainty and budget.
         """
-        return super().description(replace(means, surfaces_mm=self.surfaces_with(means)))
+        surfaces_mm = self.surfaces_with(means)
+        edges = self.edges_with(means)
+        return super().description(replace(means, surfaces_mm=surfaces_mm, edges=edges))
 
     def describe(self, cam2world: NDArray[np.float64], means: Means) -> Prediction:
-        """Return how accurately a pose measures the dimension, by the localisation and surfaces it states.
+        """Return how accurately a pose measures the dimension, by the localisation, surfaces and edges it states.
 
         Parameters
         ----------
@@ -645,7 +674,8 @@ class PlannedDimension(Target):
         Prediction
             Probability, uncertainty and its budget.
         """
-        return super().describe(cam2world, replace(means, surfaces_mm=self.surfaces_mm))
+        means = replace(means, surfaces_mm=self.surfaces_mm, edges=self.edges)
+        return super().describe(cam2world, means)
 
     def least_image_mm(self, accuracy: float, quantile_mm: float, min_length_mm: float) -> float:
         """Return 0: how short an image of two of its points may be, follows from no constraint.
@@ -744,6 +774,7 @@ class PlannedDimension(Target):
             alternatives=tuple(ways[1:]),
             surfaces_mm=self.stated_surfaces_mm,
             surfaces_from=self.surfaces_from,
+            edge_break_mm=self.edge_break_mm,
             **error,
         )
 

@@ -21,6 +21,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 from aspectgraph.exceptions import ReadError
 from aspectgraph.read.mesh import parse_obj, parse_off, parse_ply, parse_stl
 from aspectgraph.solid.solid import RayScene
+from ground.short_repr import short_repr
 from planner.argument_kinds import POSITIVE, check_number, shown
 from planner.exceptions import RobotError
 from planner.robotcell.branches import needed
@@ -60,6 +61,8 @@ class Box:
     low: Sequence[float]
     high: Sequence[float]
     pose: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         corners = []
@@ -502,6 +505,8 @@ class Fixturing:
     turn_speed: float = 0.5
     turn_acceleration: float = 0.5
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "part2base", check_pose("part2base", self.part2base))
         object.__setattr__(self, "obstacles", dict(self.obstacles))
@@ -604,6 +609,8 @@ class Grip:
 
     table = None
     angles = (0.0,)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "part2flange", check_pose("part2flange", self.part2flange))

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ground.short_repr import short_repr
 from planner.robotcell.arm import Robot
 from planner.robotcell.collisions import HAND, Advance, Surroundings
 from planner.robotcell.urdf import N_JOINTS, carry, compose, invert
@@ -372,6 +373,8 @@ class Reachability:
 
     settings: tuple[str, ...]
     poses: dict[str, tuple[PoseReach, ...]]
+
+    __repr__ = short_repr
 
     @property
     def reached(self) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ground.short_repr import short_repr
 from planner.argument_kinds import check_count, check_kinds
 from planner.exceptions import RequestError
 from planner.options import InspectionOptions
@@ -298,6 +299,8 @@ class ReachedPlan:
     replaced: Mapping[int, OtherSetting]
     unreached: Mapping[int, str]
     note: str = ""
+
+    __repr__ = short_repr
 
 
 class OtherPoses:

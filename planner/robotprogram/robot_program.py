@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ground.short_repr import short_repr
 from planner.argument_kinds import ABOVE_0_TO_1, NumberRule, check_count, check_kinds, check_number
 from planner.camera.pose import MAX_SIGMA_RAD, PoseUncertainty
 from planner.exceptions import InfeasibleError, RequestError, UncertaintyError
@@ -92,6 +93,8 @@ class ArmUncertainty:
     joints_rad: ArrayLike
     hand_eye: PoseUncertainty | None = None
     part: PoseUncertainty | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         sigmas = np.asarray(self.joints_rad)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from aspectgraph.solid.solid import RayScene
 from planner.bound.lower_bound import (
     ProvenBound,
     exclusion_proof,
@@ -24,6 +25,7 @@ from planner.bound.lower_bound import (
 )
 from planner.cover import few_columns, sets_to_realise
 from planner.executors import Shared, in_order
+from planner.light.area_light import shown_of_plan
 from planner.light.lighting import Lighting, eyes_of
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
@@ -760,9 +762,16 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     draft : InspectionPlan
         The settings chosen without them.
     """
+    lighting = lighting.on_part(run.problem.space.solid, draft.camera)
     lit = replace(
         draft,
-        light=chosen_lamps(lighting, draft, run.problem.space.solid, run.callbacks.silent.report),
+        light=chosen_lamps(
+            lighting,
+            draft,
+            run.problem.space.solid,
+            run.callbacks.silent.report,
+            reads=run.problem.reads,
+        ),
     )
     assert lit.light is not None
     if lit.light.complete or lighting.together:
@@ -783,7 +792,12 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     better = replace(
         plan,
         light=chosen_lamps(
-            lighting, plan, run.problem.space.solid, run.callbacks.silent.report, places
+            lighting,
+            plan,
+            run.problem.space.solid,
+            run.callbacks.silent.report,
+            places,
+            run.problem.reads,
         ),
     )
     return better if set(unlit(better)) <= set(dark) else lit
@@ -901,7 +915,14 @@ def _shown(
         plan.accuracy,
         plan.requirements,
     )
-    served = lighting.served(posed, run.problem.space.solid, run.callbacks.silent.report)
+    if lighting.area is not None:
+        solid = run.problem.space.solid
+        scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
+        shown = shown_of_plan(lighting.area, posed, solid, scene, lighting.limits)
+        return [set(setting.contrast) for setting in shown]
+    served = lighting.served(
+        posed, run.problem.space.solid, run.callbacks.silent.report, run.problem.reads
+    )
     if lighting.is_ring:
         served.keep_own(eyes_of(posed))
     elif lighting.is_fixed:

@@ -116,8 +116,8 @@ class Measurement:
     bias : float
         Mean error, mm (angles: degrees).
     budget : dict of str to float
-        Variance by "translation", "rotation", "localisation", "localisation_floor" and "surfaces", mm² (angles:
-        degrees²).
+        Variance by "translation", "rotation", "localisation", "localisation_floor", "surfaces" and "edge_state",
+        mm² (angles: degrees²).
     permitted_error_px : float or None
         The permitted error times the image's scale d / (z r), with the mean depth z of the entities and the larger
         pixel pitch r; None of an angle.
@@ -228,7 +228,7 @@ _SAME = 1e-6
 _DEFINED_ANEW = ("binding",)
 _FOLLOWS = ("measurements", "search_window_px")
 # sources of variance that earlier programs did not know
-_LATER = ("localisation_floor", "surfaces")
+_LATER = ("localisation_floor", "surfaces", "edge_state")
 
 
 def search_windows_px(plan: Any, setting: Any) -> dict[str, float]:

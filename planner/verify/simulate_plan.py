@@ -110,12 +110,27 @@ def count_shown(
         rng = np.random.default_rng(None if seed is None else [seed, k, 1])
         poses = displaced_poses(np.asarray(setting.cam2world), plan.pose_uncertainty, n, rng)
         image = _image_check(
-            solid, targets_of(plan.targets, setting), targets, plan.camera, showing
+            solid,
+            targets_of(plan.targets, setting),
+            targets,
+            plan.camera,
+            showing,
+            only_outlines=only_outlines_of(plan),
         )
         hits = image.shown(poses, np.ones((n, len(targets)), bool)).sum(axis=0)
         counts.append(dict(zip(targets, hits.tolist(), strict=True)))
         report(progress, k + 1, len(plan.settings), "displaced images")
     return ShownImages(tuple(counts), n)
+
+
+def only_outlines_of(plan: Any) -> bool:
+    """Return whether only outlines make lines in the images of a plan, by its light or by the one it was asked for."""
+    light = getattr(plan, "light", None)
+    if light is not None:
+        return light.area is not None and bool(light.area.only_outlines)
+    lighting = getattr(getattr(plan, "request", None), "lighting", None)
+    area = None if lighting is None else lighting.area
+    return area is not None and bool(area.only_outlines)
 
 
 def _image_check(
@@ -124,6 +139,8 @@ def _image_check(
     names: list[str],
     camera: Camera,
     showing: Detectability,
+    *,
+    only_outlines: bool,
 ) -> ImageCheck:
     """Return a check of what targets of a plan need in an image."""
     edge_ids: list[tuple[int, ...] | None] = []
@@ -143,7 +160,7 @@ def _image_check(
                     for entity, geometry in zip(target.entities, target.geometry, strict=True)
                 ]
             )
-    return ImageCheck(solid, edge_ids, ends, camera, showing, scanned)
+    return ImageCheck(solid, edge_ids, ends, camera, showing, scanned, only_outlines=only_outlines)
 
 
 def _names_of(entity: str, geometry: Geometry) -> list[Any]:

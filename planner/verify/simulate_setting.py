@@ -23,6 +23,7 @@ from planner.exceptions import RequestError
 from planner.plan_file import Count, Draws, Fraction, Share
 from planner.request.camera_limits import NO_RESERVE
 from planner.request.constraints import Constraints, Requirements
+from planner.request.edge_state import EdgeState
 from planner.request.problem import Problem
 from planner.request.registration import PoseKnowledge
 from planner.request.targets import PlannedDimension, sample_points
@@ -241,6 +242,8 @@ def _solve(normal: Any, right: Any, solved: Any) -> None:
 
 # of an entity's size: how far ahead its direction in the image is taken
 _AHEAD = 1e-5
+# along which images of broken edges move
+_AHEAD_MM = 1e-4
 
 
 def measured_errors(
@@ -279,6 +282,11 @@ def measured_errors(
     for geometry, frame, seen_from in zip(dimension.geometry, value.frames, real, strict=True):
         points = _points(geometry, dimension, planned, camera)
         pixels = _pixels(points, seen_from, camera)
+        if not dimension.edges.is_sharp:
+            way = _away(geometry, frame.y, points, value.in_image)
+            ahead = _pixels(points + _AHEAD_MM * way, seen_from, camera)
+            off = _broken_mm(dimension.edges, len(points) if value.in_image else 1, len(poses), rng)
+            pixels = pixels + (ahead - pixels) / _AHEAD_MM * off[..., None]
         outside |= ~_on_sensor(pixels, camera)
         errors = _localised(pixels, dimension.localisation, value.in_image, rng)
         if dimension.localisation.common_px > 0:
@@ -295,6 +303,30 @@ def measured_errors(
             _circles(flat, geometry.radius_mm) if isinstance(geometry, Circle) else _lines(flat)
         )
     return value.value(fits), outside
+
+
+def _broken_mm(
+    edges: EdgeState, count: int, n: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return how far steps of broken edges are off (n, count), mm, less what is corrected.
+
+    The step is anywhere between the edge and a break away, for an edge as a whole.
+    """
+    breaks = rng.uniform(edges.low_mm, edges.high_mm, (n, count))
+    corrected = 0.5 * (edges.low_mm + edges.high_mm) / 2 if edges.stated else 0.0
+    return np.asarray(breaks * rng.uniform(0.0, 1.0, (n, count)) - corrected)
+
+
+def _away(
+    one: Geometry, across: NDArray[np.float64], points: NDArray[np.float64], each_end: bool
+) -> NDArray[np.float64]:
+    """Return unit vectors (m, 3) along which steps of an entity move; those of the ends of a length along it."""
+    if isinstance(one, Circle):
+        off = points - one.centre
+        return np.asarray(off / np.linalg.norm(off, axis=1, keepdims=True))
+    if each_end:
+        return np.array([-one.direction, one.direction])
+    return np.tile(across, (len(points), 1))
 
 
 def _before_real_faces(

@@ -99,6 +99,10 @@ CHANGES = {
     "localisation": ({"localisation": Localisation.rounding(9)}, "localisation changed: points"),
     "gap": ({"gap": 0.1}, "gap was 0 and is now 0.1"),
     "surfaces_mm": ({"surfaces_mm": 0.05}, "surfaces_mm was 0 and is now 0.05"),
+    "edge_break_mm": (
+        {"edge_break_mm": (0.1, 0.3)},
+        "edge_break_mm was not given and is now [0.1, 0.3]",
+    ),
     "registration": ({"registration": Registration.own_edges()}, "registration changed"),
 }
 

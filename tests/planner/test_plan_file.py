@@ -192,7 +192,11 @@ WRONG = {
         10**400,
         "must be an integer from 1 to 2^53. Got an integer of 1329",
     ),
-    "kind of lamps": (("light", "kind"), "torch", 'must be fixed, ring or placed. Got "torch".'),
+    "kind of lamps": (
+        ("light", "kind"),
+        "torch",
+        'must be fixed, ring, placed, backlight, diffuse-dome, coaxial or ring-light. Got "torch".',
+    ),
     "contrast 1": (("light", "contrast"), 1, "must be in (0, 1). Got 1."),
     "lamp in the plane": (("light", "lamps", 0), [1, 2], "must have the shape (3,). Got (2,)."),
     "lamp 2": (

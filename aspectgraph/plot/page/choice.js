@@ -43,14 +43,20 @@ class Choice {
     return [...this.names].some(([j, other]) => j !== k && other === name) ? "two have this name" : "";
   }
 
+  /* Return the name in a file: the default one where the given one is refused, and never one twice. */
+  key(k) {
+    if (!this.fault(k)) return this.names.get(k);
+    let key = this.defaultName(k);
+    while ([...this.names].some(([j, name]) => j !== k && name === key)) key += "_";
+    return key;
+  }
+
   ids() { return [...this.names.keys()].map((k) => this.items[k].id).join(","); }
 
   /* Return the TOML of --entities: ids, or with `byEnds` the end points of edges, which a changed file still has. */
   toml(part, byEnds) {
     const lines = [`# Entities of ${printable(part)}: name = id; lengths in mm.`];
-    for (const [k, name] of this.names) {
-      lines.push(`${tomlKey(this.fault(k) ? this.defaultName(k) : name)} = ${this.value(k, byEnds)}`);
-    }
+    for (const k of this.names.keys()) lines.push(`${tomlKey(this.key(k))} = ${this.value(k, byEnds)}`);
     return `${lines.join("\n")}\n`;
   }
 
@@ -93,14 +99,37 @@ class Choice {
   /* Return the TOML of --dimensions. */
   dimensionsToml(part, byEnds) {
     const lines = [`# Dimensions of ${printable(part)}; lengths and deviations in mm.`, "[dimensions]"];
-    for (const [k, name] of this.names) {
+    for (const k of this.names.keys()) {
       const { kind } = this.items[k], limits = this.tolerance(k);
       const asked = [`${MEASURED[kind]} = ${this.value(k, byEnds)}`];
       if (limits) asked.push(`tolerance = [${limits.join(", ")}]`);
       if (limits && this.share !== SHARE) asked.push(`share = ${this.share}`);
-      lines.push(`${tomlKey(this.fault(k) ? this.defaultName(k) : name)} = { ${asked.join(", ")} }`);
+      lines.push(`${tomlKey(this.key(k))} = { ${asked.join(", ")} }`);
     }
     return `${lines.join("\n")}\n`;
+  }
+
+  /* Return all that is collected and set, as plain values; `restore` takes it. */
+  record() {
+    const rows = [...this.names].map(([k, name]) => {
+      const { id, kind } = this.items[k], limits = this.tolerance(k), entity = kind === "edge" ? Number(id) : id;
+      const asked = { [MEASURED[kind]]: entity };
+      if (limits) asked.tolerance = limits;
+      if (limits && this.share !== SHARE) asked.share = this.share;
+      const own = this.tolerances.get(k) || "", fault = this.toleranceFault(k);
+      return { id, name, own, key: this.key(k), entity, asked, fault };
+    });
+    return { rows, common: this.common, share: this.share };
+  }
+
+  restore({ rows, common, share }) {
+    const at = new Map(this.items.map(({ id }, k) => [id, k]));
+    this.change((names) => {
+      names.clear();
+      rows.forEach(({ id, name }) => names.set(at.get(id), name));
+    });
+    this.tolerances = new Map(rows.map(({ id, own }) => [at.get(id), own]));
+    [this.common, this.share] = [common, share];
   }
 
   /* Return an id as TOML, or with `byEnds` the end points of an edge, which a changed file still has. */

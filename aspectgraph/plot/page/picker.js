@@ -6,7 +6,7 @@ const { items } = data;
 const $ = (id) => document.getElementById(id);
 const COLOURS = { edge: [31, 97, 141], rim: [175, 96, 26], arc: [108, 52, 131] };
 const CHOSEN = [192, 21, 47], POINTED = [0, 0, 0];
-const ANSWER_PX = 8, IDLE_MS = 70;
+const ANSWER_PX = 8, IDLE_MS = 70, LEAST_PX = 50;
 
 const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
 const part = {
@@ -23,7 +23,7 @@ const middles = lines.map((line) =>
 const scene = new Scene($("scene"), part, lines);
 const choice = new Choice(items);
 const texts = items.map((item) => item.id);
-const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0 };
+const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0, hosted: false };
 
 /* What the filter lets through. */
 function isShown(k) {
@@ -217,6 +217,24 @@ function listChosen() {
   for (const id of ["copy", "save"]) $(id).disabled = !n || refused.length > 0;
   for (const id of ["copy-ids", "clear"]) $(id).disabled = !n;
   $("undo").disabled = !choice.past.length;
+  if (state.hosted) window.parent.postMessage({ picked: { ...choice.record(), file: $("kind-of-file").value } }, "*");
+}
+
+/* In a frame of a notebook: say that the page is there, take what was picked before, and from then on say what is. */
+function serve() {
+  window.addEventListener("message", ({ source, data }) => {
+    const restore = source === window.parent && data?.restore;
+    if (!restore) return;
+    if (restore.rows) {
+      choice.restore(restore);
+      [$("kind-of-file").value, $("tolerance").value] = [restore.file, choice.common];
+      $("share").value = Number((100 * choice.share).toPrecision(12));
+    }
+    state.hosted = true;
+    document.body.className = "hosted";
+    chosen();
+  });
+  window.parent.postMessage({ opened: true }, "*");
 }
 
 /* Say which lengths a plan cannot measure. */
@@ -287,7 +305,14 @@ listChosen();
 if (scene.gl) {
   const ofFace = (face) => everything().filter((k) => items[k].faces.includes(face));
   watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace });
-  new ResizeObserver(moved).observe($("scene"));
+  // a frame has no size yet when its page is there
+  let narrow = true;
+  new ResizeObserver(() => {
+    if (narrow) scene.fit();
+    narrow = Math.min(...scene.size) < LEAST_PX;
+    moved();
+  }).observe($("scene"));
   scene.fit();
 } else $("no-3d").hidden = false;
 filtered();
+if (window.parent !== window) serve();

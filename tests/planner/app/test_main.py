@@ -553,10 +553,7 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys, monkeypatch):
     writer.Write("part.step")
     capsys.readouterr()
     (line,) = failure(capsys, ["info", "part.step"])
-    assert (
-        "Got solids 0 and 1 of part.step, which do. The file holds 3 solids; read some of them with"
-        in line
-    )
+    assert "Got solids 0 and 1 of part.step, which do. The file holds 3 solids: 0 " in line
     assert line.endswith(", for instance, --solids 0.")
     assert "solids=" not in line
     assert main(["info", "part.step", "--solids", "2", "--occluders", "0", "--json"]) == DONE
@@ -567,7 +564,10 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys, monkeypatch):
     (line,) = failure(capsys, ["info", "part.step", "--solids", "2", "--occluders", "all"])
     assert "must not overlap" in line
     (line,) = failure(capsys, ["info", "part.step", "--occluders", "all"])
-    assert "--occluders must be numbers where --solids does not say which are measured" in line
+    assert (
+        "--occluders must be numbers or names where --solids does not say which are measured"
+        in line
+    )
     assert main(["info", "part.step", "--solids", "0,2"]) == DONE
     assert "part: 2 shells, 12 faces" in capsys.readouterr().out
     assert main(["graph", "part.step", "--solids", "2", "--all", "--graphml", "g.graphml"]) == DONE
@@ -575,7 +575,7 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys, monkeypatch):
     capsys.readouterr()
     for arguments, rule in (
         (["part.step", "--solids", "7"], "must name some of 0..2 of part.step. Got [7]"),
-        (["part.step", "--solids", "1,x"], "--solids must be whole numbers"),
+        (["part.step", "--solids", "1,x"], "--solids must name solids of the file"),
         (["part.step", "--solids", "0", "--gap-mm", "-1"], "--gap-mm must be positive"),
         (["block.off", "--solids", "0"], "solids applies to STEP files"),
     ):

@@ -18,15 +18,27 @@ from plan_examples import plan
 from aspectgraph import AspectGraphError, PartFileNotFoundError, ReadError, SolidError, read_solid
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
-from planner import Camera, camera_names
+from planner import Camera, camera_names, light_names, optics
 from planner.app.checks import in_words_of_shell
 from planner.app.main import main
 from planner.app.options import COMMANDS, rules_of, texts_of
 from planner.app.parsing import UsageError, arguments_of, command_help, parse, takes_value
-from planner.app.process import BAD_INPUT, DONE
-from planner.app.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, memory, registration
+from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
+from planner.app.quantities import (
+    DEG,
+    MM,
+    PX,
+    RAD,
+    SECONDS,
+    SHARE,
+    lengths,
+    memory,
+    registration,
+    solid_names,
+)
 from planner.exceptions import PlannerError, RequestError
 from planner.light.corner_light import DEFAULT_STEP
+from planner.optics import LightShows
 from planner.request.camera_limits import MOST_SEED
 
 BLOCK = str(Path(__file__).parents[3] / "examples" / "two_pocket_block.off")
@@ -397,6 +409,60 @@ def test_facts_of_cameras_have_sources(capsys):
     assert text.count("https://") == len(parts["body"]) + len(parts["lens"])
 
 
+def test_lights_are_listed_with_sizes_and_sources(capsys):
+    assert main(["lights"]) == DONE
+    text = capsys.readouterr().out
+    assert [name for name in light_names() if f"{name} " in text] == list(light_names())
+    assert text.count("https://") + text.count("of no maker") == len(light_names())
+    assert main(["lights", "--json"]) == DONE
+    assert json.loads(capsys.readouterr().out)["coaxial"]["typical-50"]["side_mm"] == 50.0
+
+
+LIGHTS_OF = ["lights", "examples/two_pocket_block_plan.json", "--part", BLOCK, "--quiet"]
+
+
+def test_lights_are_compared_in_the_settings_of_a_plan(capsys):
+    assert main([*LIGHTS_OF, "--json"]) == INCOMPLETE
+    records = json.loads(capsys.readouterr().out)
+    kinds = ["backlight", "coaxial", "diffuse-dome", "lamps", "ring-light"]
+    assert sorted(record["kind"] for record in records) == kinds
+    for record in records:
+        assert sorted((*record["shown"], *record["dark"])) == ["e1", "e4"]
+    counts = [len(record["shown"]) for record in records]
+    assert counts == sorted(counts, reverse=True)
+
+
+def test_the_light_that_suffices_is_named(capsys, monkeypatch):
+    shows = [
+        LightShows("coaxial", "a window", ("e1", "e2"), {"e3": "it is dark."}),
+        LightShows("backlight", "a rectangle", ("e3",), {"e1": "it is dark.", "e2": "it is dark."}),
+    ]
+    monkeypatch.setattr(optics, "compare_lights", lambda *_, **__: tuple(shows))
+    assert main(LIGHTS_OF) == INCOMPLETE
+    text = capsys.readouterr().out
+    assert "coaxial    2 of 3  e3" in text
+    assert "backlight  1 of 3  e1, e2" in text
+    assert (
+        "No light shows all targets. coaxial shows most: 2 of 3. backlight shows e3, too." in text
+    )
+    shows[:] = [LightShows("coaxial", "a window", ("e1",))]
+    assert main(LIGHTS_OF) == DONE
+    assert "coaxial shows every target." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["lights", "--material", "metal"], "--material needs a plan."),
+        (["lights", "examples/two_pocket_block_plan.json"], "Give --part PART."),
+        (["lights", "--solids", "1"], "must be given with a part"),
+    ],
+)
+def test_options_of_lights_that_say_nothing_are_refused(capsys, words, text):
+    assert main(words) == 2
+    assert text in capsys.readouterr().err
+
+
 def test_the_assumed_unit_is_told(capsys):
     note = "note: OFF files state no unit, so the program assumes mm. Use --units for another unit"
     assert main(["info", BLOCK]) == DONE
@@ -426,11 +492,27 @@ def test_a_rule_chooses_edges(tmp_path, capsys):
     assert "must not be given with" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("wrong", ["nonsense", "", "-1", "1.5"])
+@pytest.mark.parametrize("wrong", ["", "1,,2", '"half', '"a"b', "1,"])
 def test_what_is_no_list_of_solids_names_its_option(capsys, wrong):
     assert main(["info", BLOCK, f"--solids={wrong}"]) == BAD_INPUT
-    message = f"--solids must be whole numbers like 0,2. Got {wrong!r}; see aspectgraph info --help"
+    rule = "must be numbers or names of solids like 0,2 or bracket,bolt:2"
+    message = f"--solids {rule}. Got {wrong!r}; see aspectgraph info --help"
     assert capsys.readouterr().err == f"aspectgraph info: {message}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "solids"),
+    [
+        ("0, 2", [0, 2]),
+        ("bracket,bolt:2,3", ["bracket", "bolt:2", 3]),
+        ('"12","12":2', ["12", "12:2"]),
+        ('"Gehäuse, groß":all,1.5', ["Gehäuse, groß:all", "1.5"]),
+        ('"6"" pipe",it\'s 5" long', ['6" pipe', "it's 5\" long"]),
+        ("-1", ["-1"]),
+    ],
+)
+def test_solids_are_numbers_or_names(text, solids):
+    assert solid_names(text) == solids
 
 
 def test_lists_tell_the_units_of_their_numbers(capsys):
@@ -522,6 +604,7 @@ NEEDED = {
     "program": ["plan.json", "box.off", "--cell", "cell.toml"],
     "reach": ["plan.json", "box.off", "--cell", "cell.toml"],
     "render": ["plan.json", "--part", "box.off", "--out", "out"],
+    "lights": ["plan.json", "--part", "box.off"],
     "measure": ["plan.json", "parts", "--part", "box.off", "--out", "out"],
 }
 NO_NUMBER = ["many"]
@@ -538,6 +621,7 @@ BAD = {
     "--dimensions": ["nowhere.toml"],
     "--distances": ["near"],
     "--draws": ["0"],
+    "--edges": ["0.3..0.1"],
     "--effort": ["none"],
     "--entities": ["?"],
     "--field-margin-px": NEGATIVE,
@@ -553,6 +637,7 @@ BAD = {
     "--jobs": ["0"],
     "--light": ["torch"],
     "--localisation": ["sharp"],
+    "--material": ["wood"],
     "--memory-limit": ["0"],
     "--min-corner-deg": ["90"],
     "--min-length": NEGATIVE,
@@ -570,6 +655,7 @@ BAD = {
     "--read-time-limit": ["0"],
     "--ready-input": NEGATIVE,
     "--rows": ["0"],
+    "--operator": [" "],
     "--serial": [" "],
     "--scheduler": ["nowhere"],
     "--seed": NEGATIVE,
@@ -582,6 +668,7 @@ BAD = {
     "--sigma-mm": NEGATIVE,
     "--sigma-rad": ["inf"],
     "--sigma-part": ["-1mm,1mrad"],
+    "--repeatability": ["-1mm,1mrad"],
     "--simulate": ["0"],
     "--solids": NO_NUMBER,
     "--speed": ["0"],
@@ -597,6 +684,7 @@ BAD = {
     "--write": ["camera.txt"],
     "--workspace": ["1", "1", "1", "0", "0", "0"],
     "--white-level": ["4095.5"],
+    "--response": ["9"],
 }
 
 

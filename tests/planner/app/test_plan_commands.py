@@ -129,7 +129,10 @@ def test_what_no_fixed_lamp_shows_makes_the_plan_incomplete(folder, capsys):
 
 
 BAD = {
-    "no such kind": (["--light", "torch"], "--light must be ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:"),
+    "no such kind": (
+        ["--light", "torch"],
+        "--light must be backlight, diffuse-dome, coaxial or ring-light",
+    ),
     "five numbers": (["--light", "box:0,0,0,1,1"], "Got 'box:0,0,0,1,1'."),
     "no numbers": (["--light", "dome:a,b,c,d"], "Got 'dome:a,b,c,d'."),
     "box upside down": (["--light", "box:0,0,0,1,1,-1"], "low must be below high"),

@@ -91,7 +91,7 @@ def test_a_plan_out_of_reach_is_not_done(capsys):
         (["--speed", "150%"], "--speed must be in (0, 1]. Got 1.5."),
         (["--settle", "-1"], "--settle must be finite and not negative. Got -1."),
         (["--sigma-joints", "-1"], "--sigma-joints must be finite and not negative. Got -1."),
-        (["--sigma-joints", "2"], "--sigma-joints must be in [0, 1] rad"),
+        (["--sigma-joints", "2rad"], "--sigma-joints must be in [0, 1] rad"),
         (["--sigma-part", "0.1"], "--sigma-part must be a length and an angle"),
         (["--sigma-hand-eye", "500,0.001"], "--sigma-hand-eye must have standard deviations"),
         (["--format", "ls"], "--format must be one of urscript, rapid"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import holed_plate as plates
@@ -56,6 +57,43 @@ def fine_plate(left=0.0, right=0.0, height=0.0, width=0.0):
     vertices[vertices[:, 2] > 5, 2] += height
     vertices[vertices[:, 1] > 49, 1] += width
     return vertices, solid.triangles
+
+
+def broken_plate(profile, **deviations):
+    """Vertices and triangles of such a plate whose upper edges are broken.
+
+    The profile (k, 2) leads from the top to the sides: how far from the edge its points are along the top, and along
+    the sides, mm. A chamfer of c is [(c, 0), (0, c)].
+    """
+    vertices, triangles = fine_plate(**deviations)
+    top = vertices[:, 2].max()
+    upper = np.flatnonzero(vertices[:, 2] > top - 1e-9)
+    inward = np.zeros_like(vertices)
+    for centre, radius in plates.HOLES.values():
+        off = vertices[upper, :2] - centre
+        near = np.linalg.norm(off, axis=1) < 1.2 * radius
+        inward[upper[near], :2] = off[near] / np.linalg.norm(off[near], axis=1)[:, None]
+    middle = vertices[:, :2].mean(axis=0)
+    corners = upper[~inward[upper].any(axis=1)]
+    inward[corners, :2] = -np.sign(vertices[corners, :2] - middle)
+    # each upper vertex becomes one for each point of the profile
+    rings = np.full((len(profile), len(vertices)), -1)
+    parts = [vertices]
+    for k, (along, down) in enumerate(profile):
+        rings[k, upper] = len(vertices) + k * len(upper) + np.arange(len(upper))
+        parts.append(vertices[upper] + along * inward[upper] - [0.0, 0.0, down])
+    is_top = np.isin(triangles, upper).all(axis=1)
+    last = np.where(rings[-1] >= 0, rings[-1], np.arange(len(vertices)))
+    found = [rings[0][triangles[is_top]], last[triangles[~is_top]]]
+    count = np.isin(triangles, upper).sum(axis=1)
+    for triangle in triangles[count == 2]:
+        # the edge of a side that lies on top
+        k = next(k for k in range(3) if triangle[k - 1] in upper and triangle[k] in upper)
+        a = triangle[k - 1]
+        b = triangle[k]
+        for above, below in pairwise(rings):
+            found.append([[below[b], below[a], above[a]], [below[b], above[a], above[b]]])
+    return np.concatenate(parts), np.concatenate([np.asarray(part) for part in found])
 
 
 def dimension(kind, entities, geometry, tolerance, direction=None):

@@ -2,17 +2,19 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from lit_parts import RIM, block, step
 from plan_examples import plan, setting
+from scipy.spatial.transform import Rotation
 
 from aspectgraph.solid.solid import RayScene
-from planner import Camera, Exposure, LightPlan, LitImage, look_at
+from planner import Camera, Exposure, LightPlan, LitImage, PoseUncertainty, look_at
 from planner.camera.camera import image_of
 from planner.camera.pose import world_to_cam
-from planner.light.light_plan import exposure, irradiance
+from planner.light.light_plan import WHITE_SHARE, beside, exposure, irradiance, spread_px
 from planner.light.plan_light import plan_light
 from planner.report.setting_report import exposure_texts
 
@@ -72,14 +74,66 @@ def test_lamps_of_a_plan_come_with_what_to_expose_for():
     (image,) = light.images[0]
     found = image.expose_for
     assert (found.target, found.dimmest) == ("right", "left")
-    # the light is most in the middle of the edge
-    np.testing.assert_allclose(found.pixel, pixel_of([80.0, 25.0, 60.0]), atol=4)
+    # of a place on the upper face, whose light is known
+    way = (np.array(found.pixel) - pixel_of([40.0, 25.0, 60.0])) * 300 * 0.0138 / 25.0
+    aside = np.hypot(50.0 - abs(way[0]), way[1])
+    place = 100 / np.hypot(100, aside) ** 3
     near = 100 / np.hypot(100, 10.5) ** 3
     far = 100 / np.sqrt(100**2 + 89.5**2) ** 3
     # half of the left edge is nearer to its middle than 12.5 mm
     assert found.times == pytest.approx(near / far, rel=0.1)
+    # evenly lit: the darkest place around counts
+    assert 0.85 < found.share / (WHITE_SHARE * place / near) < 1.02
+    assert found.radius_px == 10
     assert LightPlan.from_dict(json.loads(json.dumps(light.to_dict()))) == light
     assert plan_light(above, block(), [[90.0, 25.0, 160.0]]) == light
+
+
+def displaced(pose, move):
+    moved = pose.copy()
+    moved[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(move[3:]).as_matrix()
+    moved[:3, 3] += pose[:3, :3] @ move[:3]
+    return moved
+
+
+def test_a_displaced_camera_is_not_overexposed():
+    """The camera is moved by some pixels. The place beside the brightest edge has 80 % then, and not more."""
+    solid = step()
+    scene = scene_of(solid)
+    pose = look_at([[10.0, 20.0, 300.0]], [30.0, 20.0, 0.0])[0]
+    points = {"rim": np.array([[30.0, 0.0, 10.0], [30.0, 40.0, 10.0]])}
+    lamps = np.array([[80.0, 20.0, 120.0]])
+    uncertainty = PoseUncertainty.isotropic(translation_mm=0.3, rotation_rad=0.004)
+    seen = SimpleNamespace(camera=CAMERA, pose_uncertainty=uncertainty)
+    spread = spread_px(seen, pose, points["rim"])
+    exposed = exposure(scene, pose, CAMERA, points, lamps, spread)
+    assert exposed.radius_px > 0
+    rng = np.random.default_rng(4)
+    moves = rng.standard_normal((60, 6)) * uncertainty.sigmas
+    steps = np.arange(-exposed.radius_px, exposed.radius_px + 1, 4)
+    disc = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    disc = disc[np.hypot(*disc.T) <= exposed.radius_px]
+    white = []
+    for move in moves:
+        real = displaced(pose, move)
+        region = irradiance(scene, real, CAMERA, np.array(exposed.pixel) + disc, lamps)
+        ring = beside(CAMERA, real, points["rim"]).reshape(-1, 2)
+        brightest = irradiance(scene, real, CAMERA, ring, lamps).max()
+        white.append(exposed.share / region.mean() * brightest)
+    assert np.quantile(white, 0.95) < 0.83
+    assert np.quantile(white, 0.05) > 0.6
+
+
+def test_the_spread_of_an_image_is_that_of_displaced_cameras():
+    """Of 99 of 100 draws, by images of real displacements; the formula is the one of the wider direction."""
+    place = np.array([[60.0, 40.0, 60.0]])
+    for mm, rad in ((0.4, 1e-6), (1e-6, 0.003), (0.3, 0.002)):
+        uncertainty = PoseUncertainty.isotropic(translation_mm=mm, rotation_rad=rad)
+        seen = SimpleNamespace(camera=CAMERA, pose_uncertainty=uncertainty)
+        moves = np.random.default_rng(3).standard_normal((2000, 6)) * uncertainty.sigmas
+        local = np.concatenate([world_to_cam(place, displaced(ABOVE, move)) for move in moves])
+        away = np.linalg.norm(image_of(CAMERA, local / local[:, 2:]) - pixel_of(place[0]), axis=1)
+        assert spread_px(seen, ABOVE, place) == pytest.approx(np.quantile(away, 0.99), rel=0.1)
 
 
 def test_of_two_equally_bright_targets_the_first_is_named():
@@ -131,10 +185,10 @@ def test_the_report_says_what_to_expose_for():
         light=light,
     )
     (text,) = exposure_texts(lit, scene_of(step()), 0)
-    assert text.startswith("under lamp 1, expose so that pixel (")
-    assert "beside rim has 80 % of white" in text
+    assert text.startswith("under lamp 1, expose so that the mean within 10 px of pixel (")
+    assert "at rim, then has 80 % of white" in text
     # what the plan holds is not computed again
-    stored = Exposure("rim", (7, 9), "rim", 1.0)
+    stored = Exposure("rim", (7, 9), "rim", 1.0, 0)
     images = ((LitImage((0,), {"rim": 0.5}, (), stored),),)
     known = dataclasses.replace(lit, light=dataclasses.replace(light, images=images))
     (text,) = exposure_texts(known, scene_of(step()), 0)

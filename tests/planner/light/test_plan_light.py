@@ -17,7 +17,7 @@ from aspectgraph.solid.solid import RayScene
 from errors.measurands import Circle, Line
 from planner import RequestError, RingSpace, SphereRegion, plan_light
 from planner.light import plan_light as fewest
-from planner.light.corner_light import LampSets, _parts, demands_of, seen_as, sites_of
+from planner.light.corner_light import LampSets, demands_of, parts_of, seen_as, sites_of
 from planner.light.light_plan import LightPlan
 from planner.light.lighting import LampBox, LampDome, Lighting, Served
 from planner.light.plan_light import LampSearch
@@ -345,7 +345,7 @@ def _light(one):
         (
             "torch",
             {},
-            "lamps must be positions, a LampBox, a LampDome or 'ring'. Got 'torch'.",
+            "lamps must be positions, a LampBox, a LampDome, a light with an area, 'ring', ",
         ),
         ([], {}, "lamps must be finite numbers in mm, shape (n, 3). Got []."),
         ([[1, 2]], {}, "lamps must be finite numbers in mm, shape (n, 3). Got [[1, 2]]."),
@@ -610,12 +610,12 @@ def of(*geometry):
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1)])
 def test_a_rim_and_an_edge_of_a_dimension_are_those_of_the_part(axis):
     (centre, radius) = HOLES["right"]
-    rim, edge = _parts(of(Circle((*centre, HEIGHT), axis, radius), Line(*FRONT)), PLATE, "it")
+    rim, edge = parts_of(of(Circle((*centre, HEIGHT), axis, radius), Line(*FRONT)), PLATE, "it")
     assert rim.kind == "rim"
     assert rim.circle.centre == pytest.approx([*centre, HEIGHT])
     assert rim.circle.radius_mm == pytest.approx(radius)
     assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
-    (edge,) = _parts(edge_target("edge", FRONT), PLATE, "edge")
+    (edge,) = parts_of(edge_target("edge", FRONT), PLATE, "edge")
     assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))
 
 
@@ -633,14 +633,14 @@ def test_a_rim_and_an_edge_of_a_dimension_are_those_of_the_part(axis):
 )
 def test_of_another_part_they_are_not_found(geometry):
     with pytest.raises(RequestError, match=r"solid must be the plan's part\."):
-        _parts(of(geometry), PLATE, "it")
+        parts_of(of(geometry), PLATE, "it")
 
 
 def test_a_stretch_and_a_run_are_lit_as_the_whole_edge_and_rim():
     (centre, radius) = HOLES["right"]
     run = Circle((*centre, HEIGHT), (0, 0, 1), radius, (1, 0, 0), 1.0)
     stretch = Line((20, 0, 10), (40, 0, 10))
-    rim, edge = _parts(of(run, stretch), PLATE, "it")
+    rim, edge = parts_of(of(run, stretch), PLATE, "it")
     assert rim.kind == "rim"
     assert rim.circle.centre == pytest.approx([*centre, HEIGHT])
     assert sorted(map(tuple, edge.endpoints.tolist())) == sorted(map(tuple, FRONT))

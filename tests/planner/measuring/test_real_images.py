@@ -143,6 +143,7 @@ def taken(images, response="linear", bits=8, seed=1):
 
 
 SHARP = Plate(0.03, -0.02)
+BROKEN = Plate(-0.02, 0.025, break_mm=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -156,10 +157,56 @@ def sharp():
     return [SHARP.image(pose) for pose in POSES]
 
 
-@pytest.mark.parametrize("bits", [8, 10, 12, 16])
+@pytest.fixture(scope="module")
+def broken():
+    return [BROKEN.image(pose) for pose in POSES]
+
+
+def wrong_in_silence(results, truth):
+    """Names of the values that are off by more than U, and of which nothing is said."""
+    return [
+        result.name
+        for result in results
+        if result.measured
+        and abs(result.value - truth[result.name]) > result.expanded_uncertainty
+        and not (result.notes or results.notes)
+    ]
+
+
+@pytest.mark.parametrize("bits", [8, 12])
 def test_linear_images_of_sharp_edges_are_read_within_u(measurer, sharp, bits):
     options = MeasureOptions(Registration.own_edges(), white_level=2**bits - 1)
     results = measurer.measure(taken(sharp, bits=bits), options)
     for result in results:
         assert result.measured, result.reason
         assert abs(result.value - SHARP.values[result.name]) <= result.expanded_uncertainty
+
+
+@pytest.mark.parametrize("response", ["1.8", "2.2"])
+def test_a_curved_response_is_estimated_or_said(measurer, sharp, response):
+    results = measurer.measure(taken(sharp, response), MeasureOptions(Registration.own_edges()))
+    assert not wrong_in_silence(results, SHARP.values)
+    # steps of many levels tell the response well enough
+    assert all(result.measured for result in results)
+    for result in results:
+        assert abs(result.value - SHARP.values[result.name]) <= result.expanded_uncertainty
+    assert any("not proportional to light" in note for note in results.notes)
+
+
+@pytest.mark.parametrize("response", ["srgb"])
+def test_a_stated_response_is_undone(measurer, sharp, response):
+    options = MeasureOptions(Registration.own_edges(), response=response)
+    results = measurer.measure(taken(sharp, response), options)
+    for result in results:
+        assert result.measured, result.reason
+        assert abs(result.value - SHARP.values[result.name]) <= result.expanded_uncertainty
+    assert not results.notes
+
+
+def test_rims_whose_breaks_are_stated_are_read_within_u(measurer, broken):
+    options = MeasureOptions(Registration.own_edges(), edge_break_mm=(0.1, 0.3))
+    results = measurer.measure(taken(broken), options)
+    read = [result for result in results if result.measured]
+    assert {"left", "right", "apart"} <= {result.name for result in read}
+    for result in read:
+        assert abs(result.value - BROKEN.values[result.name]) <= result.expanded_uncertainty

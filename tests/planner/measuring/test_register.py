@@ -32,12 +32,15 @@ from planner.measuring.register import (
 from planner.measuring.registered import FREE_PX, displaced, prior_covariance
 from planner.measuring.samples import POSE, STEP_PX, PartModel
 from planner.measuring.task import (
+    REPEATABILITY,
     ImageScan,
     NotRegisteredError,
+    check_one_pose,
     cost_of,
     damped,
     noise_of,
     registration_task,
+    with_breaks,
 )
 
 
@@ -109,6 +112,41 @@ def test_images_of_one_setting_must_have_one_pose(model, real, images, move):
     with pytest.raises(NotRegisteredError, match="setting_01_1 and other are from different poses"):
         register(model, [first, Picture.of("other", moved, CAMERA)], POSES[0], prior)
     register(model, [first, Picture.of("other", again, CAMERA)], POSES[0], prior)
+
+
+@pytest.mark.parametrize("move", [[0.0] * 6, [0.03, -0.02, 0.01, 1e-4, -2e-4, 1e-4]])
+def test_each_image_of_a_setting_has_its_own_pose(model, real, images, move):
+    """The camera moves by its repeatability between two lamps: each image's pose is that which it was taken from."""
+    prior = prior_covariance(model, UNCERTAINTY.covariance, 0.02, CAMERA)
+    places = np.array([real[0], displaced(real[0], move)[0]])
+    again = photograph(fine_plate(left=0.05, width=0.1), places[1:], seed=2)[1]
+    pictures = [Picture.of("first", images[1], CAMERA), Picture.of("second", again, CAMERA)]
+    both = register(model, pictures, POSES[0], prior)
+    for name, place in zip(("first", "second"), places, strict=True):
+        step = np.linalg.inv(both.of(name).cam2world) @ place
+        turn = np.array([step[2, 1], step[0, 2], step[1, 0]])
+        off = np.concatenate([step[:3, 3], turn])
+        # six degrees of freedom: 1 in 10,000 beyond
+        assert off @ np.linalg.solve(both.of(name).pose_covariance, off) < 27.9
+    found = np.linalg.inv(both.of("first").cam2world) @ both.of("second").cam2world
+    # across the optical axis, where an image tells a shift from a turn least, both move the image alike
+    shift_px = (found[:2, 3] - 285 * np.array([-found[0, 2], -found[1, 2]])) / 0.17
+    true = np.array([move[0] + 285 * move[4], move[1] - 285 * move[3]]) / 0.17
+    np.testing.assert_allclose(shift_px, true, atol=0.1)
+
+
+def test_breaks_of_edges_look_like_moves():
+    """Under a lamp from one side, all edges that are broken by 0.1 mm move by up to that: twice as far is a move."""
+    still = with_breaks(REPEATABILITY, 0.1)
+    assert still.sigmas[0] == pytest.approx(np.hypot(0.1, 0.02))
+    assert still.sigmas[3] == pytest.approx(1e-4)
+    names = ("a", "b")
+    covariance = np.eye(6) * 1e-12
+    check_one_pose(names, np.array([0.3, 0, 0, 0, 0, 0]), covariance, still)
+    with pytest.raises(NotRegisteredError, match="a and b are from different poses"):
+        check_one_pose(names, np.array([0.6, 0, 0, 0, 0, 0]), covariance, still)
+    with pytest.raises(NotRegisteredError, match=r"5\.0 standard deviations of its repeatability"):
+        check_one_pose(names, np.array([0.1, 0, 0, 0, 0, 0]), covariance)
 
 
 def test_stated_poses_must_be_near_the_planned_ones(solid, images, real):
@@ -196,7 +234,15 @@ def test_faces_that_deviate_more_than_stated_are_noticed(solid, images):
     plan = measured_plan(solid, ["left"])
     fine = Localisation.gaussian(0.1, floor_px=0.01)
     found = {
-        mm: measure(plan, solid, images, registration=Registration.own_edges(mm), localisation=fine)
+        # the plate is rendered with sharp edges
+        mm: measure(
+            plan,
+            solid,
+            images,
+            registration=Registration.own_edges(mm),
+            localisation=fine,
+            edge_break_mm=(0.0, 0.0),
+        )
         for mm in (0.1, 0.01)
     }
     assert not any("faces deviate" in note for note in found[0.1].notes)

@@ -67,6 +67,8 @@ def test_images_under_lamps_say_what_to_expose_for(tmp_path):
             "pixel": [1200, 800],
             "dimmest": "top front",
             "times": 2.5,
+            "radius_px": 0,
+            "share": 0.8,
         }
         assert found["expose_for"] == exposed
     assert settings[0]["images"][1]["expose_for"] is None

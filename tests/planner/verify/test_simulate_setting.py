@@ -345,7 +345,8 @@ def test_u_covers_what_is_simulated_with_everything(kind):
     )
     uncertainty = PoseUncertainty.isotropic(translation_mm=0.02, rotation_rad=0.0003)
     told = one.describe(SLANTED, Means(CAMERA_SIMULATED_COMMON_ERRORS, uncertainty))
-    assert min(told.budget.values()) > 0
+    # breaks of edges are not normal, and tested with P
+    assert min(v for source, v in told.budget.items() if source != "edge_state") > 0
     poses = displaced_poses(SLANTED, uncertainty, DRAWS, np.random.default_rng(4))
     found = errors_of(one, SLANTED, poses)
     held = np.mean(np.abs(found) <= told.expanded_uncertainty)

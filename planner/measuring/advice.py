@@ -1,0 +1,165 @@
+"""What to change in the shop where an image or a reading fails: one sentence, for the likeliest cause."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.measuring.images import DARK_SHARE, MOST_BLUR_PX, WELL_EXPOSED, Picture
+from planner.measuring.reading import Reading, largest_state
+from planner.measuring.samples import STATE_TEXTS, State
+
+SHORTER = "expose for a shorter time: edges lie beside overexposed places"
+FOCUS = "focus: blurred edges run into each other"
+LIGHT = "light it from another side: the faces beside it are about equally bright"
+TWO_STEPS = (
+    "look at the edge: a broken or printed edge shows two steps; state its break, "
+    "or light it so that only one shows, for example from behind"
+)
+SHADOW = "move the lamp: the shadow that it casts ends beside the edge"
+NEAR_LINE = "measure it from another view: another line of the part lies beside it here"
+AT_END = (
+    "check that the part is of this revision and lies as planned: edges lie at the end of where they "
+    "are searched; state how far surfaces deviate if it does"
+)
+MOVED = "check that the part is of this revision; state how far surfaces deviate if they are farther off"
+ROUGH = "clean the edge, or light it more evenly: what is found lies on no line or circle"
+OUTSIDE = "check the pose: the edge leaves the image"
+HIDDEN = "measure it from another view: the part hides it here"
+
+# of samples that are lost in the likeliest way; blur makes others
+_BY_STATE = {
+    State.CLIPPED: SHORTER,
+    State.TWO_STEPS: TWO_STEPS,
+    State.SHADOW: SHADOW,
+    State.NEAR_LINE: NEAR_LINE,
+    State.AT_END: AT_END,
+    State.OUTLIER: ROUGH,
+    State.OUTSIDE: OUTSIDE,
+    State.HIDDEN: HIDDEN,
+}
+_BY_TEXT = {STATE_TEXTS[state]: advice for state, advice in _BY_STATE.items()}
+_OF_BLUR = tuple(
+    STATE_TEXTS[state] for state in (State.WEAK, State.TWO_STEPS, State.AT_END, State.OUTLIER)
+)
+# px around samples, to see whether there is light
+_AROUND_PX = 4
+_BRIGHT = 0.95
+
+
+def advice_of(
+    counts: Mapping[str, int], picture: Picture, places: NDArray[np.float64], blur_px: float
+) -> str:
+    """Return what to change, for edges that were not found.
+
+    Parameters
+    ----------
+    counts : mapping of str to int
+        Samples by what became of them, in words, see `planner.measuring.samples.STATE_TEXTS`.
+    picture : Picture
+        The image.
+    places : array (m, 2)
+        Where the samples are, px.
+    blur_px : float
+        Blur across edges of the image; nan if it is not known.
+
+    Returns
+    -------
+    str
+        A clause in the imperative; empty if nothing was lost.
+    """
+    worst = largest_state(counts)
+    if not worst:
+        return ""
+    if blur_px > MOST_BLUR_PX and worst in _OF_BLUR:
+        return FOCUS
+    if (
+        worst == STATE_TEXTS[State.AT_END]
+        and counts.get(STATE_TEXTS[State.FOUND], 0) >= counts[worst]
+    ):
+        # an edge that is mostly where it should be has not moved: something else is beside it
+        return SHADOW
+    if worst != STATE_TEXTS[State.WEAK]:
+        return _BY_TEXT[worst]
+    bright = brightness(picture, places)
+    if bright < DARK_SHARE:
+        times = WELL_EXPOSED / max(bright, 0.004)
+        return (
+            f"expose for {times:.1f} times as long, or light it from another side: it is dark there"
+        )
+    return LIGHT
+
+
+def brightness(picture: Picture, places: NDArray[np.float64]) -> float:
+    """Return how bright the bright pixels around places (m, 2) are, as a share of white; 0 off the image."""
+    finite = places[np.isfinite(places).all(axis=1)]
+    steps = np.arange(-_AROUND_PX, _AROUND_PX + 1)
+    shifts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    pixels = (np.rint(finite).astype(np.int64)[:, None] + shifts).reshape(-1, 2)
+    height, width = picture.grey.shape
+    inside = ((pixels >= 0) & (pixels < [width, height])).all(axis=1)
+    if not inside.any():
+        return 0.0
+    u, v = pixels[inside].T
+    return float(np.quantile(picture.grey[v, u], _BRIGHT)) / picture.white
+
+
+def advised(reading: Reading, picture: Picture, blur_px: float) -> Reading:
+    """Return a reading that says what to change if it has no value.
+
+    Parameters
+    ----------
+    reading : Reading
+        The reading.
+    picture : Picture
+        Its image.
+    blur_px : float
+        Blur across edges of the image; nan if it is not known.
+    """
+    if reading.measured or not reading.points:
+        return reading
+    places = np.concatenate([np.c_[points["u"], points["v"]] for points in reading.points])
+    advice = advice_of(reading.counts, picture, places, blur_px)
+    return replace(reading, advice=MOVED if reading.moved else advice)
+
+
+def advice_of_images(pictures: Sequence[Picture], lost: Mapping[str, int]) -> str:
+    """Return what to change, for images of a setting that cannot be registered.
+
+    Parameters
+    ----------
+    pictures : sequence of Picture
+        The images.
+    lost : mapping of str to int
+        Samples of all edges by what became of them, in words; empty if they were not looked for.
+
+    Returns
+    -------
+    str
+        A clause in the imperative; empty if nothing is known.
+    """
+    if all(picture.overexposed for picture in pictures):
+        return "expose for half of the time or less: much of the image is overexposed"
+    bright = max(picture.bright_share for picture in pictures)
+    if bright < DARK_SHARE:
+        times = WELL_EXPOSED / max(bright, 0.004)
+        return f"expose for {times:.1f} times as long: the image is dark"
+    worst = largest_state(lost)
+    if worst == STATE_TEXTS[State.WEAK]:
+        return "light more of the part: most of its edges lack contrast"
+    if worst in (STATE_TEXTS[State.AT_END], STATE_TEXTS[State.OUTLIER]):
+        return "check the part's revision, its clamping and the camera's pose"
+    return _BY_TEXT.get(worst, "")
+
+
+def with_advice(reason: str, advice: str) -> str:
+    """Return why an image fails, and what to change if that is known."""
+    return f"{reason}; {advice}" if advice else reason
+
+
+def as_sentence(advice: str) -> str:
+    """Return advice as a sentence; empty if there is none."""
+    return f"{advice[:1].upper()}{advice[1:]}." if advice else ""

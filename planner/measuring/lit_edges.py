@@ -1,0 +1,289 @@
+"""What `measure` will find of a target under a lamp: the part of a plan's promise that is not geometry of errors.
+
+Notation
+--------
+E   light on a place of a face, as a share of what falls on a face lit frontally there: a cosine, or 0 in a shadow
+s   step of an edge: the difference of E on both of its sides
+
+The samples are those of `measure`. One counts as found if nothing hides it, no other line is near, s is large enough,
+and no shadow ends near it. All of this is computed for the nominal part and the planned pose, and a reserve is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aspectgraph import Solid
+from planner.camera.camera import Camera
+from planner.detectability.image_check import COVERAGE_SHARE, SECTORS
+from planner.measuring.registered import Faces
+from planner.measuring.samples import (
+    APART_PX,
+    PartModel,
+    Samples,
+    across_of,
+    pixels_of,
+)
+from planner.measuring.verdict import Sampled
+from planner.request.registration import OWN_EDGES, RegistrationRecord
+from planner.request.targets import Target
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+LEAST_STEP = 0.06
+"""Step, as a share of a face lit frontally, from which on an edge counts as found.
+
+If the brightest place beside an edge has 80 % of white, this is 5 % of white at least; scans need 2 to 3 %.
+"""
+RESERVE = 0.08
+"""A target is readable if this much more of it is found than `measure` needs: shadows take more in images."""
+LEAST_OF_SECTOR = 0.4
+"""And this share of each of its twelfths."""
+LEAST_EDGE_STEP = 0.03
+"""The same as `LEAST_STEP` of the edges that an image is registered to: some of them may be missed."""
+LEAST_REGISTERED = 0.4
+"""Share of the part's visible edges that a lamp must show, so that its image can be registered.
+
+Images of five parts were registered with 0.36 and more; with 0.28, 10 of 12 were not.
+"""
+
+# places on either side, px: the first is where the step is, and all of them are lit or none
+_BESIDE_PX = (3.0, 1.5, 4.5, 6.0)
+_MARGIN_PX = 4.0
+# samples of an entity, and of all edges, that are looked at
+_MOST_SAMPLES = 96
+_MOST_OF_ALL = 240
+# samples that an entity has at least, before they are thinned
+_LEAST_SAMPLES = 10
+# rays at a time
+_RAYS = 200_000
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Places (k, 2, m) on both sides of samples, at k distances, and which are on the part."""
+
+    faces: Faces
+    on_part: Bools
+    background: float
+    least_step: float = LEAST_STEP
+
+    @classmethod
+    def of(
+        cls,
+        sampled: Sampled,
+        distances: tuple[float, ...],
+        background: float,
+        least_step: float = LEAST_STEP,
+    ) -> _Sides:
+        """Return the places beside samples."""
+        samples = sampled.samples
+        across = across_of(samples.points, samples.tangents, sampled.pose, sampled.camera)
+        both = [sampled.beside(across, distance) for distance in distances]
+        first = both[0][0]
+        faces = Faces(
+            np.stack([faces.points for faces, _ in both]),
+            np.stack([faces.normals for faces, _ in both]),
+            first.eye,
+            first.middle,
+            first.scene,
+        )
+        on_part = np.stack([on_part for _, on_part in both])
+        return cls(faces, on_part, background, least_step)
+
+    def found(self, lamps: Array) -> Bools:
+        """Return which samples (n, m) lamps (n, 3) show, with no shadow that ends beside them."""
+        is_found = np.empty((len(lamps), self.on_part.shape[-1]), dtype=np.bool_)
+        block = max(1, _RAYS // self.on_part.size)
+        for first in range(0, len(lamps), block):
+            of_block = slice(first, first + block)
+            light, _ = self.faces.light(lamps[of_block, None, None, None])
+            light = np.where(self.on_part, light, self.background)
+            shows = np.abs(light[:, 0, 1] - light[:, 0, 0]) >= self.least_step
+            is_lit = light > 0
+            even = (is_lit == is_lit[:, :1]) | ~self.on_part
+            is_found[of_block] = shows & even.all(axis=(1, 2))
+        return is_found
+
+
+@dataclass(frozen=True)
+class EntityLight:
+    """Samples (m) of an entity in an image, and places beside them.
+
+    Attributes
+    ----------
+    name : str
+        The entity.
+    share : array (m,)
+        Where the samples are on it.
+    usable : array of bool (m,)
+        Whether nothing hides them and no other line is near.
+    sides : _Sides or None
+        None of an entity with too few samples.
+    """
+
+    name: str
+    share: Array
+    usable: Bools
+    sides: _Sides | None
+
+    def covers(self, found: Bools, reserve: float, least_of_sector: float) -> Bools:
+        """Tell of samples that are found (n, m) whether they are enough to be measured, with a reserve."""
+        low = self.share.min()
+        high = self.share.max()
+        sector = ((self.share - low) / max(high - low, 1e-12) * SECTORS).astype(int)
+        holds = np.minimum(sector, SECTORS - 1)[:, None] == np.arange(SECTORS)
+        offered = holds.sum(axis=0)
+        needed = np.maximum(least_of_sector * offered, offered > 0)
+        enough = found.mean(axis=1) >= COVERAGE_SHARE + reserve
+        return np.asarray(enough & (found.astype(int) @ holds >= needed).all(axis=1))
+
+
+@dataclass(frozen=True)
+class TargetLight:
+    """What `measure` will read of a target in a setting, whose entities are these."""
+
+    entities: list[EntityLight]
+
+    @cached_property
+    def reason(self) -> str:
+        """Why no lamp helps; empty if one may."""
+        for entity in self.entities:
+            if entity.sides is None:
+                return f"the image of {entity.name} is too short"
+            if not entity.covers(entity.usable[None], 0.0, 0.0)[0]:
+                share = f"{100 * entity.usable.mean():.0f} % of {entity.name}"
+                return f"only {share} is visible and {APART_PX:.0f} px apart from other lines"
+        return ""
+
+    def shown(self, lamps: Array) -> Bools:
+        """Return under which lamps (n, 3) enough of the target is found."""
+        readable = np.full(len(lamps), not self.reason)
+        for entity in self.entities:
+            rows = np.flatnonzero(readable)
+            if len(rows) and entity.sides is not None:
+                is_found = entity.sides.found(lamps[rows]) & entity.usable
+                readable[rows] = entity.covers(is_found, RESERVE, LEAST_OF_SECTOR)
+        return readable
+
+
+@dataclass
+class LitEdges:
+    """What `measure` will find in images of a part; see the module.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    registers : bool
+        Whether images are registered to the part's own edges, so that enough of these must show.
+    """
+
+    solid: Solid
+    registers: bool
+    _model: PartModel | None = field(default=None, init=False, repr=False)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave the rays' scene behind: it cannot cross a process boundary."""
+        return {**self.__dict__, "_model": None}
+
+    @property
+    def model(self) -> PartModel:
+        """The part's edges."""
+        if self._model is None:
+            self._model = PartModel(self.solid, {})
+        return self._model
+
+    def of_target(
+        self, cam2world: Array, camera: Camera, target: Target, background: float
+    ) -> TargetLight:
+        """Return what will be read of a target.
+
+        Parameters
+        ----------
+        cam2world : array (4, 4)
+            The planned pose.
+        camera : Camera
+            The camera.
+        target : Target
+            The target.
+        background : float
+            Light behind the part, 0 or 1.
+        """
+        shown = self.model.shown(cam2world, camera)
+        entities = []
+        for shape in target.geometry:
+            edge = self.model.entity(shape, target.name)
+            every = self.model.edges.samples(cam2world, camera, [edge], _MARGIN_PX)
+            samples = _thinned(every, _MOST_SAMPLES)
+            pixels = pixels_of(samples.points, cam2world, camera)
+            usable = samples.visible & shown.apart([edge], samples.edge, pixels)
+            sides = None
+            if len(usable) >= _LEAST_SAMPLES:
+                sampled = Sampled(self.model.edges.scene, camera, cam2world, [edge], samples)
+                sides = _Sides.of(sampled, _BESIDE_PX, background)
+            entities.append(EntityLight(edge.name, samples.share, usable, sides))
+        return TargetLight(entities)
+
+    def registered(
+        self, cam2world: Array, camera: Camera, lamps: Array, background: float
+    ) -> Bools:
+        """Return whether lamps (n, 3) show enough of the part's edges, so that an image can be registered.
+
+        Parameters
+        ----------
+        cam2world, camera, background
+            As of `of_target`.
+        lamps : array (n, 3)
+            Lamps of which one is on, mm.
+        """
+        if not self.registers or not len(lamps):
+            return np.ones(len(lamps), dtype=np.bool_)
+        return self.shown_share(cam2world, camera, lamps, background) >= LEAST_REGISTERED
+
+    def shown_share(
+        self, cam2world: Array, camera: Camera, lamps: Array, background: float
+    ) -> Array:
+        """Return the share (n,) of the part's visible edges that lamps (n, 3) show, see `registered`."""
+        edges = self.model.edges.edges
+        shown = self.model.shown(cam2world, camera)
+        apart = shown.apart(edges, shown.samples.edge, shown.pixels)
+        samples = _thinned(shown.samples.chosen(apart), _MOST_OF_ALL)
+        if not len(samples.share):
+            return np.zeros(len(lamps))
+        sampled = Sampled(self.model.edges.scene, camera, cam2world, edges, samples)
+        sides = _Sides.of(sampled, _BESIDE_PX[:1], background, LEAST_EDGE_STEP)
+        return np.asarray(sides.found(lamps).mean(axis=1))
+
+
+def _thinned(samples: Samples, most: int) -> Samples:
+    """Return some of the samples, equally far apart, of more than so many."""
+    n = len(samples.share)
+    chosen = np.zeros(n, dtype=np.bool_)
+    chosen[np.linspace(0, n - 1, min(n, most)).round().astype(int)] = True
+    return samples.chosen(chosen)
+
+
+def reads_of(
+    solid: Solid, how: RegistrationRecord | None, targets: Iterable[Target]
+) -> LitEdges | None:
+    """Return what `measure` will find in images of a plan; None if it plans for no values.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    how : RegistrationRecord or None
+        How poses are known when values are read; None for no better than planned.
+    targets : iterable of Target
+        What is measured.
+    """
+    if all(target.in_image or target.measurand.in_image for target in targets):
+        return None
+    return LitEdges(solid, how is not None and how.method == OWN_EDGES)

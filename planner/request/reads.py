@@ -1,0 +1,38 @@
+"""What lamps are asked besides the faces beside edges: that measuring finds enough of each target."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.camera.camera import Camera
+from planner.request.targets import Target
+
+Array = NDArray[np.float64]
+
+
+class TargetReads(Protocol):
+    """What measuring will find of a target in a setting."""
+
+    @property
+    def reason(self) -> str:
+        """Why no lamp helps; empty if one may."""
+
+    def shown(self, lamps: Array) -> NDArray[np.bool_]:
+        """Return under which lamps (n, 3), of which one is on, enough of the target is found."""
+
+
+class Reads(Protocol):
+    """What measuring will find in images of a part under lamps, so that a plan promises no more than is read."""
+
+    def of_target(
+        self, cam2world: Array, camera: Camera, target: Target, background: float
+    ) -> TargetReads:
+        """Return what will be found of a target from a pose, before a background that is 0 or 1."""
+
+    def registered(
+        self, cam2world: Array, camera: Camera, lamps: Array, background: float
+    ) -> NDArray[np.bool_]:
+        """Return under which lamps (n, 3) an image from a pose can be registered."""

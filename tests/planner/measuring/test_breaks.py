@@ -1,0 +1,98 @@
+"""Values of parts whose edges are broken: plates with a true chamfer or radius, seen by rays."""
+
+from functools import cache
+
+import holed_plate as plates
+import measured_plate as plate
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from aspectgraph import Solid
+from errors.measurands import Circle
+from planner import MeasureOptions, Measurer, Registration
+from planner.measuring.breaks import steepest
+
+OWN = Registration.own_edges(0.02)
+CHAMFER = 0.3
+# .17 mm are a pixel
+PROFILES = {
+    "chamfer": [(CHAMFER, 0.0), (0.0, CHAMFER)],
+    "radius": [
+        (CHAMFER * (1 - np.sin(turn)), CHAMFER * (1 - np.cos(turn)))
+        for turn in np.linspace(0.0, np.pi / 2, 7)
+    ],
+}
+
+
+@cache
+def measurer():
+    solid = plate.thick_plate()
+    return Measurer(plate.measured_plan(solid, settings=1), solid)
+
+
+@cache
+def images(kind):
+    return plate.photograph(plate.broken_plate(PROFILES[kind]), plate.POSES[:1], samples=3)
+
+
+def results(kind, edge_break_mm):
+    return measurer().measure(images(kind), MeasureOptions(OWN, edge_break_mm=edge_break_mm))
+
+
+@pytest.mark.parametrize("kind", PROFILES)
+def test_values_of_stated_breaks_are_right_within_their_uncertainty(kind):
+    for result in results(kind, (0.2, 0.4)):
+        for reading in result.readings:
+            if reading.measured:
+                assert abs(reading.value - result.nominal) <= 2 * reading.standard_uncertainty
+                assert reading.budget["edge state"] > 0
+
+
+def test_what_is_assumed_is_said_with_what_a_break_does():
+    text = results("chamfer", None).edges
+    assert text.startswith("assumed sharp within 0.05 mm; a break of 0.1 mm would move ")
+    assert results("chamfer", (0.2, 0.4)).edges == "broken by 0.2 to 0.4 mm"
+
+
+def test_a_sharp_part_has_no_part_of_its_uncertainty_from_breaks():
+    sharp = plate.photograph(plate.fine_plate(), plate.POSES[:1], samples=2)
+    stated = measurer().measure(sharp, MeasureOptions(OWN, edge_break_mm=(0.0, 0.0)))
+    assumed = measurer().measure(sharp, MeasureOptions(OWN))
+    for result, wider in zip(stated, assumed, strict=True):
+        assert result.budget["edge state"] == 0.0
+        assert wider.value == pytest.approx(result.value, abs=result.standard_uncertainty)
+        assert wider.standard_uncertainty > result.standard_uncertainty
+
+
+def test_the_steepest_place_is_that_of_the_blurred_steps():
+    sigma = 1.3
+    ends = np.array([[[0.0, 1.5]], [[0.0, 4.0]]])
+    steps = np.array([[0.3, 0.1]])
+    place = steepest(ends, steps, sigma)[:, 0]
+    at = np.linspace(-3.0, 7.0, 100_001)
+    for k, (first, second) in enumerate(ends[:, 0]):
+        grey = 0.3 * norm.cdf(at, first, sigma) + 0.1 * norm.cdf(at, second, sigma)
+        assert place[k] == pytest.approx(at[np.argmax(np.diff(grey))], abs=0.02)
+    assert steepest(np.array([[[-1.0, 2.0]]]), np.array([[0.2, 0.2]]), 2.0) == pytest.approx(
+        0.5, abs=0.02
+    )
+    assert np.isnan(steepest(ends, np.array([[0.2, -0.2]]), sigma)).all()
+
+
+def test_a_hole_with_a_modelled_chamfer_is_measured_at_the_rim_of_the_cylinder():
+    """The outer circle of the chamfer is 3.2 mm larger; the hole is 0.2 mm too large."""
+    chamfer = 1.6
+    profile = [(chamfer, 0.0), (0.0, chamfer)]
+    solid = Solid(*plate.broken_plate(profile), name="plate")
+    centre, radius = plates.HOLES["left"]
+    at = np.array([*centre, plate.TOP - chamfer])
+    rim = min(solid.rims(), key=lambda rim: np.linalg.norm(rim.centre - at))
+    assert rim.radius_mm == pytest.approx(radius, abs=1e-3)
+    circle = Circle(at, plate.UP, radius)
+    hole = plate.dimension("diameter", (rim.id,), (circle,), (-0.3, 0.3))
+    plan = plate.measured_plan(solid, ("left",), 1, dimensions={"left": hole})
+    taken = plate.photograph(plate.broken_plate(profile, left=0.1), plate.POSES[:1], samples=3)
+    result = Measurer(plan, solid).measure(taken, MeasureOptions(OWN))["left"]
+    assert result.measured, result.reason
+    assert abs(result.deviation - 0.2) < result.expanded_uncertainty < 0.1

@@ -1,0 +1,102 @@
+"""What a plan says that `measure` will find, against what it finds in rendered images."""
+
+import pickle
+import re
+
+import numpy as np
+import pytest
+from measured_plate import CAMERA, LAMP, POSES, TOP, fine_plate, measured_plan, thick_plate
+from part_images import Optics, PartImages
+from rendered_images import Lamp
+
+from planner import LampDome, measure
+from planner.light.lighting import Lighting
+from planner.light.plan_light import chosen_lamps
+from planner.measuring.lit_edges import LEAST_REGISTERED, LitEdges, reads_of
+from planner.measuring.samples import State
+from planner.request.registration import OWN_EDGES, RegistrationRecord
+
+LAMPS = np.array([LAMP.place, [40.0, 25.0, 400.0], [-250.0, 25.0, 160.0], [40.0, 330.0, 100.0]])
+
+
+@pytest.fixture(scope="module")
+def solid():
+    return thick_plate()
+
+
+@pytest.fixture(scope="module")
+def plan(solid):
+    return measured_plan(solid, settings=1)
+
+
+@pytest.fixture(scope="module")
+def reads(solid):
+    return LitEdges(solid, registers=True)
+
+
+def image_of(lamp):
+    given = {"matrix": CAMERA.matrix, "size": CAMERA.resolution, "noise": 0.005}
+    images = PartImages(*fine_plate(), Optics(**given))
+    return images.image(POSES[0], [Lamp(lamp)], np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("lamp", LAMPS)
+def test_samples_are_found_where_the_lamp_shows_them(solid, plan, reads, lamp):
+    """An image by a renderer of its own, at the planned pose. At the limits of steps, some samples differ."""
+    results = measure(plan, solid, {1: image_of(lamp)})
+    if results.failed:
+        share = reads.shown_share(POSES[0], CAMERA, lamp[None], 0.0)[0]
+        assert share < LEAST_REGISTERED
+        return
+    for result in results:
+        light = reads.of_target(POSES[0], CAMERA, plan.targets[result.name], 0.0)
+        (reading,) = result.readings
+        for entity, points in zip(light.entities, reading.points, strict=True):
+            found = entity.sides.found(lamp[None])[0] & entity.usable
+            at = np.abs(points["share"][:, None] - entity.share).argmin(axis=0)
+            is_found = np.isin(points["state"][at], (State.FOUND, State.OUTLIER))
+            # what is promised is found; more may be
+            assert np.mean(is_found[found]) > 0.95 if found.any() else True
+        if light.shown(lamp[None])[0]:
+            assert result.measured, result.reason
+
+
+def test_a_target_that_is_hidden_has_a_reason(solid, plan, reads):
+    """From below, at most half of the upper rim is seen through the bore."""
+    below = POSES[0].copy()
+    below[:3, 3] = [40.0, 25.0, -300.0]
+    below[:3, :3] = np.diag([1.0, 1.0, 1.0])
+    light = reads.of_target(below, CAMERA, plan.targets["left"], 0.0)
+    share = re.match(
+        r"only (\d+) % of r0 is visible and 5 px apart from other lines$", light.reason
+    )
+    assert share
+    assert int(share[1]) <= 50
+    assert not light.shown(LAMPS).any()
+
+
+def test_lamps_of_a_plan_show_what_is_read(solid, plan):
+    """Each lamp that is chosen shows enough of its targets; without the check, lamps may be others."""
+    reads = reads_of(solid, RegistrationRecord(OWN_EDGES, 0.02), plan.targets.values())
+    assert reads is not None
+    assert reads.registers
+    dome = Lighting(LampDome((40.0, 25.0, TOP), 330.0, 20.0))
+    light = chosen_lamps(dome, plan, solid, reads=reads)
+    assert light.complete
+    for image in light.images[0]:
+        lamps = light.lamps[list(image.lamps)]
+        for name in image.contrast:
+            assert reads.of_target(POSES[0], CAMERA, plan.targets[name], 0.0).shown(lamps).all()
+        assert reads.registered(POSES[0], CAMERA, lamps, 0.0).all()
+
+
+def test_a_plan_of_lengths_is_not_asked(solid):
+    plan = measured_plan(solid, ["long"], settings=1)
+    assert reads_of(solid, None, plan.targets.values()) is None
+
+
+def test_it_crosses_process_boundaries(solid, plan, reads):
+    again = pickle.loads(pickle.dumps(reads))
+    light = again.of_target(POSES[0], CAMERA, plan.targets["left"], 0.0)
+    mine = reads.of_target(POSES[0], CAMERA, plan.targets["left"], 0.0)
+    assert np.array_equal(light.shown(LAMPS), mine.shown(LAMPS))

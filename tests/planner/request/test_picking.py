@@ -1,0 +1,211 @@
+"""Picking in a notebook: the widget's front end in a real browser, and what a plan takes of it."""
+
+import json
+import sys
+import tomllib
+
+import pytest
+from browser import Browser, needs_browser
+from solids import prism, ring
+
+from aspectgraph import MissingExtraError, Solid
+from aspectgraph.plot.picker import picker_html
+from ground.templates import asset
+from planner import Dimension, pick
+from planner.request import dimension_files
+from planner.request.resolve import resolve_wanted
+
+WIDTH_PX = 1000
+HEIGHT_PX = 640
+
+# the model of a widget, as notebooks give it to a front end
+STUB = """
+const model = {
+  values: VALUES, handlers: [], saved: [],
+  get(name) { return this.values[name]; },
+  set(name, value) {
+    const same = JSON.stringify(this.values[name]) === JSON.stringify(value);
+    this.values[name] = value;
+    if (!same) this.handlers.filter(([event]) => event === `change:${name}`).forEach(([, act]) => act());
+  },
+  save_changes() { this.saved.push(JSON.stringify(this.values.picked)); },
+  on(event, act) { this.handlers.push([event, act]); },
+  off(event, act) { this.handlers = this.handlers.filter(([e, a]) => e !== event || a !== act); },
+};
+let widget, ends = [];
+const show = (id) => ends.push(widget.render({ model, el: document.getElementById(id) }));
+import(URL.createObjectURL(new Blob([ESM], { type: "text/javascript" }))).then((module) => {
+  widget = module.default;
+  show("first");
+});
+"""
+
+
+@pytest.fixture(scope="module")
+def part():
+    """A block 40 × 20 × 10 with a bore of radius 4."""
+    solid = prism([(-20, -10), (20, -10), (20, 10), (-20, 10)], 10, [ring(4.0, 24, clockwise=True)])
+    return Solid(solid.vertices, solid.faces, name="block </script>")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    process = Browser(tmp_path_factory.mktemp("browser"))
+    yield process
+    process.close()
+
+
+def script(value):
+    return json.dumps(value).replace("</", "<\\/")
+
+
+@pytest.fixture
+def notebook(browser, part, tmp_path):
+    """A page with one view of the widget, and room for another below."""
+    values = {"page": picker_html(part), "height_px": HEIGHT_PX, "picked": {}}
+    esm = script(str(asset("aspectgraph.plot", "page/widget.js")))
+    stub = STUB.replace("VALUES", script(values)).replace("ESM", esm)
+    path = tmp_path / "notebook.html"
+    cells = '<div id="first"></div><div id="second"></div>'
+    style = f'<meta charset="utf-8"><style>body {{ margin: 0; width: {WIDTH_PX}px }}</style>'
+    path.write_text(f"<!DOCTYPE html>{style}{cells}<script>{stub}</script>", encoding="utf-8")
+    page = browser.page(path, width=WIDTH_PX, height=2 * HEIGHT_PX + 10)
+    page.wait("model.saved.length > 0")
+    yield page
+    assert page.complaints == []
+    assert page.requests == []
+    page.close()
+
+
+@pytest.fixture(scope="module")
+def places(browser, part, tmp_path_factory):
+    """Where edges are in the frame, by the page alone at the size of the frame without its border."""
+    path = tmp_path_factory.mktemp("page") / "page.html"
+    path.write_text(picker_html(part), encoding="utf-8")
+    page = browser.page(path, width=WIDTH_PX - 2, height=HEIGHT_PX - 2)
+    page.wait("state.codes !== null && !state.timer && !state.frame")
+    seen = page.run("[...state.seen].map(([k, { x, y }]) => [items[k].id, x + 1, y + 1])")
+    page.close()
+    return {name: (x, y) for name, x, y in seen}
+
+
+def picked(page, n):
+    """What the model holds once so many are picked."""
+    page.wait(f"(model.values.picked.rows || []).length === {n}")
+    return page.run("model.values.picked")
+
+
+@needs_browser
+def test_what_is_clicked_is_in_the_model(notebook, places, part):
+    rim = part.rims()[1].id
+    edge = next(name for name in places if name.isdigit())
+    notebook.click(*places[edge])
+    assert picked(notebook, 1)["rows"][0]["asked"] == {"edge": int(edge)}
+    notebook.click(*places[rim])
+    rows = picked(notebook, 2)["rows"]
+    assert [row["entity"] for row in rows] == [int(edge), rim]
+    assert rows[1]["asked"] == {"diameter": rim}
+    notebook.click(*places[edge])
+    assert [row["id"] for row in picked(notebook, 1)["rows"]] == [rim]
+
+
+@needs_browser
+def test_views_of_one_widget_agree_and_a_closed_one_says_nothing(notebook, places):
+    edges = [name for name in places if name.isdigit()][:3]
+    notebook.click(*places[edges[0]])
+    picked(notebook, 1)
+    saved = notebook.run("model.saved.length")
+    notebook.run("show('second')")
+    notebook.wait(f"model.saved.length === {saved + 1}")
+    # the second view took what the first has, and the model is as before
+    assert len(picked(notebook, 1)["rows"]) == 1
+    x, y = places[edges[1]]
+    notebook.click(x, y + HEIGHT_PX)
+    assert [row["id"] for row in picked(notebook, 2)["rows"]] == edges[:2]
+    notebook.wait(f"model.saved.length === {saved + 3}")
+    notebook.click(*places[edges[2]])
+    assert [row["id"] for row in picked(notebook, 3)["rows"]] == edges
+    notebook.run("ends.forEach((end) => end())")
+    assert notebook.run("model.handlers.length") == 0
+    saved = notebook.run("model.saved.length")
+    notebook.click(*places[edges[2]])
+    notebook.run("new Promise((done) => setTimeout(done, 300))")
+    assert notebook.run("model.saved.length") == saved
+
+
+@needs_browser
+def test_the_record_says_what_the_file_says_and_is_taken_again(browser, part, tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text(picker_html(part), encoding="utf-8")
+    page = browser.page(path)
+    rims = [rim.id for rim in part.rims()]
+    page.run("choice.add(items.map((_, k) => k))")
+    # two names that are equal, and one that is the default name of another item
+    page.run("choice.rename(0, 'same'); choice.rename(1, 'same'); choice.rename(2, 'e0')")
+    page.run(
+        "$('tolerance').value = '±0.4'; $('share').value = 50; choice.tolerances.set(3, '0/0.3')"
+    )
+    page.run("chosen()")
+    record = page.run("choice.record()")
+    page.run("choice.remove([...choice.names.keys()]); choice.tolerances.clear(); choice.share = 1")
+    page.run("chosen()")
+    page.run(f"choice.restore({json.dumps(record)})")
+    assert page.run("choice.record()") == record
+    files = [page.run(f"choice.{kind}('part', false)") for kind in ("toml", "dimensionsToml")]
+    entities, dimensions = map(tomllib.loads, files)
+    assert len(record["rows"]) == len(part.straight_edges()) + len(rims)
+    assert {row["key"]: row["entity"] for row in record["rows"]} == entities
+    assert {row["key"]: row["asked"] for row in record["rows"]} == dimensions["dimensions"]
+    assert list(entities)[:3] == ["e0_", "e1", "e0"]
+    assert dimensions["dimensions"]["e3"] == {"edge": 3, "tolerance": [0, 0.3], "share": 0.5}
+    assert dimensions["dimensions"][rims[0]]["tolerance"] == [-0.4, 0.4]
+    assert page.complaints == []
+    page.close()
+
+
+def row(name, entity, kind, **more):
+    asked = {kind: entity, **more}
+    return {"id": str(entity), "name": name, "key": name, "entity": entity, "asked": asked}
+
+
+def test_a_plan_takes_what_is_picked(part):
+    pytest.importorskip("anywidget")
+    picker = pick(part)
+    assert (picker.entities, picker.dimensions) == ({}, {})
+    followed = []
+    picker.observe(lambda change: followed.append(change["new"]), "entities")
+    edge = part.straight_edges()[0].id
+    rim = part.rims()[0].id
+    rows = [
+        {**row("2", rim, "diameter", tolerance=[-0.1, 0.2], share=0.5), "fault": ""},
+        {**row("1", edge, "edge"), "fault": ""},
+    ]
+    picker.picked = {"rows": rows}
+    assert list(picker.entities.items()) == [("2", rim), ("1", edge)]
+    assert followed == [picker.entities]
+    dimension = Dimension("diameter", (rim,), tolerance=(-0.1, 0.2), share=0.5)
+    assert picker.dimensions == {"2": dimension, "1": Dimension("length", (edge,))}
+    for items in (picker.entities, picker.dimensions):
+        _, targets = resolve_wanted(part, items, 0.98)
+        assert [target.name for target in targets] == ["2", "1"]
+    assert repr(picker) == "<Picker of 'block </script>': 2 picked>"
+    picker.picked = {"rows": [{**rows[0], "fault": "the two deviations must differ"}, rows[1]]}
+    assert picker.dimensions == {}
+    assert picker.fault == "2: the two deviations must differ"
+    assert len(picker.entities) == 2
+
+
+def test_a_notebook_shows_a_widget(part):
+    pytest.importorskip("anywidget")
+    views = pick(part)._repr_mimebundle_()
+    views = views[0] if isinstance(views, tuple) else views
+    assert "application/vnd.jupyter.widget-view+json" in views
+    assert len(views["text/plain"]) < 120
+
+
+def test_without_the_extra_one_line_says_what_to_install(part, monkeypatch):
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    dimension_files._picker_class.cache_clear()
+    with pytest.raises(MissingExtraError, match=r"needs the package anywidget.*'\.\[notebook\]'"):
+        pick(part)
+    dimension_files._picker_class.cache_clear()

@@ -1,0 +1,137 @@
+"""What notebooks show of parts, graphs, plans, lamps and results, in a real browser: readable at any width."""
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+from browser import Browser, needs_browser
+from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
+from plan_examples import LIGHT, plan
+
+from aspectgraph import Solid, build_aspect_graph
+from errors.measurands import Decision
+from ground.notebook import TONES
+from planner import Registration, measure
+
+PLOTLY = "application/vnd.plotly.v1+json"
+
+
+@cache
+def values():
+    """A value of each class, by name."""
+    solid = thick_plate()
+    images = photograph(fine_plate(left=0.2), POSES)
+    exact = Registration.given({1: POSES[0], 2: POSES[1]})
+    results = measure(measured_plan(solid, ["left", "right"]), solid, images, registration=exact)
+    names = {f"edge {k}": edge.id for k, edge in enumerate(solid.straight_edges()[:4])}
+    return {
+        "solid": solid,
+        "graph": build_aspect_graph(solid, names),
+        "plan": replace(plan(), light=LIGHT).simulated(100),
+        "light": LIGHT,
+        "results": results,
+        "result": results["left"],
+    }
+
+
+NAMES = ("solid", "graph", "plan", "light", "results", "result")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    process = Browser(tmp_path_factory.mktemp("browser"))
+    yield process
+    process.close()
+
+
+@needs_browser
+@pytest.mark.parametrize("width", [1280, 400])
+def test_all_is_in_the_page_and_nothing_is_loaded(browser, tmp_path, width):
+    parts = [f'<section id="{name}">{values()[name]._repr_html_()}</section>' for name in NAMES]
+    path = tmp_path / "page.html"
+    head = '<meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+    path.write_text(f"<!DOCTYPE html>{head}{'<hr>'.join(parts)}", encoding="utf-8")
+    page = browser.page(path, width=width)
+    assert page.run("document.documentElement.scrollWidth") <= width
+    # and nothing has to be scrolled to within it
+    wide = "[...document.querySelectorAll('div')].filter((d) => d.scrollWidth > d.clientWidth)"
+    assert page.run(f"{wide}.map((d) => d.textContent.slice(0, 60))") == []
+    assert page.complaints == []
+    assert page.requests == []
+    # no text is cut off, and no column is so narrow that words become letters
+    spans = (
+        "[...document.querySelectorAll('td')].filter((c) => c.textContent && c.clientWidth < 12)"
+    )
+    assert page.run(f"{spans}.length") == 0
+    heights = page.run("[...document.querySelectorAll('section')].map((s) => s.offsetHeight)")
+    assert min(heights) > 40
+    assert max(heights) < 700
+    page.close()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_class_has_its_views(name):
+    value = values()[name]
+    views = value._repr_mimebundle_()
+    assert views.keys() == {"text/plain", "text/html"} | ({PLOTLY} if name == "solid" else set())
+    assert views["text/plain"] == repr(value)
+    assert views["text/html"] == value._repr_html_()
+    assert "<script" not in views["text/html"]
+
+
+def test_a_part_is_a_figure_in_3d():
+    figure = values()["solid"]._repr_mimebundle_(include={PLOTLY})[PLOTLY]
+    assert {trace["type"] for trace in figure["data"]} == {"mesh3d", "scatter3d"}
+    corners = values()["solid"].bounds
+    html = values()["solid"]._repr_html_()
+    assert " × ".join(f"{c:.5g}" for c in corners[1] - corners[0]) in html
+
+
+def test_a_graph_lists_its_domains():
+    eag = values()["graph"]
+    html = eag._repr_html_()
+    n = len(eag.graph)
+    assert f"4 entities, {n} domains, {eag.graph.number_of_edges()} adjacencies." in html
+    assert html.count("<tr>") == 1 + min(n, 12)
+    longest = max((data["observable"] for _, data in eag.graph.nodes(data=True)), key=len)
+    assert all(name in html for name in longest)
+
+
+def test_the_verdict_of_a_plan_has_its_colour():
+    request = plan().request
+    inspected = replace(request, targets=request.targets[:2])
+    for lower_bound, tone, words in (
+        (2, "good", "no plan has fewer settings"),
+        (1, "open", "at least 1 of 2 settings are needed"),
+    ):
+        found = replace(plan(), request=inspected, uninspectable={}, lower_bound=lower_bound)
+        assert f"color:{TONES[tone]}" in found._repr_html_()
+        assert f"Every target is inspected; smallest P 0.9400; {words}." in found._repr_html_()
+    assert f"color:{TONES['bad']}" in plan()._repr_html_()
+    assert "1 of 3 targets not inspected; smallest P 0.9400." in plan()._repr_html_()
+
+
+def test_decisions_have_their_colours():
+    results = values()["results"]
+    assert results["left"].decision == Decision.DOES_NOT_CONFORM
+    assert results["right"].decision == Decision.CONFORMS
+    html = results._repr_html_()
+    assert f'color:{TONES["bad"]}">does not conform<' in html
+    assert f'color:{TONES["good"]}">conforms<' in html
+    for result in results:
+        assert f"{result.value:.3f}" in html
+        assert f"{result.nominal:g} mm" in html
+
+
+def test_lamps_that_miss_a_target_say_so():
+    unlit = replace(LIGHT, unlit=({"bottom": "no lamp reaches it"}, {}))
+    assert "<li>bottom in setting 1: no lamp reaches it</li>" in unlit._repr_html_()
+    assert "300.0, 25.0, 90.0" in LIGHT._repr_html_()
+    assert "0.30" in LIGHT._repr_html_()
+
+
+def test_names_bring_no_markup():
+    solid = thick_plate()
+    sly = Solid(solid.vertices, solid.faces, name="<b>plate</b>")
+    assert "<b>plate" not in sly._repr_html_()
+    assert "&lt;b&gt;plate" in sly._repr_html_()
