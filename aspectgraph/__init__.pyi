@@ -39,6 +39,7 @@ from .exceptions import WidthError as WidthError
 from .exceptions import WorkspaceError as WorkspaceError
 from .files import ReadLimits as ReadLimits
 from .files import SolidChoice as SolidChoice
+from .files import SolidEntry as SolidEntry
 from .graph.aspect_graph import Crossing as Crossing
 from .graph.aspect_graph import EntityAspectGraph as EntityAspectGraph
 from .graph.aspect_graph import ListOfEntities as ListOfEntities
@@ -69,6 +70,7 @@ from .plot.views import plot_domains as plot_domains
 from .plot.views import plot_graph as plot_graph
 from .plot.views import plot_section as plot_section
 from .plot.views import plot_solid as plot_solid
+from .read.part_file import list_solids as list_solids
 from .read.part_file import read_solid as read_solid
 from .solid.rims import Arc as Arc
 from .solid.rims import Circle as Circle

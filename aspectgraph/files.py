@@ -7,12 +7,13 @@ import hashlib
 import io
 import math
 import os
+import re
 import shutil
 import stat
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -281,7 +282,137 @@ def more_of(limit: str) -> dict[str, Any]:
     return {"hint": f"allow more with {argument}", "mentions": (argument,)}
 
 
-# Which solids of a STEP file are measured, and which only stand in the way.
+# The solids of a STEP file, what they are called, and which of them are meant.
+
+
+@dataclass(frozen=True)
+class SolidEntry:
+    """A solid in the list of a STEP file.
+
+    Attributes
+    ----------
+    number : int
+        Its number, counted from 0 in the order of the file.
+    product : str
+        Name of the product that it shapes; its identifier if it has no name.
+    instance : str
+        Names of the instances in the assembly that lead to it, joined by "/". Empty without names.
+    body : str
+        Name of the solid itself.
+    n_faces : int
+        Number of its faces; facets if the file states only these.
+    n_placed : int
+        How many times the file places the same solid.
+    size_mm : tuple of float or None
+        Size of its box, in mm. None for a solid that cannot be built.
+    label : str
+        A text that names this solid alone, such as ``bracket`` or ``bracket:2``. Its number if it
+        has no name.
+    """
+
+    number: int
+    product: str = ""
+    instance: str = ""
+    body: str = ""
+    n_faces: int = 0
+    n_placed: int = 1
+    size_mm: tuple[float, float, float] | None = None
+    label: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All texts that may stand for it: product, instance with and without the way to it, body."""
+        last = self.instance.rpartition("/")[2]
+        return tuple(filter(None, (self.product, self.instance, last, self.body)))
+
+
+def with_labels(entries: Sequence[SolidEntry]) -> tuple[SolidEntry, ...]:
+    """Return entries with the label of each."""
+    holders: dict[str, list[int]] = {}
+    for entry in entries:
+        for name in dict.fromkeys(entry.names):
+            holders.setdefault(name, []).append(entry.number)
+    labelled = []
+    for entry in entries:
+        own = [name for name in (entry.product, entry.body) if name]
+        label = next((name for name in own if len(holders[name]) == 1), "")
+        if own and not label:
+            label = f"{own[0]}:{holders[own[0]].index(entry.number) + 1}"
+            # another solid may have that very name
+            label = "" if label in holders else label
+        labelled.append(replace(entry, label=label or str(entry.number)))
+    return tuple(labelled)
+
+
+_MOST_LISTED = 8
+_OF_SEVERAL = re.compile(r"(.+):(\d{1,9}|all)", re.DOTALL)
+
+
+def list_text(entries: Sequence[SolidEntry]) -> str:
+    """Return solids for an error: number, name, size and faces of the first ones."""
+    texts = []
+    for entry in entries[:_MOST_LISTED]:
+        name = "" if entry.label == str(entry.number) else f" {entry.label!r}"
+        size = ""
+        if entry.size_mm is not None:
+            size = f"{' x '.join(f'{length:.4g}' for length in entry.size_mm)} mm, "
+        noun = "face" if entry.n_faces == 1 else "faces"
+        texts.append(f"{entry.number}{name} ({size}{entry.n_faces} {noun})")
+    more = len(entries) - len(texts)
+    return ", ".join(texts) + (f", and {more} more" if more else "")
+
+
+def numbers_of(parameter: str, name: str, entries: Sequence[SolidEntry]) -> list[int]:
+    """Return the numbers of the solids that a name stands for.
+
+    Parameters
+    ----------
+    parameter : str
+        For errors.
+    name : str
+        A product, instance or body that stands for one solid; or such a name of several solids with
+        ``:1``, ``:2`` and so on for one of them in the order of the file, or with ``:all``.
+    entries : sequence of SolidEntry
+        The solids of the file.
+
+    Raises
+    ------
+    ReadError
+        There is no such solid, or the name stands for several.
+    """
+    named = [entry.number for entry in entries if name in entry.names]
+    if len(named) == 1:
+        return named
+    if named:
+        labels = [_label_among(name, k, entries[number]) for k, number in enumerate(named, start=1)]
+        shown = ", ".join(labels[:_MOST_LISTED])
+        more = f" and {len(labels) - _MOST_LISTED} more" if len(labels) > _MOST_LISTED else ""
+        raise ReadError.of_rule(
+            parameter,
+            "must name each solid by a name of its own, or by its number",
+            f"{name!r}, which stands for {len(named)} solids",
+            hint=f"write one of {shown}{more}, or {name}:all",
+        )
+    match = _OF_SEVERAL.fullmatch(name)
+    several = [] if match is None else [e.number for e in entries if match[1] in e.names]
+    if match is not None and several:
+        if match[2] == "all":
+            return several
+        if 1 <= int(match[2]) <= len(several):
+            return [several[int(match[2]) - 1]]
+    # those that are similar first
+    part = name.lower()
+    nearest = sorted(entries, key=lambda entry: part not in "\n".join(entry.names).lower())
+    raise ReadError.of_rule(
+        parameter,
+        "must name solids of the file, or give their numbers",
+        repr(name),
+        hint=f"the file holds {list_text(nearest)}",
+    )
+
+
+def _label_among(name: str, k: int, entry: SolidEntry) -> str:
+    return f"{name}:{k} ({entry.number})"
 
 
 @dataclass(frozen=True)
@@ -290,10 +421,12 @@ class SolidChoice:
 
     Attributes
     ----------
-    measured : sequence of int, optional
-        Solids whose edges can be entities, counted from 0 in the order of the file. Default: all
-        that are not occluders.
-    occluders : "all" or sequence of int
+    measured : sequence of int or str, optional
+        Solids whose edges can be entities, by their numbers, counted from 0 in the order of the
+        file, or by their names: a product, an instance or a body. ``bracket:2`` is the second one
+        of several with this name, ``bracket:all`` are all of them. Default: all that are not
+        occluders.
+    occluders : "all" or sequence of int or str
         Solids that only occlude. Their edges are not entities. ``"all"``: all except the measured
         ones.
 
@@ -305,32 +438,61 @@ class SolidChoice:
     Examples
     --------
     >>> from aspectgraph import SolidChoice
-    >>> SolidChoice(measured=(1, 3), occluders="all")
-    SolidChoice(measured=(1, 3), occluders='all')
+    >>> SolidChoice(measured=(1, "bracket"), occluders="all")
+    SolidChoice(measured=(1, 'bracket'), occluders='all')
     """
 
-    measured: Sequence[int] | None = None
-    occluders: str | Sequence[int] = ()
+    measured: Sequence[int | str] | None = None
+    occluders: str | Sequence[int | str] = ()
 
     def __post_init__(self) -> None:
+        if isinstance(self.measured, str):
+            raise ReadError.of_rule(
+                "solids", "must be a list of numbers or names", repr(self.measured)
+            )
         if isinstance(self.occluders, str) and self.occluders != "all":
             raise ReadError.of_rule(
-                "occluders", "must be 'all' or numbers of solids", repr(self.occluders)
+                "occluders", "must be 'all', or a list of numbers or names", repr(self.occluders)
             )
         if self.occluders == "all" and self.measured is None:
             raise ReadError.of_rule(
                 "occluders",
-                "must be numbers where solids does not say which are measured",
+                "must be numbers or names where solids does not say which are measured",
                 "'all'",
                 mentions=("solids",),
             )
-        both = sorted(
-            set(self.measured or ()) & set(() if self.occluders == "all" else self.occluders)
-        )
+        others: Sequence[int | str] = () if self.occluders == "all" else self.occluders
+        both = [solid for solid in self.measured or () if solid in others]
         if both:
             raise ReadError(
-                f"a solid must be measured or an occluder. Got solid {both[0]} as both."
+                f"a solid must be measured or an occluder. Got solid {both[0]!r} as both."
             )
+
+    @property
+    def has_names(self) -> bool:
+        """Whether it names solids by anything but their numbers."""
+        occluders = () if self.occluders == "all" else self.occluders
+        return any(isinstance(solid, str) for solid in (*(self.measured or ()), *occluders))
+
+    def numbered(self, entries: Sequence[SolidEntry]) -> SolidChoice:
+        """Return the choice with numbers instead of names.
+
+        Parameters
+        ----------
+        entries : sequence of SolidEntry
+            The solids of the file.
+
+        Raises
+        ------
+        ReadError
+            There is no solid of a name, or there are several.
+        """
+        occluders: Any = self.occluders
+        if occluders != "all":
+            occluders = _in_numbers("occluders", self.occluders, entries)
+        if self.measured is None:
+            return SolidChoice(None, occluders)
+        return SolidChoice(_in_numbers("solids", self.measured, entries), occluders)
 
     def split(self, n: int) -> tuple[list[int], list[int]]:
         """Return the measured solids and the occluders of a file, without checking numbers.
@@ -356,10 +518,19 @@ class SolidChoice:
         return [int(i) for i in self.measured], occluders
 
 
-def as_choice(solids: Sequence[int] | SolidChoice | None) -> SolidChoice:
+def _in_numbers(
+    parameter: str, solids: Sequence[int | str], entries: Sequence[SolidEntry]
+) -> list[int | str]:
+    numbers: list[int | str] = []
+    for solid in solids:
+        numbers += numbers_of(parameter, solid, entries) if isinstance(solid, str) else [solid]
+    return numbers
+
+
+def as_choice(solids: Sequence[int | str] | SolidChoice | None) -> SolidChoice:
     """Return a choice as a `SolidChoice`."""
-    return (
-        solids
-        if isinstance(solids, SolidChoice)
-        else SolidChoice(None if solids is None else tuple(solids))
-    )
+    if isinstance(solids, SolidChoice):
+        return solids
+    if solids is None or isinstance(solids, str):
+        return SolidChoice(solids)
+    return SolidChoice(tuple(solids))

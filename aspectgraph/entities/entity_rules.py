@@ -225,15 +225,17 @@ class Carriers:
 #
 # Conditions are joined by *and*. Each is one of
 #
-# ==========================================
-# ======================================================================= ``length > 20`` mm of an
-# edge; of a rim or arc, its radius ``radius <= 5`` mm, of rims and arcs only ``turn <= 90``
-# degrees ``convex``, ``reentrant`` by the sign of the turn ``kind = edge`` (``rim``, ``arc``,
-# ``any``) without it, edges; with ``radius``, rims and arcs ``direction = x`` (``y``, ``z``,
-# ``1,0,2``) parallel within half a degree, of a rim or arc its axis ``face = top`` (``bottom``,
-# ``left``, …) all of it on that side of the part's box: top is +z, right +x, back +y ``near
-# 10,20,30 < 5`` distance from a point, mm ==========================================
-# =======================================================================
+# * ``length > 20``: mm of an edge; of a rim or arc, its radius
+# * ``radius <= 5``, ``diameter = 12``: mm, of rims and arcs only; equal within `SAME_SIZE_MM`
+# * ``turn <= 90``: degrees
+# * ``convex``, ``reentrant``: by the sign of the turn
+# * ``kind = edge`` (``rim``, ``arc``, ``any``): without it, edges; with a radius or diameter, rims
+#   and arcs
+# * ``direction = x`` (``y``, ``z``, ``1,0,2``): parallel within half a degree, of a rim or arc its
+#   axis
+# * ``face = top`` (``bottom``, ``left``, …): all of it on that side of the part's box: top is +z,
+#   right +x, back +y
+# * ``near 10,20,30 < 5``: distance from a point, mm
 #
 # A unit may follow a number, ``mm`` or ``deg``. An error names the condition that was probably
 # meant.
@@ -245,11 +247,19 @@ PARALLEL_DEG = 0.5
 ON_SIDE = 1e-6
 """Largest distance from a side of the part's box, as a fraction of its diagonal, to count as on it."""
 
+SAME_SIZE_MM = 0.01
+"""Largest difference of two lengths, radii or diameters that count as equal, mm.
+
+CAD models state sizes to 0.001 mm or better, and drill sizes differ by 0.05 mm or more.
+"""
+
 _COMPARE: dict[str, Callable[[float, float], bool]] = {
     "<": operator.lt,
     "<=": operator.le,
     ">": operator.gt,
     ">=": operator.ge,
+    # an edge of 20 mm plus exactly the tolerance is equal to 20 mm, in spite of rounding
+    "=": lambda size, limit: abs(size - limit) <= SAME_SIZE_MM * (1.0 + 1e-9),
 }
 _SIDES = {
     "left": (0, 0),
@@ -264,7 +274,7 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 _POINT = rf"{_NUMBER}(?:\s*,\s*{_NUMBER}){{2}}"
 _KINDS = ("edge", "rim", "arc")
 _KIND = re.compile(r"kind\s*=\s*(edge|rim|arc|any)")
-_SIZE = re.compile(rf"(length|radius)\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:mm)?")
+_SIZE = re.compile(rf"(length|radius|diameter)\s*(<=|>=|<|>|=)\s*({_NUMBER})\s*(?:mm)?")
 _Test = Callable[["_Candidate"], bool]
 
 
@@ -288,9 +298,11 @@ def select_entities(solid: Solid, rule: str) -> list[int | str]:
     solid : Solid
         The part.
     rule : str
-        Conditions joined by *and*: ``length > 20``, ``radius > 5``, ``turn < 100``, ``convex``,
-        ``reentrant``, ``kind = rim``, ``direction = z``, ``face = top``, ``near 10,20,30 < 5``.
-        A rule with ``radius`` selects rims and arcs. Any other rule without ``kind`` selects edges.
+        Conditions joined by *and*: ``length > 20``, ``radius > 5``, ``diameter = 12``,
+        ``turn < 100``, ``convex``, ``reentrant``, ``kind = rim``, ``direction = z``,
+        ``face = top``, ``near 10,20,30 < 5``. Sizes are equal if they differ by at most 0.01 mm
+        (`SAME_SIZE_MM`). A rule with ``radius`` or ``diameter`` selects rims and arcs. Any other
+        rule without ``kind`` selects edges.
 
     Returns
     -------
@@ -352,7 +364,7 @@ def _selected_kinds(conditions: list[str]) -> set[str]:
         if match := _KIND.fullmatch(text):
             is_stated = True
             kinds &= kinds if match[1] == "any" else {match[1]}
-        elif (match := _SIZE.fullmatch(text)) and match[1] == "radius":
+        elif (match := _SIZE.fullmatch(text)) and match[1] != "length":
             is_stated = True
             kinds -= {"edge"}
     return kinds if is_stated else {"edge"}
@@ -391,7 +403,8 @@ def _test(text: str, solid: Solid | None) -> _Test:
     if match := _SIZE.fullmatch(lower):
         compare = _COMPARE[match[2]]
         limit = float(match[3])
-        return lambda item: compare(item.size_mm, limit)
+        times = 2.0 if match[1] == "diameter" else 1.0
+        return lambda item: compare(times * item.size_mm, limit)
     if match := re.fullmatch(rf"turn\s*(<=|>=|<|>)\s*({_NUMBER})\s*(?:deg|°)?", lower):
         compare = _COMPARE[match[1]]
         limit = float(match[2])
@@ -409,7 +422,7 @@ def _test(text: str, solid: Solid | None) -> _Test:
         return lambda item: _distance(item, point) < radius
     raise EntityError.of_rule(
         "select",
-        "must be conditions joined by 'and': length > 20, radius > 5, turn < 100, convex, "
+        "must be conditions joined by 'and': length > 20, radius > 5, diameter = 12, turn < 100, convex, "
         "reentrant, kind = rim, direction = z, face = top, near 10,20,30 < 5",
         repr(text),
         hint=_meant(text),
@@ -417,7 +430,18 @@ def _test(text: str, solid: Solid | None) -> _Test:
 
 
 _WORDS = (
-    *("length", "radius", "turn", "convex", "reentrant", "kind", "direction", "face", "near"),
+    *(
+        "length",
+        "radius",
+        "diameter",
+        "turn",
+        "convex",
+        "reentrant",
+        "kind",
+        "direction",
+        "face",
+        "near",
+    ),
     *("edge", "rim", "arc", "any"),
     *_SIDES,
 )

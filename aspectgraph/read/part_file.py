@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from aspectgraph.exceptions import PartFileNotFoundError, ReadError
-from aspectgraph.files import ReadLimits, SolidChoice, more_of
+from aspectgraph.files import ReadLimits, SolidChoice, SolidEntry, as_choice, more_of
 from aspectgraph.read.mesh import read_mesh
-from aspectgraph.read.step.step_file import read_step
+from aspectgraph.read.step.step_file import list_step, read_step
 from aspectgraph.solid.solid import Solid
 
 STEP_SUFFIXES = (".step", ".stp")
@@ -29,7 +29,7 @@ def read_solid(
     angular_tolerance_deg: float | None = None,
     planarity_mm: float | None = None,
     gap_mm: float | None = None,
-    solids: Sequence[int] | SolidChoice | None = None,
+    solids: Sequence[int | str] | SolidChoice | None = None,
     limits: ReadLimits | None = None,
 ) -> Solid:
     """Read a part file as a validated solid in millimetres.
@@ -49,10 +49,11 @@ def read_solid(
     gap_mm : float, optional
         Largest gap between vertices, edges and faces of a STEP file that should meet. Default: the
         uncertainty that the file states, or a gap too small to change the shape; see `step_fit`.
-    solids : sequence of int or SolidChoice, optional
-        Which solids of a STEP file to read, counted from 0 in the order of the file, including
-        damaged ones. A `SolidChoice` also names solids that only occlude others. Solids that touch
-        become one solid. Default: all, and all must be intact.
+    solids : sequence of int or str, or SolidChoice, optional
+        Which solids of a STEP file to read: numbers, counted from 0 in the order of the file,
+        including damaged ones, or names, see `list_solids`. A `SolidChoice` also names solids that
+        only occlude others. Solids that touch become one solid. Default: all, and all must be
+        intact.
     limits : ReadLimits, optional
         Limits of time, memory and size for the reading. Default: ``ReadLimits()``.
 
@@ -108,9 +109,7 @@ def read_solid(
             path, _content(path, packed, limits), packed, options | {"name": name, "limits": limits}
         )
     if suffix in MESH_SUFFIXES:
-        for value, label in ((solids, "solids"), (gap_mm, "gap_mm")):
-            if value is not None:
-                raise ReadError.of_rule(label, "applies to STEP files", f"{value} for {path.name}")
+        _check_no_step_options(as_choice(solids), gap_mm, path.name)
         content = _content(path, packed, limits)
         return read_mesh(
             content, suffix, units=units, planarity_mm=planarity_mm, name=name, limits=limits
@@ -119,6 +118,56 @@ def read_solid(
     raise ReadError(
         f"a part file must end in one of {endings} (or one of these and .gz). Got {path.name!r}."
     )
+
+
+def list_solids(
+    path: str | os.PathLike[str], *, limits: ReadLimits | None = None
+) -> tuple[SolidEntry, ...]:
+    """List the solids of a STEP file with their names, without a mesh of any.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A .step or .stp file. It may be compressed as .gz.
+    limits : ReadLimits, optional
+        Limits of time, memory and size for the reading. Default: ``ReadLimits()``.
+
+    Returns
+    -------
+    tuple of SolidEntry
+        In the order of the file, damaged solids included. An instance of an assembly is a solid of
+        its own.
+
+    Raises
+    ------
+    PartFileNotFoundError
+        There is no such file.
+    ReadError
+        The file is not a STEP file, or is damaged in more than single solids.
+
+    Examples
+    --------
+    >>> from aspectgraph import list_solids
+    >>> (solid,) = list_solids("examples/mfcad_6-11-11-19.step")
+    >>> solid.number, solid.n_faces, solid.n_placed
+    (0, 13, 1)
+    """
+    plain_path = Path(path)
+    packed = plain_path.suffix.lower() == ".gz"
+    suffix = Path(plain_path.stem if packed else plain_path.name).suffix.lower()
+    if plain_path.is_file() and suffix not in STEP_SUFFIXES:
+        raise ReadError.of_rule("path", "must name a STEP file to list solids", repr(str(path)))
+    with plain_step_file(plain_path, limits or ReadLimits()) as plain:
+        return list_step(plain, limits=limits)
+
+
+def _check_no_step_options(choice: SolidChoice, gap_mm: float | None, name: str) -> None:
+    """Refuse options of STEP files for a mesh."""
+    values = {"solids": choice.measured, "occluders": choice.occluders or None, "gap_mm": gap_mm}
+    for label, value in values.items():
+        if value is not None:
+            got = list(value) if isinstance(value, tuple) else value
+            raise ReadError.of_rule(label, "applies to STEP files", f"{got} for {name}")
 
 
 def _check_tolerances(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aspectgraph.exceptions import SolidError
+from aspectgraph.files import SolidEntry
 from aspectgraph.phases import phase
 from aspectgraph.solid.checks import (
     check_areas,
@@ -183,10 +184,13 @@ class FileSolids(NamedTuple):
         Solids whose edges can be entities, counted from 0 in the order of the file.
     occluders : tuple of int
         Solids that only stand in the way.
+    entries : tuple of SolidEntry
+        All solids of the file. Empty if it holds one solid only.
     """
 
     measured: tuple[int, ...]
     occluders: tuple[int, ...]
+    entries: tuple[SolidEntry, ...] = ()
 
 
 # characters of a wrong argument that an error repeats

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from aspectgraph import (
     ReadError,
     ReadLimits,
     SolidChoice,
+    list_solids,
     read_dimensions,
     read_entities,
     read_solid,
@@ -48,7 +50,7 @@ from planner.request.resolve import resolve_wanted, with_places
 from planner.resolve_request import ResolvedRequest, resolve_request
 
 if TYPE_CHECKING:
-    from aspectgraph import Entity, ModelDimension, Solid
+    from aspectgraph import Entity, ModelDimension, Solid, SolidEntry
     from planner.robotcell import Cell
 
 
@@ -590,8 +592,21 @@ def _read(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
     occluders = arguments.pop("occluders", None)
     if occluders:
         arguments["solids"] = SolidChoice(arguments.get("solids"), occluders)
-    try:
+    with _naming_part(part, options):
         return read_solid(part, limits=read_limits(options), **arguments)
+
+
+def read_solid_list(part: str, options: PartReading) -> tuple[SolidEntry, ...]:
+    """List the solids of a STEP file; an error names the file."""
+    with reading_shown(quiet=options.quiet, lines=options.verbose), _naming_part(part, options):
+        return list_solids(part, limits=read_limits(options))
+
+
+@contextmanager
+def _naming_part(part: str, options: PartReading) -> Iterator[None]:
+    """Let an error of reading a part name its file, and options instead of parameters."""
+    try:
+        yield
     except AspectGraphError as error:
         if error.parameter == "path":
             missing = isinstance(error, PartFileNotFoundError)

@@ -22,13 +22,13 @@ from planner.app.quantities import (
     SHARE,
     WHITE,
     Count,
-    all_or_indices,
-    indices,
+    all_or_solids,
     lengths,
     memory,
     registration,
     sigma_angle,
     sigma_pair,
+    solid_names,
     value,
     whole,
 )
@@ -151,17 +151,18 @@ class PartReading(Units, Messages):
     Attributes
     ----------
     solids
-        solids of a STEP file to measure, counted from 0 (default: all)
+        solids of a STEP file to measure, by number or name, as 'info --list' lists them (default: all); a name with
+        commas, or of digits, stands in double quotes: '"12"'
     occluders
-        solids that only block the view; all: those that --solids does not name
+        solids that only block the view, likewise; all: those that --solids does not name
     gap_mm
         widest gap between the edges and faces of a STEP file
     read_time_limit
         end the reading of a STEP file after so many seconds (default: 300)
     """
 
-    solids: Annotated[Any, value(indices, "N,N")] = None
-    occluders: Annotated[Any, value(all_or_indices, "all|N,N")] = None
+    solids: Annotated[Any, value(solid_names, "N|NAME,...")] = None
+    occluders: Annotated[Any, value(all_or_solids, "all|N|NAME,...")] = None
     gap_mm: Annotated[float | None, value(MM, "MM")] = None
     read_time_limit: Time = None
 
@@ -189,9 +190,9 @@ class ChosenEntities:
         TOML, JSON or CSV file; ids like 3,17-21,r2; end points like '(0,0,10)-(25,0,10)'; or all. A plan measures an
         edge's length, a rim's diameter and an arc's radius
     select
-        conditions joined by 'and': length > 20, radius > 5, turn < 100, convex, reentrant, kind = rim, direction = z,
-        face = top (bottom, left, right, front, back: of the part's box), near 10,20,30 < 5. Without kind or radius,
-        only edges are selected
+        conditions joined by 'and': length > 20, radius > 5, diameter = 12 (within 0.01 mm), turn < 100, convex,
+        reentrant, kind = rim, direction = z, face = top (bottom, left, right, front, back: of the part's box), near
+        10,20,30 < 5. Without kind, radius or diameter, only edges are selected
     all
         all sharp straight edges
     """
@@ -496,6 +497,8 @@ class Info(PartFile):
         list only edges, rims and arcs for which the rule holds; see plan --help (default: all)
     min_length
         leave out shorter edges
+    list
+        only list the solids of a STEP file with their names, without reading their shape
     """
 
     usage = ("PART [options]",)
@@ -511,6 +514,7 @@ columns:
     picture: File = None
     select: Annotated[str | None, _named("RULE")] = None
     min_length: Length = 0.0
+    list: bool = False
 
 
 @dataclass(kw_only=True)

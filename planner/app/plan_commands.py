@@ -58,6 +58,7 @@ from planner.app.job import (
     read_limits,
     read_part,
     read_request,
+    read_solid_list,
     workspace_of,
 )
 from planner.app.options import Batch, Dimensions, Graph, Info, Optics, Plan, Simulate
@@ -81,7 +82,12 @@ from planner.report.plan_folder import (
     rescue,
     write_graph,
 )
-from planner.report.terminal_tables import graph_record, part_record, plan_record
+from planner.report.terminal_tables import (
+    graph_record,
+    part_record,
+    plan_record,
+    solid_records,
+)
 from planner.report.wording import cost_sentence, incumbent_line
 from planner.request.camera_limits import default_workspace
 from planner.request.dimension import Dimension
@@ -436,6 +442,8 @@ def listed(names: list[str]) -> str:
 
 def info(options: Info) -> int:
     """Show what a part consists of and which edges, rims and arcs can be entities."""
+    if options.list:
+        return _list_solids(options)
     solid = read_part(options.part, options)
     with reading_shown(quiet=options.quiet, lines=options.verbose):
         edges = solid.straight_edges(min_length_mm=options.min_length)
@@ -459,6 +467,16 @@ def info(options: Info) -> int:
     _print_unit(options.part, options.units)
     if options.picture:
         print(visible(str(options.picture)))
+    return DONE
+
+
+def _list_solids(options: Info) -> int:
+    """Show the solids of a STEP file, with the names that --solids takes."""
+    entries = read_solid_list(options.part, options)
+    if options.json:
+        print_json({"part": options.part, "solids": solid_records(entries)})
+    else:
+        terminal_tables.print_solids(entries)
     return DONE
 
 

@@ -223,6 +223,10 @@ def registration(text: str) -> RegistrationRecord | None:
 # no file has more solids; Python reads no number of more than some thousand digits
 _WHOLE = re.compile(r"[-+]?\d{1,400}", re.ASCII)
 _INDEX = re.compile(r"\d{1,18}", re.ASCII)
+_SOLID = re.compile(
+    r"""\s*(?:"(?P<quoted>(?:[^"]|"")+)"(?P<which>:\d+|:all)?\s*|(?P<plain>[^,"\s][^,]*))(?=,|\Z)""",
+    re.ASCII,
+)
 
 
 def whole(text: str) -> int:
@@ -244,34 +248,46 @@ def whole(text: str) -> int:
     return int(text)
 
 
-def indices(text: str) -> list[int]:
-    """Return whole numbers separated by commas.
+def solid_names(text: str) -> list[int | str]:
+    """Return numbers and names of solids separated by commas; digits alone are a number.
 
     Parameters
     ----------
     text : str
-        Like ``0,2``.
+        Like ``0,2`` or ``bracket,bolt:2``. A name in double quotes is taken as it is: ``"12"`` is no
+        number, and commas may be in it. A double quote in it stands twice.
 
     Raises
     ------
     ValueError
-        If one of them is none.
+        If one of them is empty, or quotes do not end.
     """
-    numbers = text.split(",")
-    if not all(_INDEX.fullmatch(number.strip()) for number in numbers):
-        raise ValueError(f"must be whole numbers like 0,2. Got {text!r}.")
-    return [int(number) for number in numbers]
+    names: list[int | str] = []
+    place = 0
+    while place <= len(text):
+        match = _SOLID.match(text, place)
+        if match is None or not (match["quoted"] or match["plain"]):
+            raise ValueError(
+                f"must be numbers or names of solids like 0,2 or bracket,bolt:2. Got {text!r}."
+            )
+        plain = (match["plain"] or "").strip()
+        if match["quoted"]:
+            names.append(match["quoted"].replace('""', '"') + (match["which"] or ""))
+        else:
+            names.append(int(plain) if _INDEX.fullmatch(plain) else plain)
+        place = match.end() + 1
+    return names
 
 
-def all_or_indices(text: str) -> str | list[int]:
-    """Return ``all``, or whole numbers separated by commas.
+def all_or_solids(text: str) -> str | list[int | str]:
+    """Return ``all``, or numbers and names of solids.
 
     Parameters
     ----------
     text : str
-        ``all``, or like ``0,2``.
+        ``all``, or as `solid_names` takes it; ``"all"`` in double quotes is a name.
     """
-    return text if text == "all" else indices(text)
+    return text if text == "all" else solid_names(text)
 
 
 # models of errors in the image, and how many numbers may follow each

@@ -36,7 +36,7 @@ from planner.text_table import Cell, Column, WholePieces, listed, print_table, p
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
-    from aspectgraph import EdgeEnd
+    from aspectgraph import EdgeEnd, SolidEntry
     from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
@@ -55,6 +55,7 @@ def part_record(
         "bounds": np.asarray(solid.bounds, dtype=float).tolist(),
         "faces": len(solid.faces),
         "notes": [*solid.notes, *notes],
+        "solids": solid_records(file_entries(solid)),
         "edges": [
             {
                 "id": edge.id,
@@ -71,12 +72,45 @@ def part_record(
                 "id": curve.id,
                 "kind": "rim" if isinstance(curve, Rim) else "arc",
                 "radius": float(curve.radius_mm),
+                "diameter": 2.0 * float(curve.radius_mm),
                 "centre": np.asarray(curve.centre, dtype=float).tolist(),
                 "axis": np.asarray(curve.axis, dtype=float).tolist(),
             }
             for curve in curves
         ],
     }
+
+
+def file_entries(solid: Solid) -> tuple[SolidEntry, ...]:
+    """Return the solids of the part's STEP file; nothing if it holds one only, or there is no such file."""
+    return () if solid.file_solids is None else solid.file_solids.entries
+
+
+def solid_records(entries: Iterable[SolidEntry]) -> list[dict[str, Any]]:
+    """Return the solids of a STEP file: numbers, names, and sizes in mm."""
+    return [
+        {
+            "number": entry.number,
+            "name": entry.label,
+            "product": entry.product,
+            "instance": entry.instance,
+            "body": entry.body,
+            "size": None if entry.size_mm is None else list(entry.size_mm),
+            "faces": entry.n_faces,
+            "placed": entry.n_placed,
+        }
+        for entry in entries
+    ]
+
+
+def print_solids(entries: Sequence[SolidEntry]) -> None:
+    """Print the solids of a STEP file, with the names that ``--solids`` takes."""
+    rows = []
+    for entry in entries:
+        size = "" if entry.size_mm is None else _vector(np.array(entry.size_mm), " x ")
+        names = (entry.label, entry.instance, entry.body)
+        rows.append((entry.number, *names, size, entry.n_faces, entry.n_placed))
+    print_table(_SOLID_COLUMNS, rows)
 
 
 def graph_record(result: EntityAspectGraph, path: str | Path) -> dict[str, Any]:
@@ -123,6 +157,8 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
     print_text(words(text, [f"{solid.name}:"]))
     for note in solid.notes:
         print_text(f"note: {note}")
+    if entries := file_entries(solid):
+        print_solids(entries)
     ends = {edge.id: solid.edge_ends(edge) for edge in edges}
     rows = [
         (
@@ -149,6 +185,15 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
 
 # no -0.00 among coordinates
 _COORDINATES = "z.2f"
+_SOLID_COLUMNS = (
+    Column("solid", right=True),
+    Column("name"),
+    Column("instance"),
+    Column("body"),
+    Column("size", right=True, unit="mm"),
+    Column("faces", right=True),
+    Column("placed", right=True),
+)
 _EDGE_COLUMNS = (
     Column("id", right=True),
     Column("from", right=True, unit="mm", spec=_COORDINATES),
@@ -173,15 +218,24 @@ def _print_curves(kind: str, curves: Sequence[Any]) -> None:
     print(f"{count(len(curves), kind)}, {count(n_chords, 'chord')}")
     columns = (
         Column("id", right=True),
-        Column("diameter" if kind == "rim" else "radius", right=True, unit="mm", spec=".3f"),
+        Column("diameter", right=True, unit="mm", spec=".3f"),
+        Column("radius", right=True, unit="mm", spec=".3f"),
         Column("centre", right=True, unit="mm", spec=_COORDINATES),
         Column("axis", right=True, spec=_COORDINATES),
         Column("chords", right=True),
         Column("off by", right=True, unit="mm", spec=".3f"),
     )
-    times = 2 if kind == "rim" else 1
     rows = [
-        (c.id, times * c.radius_mm, c.centre, c.axis, len(c.edge_ids), c.chord_mm) for c in curves
+        (
+            curve.id,
+            2.0 * curve.radius_mm,
+            curve.radius_mm,
+            curve.centre,
+            curve.axis,
+            len(curve.edge_ids),
+            curve.chord_mm,
+        )
+        for curve in curves
     ]
     print_table(columns, rows)
     if curves[0].fitted:

@@ -5,6 +5,7 @@ Imports OCP; import this module only in that process.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.read.step.fit import pack_circles
+from aspectgraph.read.step.names import StepNames
 from aspectgraph.read.step.solids import Slot, diagonal_mm, edge_map, load_solids, merge_touching
 from aspectgraph.read.step.stated_dimensions import LOCATIONS, SIZES, WITH_TEXTS, list_dimensions
 from aspectgraph.read.step.text import parse_entities, parse_texts
@@ -24,6 +26,7 @@ class StepPart:
 
     def __init__(self) -> None:
         self.slots: list[Slot] = []
+        self.names = StepNames()
         self.shapes: list[Any] = []
         self.bodies: list[Any] = []
         self.measured: Any = None
@@ -35,15 +38,38 @@ class StepPart:
         """Return the answer to a request: JSON values and arrays."""
         requests: dict[str, Callable[..., tuple[dict[str, Any], dict[str, Any]]]]
         requests = {"load": self.load, "select": self.select, "merge": self.merge}
+        requests["list"] = self.list
         requests["tessellate"] = self.tessellate
         requests["dimensions"] = self.dimensions
         return requests[do](**options)
 
     def load(self, path: str, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
         """Load the file; return what is wrong with which solid."""
-        inventory = load_solids(Path(path), name)
+        inventory = load_solids(Path(path), name, self.report)
         self.slots = inventory.slots
+        self.names = inventory.names
         return {"damage": [slot.damage for slot in inventory.slots], "notes": inventory.notes}, {}
+
+    def list(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return what every solid is called, and its size."""
+        n_placed = Counter(slot.number for slot in self.slots)
+        rows = []
+        for k, slot in enumerate(self.slots):
+            self.report(k, len(self.slots), "list the solids")
+            number = -1 if slot.number is None else slot.number
+            instance_names = [self.names.occurrences[place].name for place in slot.instances]
+            rows.append(
+                {
+                    "product": self.names.products.get(number, ""),
+                    "instance": "/".join(filter(None, instance_names)),
+                    "body": self.names.bodies.get(number, ""),
+                    "n_faces": slot.n_faces(),
+                    "n_placed": 1 if slot.number is None else n_placed[slot.number],
+                    "size_mm": slot.size_mm(),
+                }
+            )
+        self.report(len(self.slots), len(self.slots), "list the solids")
+        return {"solids": rows}, {}
 
     def select(
         self, solids: list[int], relative_planarity: float

@@ -30,9 +30,10 @@ from OCP.STEPControl import STEPControl_Reader
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Iterator
 
 from aspectgraph.exceptions import ReadError, SelfIntersectionError
+from aspectgraph.read.step.names import Occurrence, StepNames, read_names
 from aspectgraph.read.step.text import (
     TESSELLATED_SOLIDS,
     ListedSolid,
@@ -102,6 +103,9 @@ def face_mesh(face: Any) -> tuple[Any, Any, np.ndarray, np.ndarray]:
     return mesh, location, np.array([xyz(node) for node in nodes]), np.array(corners) - 1
 
 
+READ_TEXT = "read the text of the file"
+BUILD_SOLIDS = "build the solids"
+
 RELATIVE_DISPLACEMENT = 1e-3
 """A vertex farther from where the file puts it, as a fraction of the solid's diagonal, is another vertex.
 
@@ -124,23 +128,54 @@ class Slot:
         See `ListedSolid`.
     facets : StatedFacets or None
         Those of a tessellated solid, in their place; its shape has no surfaces and is good for nothing else.
+    number : int or None
+        Number of its entity; None if it is not known.
+    instances : tuple of int
+        Numbers of the occurrences of the assembly that place it, the outermost first.
     """
 
     shape: object | None
     damage: str = ""
     uncertainty_mm: float | None = None
     facets: StatedFacets | None = None
+    number: int | None = None
+    instances: tuple[int, ...] = ()
+
+    def size_mm(self) -> list[float] | None:
+        """Return the size of its box, in mm; None of a solid that was not built."""
+        box = Bnd_Box()
+        if self.facets is not None:
+            return np.asarray(np.ptp(self.facets.vertices, axis=0)).tolist()
+        if self.shape is None:
+            return None
+        BRepBndLib.AddOptimal_s(self.shape, box, False, False)
+        if box.IsVoid():
+            return None
+        low, high = xyz(box.CornerMin()), xyz(box.CornerMax())
+        # without the width that the kernel adds
+        return [round(b - a, 6) for a, b in zip(low, high, strict=True)]
+
+    def n_faces(self) -> int:
+        """Return the number of its faces; of facets if the file states only these."""
+        if self.facets is not None:
+            return len(self.facets.triangles)
+        if self.shape is None:
+            return 0
+        return len(explore(self.shape, TopAbs_ShapeEnum.TopAbs_FACE))
 
 
 @dataclass
 class Inventory:
-    """What a STEP file holds: its solids, and notes on what belongs to none."""
+    """What a STEP file holds: its solids with their names, and notes on what belongs to none."""
 
     slots: list[Slot]
     notes: list[str] = field(default_factory=list)
+    names: StepNames = field(default_factory=StepNames)
 
 
-def load_solids(path: Path, name: str) -> Inventory:
+def load_solids(
+    path: Path, name: str, report: Callable[[int, int, str], None] = lambda done, total, label: None
+) -> Inventory:
     """Return the solids of a STEP file in mm, each once for every place it has, in the order of the file.
 
     Parameters
@@ -149,14 +184,22 @@ def load_solids(path: Path, name: str) -> Inventory:
         An uncompressed STEP file.
     name : str
         What to call the file in messages.
+    report : callable
+        Takes how much is done, of how much, and the name of the phase.
 
     Raises
     ------
     ReadError
         The file is not a STEP file, is damaged in more than one solid's own geometry, or holds no closed solid.
     """
-    entities = parse_entities(Path(path).read_bytes())
+    report(0, 1, READ_TEXT)
+    data = Path(path).read_bytes()
+    entities = parse_entities(data)
     listed = {solid.number: solid for solid in list_solids(entities)}
+    names = read_names(data, entities, listed)
+    report(1, 1, READ_TEXT)
+    n_solids = max(len(listed), 1)
+    report(0, n_solids, BUILD_SOLIDS)
     loose = list_loose(entities)
     if loose and not listed:
         raise ReadError(
@@ -190,11 +233,19 @@ def load_solids(path: Path, name: str) -> Inventory:
     check_nothing_loose(
         damage, [number for _, number in solids if number not in listed], entities, name
     )
-    slots = [
-        _slot(solid, listed.get(number), damage.of_solids.get(number, ""))
-        for solid, number in in_file_order(solids, listed, name)
-    ]
-    return Inventory(slots, _left_out(shape, len(loose)) + damage.notes(entities))
+    report(n_solids, n_solids, BUILD_SOLIDS)
+    instances = instances_of(reader, shape, numbers, names.occurrences)
+    slots = []
+    ordered = in_file_order(solids, listed, name)
+    for k, (solid, number) in enumerate(ordered):
+        report(k, len(ordered), "check the solids")
+        slot = _slot(solid, listed.get(number), damage.of_solids.get(number, ""))
+        slot.number = number
+        if len(instances) == len(ordered):
+            slot.instances = instances[k]
+        slots.append(slot)
+    report(len(ordered), len(ordered), "check the solids")
+    return Inventory(slots, _left_out(shape, len(loose)) + damage.notes(entities), names)
 
 
 def _tessellation_mode(entities: dict[int, StepEntity], name: str) -> str:
@@ -286,6 +337,71 @@ def number_solids(reader: Any, shape: Any, numbers: dict[Any, int]) -> list[tupl
         (solid, numbers.get(transfer.EntityFromShapeResult(unplaced(solid), 1)))
         for solid in explore(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
     ]
+
+
+def instances_of(
+    reader: Any, shape: Any, numbers: dict[Any, int], occurrences: dict[int, Occurrence]
+) -> list[tuple[int, ...]]:
+    """Return for each solid of a shape, in its order, the occurrences that lead to it, the outermost first.
+
+    Parameters
+    ----------
+    reader : STEPControl_Reader
+        The reader that made the shape.
+    shape : TopoDS_Shape
+        What it made.
+    numbers : dict
+        The number of each entity in the file, by its handle.
+    occurrences : dict of int to Occurrence
+        Those of the file, by number.
+    """
+    if not occurrences:
+        return []
+    transfer = reader.WS().TransferReader()
+    paths: list[tuple[int, ...]] = []
+    known = ShapeMap()
+    makers: list[int] = []
+
+    def maker(part: Any) -> int:
+        """Return the number of what the kernel made a shape from, or -1."""
+        position = known.FindIndex(part)
+        if position:
+            return makers[position - 1]
+        known.Add(part)
+        makers.append(numbers.get(transfer.EntityFromShapeResult(part, 1), -1))
+        return makers[-1]
+
+    def walk(whole: Any, assembly: int | None, path: tuple[int, ...]) -> None:
+        remaining = [n for n, placed in occurrences.items() if placed.assembly == assembly]
+        # without their places: a shape in an assembly is compared as the assembly holds it
+        parts = TopoDS_Iterator(whole, False, False)
+        while parts.More():
+            part = parts.Value()
+            parts.Next()
+            number = maker(part)
+            inside, way = assembly, path
+            if number in occurrences:
+                product = occurrences[number].product
+                if assembly is not None and number not in remaining:
+                    # another assembly places the same product at the same place
+                    same = (n for n in remaining if occurrences[n].product == product)
+                    number = next(same, number)
+                if number in remaining:
+                    remaining.remove(number)
+                inside, way = product, (*path, number)
+            elif number in definitions:
+                inside = number
+            if part.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID:
+                paths.append(way)
+            else:
+                walk(part, inside, way)
+
+    definitions = {placed.assembly for placed in occurrences.values()}
+    roots = definitions - {placed.product for placed in occurrences.values()}
+    if shape.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID:
+        return [()]
+    walk(shape, next(iter(roots)) if len(roots) == 1 else None, ())
+    return paths
 
 
 def in_file_order(solids: list[Any], listed: dict[int, ListedSolid], name: str) -> list[Any]:

@@ -19,7 +19,15 @@ import numpy as np
 
 from aspectgraph import exceptions
 from aspectgraph.exceptions import MissingExtraError, ReadError, SolidError, how_to_install
-from aspectgraph.files import ReadLimits, SolidChoice, as_choice, more_of
+from aspectgraph.files import (
+    ReadLimits,
+    SolidChoice,
+    SolidEntry,
+    as_choice,
+    list_text,
+    more_of,
+    with_labels,
+)
 from aspectgraph.phases import phase, report_phase
 from aspectgraph.read.join_faces import Tessellation, assemble
 from aspectgraph.read.mesh import repair_facets
@@ -204,7 +212,7 @@ def read_step(
     angular_tolerance_deg: float | None = None,
     planarity_mm: float | None = None,
     gap_mm: float | None = None,
-    solids: Sequence[int] | SolidChoice | None = None,
+    solids: Sequence[int | str] | SolidChoice | None = None,
     name: str = "",
     limits: ReadLimits | None = None,
 ) -> Solid:
@@ -224,9 +232,9 @@ def read_step(
         Facets this close to one plane become one face; see `assemble`.
     gap_mm : float, optional
         How far apart vertices, edges and faces that should meet may lie; default: by the rule of `step_fit`.
-    solids : sequence of int or SolidChoice, optional
-        Which solids of the file to read, counted from 0 in the order of the file, damaged ones included; default: all.
-        Solids that touch become one body.
+    solids : sequence of int or str, or SolidChoice, optional
+        Which solids of the file to read, by their names, or counted from 0 in the order of the file, damaged ones
+        included; default: all. Solids that touch become one body.
     name : str
         Name of the file, without its ending.
     limits : ReadLimits, optional
@@ -245,7 +253,11 @@ def read_step(
     with StepKernel(Path(path).name, limits or ReadLimits()) as kernel:
         with phase("load the STEP file"):
             loaded, _ = kernel.ask("load", path=str(Path(path).absolute()), name=Path(path).name)
-        chosen, measured = _select(loaded["damage"], as_choice(solids), Path(path).name)
+        choice = as_choice(solids)
+        entries: tuple[SolidEntry, ...] = ()
+        if len(loaded["damage"]) > 1 or choice.has_names:
+            entries = _entries(kernel)
+        chosen, measured = _select(loaded["damage"], choice.numbered(entries), kernel.name, entries)
         size, arrays = kernel.ask("select", solids=chosen, relative_planarity=RELATIVE_PLANARITY)
         diagonal = size["diagonal_mm"]
         notes = loaded["notes"] + _about_facets(size["faceted"])
@@ -274,17 +286,56 @@ def read_step(
                 )
                 n_before = n_facets
                 if solid is not None:
-                    solid.file_solids = FileSolids(
-                        tuple(measured), tuple(i for i in chosen if i not in measured)
-                    )
+                    occluders = tuple(i for i in chosen if i not in measured)
+                    shown = entries if len(entries) > 1 else ()
+                    solid.file_solids = FileSolids(tuple(measured), occluders, shown)
                     return solid
         except SolidError as error:
             if len(chosen) == 1:
                 raise
-            holds = f"The file holds {len(chosen)} solids; read some of them with, for instance,"
+            holds = f"The file holds {len(chosen)} solids: {_chosen_text(entries, chosen)}; "
+            holds += "read some of them with, for instance,"
             vars(error).update(_choosing(holds, chosen[:1]))
             raise
     raise AssertionError("the last attempt returns or raises")
+
+
+def list_step(path: Path, *, limits: ReadLimits | None = None) -> tuple[SolidEntry, ...]:
+    """Return the solids of a STEP file, without any mesh.
+
+    Parameters
+    ----------
+    path : Path
+        An uncompressed STEP file.
+    limits : ReadLimits, optional
+        What the kernel may take.
+
+    Raises
+    ------
+    ReadError
+        As `read_step` raises it.
+    """
+    with StepKernel(Path(path).name, limits or ReadLimits()) as kernel:
+        with phase("load the STEP file"):
+            kernel.ask("load", path=str(Path(path).absolute()), name=kernel.name)
+        return _entries(kernel)
+
+
+def _entries(kernel: StepKernel) -> tuple[SolidEntry, ...]:
+    """Return the solids of the file that a kernel has loaded."""
+    rows = kernel.ask("list")[0]["solids"]
+    entries = []
+    for number, row in enumerate(rows):
+        size = row.pop("size_mm")
+        size_mm = None if size is None else (size[0], size[1], size[2])
+        entries.append(SolidEntry(number, size_mm=size_mm, **row))
+    return with_labels(entries)
+
+
+def _chosen_text(entries: Sequence[SolidEntry], chosen: list[int]) -> str:
+    """Return the solids that were read, for an error about them."""
+    numbers = set(chosen)
+    return list_text([entry for entry in entries if entry.number in numbers])
 
 
 def _too_many(n_before: int, n_now: int) -> bool:
@@ -444,7 +495,9 @@ def _concatenate(parts: list[Tessellation]) -> Tessellation:
     )
 
 
-def _select(damage: list[str], choice: SolidChoice, name: str) -> tuple[list[int], list[int]]:
+def _select(
+    damage: list[str], choice: SolidChoice, name: str, entries: Sequence[SolidEntry]
+) -> tuple[list[int], list[int]]:
     """Return the solids to read, and which of them to measure; a damaged one among them is refused."""
     n = len(damage)
     measured, occluders = choice.split(n)
@@ -452,7 +505,8 @@ def _select(damage: list[str], choice: SolidChoice, name: str) -> tuple[list[int
     range_text = f"some of 0..{n - 1} of {name}" if n > 1 else f"0, the only solid of {name}"
     for parameter, numbers in (("solids", measured), ("occluders", occluders)):
         if any(not 0 <= i < n for i in numbers):
-            raise ReadError.of_rule(parameter, f"must name {range_text}", str(numbers))
+            hint = f"it holds {list_text(entries)}" if n > 1 else ""
+            raise ReadError.of_rule(parameter, f"must name {range_text}", str(numbers), hint=hint)
     if not measured:
         parameter = "occluders" if occluders else "solids"
         raise ReadError.of_rule(parameter, "must leave a solid to measure", str(occluders))

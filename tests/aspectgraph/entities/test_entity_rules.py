@@ -42,6 +42,34 @@ RULES = {
 }
 
 
+def test_sizes_are_equal_within_a_hundredth_of_a_millimetre():
+    part = read_solid(CTC)
+    sizes = {curve.id: 2.0 * curve.radius_mm for curve in (*part.rims(), *part.arcs())}
+    wanted = sizes["r0"]
+    same = [curve_id for curve_id, size in sizes.items() if abs(size - wanted) < 0.005]
+    assert 0 < len(same) < len(sizes)
+    assert select_entities(part, f"diameter = {wanted:.3f}") == same
+    assert select_entities(part, f"radius = {wanted / 2:.3f} mm") == same
+    assert select_entities(part, f"diameter = {wanted + 0.009}") == same
+    above = [curve_id for curve_id, size in sizes.items() if size > wanted + 0.01]
+    assert select_entities(part, f"diameter > {wanted + 0.01}") == above
+    with pytest.raises(EntityError, match="at least one rim or arc"):
+        select_entities(part, f"diameter = {wanted + 0.02}")
+
+
+@pytest.mark.parametrize(
+    ("length", "equal"), [(60.0, True), (60.01, True), (59.99, True), (60.02, False)]
+)
+def test_lengths_are_equal_within_a_hundredth_of_a_millimetre(length, equal):
+    expected = by_hand(lambda p, e: np.linalg.norm(p[1] - p[0]) == 60)
+    assert expected
+    if equal:
+        assert select_entities(BLOCK, f"length = {length}") == expected
+    else:
+        with pytest.raises(EntityError, match="at least one edge"):
+            select_entities(BLOCK, f"length = {length}")
+
+
 @pytest.mark.parametrize("rule", RULES)
 def test_a_rule_selects_what_it_says(rule):
     expected = by_hand(RULES[rule])
@@ -95,7 +123,7 @@ def test_a_rule_that_selects_nothing_names_the_kinds_it_could_select(rule, kinds
 
 
 @pytest.mark.parametrize(
-    "rule", ["", "length = 3", "size > 2", "length > 2 or convex", "near 1,2 < 3", "face = roof"]
+    "rule", ["", "length == 3", "size > 2", "length > 2 or convex", "near 1,2 < 3", "face = roof"]
 )
 def test_other_words_are_refused(rule):
     with pytest.raises(EntityError, match="select must be conditions joined by 'and'"):

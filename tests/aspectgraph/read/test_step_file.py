@@ -261,7 +261,7 @@ def test_solids_that_touch_or_overlap(tmp_path):
     )
     with pytest.raises(
         SelfIntersectionError,
-        match=r"solids must not overlap.*holds 3 solids.*instance, solids=\[0\]",
+        match=r"solids must not overlap.*holds 3 solids: 0 .*instance, solids=\[0\]",
     ):
         read_solid(path)
     assert read_solid(path, solids=[0, 2]).volume == pytest.approx(16)
@@ -735,17 +735,17 @@ def test_solids_that_overlap_are_refused_by_number(tmp_path):
 @pytest.mark.parametrize("at", [(2, 2, 0), (2, 2, 2)])
 def test_contact_in_a_line_or_a_point_is_refused(tmp_path, at):
     path = write(tmp_path / "part.step", box_of((2, 2, 2), (0, 0, 0)), box_of((2, 2, 2), at))
-    with pytest.raises(SolidError, match="holds 2 solids; read some of them"):
+    with pytest.raises(SolidError, match=r"holds 2 solids: 0 .*; read some of them"):
         read_solid(path)
 
 
 def test_choices_that_are_none(boss_on_plate):
     with pytest.raises(
-        ReadError, match=r"occluders must be 'all' or numbers of solids. Got 'most'"
+        ReadError, match=r"occluders must be 'all', or a list of numbers or names. Got 'most'"
     ):
         SolidChoice([0], "most")
     with pytest.raises(
-        ReadError, match="must be numbers where solids does not say which are measured"
+        ReadError, match="must be numbers or names where solids does not say which are measured"
     ):
         SolidChoice(None, "all")
     with pytest.raises(ReadError, match=r"measured or an occluder. Got solid 1 as both"):

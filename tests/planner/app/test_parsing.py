@@ -24,7 +24,18 @@ from planner.app.main import main
 from planner.app.options import COMMANDS, rules_of, texts_of
 from planner.app.parsing import UsageError, arguments_of, command_help, parse, takes_value
 from planner.app.process import BAD_INPUT, DONE
-from planner.app.quantities import DEG, MM, PX, RAD, SECONDS, SHARE, lengths, memory, registration
+from planner.app.quantities import (
+    DEG,
+    MM,
+    PX,
+    RAD,
+    SECONDS,
+    SHARE,
+    lengths,
+    memory,
+    registration,
+    solid_names,
+)
 from planner.exceptions import PlannerError, RequestError
 from planner.light.corner_light import DEFAULT_STEP
 from planner.request.camera_limits import MOST_SEED
@@ -426,11 +437,27 @@ def test_a_rule_chooses_edges(tmp_path, capsys):
     assert "must not be given with" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("wrong", ["nonsense", "", "-1", "1.5"])
+@pytest.mark.parametrize("wrong", ["", "1,,2", '"half', '"a"b', "1,"])
 def test_what_is_no_list_of_solids_names_its_option(capsys, wrong):
     assert main(["info", BLOCK, f"--solids={wrong}"]) == BAD_INPUT
-    message = f"--solids must be whole numbers like 0,2. Got {wrong!r}; see aspectgraph info --help"
+    rule = "must be numbers or names of solids like 0,2 or bracket,bolt:2"
+    message = f"--solids {rule}. Got {wrong!r}; see aspectgraph info --help"
     assert capsys.readouterr().err == f"aspectgraph info: {message}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "solids"),
+    [
+        ("0, 2", [0, 2]),
+        ("bracket,bolt:2,3", ["bracket", "bolt:2", 3]),
+        ('"12","12":2', ["12", "12:2"]),
+        ('"Gehäuse, groß":all,1.5', ["Gehäuse, groß:all", "1.5"]),
+        ('"6"" pipe",it\'s 5" long', ['6" pipe', "it's 5\" long"]),
+        ("-1", ["-1"]),
+    ],
+)
+def test_solids_are_numbers_or_names(text, solids):
+    assert solid_names(text) == solids
 
 
 def test_lists_tell_the_units_of_their_numbers(capsys):
