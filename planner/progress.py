@@ -253,6 +253,8 @@ class _Waiting:
         self._all_told = all_told
         self._state: tuple[int, int, str] | None = None
         self._since = time.monotonic()
+        self._pause = _FIRST_WORD_S
+        self._next = self._since + self._pause
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._tell, daemon=True)
 
@@ -267,17 +269,21 @@ class _Waiting:
     def __call__(self, done: int, total: int, label: str) -> None:
         if self._state is None or label != self._state[2]:
             self._since = time.monotonic()
+            # a stage is named soon after it begins, however long the one before was
+            self._pause = _FIRST_WORD_S
+            self._next = min(self._next, self._since + self._pause)
         self._state = (done, total, label)
         if self._all_told:
             self._stream(done, total, label)
 
     def _tell(self) -> None:
-        pause = _FIRST_WORD_S
-        while not self._ended.wait(pause):
-            pause = min(2.0 * pause, _MOST_SILENT_S)
+        while not self._ended.wait(_FIRST_WORD_S / 10.0):
             state = self._state
-            if state is None or state[0] >= state[1]:
+            now = time.monotonic()
+            if now < self._next or state is None or state[0] >= state[1]:
                 continue
+            self._pause = min(2.0 * self._pause, _MOST_SILENT_S)
+            self._next = now + self._pause
             done, total, label = state
             share = f": {done}/{total}" if total > 1 else ""
             try:
@@ -355,7 +361,8 @@ _PIECES = 3
 _SHARE = 0.01
 _SECONDS = 3.0
 _LONG_S = 20.0
-# reading a part tells after so long what it is at, then after twice as long and so on, at least so often
+# reading a part tells after so long what it is at, in each stage, then after twice as long and so
+# on, at least so often
 _FIRST_WORD_S = 2.5
 _MOST_SILENT_S = 30.0
 # what is done between other work, of which nobody knows how much there is: no pace is told of it

@@ -10,7 +10,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -31,6 +31,7 @@ from aspectgraph.visibility.visibility_regions import KeptRegions
 from errors.exceptions import MeasurementModelError
 from ga.exceptions import GAError
 from ground.convert import STATED, Meta, from_plain, to_plain
+from planner.app.model_dimensions import ModelDimensions, stated_dimensions
 from planner.argument_kinds import (
     MAPPING,
     NOT_NEGATIVE,
@@ -74,7 +75,7 @@ if TYPE_CHECKING:
 
 
 _LENGTHS = tuple(field.name for field in fields(InspectionOptions) if field.name in limit_names())
-_LIMITS = (*_LENGTHS, "showing", "time_limit_s", "gap")
+_LIMITS = (*_LENGTHS, "showing", "time_limit_s", "gap", "localisation", "surfaces_mm")
 # least and most of what is counted
 _COUNTS = {"seed": (0, MOST_SEED), "simulate": (1, 10**9), "graph_limit": (0, 10**9)}
 
@@ -98,6 +99,9 @@ class PartRequest:
     select : str, optional
         Rule for the entities, as `aspectgraph.select_entities` takes it. Default: all sharp
         straight edges. The plans measure the diameter of rims and the radius of arcs.
+    dimensions : ModelDimensions, optional
+        Plan the dimensions that each part (AP242) states, instead of its edges. Take
+        ``Effort.for_dimensions()`` with it. A part that states none is refused.
     units : str, optional
         Unit of the coordinates of mesh files.
     simulate : int
@@ -108,8 +112,8 @@ class PartRequest:
         How long to search.
     limits : mapping
         ``stand_off_mm``, ``min_length_px``, ``field_margin_px``, ``visibility_radius_mm``,
-        ``focus_margin_mm``, ``showing``, ``time_limit_s`` and ``gap`` as `plan_inspection` takes
-        them. The time limit applies to each part.
+        ``focus_margin_mm``, ``showing``, ``localisation``, ``surfaces_mm``, ``time_limit_s`` and
+        ``gap`` as `plan_inspection` takes them. The time limit applies to each part.
 
     Raises
     ------
@@ -139,6 +143,7 @@ class PartRequest:
     graph_limit: int = 0
     effort: Effort = field(default_factory=Effort)
     limits: Mapping[str, Any] = field(default_factory=dict)
+    dimensions: ModelDimensions | None = None
 
     def __post_init__(self) -> None:
         check_kinds(
@@ -154,6 +159,11 @@ class PartRequest:
         if self.select is not None:
             check_kinds(select=(self.select, "str"))
             check_selection(self.select)
+        if self.dimensions is not None:
+            check_kinds(dimensions=(self.dimensions, "ModelDimensions"))
+            if self.select is not None:
+                rule = "must not be given with dimensions"
+                raise RequestError.of_rule("select", rule, repr(self.select))
         if self.units is not None:
             check_kinds(units=(self.units, "str"))
             check_units(self.units)
@@ -194,6 +204,8 @@ class PartRequest:
         settings = {name: getattr(self, name) for name in own}
         # in the request as they are resolved: a default that is given is a default
         settings["limits"] = {"time_limit_s": self.options.time_limit_s}
+        if self.dimensions is not None:
+            settings["dimensions"] = asdict(self.dimensions)
         return digest_of(self.request.fingerprint(), settings)
 
 
@@ -235,6 +247,10 @@ class PartResult:
     file_sha256, request, plan_sha256 : str
         Digests of the part file, the request and ``plan.json``. They decide whether the result is
         still valid.
+    left_out : int
+        Number of dimensions that the part states and the plan leaves out.
+    left_out_reasons : str
+        Their names, each with its reason. Otherwise empty.
     """
 
     part: str
@@ -253,6 +269,8 @@ class PartResult:
     file_sha256: Annotated[str, STATED] = ""
     request: Annotated[str, STATED] = ""
     plan_sha256: Annotated[str, STATED] = ""
+    left_out: Annotated[Count, STATED] = 0
+    left_out_reasons: Annotated[str, STATED] = ""
 
     def write(self, folder: Path) -> None:
         """Write the record next to the plan.
@@ -359,7 +377,8 @@ def plan_part(request: PartRequest, part: str, path: Path, folder: Path) -> Part
         with folder_lock(folder):
             # whose folder it is must be known if the process is killed
             replace(blank, reason="it was not planned to the end").write(folder)
-            result = _described(blank, _planned(request, path, folder), folder)
+            plan, left_out = _planned(request, path, folder)
+            result = _described(blank, plan, left_out, folder)
     except Exception as error:
         # one part, whatever is wrong with it, must not end the batch
         refused = isinstance(error, _OWN) and not isinstance(error, _OUTER)
@@ -501,10 +520,17 @@ class _PartWork(FolderWork):
             return super().search(options)
 
 
-def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
-    """Read a part, and plan it."""
+def _planned(
+    request: PartRequest, path: Path, folder: Path
+) -> tuple[InspectionPlan, dict[str, str]]:
+    """Read a part, and plan it; return the plan, and the dimensions left out with the reasons."""
     solid = read_solid(path, units=request.units)
-    if request.select is None:
+    entities: Mapping[str, Any]
+    left_out: dict[str, str] = {}
+    if request.dimensions is not None:
+        stated = stated_dimensions(path, solid)
+        entities, left_out = request.dimensions.chosen(stated, path.name)
+    elif request.select is None:
         entities = read_entities("all", solid)
     else:
         entities = resolve_entities(solid, select_entities(solid, request.select))
@@ -525,10 +551,12 @@ def _planned(request: PartRequest, path: Path, folder: Path) -> InspectionPlan:
         request.simulate,
         request.graph_limit,
     )
-    return work.done()[0]
+    return work.done()[0], left_out
 
 
-def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartResult:
+def _described(
+    blank: PartResult, plan: InspectionPlan, left_out: Mapping[str, str], folder: Path
+) -> PartResult:
     """Return the result of a plan that is written."""
     reasons = [f"{name}: {reason}" for name, reason in plan.uninspectable.items()]
     simulation = plan.simulation
@@ -541,6 +569,8 @@ def _described(blank: PartResult, plan: InspectionPlan, folder: Path) -> PartRes
         entities=len(plan.entities),
         settings=len(plan.settings),
         lower_bound=int(plan.lower_bound),
+        left_out=len(left_out),
+        left_out_reasons="; ".join(f"{name}: {reason}" for name, reason in left_out.items()),
         plan_sha256=file_digest(folder / PLAN_FILE),
     )
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -14,11 +13,9 @@ import numpy as np
 from aspectgraph import (
     AspectGraphError,
     PartFileNotFoundError,
-    ReadError,
     ReadLimits,
     SolidChoice,
     list_solids,
-    read_dimensions,
     read_entities,
     read_solid,
     resolve_entities,
@@ -31,7 +28,17 @@ from errors.measurands import Localisation
 from errors.measurands.geometry import FLOOR_PX
 from errors.measurands.measurand import kinds
 from planner.app.checks import in_words_of_shell, named_by, option, read_camera
-from planner.app.options import Batch, ChosenEntities, Light, Optics, PartReading, Plan, Workspace
+from planner.app.model_dimensions import ModelDimensions, stated_dimensions
+from planner.app.options import (
+    Batch,
+    ChosenEntities,
+    DimensionTargets,
+    Light,
+    Optics,
+    PartReading,
+    Plan,
+    Workspace,
+)
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
@@ -43,14 +50,13 @@ from planner.light.lighting import RING, LampBox, LampDome, Lighting, check_lamp
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
-from planner.report.wording import count
 from planner.request.camera_limits import default_workspace
-from planner.request.dimension_files import SURFACES_MM, dimensions_to_plan, read_wanted
+from planner.request.dimension_files import SURFACES_MM, read_wanted
 from planner.request.resolve import resolve_wanted, with_places
 from planner.resolve_request import ResolvedRequest, resolve_request
 
 if TYPE_CHECKING:
-    from aspectgraph import Entity, ModelDimension, Solid, SolidEntry
+    from aspectgraph import Entity, Solid, SolidEntry
     from planner.robotcell import Cell
 
 
@@ -177,12 +183,6 @@ def _from_file(path: Path) -> Any:
 _OF_MODEL = ("one_per_pattern", "reference_dimensions", "no_basic_dimensions")
 """Options that choose among the dimensions of the model."""
 
-_LEFT_OUT = {
-    "reference": "see --reference-dimensions",
-    "basic": "plan without --no-basic-dimensions",
-}
-"""What to do about dimensions that their role leaves out."""
-
 
 @dataclass(frozen=True)
 class JobTargets:
@@ -214,14 +214,9 @@ def read_request(options: Plan | Optics, solid: Solid) -> JobTargets:
     RequestError, ReadError, EntityError
         If they ask for what is not there, or break a rule.
     """
-    for name in _OF_MODEL:
-        if getattr(options, name) and not _all_of_model(options):
-            got = "none" if options.dimensions is None else repr(options.dimensions)
-            raise RequestError(f"{option(name)} must be given with --dimensions all. Got {got}.")
+    check_of_model(options)
     if options.dimensions is None:
         localisation = read_localisation(options.localisation or "rounding")
-        if "--share" in options.typed:
-            raise RequestError("--share must be given with --dimensions. Got none.")
         entities = chosen_entities(options, solid)
         # what cannot be measured is refused before the work
         with named_by("entities" if options.select is None else "select", vars(options)):
@@ -232,8 +227,35 @@ def read_request(options: Plan | Optics, solid: Solid) -> JobTargets:
         return _wanted_dimensions(options, solid, localisation)
 
 
-def _all_of_model(options: Plan | Optics) -> bool:
+def check_of_model(options: DimensionTargets) -> None:
+    """Refuse options that choose among dimensions where none are asked for.
+
+    Raises
+    ------
+    RequestError
+        Names the option.
+    """
+    for name in _OF_MODEL:
+        if getattr(options, name) and not all_of_model(options):
+            got = "none" if options.dimensions is None else repr(options.dimensions)
+            raise RequestError(f"{option(name)} must be given with --dimensions all. Got {got}.")
+    if options.dimensions is None and "--share" in options.typed:
+        raise RequestError("--share must be given with --dimensions. Got none.")
+
+
+def all_of_model(options: DimensionTargets) -> bool:
+    """Tell whether the dimensions of the model are asked for."""
     return options.dimensions is not None and options.dimensions.strip().lower() == "all"
+
+
+def choice_of(options: DimensionTargets) -> ModelDimensions:
+    """Return which dimensions of the model the options choose."""
+    return ModelDimensions(
+        options.share,
+        options.one_per_pattern,
+        options.reference_dimensions,
+        not options.no_basic_dimensions,
+    )
 
 
 def _wanted_dimensions(
@@ -242,17 +264,10 @@ def _wanted_dimensions(
     """Return the dimensions of the model, or those of a file."""
     left_out: dict[str, str] = {}
     items: Mapping[str, Any]
-    if _all_of_model(options):
-        stated = _stated(options, solid)
-        items, left_out = dimensions_to_plan(
-            stated,
-            share=options.share,
-            one_per_pattern=options.one_per_pattern,
-            reference=options.reference_dimensions,
-            basic=not options.no_basic_dimensions,
-        )
-        if not items:
-            raise _nothing_to_plan(stated, options.part)
+    if all_of_model(options):
+        with reading_shown(quiet=options.quiet, lines=options.verbose):
+            stated = stated_dimensions(options.part, solid, read_limits(options))
+        items, left_out = choice_of(options).chosen(stated, options.part)
     else:
         items = with_places(
             solid, read_wanted(Path(str(options.dimensions)), kinds(), options.share)
@@ -260,21 +275,6 @@ def _wanted_dimensions(
     rounded = localisation.model == "rounding"
     entities, _ = resolve_wanted(solid, items, options.accuracy, as_lengths=not rounded)
     return JobTargets(items, entities, localisation, left_out)
-
-
-def _nothing_to_plan(stated: Iterable[ModelDimension], part: str) -> RequestError:
-    """Return the error of a model without a dimension to plan; it counts those left out by their role."""
-    roles = Counter(dimension.role for dimension in stated if dimension.entities is not None)
-    texts = [
-        f"{count(roles[role], f'{role} dimension')} {'is' if roles[role] == 1 else 'are'} left out: {advice}"
-        for role, advice in _LEFT_OUT.items()
-        if roles[role]
-    ]
-    error = RequestError(
-        f"--dimensions all needs a dimension that can be measured. Got none in {part}."
-    )
-    error.hint = ". ".join(texts)
-    return error
 
 
 def chosen_entities(options: ChosenEntities, solid: Solid) -> dict[str, Entity]:
@@ -295,18 +295,6 @@ def read_limits(options: PartReading) -> ReadLimits:
     """Return what reading the part may take."""
     seconds = options.read_time_limit
     return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
-
-
-def _stated(options: Plan | Optics, solid: Solid) -> tuple[ModelDimension, ...]:
-    part = options.part
-    with reading_shown(quiet=options.quiet, lines=options.verbose):
-        stated = read_dimensions(part, solid, limits=read_limits(options))
-    if not stated:
-        raise ReadError(
-            f"the part must be a STEP file with semantic dimensions (AP242). Got {part}, which states none; a file of "
-            "dimensions can be given instead."
-        )
-    return stated
 
 
 def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:

@@ -209,7 +209,7 @@ class ChosenEntities:
 
 
 @dataclass(kw_only=True)
-class ChosenTargets(ChosenEntities):
+class DimensionTargets(Command):
     """What to measure, by one of the first options.
 
     Attributes
@@ -236,8 +236,6 @@ class ChosenTargets(ChosenEntities):
         flatness and profile tolerances of the part state, else 0.02; with rounding 0)
     """
 
-    exactly_one: ClassVar[tuple[str, ...]] = (*ChosenEntities.exactly_one, "--dimensions")
-
     dimensions: Annotated[str | None, _named("FILE|all")] = None
     one_per_pattern: bool = False
     reference_dimensions: bool = False
@@ -245,6 +243,13 @@ class ChosenTargets(ChosenEntities):
     share: Annotated[float, value(SHARE, "S"), ABOVE_0_TO_1] = 0.25
     localisation: Annotated[str | None, _named("MODEL")] = None
     surfaces_mm: OptionalLength = None
+
+
+@dataclass(kw_only=True)
+class ChosenTargets(DimensionTargets, ChosenEntities):
+    """What to measure, by one of the first options."""
+
+    exactly_one: ClassVar[tuple[str, ...]] = (*ChosenEntities.exactly_one, "--dimensions")
 
 
 @dataclass(kw_only=True)
@@ -865,7 +870,17 @@ class BatchOutput:
 
 
 @dataclass(kw_only=True)
-class Batch(Promise, WithCamera, BatchOutput, SearchEffort, Limits, Showing, Units, Messages):
+class Batch(
+    DimensionTargets,
+    Promise,
+    WithCamera,
+    BatchOutput,
+    SearchEffort,
+    Limits,
+    Showing,
+    Units,
+    Messages,
+):
     """Plan every part of a folder, on many processes.
 
     Attributes
@@ -876,6 +891,11 @@ class Batch(Promise, WithCamera, BatchOutput, SearchEffort, Limits, Showing, Uni
         entities for which the rule holds; see plan --help (default: all sharp straight edges)
     all
         all sharp straight edges, the default
+    dimensions
+        all: the dimensions that each part (AP242) states
+    localisation
+        error of points in the image: rounding, gaussian[:SIGMA[:FLOOR]] or fit[:SIGMA[:CORRELATION[:FLOOR]]], in px;
+        FLOOR does not average out (default: rounding, with --dimensions gaussian:0.1:0.05)
     jobs
         parts to plan at a time, at most one per core
     scheduler
@@ -883,11 +903,12 @@ class Batch(Promise, WithCamera, BatchOutput, SearchEffort, Limits, Showing, Uni
     """
 
     usage = ("FOLDER --camera NAME|FILE --out DIR [options]",)
-    at_most_one = ("--select", "--all")
+    at_most_one = ("--select", "--all", "--dimensions")
 
     folder: str = field(kw_only=False)
     select: Annotated[str | None, _named("RULE")] = None
     all: bool = False
+    dimensions: Annotated[str | None, _named("all")] = None
     scheduler: Annotated[str | None, _named("ADDRESS")] = None
 
 

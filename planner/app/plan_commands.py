@@ -49,13 +49,17 @@ from planner.app.checks import option, read_camera
 from planner.app.job import (
     Job,
     JobTargets,
+    all_of_model,
     check_nothing_read,
+    check_of_model,
     check_same_part,
+    choice_of,
     chosen_entities,
     inspection_options,
     localisation_text,
     read_job,
     read_limits,
+    read_localisation,
     read_part,
     read_request,
     read_solid_list,
@@ -651,7 +655,22 @@ def batch(options: Batch) -> int:
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
+    check_of_model(options)
+    choice = None
     effort = Effort.named(options.effort or "standard")
+    localisation = None
+    if options.localisation is not None:
+        localisation = read_localisation(options.localisation)
+    if options.dimensions is not None:
+        if not all_of_model(options):
+            raise RequestError.of_rule("dimensions", "must be all", repr(options.dimensions))
+        choice = choice_of(options)
+        localisation = localisation or read_localisation("gaussian")
+        if options.effort is None:
+            effort = Effort.for_dimensions()
+    elif "--surfaces-mm" in options.typed:
+        raise RequestError("--surfaces-mm must be given with --dimensions. Got none.")
+    limits = inspection_options(options, time_limit_s=options.time_limit, localisation=localisation)
     request = PartRequest(
         read_camera(options.camera),
         uncertainty,
@@ -663,7 +682,8 @@ def batch(options: Batch) -> int:
         simulate=options.simulate,
         graph_limit=options.graph_limit,
         effort=effort if options.give_up is None else effort.giving_up(options.give_up),
-        limits=limits_of(inspection_options(options, time_limit_s=options.time_limit)),
+        limits=limits_of(limits),
+        dimensions=choice,
     )
     if not options.force:
         check_set_place(Path(options.out), TABLES, is_table)

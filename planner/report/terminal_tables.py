@@ -472,6 +472,9 @@ def print_batch(results: Sequence[Any]) -> None:
     counts = {status: sum(result.status == status for result in results) for status in _STATUSES}
     texts = ", ".join(f"{n} {status}" for status, n in counts.items() if n)
     print_text(f"{count(len(results), 'part')}: {texts}")
+    n_left_out = sum(result.left_out for result in results)
+    if n_left_out:
+        print_text(f"{count(n_left_out, 'dimension')} left out, see left_out_reasons in the tables")
     lacking = [result for result in results if result.status != _STATUSES[0]]
     for result in lacking[:_MOST_ROWS]:
         text = f"{result.part} is {result.status}: {result.reason}"

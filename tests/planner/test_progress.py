@@ -211,6 +211,23 @@ def test_reading_that_takes_long_says_what_it_is_at(monkeypatch, quiet, lines, n
     assert stream.getvalue().count("\n") == n + (lines and not quiet)
 
 
+def test_each_stage_of_a_long_read_is_named_soon(monkeypatch):
+    """A stage before it that took long, and lines further apart, do not delay the first line."""
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(progress, "_FIRST_WORD_S", 0.1)
+    with progress.reading_shown():
+        report_phase(0, 1, "load")
+        time.sleep(0.9)
+        n_load = stream.getvalue().count("load (")
+        for label in ("build", "check"):
+            report_phase(1, 300, label)
+            time.sleep(0.25)
+            assert f"{label}: 1/300" in stream.getvalue()
+    # at 0.1, 0.3 and 0.7 s
+    assert 2 <= n_load <= 3
+
+
 # Whether one more piece of work fits before a deadline.
 
 

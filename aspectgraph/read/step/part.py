@@ -38,7 +38,7 @@ class StepPart:
         """Return the answer to a request: JSON values and arrays."""
         requests: dict[str, Callable[..., tuple[dict[str, Any], dict[str, Any]]]]
         requests = {"load": self.load, "select": self.select, "merge": self.merge}
-        requests["list"] = self.list
+        requests["list"] = self.listing
         requests["tessellate"] = self.tessellate
         requests["dimensions"] = self.dimensions
         return requests[do](**options)
@@ -50,7 +50,7 @@ class StepPart:
         self.names = inventory.names
         return {"damage": [slot.damage for slot in inventory.slots], "notes": inventory.notes}, {}
 
-    def list(self) -> tuple[dict[str, Any], dict[str, Any]]:
+    def listing(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return what every solid is called, and its size."""
         n_placed = Counter(slot.number for slot in self.slots)
         rows = []

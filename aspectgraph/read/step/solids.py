@@ -233,8 +233,8 @@ def load_solids(
     check_nothing_loose(
         damage, [number for _, number in solids if number not in listed], entities, name
     )
-    report(n_solids, n_solids, BUILD_SOLIDS)
     instances = instances_of(reader, shape, numbers, names.occurrences)
+    report(n_solids, n_solids, BUILD_SOLIDS)
     slots = []
     ordered = in_file_order(solids, listed, name)
     for k, (solid, number) in enumerate(ordered):

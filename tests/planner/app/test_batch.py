@@ -9,17 +9,23 @@ import os
 import signal
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from aspectgraph import read_dimensions, read_solid
+from errors.measurands import Localisation
 from planner import (
     Camera,
     Detectability,
     Effort,
+    ModelDimensions,
     OutputError,
     PartRequest,
     PoseUncertainty,
     RequestError,
+    dimensions_to_plan,
     plan_folder,
 )
 from planner.app import batch
@@ -336,6 +342,8 @@ def test_requests_that_differ_have_different_fingerprints(request_):
         "showing": none,
         "time_limit_s": 60.0,
         "gap": 0.1,
+        "localisation": Localisation.gaussian(0.2),
+        "surfaces_mm": 0.1,
     }
     fields_ = {
         "camera": Camera.named("basler-acA2440-20gm-12mm"),
@@ -351,9 +359,10 @@ def test_requests_that_differ_have_different_fingerprints(request_):
     }
     others = [replace(request_, limits={name: value}) for name, value in given.items()]
     others += [replace(request_, **{name: value}) for name, value in fields_.items()]
+    others.append(replace(request_, select=None, dimensions=ModelDimensions()))
     # a field or limit that is added must be changed here, too
     assert set(given) == set(batch._LIMITS)
-    assert {*fields_, "limits"} == {one.name for one in fields(PartRequest)}
+    assert {*fields_, "limits", "dimensions"} == {one.name for one in fields(PartRequest)}
     prints = {one.fingerprint for one in others}
     assert len(prints) == len(others)
     assert request_.fingerprint not in prints
@@ -479,3 +488,81 @@ def test_work_is_done_by_its_workers():
     ):
         assert executor.submit(pow, 3, 4).result(timeout=30) == 81
         assert list(executor.map(abs, [-1, 2, -3])) == [1, 2, 3]
+
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def dimension_request(**changes):
+    return PartRequest(
+        Camera.named("basler-acA2440-20gm-8mm"),
+        PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001),
+        simulate=50,
+        effort=Effort(viewpoints=5, pricing_rounds=1, refutations=0, bound_nodes=10),
+        **{"dimensions": ModelDimensions(share=1.0), **changes},
+    )
+
+
+def test_stated_dimensions_are_planned_as_those_of_one_part(tmp_path, monkeypatch):
+    pytest.importorskip("OCP")
+    works = []
+
+    def done(work):
+        works.append(work)
+        (work.folder / "plan.json").write_text("{}")
+        names = dict.fromkeys(target.name for target in work.resolved.request.targets)
+        return SimpleNamespace(
+            uninspectable={}, simulation=None, entities=names, settings=(), lower_bound=0
+        ), None
+
+    # the search takes long, and others test it
+    monkeypatch.setattr(batch.FolderWork, "done", done)
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    part = folder / "plate.step"
+    part.write_bytes((CASES / "dim_on_thread_curve.step").read_bytes())
+    (folder / "block.off").write_text(box(80, 50, 40))
+    request = dimension_request()
+    block, plate = plan_folder(folder, tmp_path / "out", request, executor=ThreadPoolExecutor(1))
+    assert (block.status, block.left_out) == ("refused", 0)
+    assert "dimensions are read from .step and .stp files" in block.reason
+    # a diameter of a hole, and one of a curve without a face, which nothing measures
+    wanted, left_out = dimensions_to_plan(read_dimensions(part, read_solid(part)), share=1.0)
+    assert (len(wanted), plate.left_out) == (1, len(left_out))
+    assert plate.left_out_reasons == "; ".join(": ".join(pair) for pair in left_out.items())
+    (target,) = works[0].resolved.request.targets
+    assert target.name in wanted
+    assert (plate.status, plate.entities) == ("planned", 1)
+    assert works[0].resolved.request.localisation == Localisation.gaussian(0.1)
+
+
+def test_a_choice_of_dimensions_is_part_of_the_fingerprint():
+    requests = [
+        dimension_request(),
+        dimension_request(dimensions=None),
+        dimension_request(dimensions=ModelDimensions(share=0.5)),
+        dimension_request(dimensions=ModelDimensions(share=1.0, one_per_pattern=True)),
+        dimension_request(limits={"surfaces_mm": 0.1}),
+        dimension_request(limits={"localisation": Localisation.gaussian(0.3)}),
+    ]
+    assert len({request.fingerprint for request in requests}) == len(requests)
+    with pytest.raises(RequestError, match="select must not be given with dimensions"):
+        dimension_request(select="length > 20")
+    with pytest.raises(RequestError, match="share"):
+        ModelDimensions(share=0.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--dimensions", "none.toml"], "--dimensions must be 'all' or name an existing file"),
+        (["--dimensions", __file__], "--dimensions must be all. Got"),
+        (["--share", "0.5"], "--share must be given with --dimensions"),
+        (["--one-per-pattern"], "--one-per-pattern must be given with --dimensions all"),
+        (["--surfaces-mm", "0.1"], "--surfaces-mm must be given with --dimensions"),
+    ],
+)
+def test_options_of_dimensions_need_dimensions(parts, tmp_path, capsys, words, message):
+    start = ["batch", str(parts), "--camera", "basler-acA2440-20gm-8mm"]
+    assert main([*start, "--out", str(tmp_path / "out"), *words]) == BAD_INPUT
+    assert message in capsys.readouterr().err

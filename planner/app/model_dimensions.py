@@ -1,0 +1,133 @@
+"""The dimensions that a model states, as `plan` and `batch` measure them: which ones, and what is left out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aspectgraph import ReadError, ReadLimits, read_dimensions
+from planner.argument_kinds import ABOVE_0_TO_1, check_number
+from planner.exceptions import RequestError
+from planner.report.wording import count
+from planner.request.dimension_files import QUARTER, dimensions_to_plan
+
+if TYPE_CHECKING:
+    from aspectgraph import ModelDimension, Solid
+
+_LEFT_OUT = {
+    "reference": "see --reference-dimensions",
+    "basic": "plan without --no-basic-dimensions",
+}
+"""What to do about dimensions that their role leaves out."""
+
+
+@dataclass(frozen=True)
+class ModelDimensions:
+    """A choice among the dimensions that a STEP file (AP242) states.
+
+    `dimensions_to_plan` describes the fields in full.
+
+    Attributes
+    ----------
+    share : float
+        Permitted error as a share of half the tolerance's width, in (0, 1].
+    one_per_pattern : bool
+        Measure each dimension on one of its features.
+    reference : bool
+        Plan reference dimensions, too.
+    basic : bool
+        Plan basic dimensions.
+
+    Raises
+    ------
+    RequestError
+        The share breaks its rule.
+
+    Examples
+    --------
+    >>> from planner import ModelDimensions
+    >>> ModelDimensions(share=0.2).share
+    0.2
+    """
+
+    share: float = QUARTER
+    one_per_pattern: bool = False
+    reference: bool = False
+    basic: bool = True
+
+    def __post_init__(self) -> None:
+        check_number("share", self.share, ABOVE_0_TO_1)
+
+    def chosen(
+        self, stated: Iterable[ModelDimension], part: str | Path
+    ) -> tuple[dict[str, Any], dict[str, str]]:
+        """Return the dimensions to plan, and why the others are left out.
+
+        Parameters
+        ----------
+        stated : iterable of ModelDimension
+            What the model states.
+        part : path
+            Its file, for errors.
+
+        Raises
+        ------
+        RequestError
+            There is none to plan, or a tolerance breaks its rule.
+        """
+        items, left_out = dimensions_to_plan(
+            stated,
+            share=self.share,
+            one_per_pattern=self.one_per_pattern,
+            reference=self.reference,
+            basic=self.basic,
+        )
+        if not items:
+            raise _nothing_to_plan(stated, part)
+        return dict(items), left_out
+
+
+def stated_dimensions(
+    part: str | Path, solid: Solid, limits: ReadLimits | None = None
+) -> tuple[ModelDimension, ...]:
+    """Return the dimensions that the file of a part states.
+
+    Parameters
+    ----------
+    part : path
+        The file.
+    solid : Solid
+        The part.
+    limits : ReadLimits, optional
+        What reading may take.
+
+    Raises
+    ------
+    ReadError
+        It states none.
+    """
+    stated = read_dimensions(part, solid, limits=limits)
+    if not stated:
+        raise ReadError(
+            f"the part must be a STEP file with semantic dimensions (AP242). Got {part}, which states none; a file of "
+            "dimensions can be given instead."
+        )
+    return stated
+
+
+def _nothing_to_plan(stated: Iterable[ModelDimension], part: str | Path) -> RequestError:
+    """Return the error of a model without a dimension to plan; it counts those left out by their role."""
+    roles = Counter(dimension.role for dimension in stated if dimension.entities is not None)
+    texts = [
+        f"{count(roles[role], f'{role} dimension')} {'is' if roles[role] == 1 else 'are'} left out: {advice}"
+        for role, advice in _LEFT_OUT.items()
+        if roles[role]
+    ]
+    error = RequestError(
+        f"--dimensions all needs a dimension that can be measured. Got none in {part}."
+    )
+    error.hint = ". ".join(texts)
+    return error
