@@ -68,6 +68,8 @@ _RAYS = 400_000
 _POINTS = 128
 # surfaces that are nearly alike move a vertex like one
 _ALIKE = 0.1
+# cosine of the angle up to which a round surface counts as tangent to a plane, 8 degrees
+_TANGENT = 0.99
 # the weakest and the brightest places beside edges are noise
 _BRIGHTEST = 0.99
 
@@ -192,6 +194,9 @@ class DeviatingPart:
             carriers = [self._model.carriers.surfaces[k] for k in sorted(group)]
             places = points[rows]
             normals = np.stack([carrier.normals(places) for carrier in carriers], axis=1)
+            # a blend begins where its plane is, or the straight edges that end there would turn
+            flat = [carrier.is_plane for carrier in carriers]
+            normals[_blended(normals, np.array(flat))] = 0.0
             off = [
                 carrier.offsets(places) @ self._deviations[k]
                 for k, carrier in zip(sorted(group), carriers, strict=True)
@@ -199,6 +204,12 @@ class DeviatingPart:
             inverse = np.linalg.pinv(normals, rcond=_ALIKE)
             moves[rows] = np.einsum("nij,nj->ni", inverse, np.stack(off, axis=1))
         return moves
+
+
+def _blended(normals: Array, flat: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which of k surfaces are round and tangent to a plane among them (n, k), given normals (n, k, 3)."""
+    parallel = np.abs(np.einsum("nix,njx->nij", normals, normals)) > _TANGENT
+    return np.asarray((parallel & flat).any(axis=2) & ~flat)
 
 
 def _carried(model: PartModel) -> list[set[int]]:
