@@ -650,8 +650,8 @@ def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionP
         return *work.done(), best.interrupted
 
 
-def batch(options: Batch) -> int:
-    """Plan every part of a folder."""
+def _request_of_parts(options: Batch) -> PartRequest:
+    """Return what is asked for every part of a folder."""
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
@@ -671,7 +671,7 @@ def batch(options: Batch) -> int:
     elif "--surfaces-mm" in options.typed:
         raise RequestError("--surfaces-mm must be given with --dimensions. Got none.")
     limits = inspection_options(options, time_limit_s=options.time_limit, localisation=localisation)
-    request = PartRequest(
+    return PartRequest(
         read_camera(options.camera),
         uncertainty,
         accuracy=options.accuracy,
@@ -685,6 +685,11 @@ def batch(options: Batch) -> int:
         limits=limits_of(limits),
         dimensions=choice,
     )
+
+
+def batch(options: Batch) -> int:
+    """Plan every part of a folder."""
+    request = _request_of_parts(options)
     if not options.force:
         check_set_place(Path(options.out), TABLES, is_table)
     out = absolute(options.out)
