@@ -308,6 +308,12 @@ class SolidEntry:
     label : str
         A text that names this solid alone, such as ``bracket`` or ``bracket:2``. Its number if it
         has no name.
+
+    Examples
+    --------
+    >>> from aspectgraph import SolidEntry
+    >>> SolidEntry(3, product="bracket", instance="frame-1/bracket-2", body="Solid1").names
+    ('bracket', 'frame-1/bracket-2', 'bracket-2', 'Solid1')
     """
 
     number: int
@@ -481,6 +487,11 @@ class SolidChoice:
         ----------
         entries : sequence of SolidEntry
             The solids of the file.
+
+        Returns
+        -------
+        SolidChoice
+            Of numbers only.
 
         Raises
         ------

@@ -150,7 +150,7 @@ def list_solids(
     >>> from aspectgraph import list_solids
     >>> (solid,) = list_solids("examples/mfcad_6-11-11-19.step")
     >>> solid.number, solid.n_faces, solid.n_placed
-    (0, 13, 1)
+    (0, 8, 1)
     """
     plain_path = Path(path)
     packed = plain_path.suffix.lower() == ".gz"

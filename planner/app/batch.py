@@ -99,9 +99,6 @@ class PartRequest:
     select : str, optional
         Rule for the entities, as `aspectgraph.select_entities` takes it. Default: all sharp
         straight edges. The plans measure the diameter of rims and the radius of arcs.
-    dimensions : ModelDimensions, optional
-        Plan the dimensions that each part (AP242) states, instead of its edges. Take
-        ``Effort.for_dimensions()`` with it. A part that states none is refused.
     units : str, optional
         Unit of the coordinates of mesh files.
     simulate : int
@@ -114,6 +111,9 @@ class PartRequest:
         ``stand_off_mm``, ``min_length_px``, ``field_margin_px``, ``visibility_radius_mm``,
         ``focus_margin_mm``, ``showing``, ``localisation``, ``surfaces_mm``, ``time_limit_s`` and
         ``gap`` as `plan_inspection` takes them. The time limit applies to each part.
+    dimensions : ModelDimensions, optional
+        Plan the dimensions that each part (AP242) states, instead of its edges. Take
+        ``Effort.for_dimensions()`` with it. A part that states none is refused.
 
     Raises
     ------

@@ -74,6 +74,13 @@ class ModelDimensions:
         part : path
             Its file, for errors.
 
+        Returns
+        -------
+        items : dict of str to Dimension
+            What to plan, by name.
+        left_out : dict of str to str
+            The others, with the reason.
+
         Raises
         ------
         RequestError
