@@ -564,7 +564,10 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys, monkeypatch):
     (line,) = failure(capsys, ["info", "part.step", "--solids", "2", "--occluders", "all"])
     assert "must not overlap" in line
     (line,) = failure(capsys, ["info", "part.step", "--occluders", "all"])
-    assert "--occluders must be numbers where --solids does not say which are measured" in line
+    assert (
+        "--occluders must be numbers or names where --solids does not say which are measured"
+        in line
+    )
     assert main(["info", "part.step", "--solids", "0,2"]) == DONE
     assert "part: 2 shells, 12 faces" in capsys.readouterr().out
     assert main(["graph", "part.step", "--solids", "2", "--all", "--graphml", "g.graphml"]) == DONE
