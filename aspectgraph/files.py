@@ -340,12 +340,13 @@ def with_labels(entries: Sequence[SolidEntry]) -> tuple[SolidEntry, ...]:
             holders.setdefault(name, []).append(entry.number)
     labelled = []
     for entry in entries:
-        own = [name for name in (entry.product, entry.body) if name]
-        label = next((name for name in own if len(holders[name]) == 1), "")
-        if own and not label:
-            label = f"{own[0]}:{holders[own[0]].index(entry.number) + 1}"
+        names = [name for name in (entry.product, entry.body) if name]
+        label = next((name for name in names if len(holders[name]) == 1), "")
+        if names and not label:
+            label = f"{names[0]}:{holders[names[0]].index(entry.number) + 1}"
             # another solid may have that very name
-            label = "" if label in holders else label
+            if label in holders:
+                label = ""
         labelled.append(replace(entry, label=label or str(entry.number)))
     return tuple(labelled)
 
@@ -358,11 +359,13 @@ def list_text(entries: Sequence[SolidEntry]) -> str:
     """Return solids for an error: number, name, size and faces of the first ones."""
     texts = []
     for entry in entries[:_MOST_LISTED]:
-        name = "" if entry.label == str(entry.number) else f" {entry.label!r}"
+        name = ""
+        if entry.label != str(entry.number):
+            name = f" {entry.label!r}"
         size = ""
         if entry.size_mm is not None:
             size = f"{' x '.join(f'{length:.4g}' for length in entry.size_mm)} mm, "
-        noun = "face" if entry.n_faces == 1 else "faces"
+        noun = ("faces", "face")[entry.n_faces == 1]
         texts.append(f"{entry.number}{name} ({size}{entry.n_faces} {noun})")
     more = len(entries) - len(texts)
     return ", ".join(texts) + (f", and {more} more" if more else "")
@@ -392,7 +395,9 @@ def numbers_of(parameter: str, name: str, entries: Sequence[SolidEntry]) -> list
     if named:
         labels = [_label_among(name, k, entries[number]) for k, number in enumerate(named, start=1)]
         shown = ", ".join(labels[:_MOST_LISTED])
-        more = f" and {len(labels) - _MOST_LISTED} more" if len(labels) > _MOST_LISTED else ""
+        more = ""
+        if len(labels) > _MOST_LISTED:
+            more = f" and {len(labels) - _MOST_LISTED} more"
         raise ReadError.of_rule(
             parameter,
             "must name each solid by a name of its own, or by its number",

@@ -166,8 +166,7 @@ def _check_no_step_options(choice: SolidChoice, gap_mm: float | None, name: str)
     values = {"solids": choice.measured, "occluders": choice.occluders or None, "gap_mm": gap_mm}
     for label, value in values.items():
         if value is not None:
-            got = list(value) if isinstance(value, tuple) else value
-            raise ReadError.of_rule(label, "applies to STEP files", f"{got} for {name}")
+            raise ReadError.of_rule(label, "applies to STEP files", f"{value} for {name}")
 
 
 def _check_tolerances(

@@ -151,7 +151,8 @@ class Slot:
         BRepBndLib.AddOptimal_s(self.shape, box, False, False)
         if box.IsVoid():
             return None
-        low, high = xyz(box.CornerMin()), xyz(box.CornerMax())
+        low = xyz(box.CornerMin())
+        high = xyz(box.CornerMax())
         # without the width that the kernel adds
         return [round(b - a, 6) for a, b in zip(low, high, strict=True)]
 
@@ -379,7 +380,8 @@ def instances_of(
             part = parts.Value()
             parts.Next()
             number = maker(part)
-            inside, way = assembly, path
+            inside = assembly
+            way = path
             if number in occurrences:
                 product = occurrences[number].product
                 if assembly is not None and number not in remaining:
@@ -388,7 +390,8 @@ def instances_of(
                     number = next(same, number)
                 if number in remaining:
                     remaining.remove(number)
-                inside, way = product, (*path, number)
+                inside = product
+                way = (*path, number)
             elif number in definitions:
                 inside = number
             if part.ShapeType() == TopAbs_ShapeEnum.TopAbs_SOLID:

@@ -287,8 +287,9 @@ def read_step(
                 n_before = n_facets
                 if solid is not None:
                     occluders = tuple(i for i in chosen if i not in measured)
-                    shown = entries if len(entries) > 1 else ()
-                    solid.file_solids = FileSolids(tuple(measured), occluders, shown)
+                    solid.file_solids = FileSolids(tuple(measured), occluders)
+                    if len(entries) > 1:
+                        solid.file_solids = solid.file_solids._replace(entries=entries)
                     return solid
         except SolidError as error:
             if len(chosen) == 1:
@@ -505,7 +506,9 @@ def _select(
     range_text = f"some of 0..{n - 1} of {name}" if n > 1 else f"0, the only solid of {name}"
     for parameter, numbers in (("solids", measured), ("occluders", occluders)):
         if any(not 0 <= i < n for i in numbers):
-            hint = f"it holds {list_text(entries)}" if n > 1 else ""
+            hint = ""
+            if n > 1:
+                hint = f"it holds {list_text(entries)}"
             raise ReadError.of_rule(parameter, f"must name {range_text}", str(numbers), hint=hint)
     if not measured:
         parameter = "occluders" if occluders else "solids"

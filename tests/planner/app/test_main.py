@@ -575,7 +575,7 @@ def test_solids_of_a_step_file_can_be_chosen(folder, capsys, monkeypatch):
     capsys.readouterr()
     for arguments, rule in (
         (["part.step", "--solids", "7"], "must name some of 0..2 of part.step. Got [7]"),
-        (["part.step", "--solids", "1,x"], "--solids must be whole numbers"),
+        (["part.step", "--solids", "1,x"], "--solids must name solids of the file"),
         (["part.step", "--solids", "0", "--gap-mm", "-1"], "--gap-mm must be positive"),
         (["block.off", "--solids", "0"], "solids applies to STEP files"),
     ):
