@@ -185,7 +185,7 @@ class FileSolids(NamedTuple):
     occluders : tuple of int
         Solids that only stand in the way.
     entries : tuple of SolidEntry
-        All solids of the file. Empty if it holds one solid only.
+        All solids of the file. Empty if it holds one solid, which nobody named.
     """
 
     measured: tuple[int, ...]

@@ -83,7 +83,9 @@ def part_record(
 
 def file_entries(solid: Solid) -> tuple[SolidEntry, ...]:
     """Return the solids of the part's STEP file; nothing if it holds one only, or there is no such file."""
-    return () if solid.file_solids is None else solid.file_solids.entries
+    if solid.file_solids is None or len(solid.file_solids.entries) < 2:
+        return ()
+    return solid.file_solids.entries
 
 
 def solid_records(entries: Iterable[SolidEntry]) -> list[dict[str, Any]]:

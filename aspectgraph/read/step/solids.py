@@ -360,15 +360,15 @@ def instances_of(
         return []
     transfer = reader.WS().TransferReader()
     paths: list[tuple[int, ...]] = []
-    known = ShapeMap()
+    seen_parts = ShapeMap()
     makers: list[int] = []
 
     def maker(part: Any) -> int:
         """Return the number of what the kernel made a shape from, or -1."""
-        position = known.FindIndex(part)
+        position = seen_parts.FindIndex(part)
         if position:
             return makers[position - 1]
-        known.Add(part)
+        seen_parts.Add(part)
         makers.append(numbers.get(transfer.EntityFromShapeResult(part, 1), -1))
         return makers[-1]
 

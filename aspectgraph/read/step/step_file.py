@@ -287,9 +287,7 @@ def read_step(
                 n_before = n_facets
                 if solid is not None:
                     occluders = tuple(i for i in chosen if i not in measured)
-                    solid.file_solids = FileSolids(tuple(measured), occluders)
-                    if len(entries) > 1:
-                        solid.file_solids = solid.file_solids._replace(entries=entries)
+                    solid.file_solids = FileSolids(tuple(measured), occluders, entries)
                     return solid
         except SolidError as error:
             if len(chosen) == 1:
