@@ -302,7 +302,7 @@ class SolidEntry:
     n_faces : int
         Number of its faces; facets if the file states only these.
     n_placed : int
-        How many times the file places the same solid.
+        How many times the same solid occurs in the file.
     size_mm : tuple of float or None
         Size of its box, in mm. None for a solid that cannot be built.
     label : str
@@ -327,7 +327,7 @@ class SolidEntry:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All texts that may stand for it: product, instance with and without the way to it, body."""
+        """All texts that may stand for it: product, instance with and without the way to it, solid."""
         last = self.instance.rpartition("/")[2]
         return tuple(filter(None, (self.product, self.instance, last, self.body)))
 
@@ -434,7 +434,7 @@ class SolidChoice:
     ----------
     measured : sequence of int or str, optional
         Solids whose edges can be entities, by their numbers, counted from 0 in the order of the
-        file, or by their names: a product, an instance or a body. ``bracket:2`` is the second one
+        file, or by their names: of a product, an instance or the solid. ``bracket:2`` is the second one
         of several with this name, ``bracket:all`` are all of them. Default: all that are not
         occluders.
     occluders : "all" or sequence of int or str
