@@ -20,6 +20,7 @@ setup-docs:
 demo: setup-demo
 	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --dimensions all --camera examples/camera.toml \
 	    --share 0.3 --accuracy 0.999 --probability 0.9 --sigma-mm 0.05 --sigma-rad 0.001 \
+	    --light dome:0,0,0,1200,20 --register edges \
 	    --effort quick --out $(DEMO_OUT)
 	$(BIN)/aspectgraph plan examples/nist_ctc_01_ap242.stp --entities examples/nist_ctc_01_corners.toml \
 	    --camera examples/camera.toml --accuracy 0.99 --probability 0.9 --effort quick --out $(DEMO_OUT)/edges
