@@ -477,7 +477,7 @@ def _accepted_text(result: Result) -> str:
     texts = []
     # inwards, so that no value is said to be accepted that is not
     if math.isfinite(lower):
-        texts.append(f"{math.ceil(lower * 10**decimals) / 10**decimals:.{decimals}f}")
+        texts.append(f"{math.ceil(lower * 10**decimals) / 10**decimals:+.{decimals}f}")
     if math.isfinite(upper):
         texts.append(f"{math.floor(upper * 10**decimals) / 10**decimals:+.{decimals}f}")
     if len(texts) == 2:
