@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ga import GAResult, maximize
+from ga.exceptions import InfeasiblePopulationError
 from planner.argument_kinds import ITEMS, check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
@@ -457,12 +458,11 @@ def search_pose(
         more_poses,
     )
     feasible = more_poses[constraints.feasible(more_poses)]
-    if len(start.bits):
-        result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
+    result = _evolve(start.bits, encoding, constraints, objective, search, rng, callback)
+    if result is not None:
         outcome = _outcome(result, encoding)
     elif len(feasible):
         # feasible only between the steps of the encoding: what is left is to refine
-        result = None
         message = "No encoded pose is feasible; the known poses were refined."
         outcome = FoundPose(feasible[0], -np.inf, 0, 0, message, ())
     else:
@@ -526,18 +526,32 @@ def _evolve(
     search: Search,
     rng: np.random.Generator,
     callback: Callable[..., Any] | None,
-) -> GAResult:
-    """Run the genetic algorithm from feasible chromosomes; too few of them are repeated."""
-    return maximize(
-        lambda population: objective.fitness(encoding.decode(population)),
-        encoding.n_bits,
-        feasible=lambda population: constraints.feasible(encoding.decode(population)),
-        initial=np.resize(bits, (search.population, encoding.n_bits)),
-        rng=rng,
-        callback=callback,
-        target=_enough(objective) if search.stop_at_perfect else None,
-        **search.ga_options(),
-    )
+) -> GAResult | None:
+    """Run the genetic algorithm from feasible chromosomes; too few of them are repeated. None without any."""
+
+    def feasible(population: np.ndarray) -> np.ndarray:
+        return constraints.feasible(encoding.decode(population))
+
+    while len(bits):
+        initial = np.resize(bits, (search.population, encoding.n_bits))
+        try:
+            return maximize(
+                lambda population: objective.fitness(encoding.decode(population)),
+                encoding.n_bits,
+                feasible=feasible,
+                initial=initial,
+                rng=rng,
+                callback=callback,
+                target=_enough(objective) if search.stop_at_perfect else None,
+                **search.ga_options(),
+            )
+        except InfeasiblePopulationError:
+            # light is judged by few rays: one that grazes an edge meets it or not, by the rest of its batch
+            refused = np.flatnonzero(~feasible(initial)) % len(bits)
+            if not len(refused):
+                raise
+            bits = np.delete(bits, refused, axis=0)
+    return None
 
 
 def _outcome(result: GAResult, encoding: PoseEncoding) -> FoundPose:

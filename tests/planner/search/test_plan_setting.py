@@ -37,7 +37,7 @@ from planner.request.constraints import Constraints, Requirements
 from planner.request.models import Means
 from planner.request.problem import Objective
 from planner.resume import PlanningState
-from planner.search.plan_setting import check_extent
+from planner.search.plan_setting import _evolve, check_extent
 from planner.search.poses import PoseEncoding, ViewpointSampler, WorkspaceSampler, draw_start
 from planner.search.realise_column import meaning
 from planner.sensor_setting import Outcome, Reason, ReasonKind
@@ -696,3 +696,19 @@ def test_what_is_known_crosses_a_process_boundary():
     again = pickle.loads(pickle.dumps(error))
     assert str(again) == "no"
     assert vars(again) == vars(error)
+
+
+def test_poses_that_a_second_judgement_refuses_do_not_begin_the_search(monkeypatch):
+    """Rays that graze an edge may meet it or not, by the rest of their batch."""
+    bits = np.eye(4, 6, dtype=np.uint8)
+    # the third one is feasible alone, and not with others
+    constraints = SimpleNamespace(feasible=lambda rows: ~((rows[:, 2] == 1) & (len(rows) > 1)))
+    encoding = SimpleNamespace(n_bits=6, decode=lambda rows: rows)
+    objective = SimpleNamespace(fitness=lambda rows: rows[:, :2].sum(axis=1).astype(float))
+    monkeypatch.setattr("planner.search.plan_setting._enough", lambda objective: None)
+    search = Search(population=10)
+    begin = (encoding, constraints, objective, search, np.random.default_rng(0), None)
+    result = _evolve(bits, *begin)
+    assert constraints.feasible(np.vstack([result.x, result.x])).all()
+    assert _evolve(bits[2:3], *begin) is None
+    assert _evolve(bits[:0], *begin) is None
