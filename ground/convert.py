@@ -931,6 +931,9 @@ def _kind(annotation: Any) -> _Kind:
         return _Spelled(_Scalar(annotation, metas), nulls[0] if nulls else None)
     origin = typing.get_origin(annotation) or annotation
     arguments = typing.get_args(annotation)
+    if hasattr(origin, "__value__"):
+        # NDArray is an alias of its own from numpy 2.5 on; Annotated takes one mark at least
+        return _kind(Annotated[(origin.__value__[arguments], *marks, None)])
     if origin in (Union, types.UnionType):
         return _union(arguments, marks, metas)
     if origin is Any or origin is object:

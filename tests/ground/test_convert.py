@@ -8,14 +8,15 @@ import math
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from enum import Enum
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import jsonschema
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from typing_extensions import TypeAliasType
 
 from ground.convert import (
     FROM_ONE,
@@ -510,3 +511,17 @@ def test_functions_make_plain_what_is_no_record_and_a_record_may_be_read_later()
         with pytest.raises(RuleError) as caught:
             from_plain(Panel, {**data, **change}, RuleError)
         assert str(caught.value) == text
+
+
+def test_an_array_may_be_named_by_an_alias():
+    """As numpy 2.5 names its own, for newer versions of Python."""
+    number = TypeVar("number")
+    alias = TypeAliasType(
+        "NDArray", np.ndarray[tuple[Any, ...], np.dtype[number]], type_params=(number,)
+    )
+    kind = Annotated[alias[np.float64], Shape(3)]
+    record = from_plain(
+        make_dataclass("Named", [("place", kind)]), {"place": [1, 2, 3]}, ValueError
+    )
+    assert record.place.dtype == np.float64
+    assert to_plain(record) == {"place": [1.0, 2.0, 3.0]}
