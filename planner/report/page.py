@@ -19,7 +19,6 @@ from planner.argument_kinds import check_kinds
 from planner.camera.camera import Camera
 from planner.camera.pose import look_at, world_to_cam
 from planner.exceptions import RequestError
-from planner.files import timestamp
 from planner.progress import report
 from planner.report.figure import (
     GraphPicture,
@@ -97,22 +96,6 @@ if TYPE_CHECKING:
 
 # digits of a digest that tell parts apart at a glance
 _DIGEST_DIGITS = 12
-
-
-def report_date(environment: Mapping[str, str] | None = None) -> str:
-    """Return the date for a report: of ``SOURCE_DATE_EPOCH`` if that is set, otherwise today (UTC).
-
-    Parameters
-    ----------
-    environment : mapping of str to str, optional
-        The environment. Default: that of the process.
-
-    Returns
-    -------
-    str
-        Such as ``"2026-03-01"``. A plan file holds no date, so equal requests give equal plans.
-    """
-    return timestamp(environment).partition("T")[0]
 
 
 def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:

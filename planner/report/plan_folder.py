@@ -23,10 +23,10 @@ from ground.convert import to_plain
 from planner.argument_kinds import check_kinds
 from planner.callbacks import PICTURES_SHARE, Deadline
 from planner.exceptions import OutputError
-from planner.files import absolute, is_running, name_text, staged_folder, write_text
+from planner.files import absolute, is_running, name_text, staged_folder, timestamp, write_text
 from planner.plan import InspectionPlan
 from planner.progress import TimeIsUpError, report
-from planner.report.page import make_report, report_date
+from planner.report.page import make_report
 from planner.report.wording import graph_sentence, regions_sentence
 from planner.request.reach import Seen, TargetSpace
 from planner.resume import holds_plan
@@ -634,7 +634,7 @@ def write_outputs(
             _space(plan, regions),
             progress,
             notes,
-            date=report_date(),
+            date=timestamp().partition("T")[0],
             until=deadline.time_left(PICTURES_SHARE).until,
             cell=cell,
         )
