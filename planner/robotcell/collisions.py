@@ -277,21 +277,24 @@ class PairGroup:
 
     def bounds(self, frames: np.ndarray) -> np.ndarray:
         """Return lower bounds (n, p) of the distances of all pairs, for frames (n, 7, 4, 4)."""
-        return np.concatenate([self._standing_bounds(frames), self._own_bounds(frames)], axis=1)
+        if not self._arm_pairs:
+            moving = self._arm.sphere_centres(frames, self._moving) if self._moving else frames[:0]
+            return self._standing_bounds(moving, len(frames))
+        centres = self._arm.sphere_centres(frames, range(len(self._arm.bodies)))
+        standing = self._standing_bounds(centres[:, self._moving_spheres], len(frames))
+        return np.concatenate([standing, self._own_bounds(centres)], axis=1)
 
-    def _standing_bounds(self, frames: np.ndarray) -> np.ndarray:
+    def _standing_bounds(self, centres: np.ndarray, count: int) -> np.ndarray:
+        """Return those of the pairs with what stands still, for centres (n, s, 3) of the moving bodies' spheres."""
         if not self._moving or not self._standing:
-            return np.empty((len(frames), 0))
-        centres = self._arm.sphere_centres(frames, self._moving)
-        radii, starts = self._arm.sphere_radii(self._moving)
+            return np.empty((count, 0))
+        radii, starts = self._moving_radii
         nearest = self._boxes.distance_bounds(centres) - radii
         bounds = np.minimum.reduceat(nearest, starts, axis=2)
-        return bounds.reshape(len(frames), len(self._standing) * len(self._moving))
+        return bounds.reshape(count, len(self._standing) * len(self._moving))
 
-    def _own_bounds(self, frames: np.ndarray) -> np.ndarray:
-        if not self._arm_pairs:
-            return np.empty((len(frames), 0))
-        centres = self._arm.sphere_centres(frames, range(len(self._arm.bodies)))
+    def _own_bounds(self, centres: np.ndarray) -> np.ndarray:
+        """Return those of the arm's own pairs, for centres (n, s, 3) of all its spheres."""
         spheres = self._own_spheres
         # all pairs at once, of as many configurations as stay in the cache
         at_once = max(1, _SPHERE_PAIRS_AT_ONCE // len(spheres.first))
@@ -300,6 +303,16 @@ class PairGroup:
             for row in range(0, len(centres), at_once)
         ]
         return np.concatenate(bounds) if bounds else np.empty((0, len(self._arm_pairs)))
+
+    @cached_property
+    def _moving_spheres(self) -> np.ndarray:
+        starts = self._arm.starts
+        groups = [np.arange(starts[i], starts[i + 1]) for i in self._moving]
+        return np.concatenate(groups) if groups else np.empty(0, dtype=int)
+
+    @cached_property
+    def _moving_radii(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._arm.sphere_radii(self._moving)
 
     @cached_property
     def _boxes(self) -> StandingBoxes:
