@@ -330,8 +330,8 @@ def _best_neighbour(costs: np.ndarray, order: list[int], longest_piece: int) -> 
             neighbours.append((_best_relocation(legs, _ways(legs), longest_piece), direction))
     (_, first, size, target, is_turned), path = min(neighbours, key=lambda one: one[0][0])
     piece = path[first : first + size]
-    rest = np.delete(path, np.arange(first, first + size))
-    moved = np.insert(rest, target, piece[::-1] if is_turned else piece)
+    others = np.delete(path, np.arange(first, first + size))
+    moved = np.insert(others, target, piece[::-1] if is_turned else piece)
     return [int(place) for place in moved[1:-1]]
 
 

@@ -237,8 +237,8 @@ class _Roadmap:
     def link(self, first: int, second: int) -> None:
         """Keep that the straight move between two places is free: their parts are one."""
         self._links.append((first, second))
-        kept = self.parts[first]
-        self.parts[self.parts == self.parts[second]] = kept
+        number = self.parts[first]
+        self.parts[self.parts == self.parts[second]] = number
 
     def way(self, start: int, end: int, rates: JointRates) -> np.ndarray:
         """Return the joints (m, k) of the quickest way between two places of a part."""
