@@ -508,9 +508,9 @@ class ImageCheck:
         pairs : array of int (p, 2)
             Pose and entity, in rising order of the poses.
         """
-        seen, _, asked = self._long_arms(cam2world, pairs, self._leaving(cam2world, pairs))
+        seen, _, candidates = self._long_arms(cam2world, pairs, self._leaving(cam2world, pairs))
         far = np.ones(len(seen.of), bool)
-        far[asked] = self._far(cam2world, pairs, seen, asked)
+        far[candidates] = self._far(cam2world, pairs, seen, candidates)
         return seen.chosen(far & (seen.bend >= self.showing.min_corner_deg))
 
     def _leaving(self, cam2world: Array, pairs: Pairs) -> SeenArms:
@@ -532,9 +532,11 @@ class ImageCheck:
             np.minimum.at(seen.tip_deg, short[of[visible]], angle[visible])
 
     def _corners(self, cam2world: Array, pairs: Pairs) -> Array:
-        seen, sharpest, asked = self._long_arms(cam2world, pairs, self._leaving(cam2world, pairs))
+        seen, sharpest, candidates = self._long_arms(
+            cam2world, pairs, self._leaving(cam2world, pairs)
+        )
         # per end: a visible line far enough from the edge's own, and none too near to the edge
-        widest = self._widest(cam2world, pairs, seen, asked)
+        widest = self._widest(cam2world, pairs, seen, candidates)
         margin = np.minimum(widest, sharpest).reshape(-1, 2).min(axis=1)
         return np.where(self._long_enough(cam2world, pairs, sharpest), margin, 0.0)
 
@@ -549,22 +551,22 @@ class ImageCheck:
         )
 
     def _widest(
-        self, cam2world: Array, pairs: Pairs, seen: SeenArms, asked: NDArray[np.int64]
+        self, cam2world: Array, pairs: Pairs, seen: SeenArms, candidates: NDArray[np.int64]
     ) -> Array:
         """Return the widest corner of each end (2 p,), degrees, of arms that are as far from other lines as is asked.
 
         Of an end, the arm at the largest angle is asked first: where it is far, no other counts.
         """
         widest = np.zeros(2 * len(pairs))
-        others = np.delete(np.arange(len(seen.of)), asked)
+        others = np.delete(np.arange(len(seen.of)), candidates)
         np.maximum.at(widest, seen.of[others], seen.bend[others])
-        left = asked[np.lexsort((-seen.bend[asked], seen.of[asked]))]
-        while left.size:
-            is_first = np.diff(seen.of[left], prepend=-1) > 0
-            first = left[is_first]
+        remaining = candidates[np.lexsort((-seen.bend[candidates], seen.of[candidates]))]
+        while remaining.size:
+            is_first = np.diff(seen.of[remaining], prepend=-1) > 0
+            first = remaining[is_first]
             far = first[self._far(cam2world, pairs, seen, first)]
             np.maximum.at(widest, seen.of[far], seen.bend[far])
-            left = left[~is_first & ~np.isin(seen.of[left], seen.of[far])]
+            remaining = remaining[~is_first & ~np.isin(seen.of[remaining], seen.of[far])]
         return widest
 
     def _long_arms(
@@ -597,12 +599,12 @@ class ImageCheck:
         of_pose = (
             pairs[seen.of[arms] // 2, 0] * len(self._same_arm) + self._same_arm[seen.arm[arms]]
         )
-        _, chosen, where = np.unique(of_pose, return_index=True, return_inverse=True)
+        _, chosen, inverse = np.unique(of_pose, return_index=True, return_inverse=True)
         arms = arms[chosen]
         ends = np.stack([self.arms.corner[seen.arm[arms]], seen.last[arms]], axis=1)
         entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[arms]], *self._lines
         each = np.column_stack([pairs[seen.of[arms] // 2, 0], np.arange(len(arms))])
-        return ~self._has_near(cam2world, each, entities, self.showing.separation_px)[where]
+        return ~self._has_near(cam2world, each, entities, self.showing.separation_px)[inverse]
 
     def _hopeful(self, seen: SeenArms, sharpest: Array) -> NDArray[np.int64]:
         """Return the arms that may make a corner, of edges that may have one at both ends."""

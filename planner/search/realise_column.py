@@ -353,8 +353,8 @@ def trial_bounds(
         checks = DisplacedChecks(judge.problem.at_pose(cam2world, names), names)
         lower = checks.count(cam2world, n, seed).lower_at(risk)
         accepted = {name: (low, n) for name, low in lower.items() if low >= required}
-    rest = tuple(name for name in names if name not in accepted)
-    bounds = joint_bounds(judge, cam2world, rest, seed, needed) if rest else {}
+    undecided = tuple(name for name in names if name not in accepted)
+    bounds = joint_bounds(judge, cam2world, undecided, seed, needed) if undecided else {}
     return {name: (accepted | bounds)[name] for name in names}
 
 
