@@ -58,9 +58,10 @@ def program(options: Program) -> int:
     )
     uncertainty = _uncertainty(options)
     plan = read_plan(options.plan)
+    # a small file, whose faults are told before a part is read, which takes long
+    cell = Cell.from_toml(options.cell)
     solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
-    cell = Cell.from_toml(options.cell)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         make = robot_program if options.plan_out is None else robot_program_with_other_poses
         made = make(
@@ -176,9 +177,10 @@ def reach(options: Reach) -> int:
     _check_plan_out(options)
     _check_cell_out(options)
     plan = read_plan(options.plan)
+    # a small file, whose faults are told before a part is read, which takes long
+    cell = Cell.from_toml(options.cell)
     solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
-    cell = Cell.from_toml(options.cell)
     if options.place:
         return _placed(options, plan, solid, cell)
     reachability = cell.reachability(plan, solid)

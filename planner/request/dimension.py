@@ -574,10 +574,14 @@ def checked_tolerance(given: Sequence[float | None]) -> tuple[float, float]:
         lower = -math.inf if lower is None else float(lower)
         upper = math.inf if upper is None else float(upper)
     except (OverflowError, TypeError, ValueError) as error:
+        hint = ""
+        if isinstance(given, int | float) and given:
+            hint = f"±{abs(given):g} is [{-abs(given):g}, {abs(given):g}]"
         raise RequestError.of_rule(
             "tolerance",
             "must be two numbers, lower and upper deviation, or a class such as H7",
             repr(given),
+            hint=hint,
         ) from error
     is_limited = math.isfinite(lower) or math.isfinite(upper)
     if not is_limited or math.isnan(lower + upper) or lower == math.inf or upper == -math.inf:
