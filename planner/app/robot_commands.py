@@ -128,8 +128,8 @@ def _print_program(made: RobotProgram) -> None:
     n_moves = sum(len(tour.moves) for tour in made.tours)
     print_text(
         f"{rounds} from home to home, {n_moves} moves{around}, {made.seconds:.1f} s at "
-        f"{100 * made.speed:.3g} % of the joints' speeds; all keep {made.keep_mm:g} mm to "
-        "part and obstacles"
+        f"{100 * made.speed:.3g} % of the joints' speeds; all keep {made.keep_mm:g} mm, "
+        "half of clearance_mm, to part and obstacles"
     )
     if len(made.coverage) > 1:
         counts = [f"{k}: {count}" for k, count in enumerate(made.coverage, 1)]

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.checks import probability_text
 from errors.measurands import Decision, DecisionRule, guard_band
 from ground.templates import asset, render, render_macro
 from planner.camera.camera import Camera
@@ -463,7 +464,7 @@ def _deviation_text(result: Result) -> str:
     if not result.measured:
         return ""
     text = number_text(result.deviation, result.expanded_uncertainty)
-    return text if text.startswith("-") else f"+{text}"
+    return _with_minus(text if text.startswith("-") else f"+{text}")
 
 
 def _accepted_text(result: Result) -> str:
@@ -481,8 +482,13 @@ def _accepted_text(result: Result) -> str:
     if math.isfinite(upper):
         texts.append(f"{math.floor(upper * 10**decimals) / 10**decimals:+.{decimals}f}")
     if len(texts) == 2:
-        return " .. ".join(texts)
-    return f"{'up to' if math.isinf(lower) else 'from'} {texts[0]}"
+        return _with_minus(" .. ".join(texts))
+    return _with_minus(f"{'up to' if math.isinf(lower) else 'from'} {texts[0]}")
+
+
+def _with_minus(text: str) -> str:
+    """Return numbers with the sign that print has for minus."""
+    return text.replace("-", "\u2212")
 
 
 def _anchor(result: Result, results: MeasurementResults) -> str:
@@ -509,10 +515,12 @@ def _sentence(result: Result) -> str:
     value, uncertainty = value_texts(result)
     text = (
         f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
-        f"deviation {result.deviation:+.4f}, U = {uncertainty}."
+        f"deviation {_deviation_text(result)}, U = {uncertainty}."
     )
     if math.isfinite(result.conformance_probability):
-        text += f" It is within its tolerance with P = {result.conformance_probability:.4f}."
+        probability = probability_text(result.conformance_probability)
+        sign = "" if probability.startswith((">", "<")) else "= "
+        text += f" It is within its tolerance with P {sign}{probability}."
     return text
 
 
