@@ -444,7 +444,7 @@ def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[Cel
     if limits is None:
         return [CellLine("nothing: u is too large for the tolerance", "bad")]
     # two digits of U, rounded inwards: no value is said to be accepted that is not
-    decimals = decimals_of(measurement.expanded_uncertainty)
+    decimals = decimals_of(2.0 * measurement.standard_uncertainty)
     step = 10.0**-decimals
     low, high = (dimension.nominal + limit for limit in limits)
     if math.isinf(low):
