@@ -452,6 +452,8 @@ class PlanOutput:
         write graph.graphml, the joint graph, for up to this many entities (default: 24; more if it is small)
     explain
         also print what P and P_all mean, and what is assumed of points in the image and of faces
+    operator
+        who plans, for plan.json and the report
     """
 
     out: Folder = "plan"
@@ -460,6 +462,7 @@ class PlanOutput:
     again: Annotated[str | None, _named("PLAN")] = None
     graph_limit: Limit = None
     explain: bool = False
+    operator: Annotated[str | None, _named("TEXT")] = None
 
 
 @dataclass(kw_only=True)

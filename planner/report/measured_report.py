@@ -28,6 +28,7 @@ from planner.measuring.results import (
     verdict,
 )
 from planner.measuring.samples import STATE_TEXTS, State
+from planner.report.setting_report import budget_percents
 from planner.report.tables import CellLine
 from planner.text_table import Column, Table, print_table, print_text, words
 
@@ -549,16 +550,18 @@ def _reading_words(reading: Reading, unit: str) -> str:
 
 
 def _budget(reading: Reading, unit: str) -> Table | None:
-    """Return the parts of u, in thousandths of the unit; a part that lowers u is negative."""
+    """Return the parts of u, in thousandths of the unit, and their shares of its square."""
     if not reading.measured:
         return None
     small = "µm" if unit == "mm" else "mdeg"
     parts = {source: reading.budget[source] for source in SOURCES if reading.budget[source]}
+    percents = budget_percents(parts)
     rows = [
-        (source, f"{1000 * math.copysign(math.sqrt(abs(part)), part):.1f} {small}")
+        (source, f"{1000 * math.sqrt(part):.1f} {small}", f"{percents[source]:.1f} %")
         for source, part in parts.items()
     ]
-    return Table((Column("part of u"), Column("size", right=True)), rows)
+    columns = (Column("part of u"), Column("size", right=True), Column("share of u²", right=True))
+    return Table(columns, rows)
 
 
 def _image(name: str, results: MeasurementResults) -> dict[str, Any]:
