@@ -176,6 +176,7 @@ class InspectionPlan(PlanTables):
     def __repr__(self) -> str:
         """Return a one-line summary."""
         from errors.checks import probability_text
+        from planner.request.targets import words_of
 
         n = len(self.settings)
         settings = f"{n} setting{'' if n == 1 else 's'} (at least {self.lower_bound} needed)"
@@ -185,7 +186,8 @@ class InspectionPlan(PlanTables):
             if inspected
             else ""
         )
-        shares = f"{len(inspected)} of {len(self.targets)} entities inspected"
+        items = words_of(self.targets).items[1]
+        shares = f"{len(inspected)} of {len(self.targets)} {items} inspected"
         features = f", {self.features_text}" if self.features_text else ""
         return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{features}{worst}>"
 

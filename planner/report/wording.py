@@ -228,10 +228,14 @@ def window_texts(plan: InspectionPlan, k: int) -> list[str]:
     narrow = min(windows.values())
     wide = max(windows.values())
     width = f"{wide:.3g}" if wide - narrow < 0.1 else f"{narrow:.3g} to {wide:.3g}"
-    lines = [
-        f"{name}: {line_warning(px, windows[name])}"
-        for name, px in setting.lines_in_window_px.items()
-    ]
+    near = setting.lines_in_window_px
+    lines = [f"{name}: {line_warning(px, windows[name])}" for name, px in near.items()]
+    if len(near) > 1:
+        distances = ", ".join(f"{name} {px:.3g} px" for name, px in near.items())
+        lines = [
+            f"other visible lines lie in the search windows of {len(near)} targets, and a detector may confuse them "
+            f"with the target: {distances} away"
+        ]
     images = None if plan.simulation is None else plan.simulation.shown
     return [f"search window ±{width} px around the prediction", *lines, *unshown_texts(images, k)]
 
