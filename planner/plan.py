@@ -75,7 +75,7 @@ class InspectionPlan(PlanTables):
     source : mapping of str to value
         How the command line read the part: its ``file``, relative to the plan's, and its options.
     made : Made or None
-        When, by whom and by which program the command line made the plan. It does not tell plans apart.
+        When, by whom and by which program the command line made the plan. Plans that differ only in it are equal.
     """
 
     request: Request

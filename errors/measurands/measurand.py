@@ -793,7 +793,9 @@ class MeasurandModel:
         covariance = self.covariance
         if covariance[:3, 3:].any():
             root = uncorrelated_root(covariance)
-            g, h, covariance = root.T @ g, root.T @ h @ root, np.eye(6)
+            g = root.T @ g
+            h = root.T @ h @ root
+            covariance = np.eye(6)
         whole, translation, rotation = (
             _variance(g[part], h[part, part], covariance[part, part])
             for part in (slice(6), slice(3), slice(3, 6))
@@ -841,9 +843,9 @@ def uncorrelated_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
         values, vectors = np.linalg.eigh(covariance[part, part])
         sigmas = np.sqrt(np.maximum(values, 0.0))
         # along a direction that is exact, nothing correlates
-        known = sigmas > _EXACT * sigmas.max()
+        inexact = sigmas > _EXACT * sigmas.max()
         blocks[part, part] = vectors * sigmas
-        inverse[part, part] = (vectors * np.divide(1.0, sigmas, where=known, out=0 * sigmas)).T
+        inverse[part, part] = (vectors * np.divide(1.0, sigmas, where=inexact, out=0 * sigmas)).T
     values, vectors = np.linalg.eigh(inverse @ covariance @ inverse.T)
     return np.asarray(blocks @ (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
 

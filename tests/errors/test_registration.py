@@ -61,7 +61,8 @@ def test_variance_of_a_value_by_input_against_drawn_errors():
     parts = variance_by_input(covariance, prior, gradient, 2)
     x = rng.multivariate_normal(np.zeros(4), prior, size=40000)
     noise = rng.normal(size=(40000, 9)) / np.sqrt(weight)
-    pose, surfaces = x * [1, 1, 0, 0], x * [0, 0, 1, 1]
+    pose = x * [1, 1, 0, 0]
+    surfaces = x * [0, 0, 1, 1]
     gain = covariance @ (design.T * weight)
     for part, truth, off in ((0, pose, 0), (1, surfaces, 0), (2, 0 * x, noise)):
         errors = ((truth @ design.T + off) @ gain.T - truth) @ gradient
