@@ -544,7 +544,7 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     unknown = [name for name in requirement if name not in names]
     if unknown:
         raise RequestError(
-            f"what is asked of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
+            f"a requirement of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
         )
     return {names[name]: value for name, value in requirement.items()}
 
