@@ -289,7 +289,7 @@ class WithCamera:
     Attributes
     ----------
     camera
-        a name that 'aspectgraph cameras' lists, or a TOML file
+        a name that 'aspectgraph cameras' lists, or a TOML file, which may name a calibration of OpenCV, ROS or others
     """
 
     camera: Camera

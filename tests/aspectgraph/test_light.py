@@ -191,7 +191,7 @@ def test_contrast_out_of_range(value):
         ([[5.0, 1, 1], [1.5, 0.5, 1]], "Got [1.5, 0.5, 1.0] mm inside"),
         ([[np.nan, 0, 0]], "finite points"),
         ([1.0, 2.0], "finite points"),
-        ("here", "places, shape"),
+        ("here", "points, shape"),
     ],
 )
 def test_lamps_that_cannot_be(lamps, text):

@@ -156,7 +156,7 @@ def test_no_distortion_has_no_coefficients(tmp_path):
 
 @pytest.mark.parametrize("key", ["fov", "Camera.RGB", "xi", "skew", "mirror", "distortion_order"])
 def test_keys_that_are_not_known_are_refused(tmp_path, key):
-    with pytest.raises(CameraError, match=f"{key} must be a key of such a file"):
+    with pytest.raises(CameraError, match=f"{key} must be a key that is known here"):
         read(tmp_path, {**OPENCV, key: 1.0})
 
 
