@@ -111,18 +111,16 @@ def cell_again(plan: InspectionPlan, path: str | None, plan_path: Path) -> Cell 
 # ``--ground``.
 
 
-# how lamps of each kind are written
-_FORMS = {
-    BACKLIGHT: "backlight:X,Y,Z,WIDTH,HEIGHT: 5 numbers",
-    "box": "box:X0,Y0,Z0,X1,Y1,Z1: 6 numbers",
-    "dome": "dome:X,Y,Z,RADIUS or dome:X,Y,Z,RADIUS,LOWEST: 4 or 5 numbers",
-    "at": "at:X,Y,Z or at:X,Y,Z;X,Y,Z and so on: 3 numbers for each lamp",
-}
 _RULE = (
     "--light must be backlight, diffuse-dome, coaxial or ring-light, each alone or with :NAME of the catalogue, "
     "backlight:X,Y,Z,WIDTH,HEIGHT, ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in "
     "mm, or a TOML file with lamps = [[X, Y, Z], ...]."
 )
+_FORMS = {
+    "at": "at:X,Y,Z[;X,Y,Z...]: three numbers for each lamp",
+    "box": "box:X0,Y0,Z0,X1,Y1,Z1: six numbers",
+    "dome": "dome:X,Y,Z,RADIUS[,LOWEST]: four or five numbers",
+}
 
 
 def read_lighting(options: Light) -> Lighting | None:
@@ -177,22 +175,18 @@ def _lamps(text: str | None) -> Any:
             return LampDome((values[0], values[1], values[2]), *values[3:])
     elif Path(text).suffix.lower() == ".toml":
         return check_lamps_given(_from_file(Path(text)))
-    raise _light_error(text)
-
-
-def _light_error(text: str) -> RequestError:
-    """Return what is wrong with lamps: the form of their kind, or all kinds where it is none of them."""
-    form = _FORMS.get(text.partition(":")[0])
-    if form is None:
-        return RequestError(f"{_RULE} Got {text!r}.")
-    return RequestError(f"--light must be written {form}, in mm. Got {text!r}.")
+    if (form := _FORMS.get(name)) is not None:
+        raise RequestError(f"--light must be {form}, in mm. Got {text!r}.")
+    raise RequestError(f"{_RULE} Got {text!r}.")
 
 
 def _numbers(text: str, whole: str) -> list[float]:
     try:
         return [float(number) for number in text.split(",")]
     except ValueError:
-        raise _light_error(whole) from None
+        form = _FORMS.get(whole.partition(":")[0])
+        rule = _RULE if form is None else f"--light must be {form}, in mm."
+        raise RequestError(f"{rule} Got {whole!r}.") from None
 
 
 def _from_file(path: Path) -> Any:
@@ -464,8 +458,8 @@ def read_job(options: Plan) -> Job:
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
-    # what is wrong with a word or a small file is told before a part is read, which takes long
-    lamps = _lighting(options)
+    # a slip in a word is found before a large part is read
+    lighting = _lighting(options)
     cell = read_cell(options.cell)
     if options.select is not None:
         with named_by("select", vars(options)):
@@ -475,7 +469,7 @@ def read_job(options: Plan) -> Job:
     box = workspace_of(options)
     plan_options = inspection_options(
         options,
-        lamps=lamps,
+        lamps=lighting,
         localisation=targets.localisation,
         workspace=default_workspace(solid, camera) if box is None else box,
         cell=cell,

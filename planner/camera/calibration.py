@@ -23,10 +23,6 @@ from planner.exceptions import CameraError
 _SMALLEST = 1e-9
 _LARGEST = 1e9
 
-# endings of files that calibrations come in
-_CALIBRATIONS = frozenset((".yaml", ".yml", ".xml", ".json", ".txt"))
-LEAST_FOCUS_MM = 2.0
-"""No camera lens is focused nearer to its front nodal point; such a number is rather in metres."""
 LEAST_WHITE = 63
 """Grey value of full exposure at least: below, steps of grey values are too coarse to find edges."""
 MOST_WHITE = 65535
@@ -47,13 +43,15 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
             f"{path}: camera file must be UTF-8 text. Got byte {error.object[error.start]:#04x}."
         ) from None
     except tomllib.TOMLDecodeError as error:
-        if path.suffix.lower() in _CALIBRATIONS:
-            rule = "camera file must be TOML, which may name a calibration: calibration ="
-            lens = "pixel_pitch_mm, f_number and focus_distance_mm"
-            raise CameraError(f'{path}: {rule} "{path.name}", beside {lens}.') from None
         match = re.search(r"line (\d+)", str(error))
         line = int(match.group(1)) if match else len(text.splitlines())
-        raise CameraError(f"{path}:{line}: camera file must be TOML. {error}.") from None
+        text = f"{path}:{line}: camera file must be TOML. {error}."
+        if path.suffix.lower() in _OF_CALIBRATIONS:
+            text += (
+                f' For a calibration, write a TOML file with calibration = "{path.name}", pixel_pitch_mm, '
+                f"f_number and focus_distance_mm."
+            )
+        raise CameraError(text) from None
     except RecursionError:
         raise CameraError(
             f"{path}: camera file must not nest arrays or tables so deep. Got too many levels."
@@ -76,15 +74,6 @@ def line_of(field: str, text: str) -> int:
     return next(
         (i for i, line in enumerate(text.splitlines(), 1) if pattern.match(line.lstrip("["))), 1
     )
-
-
-def check_focus(focus_distance_mm: float) -> float:
-    """Return a focus distance, or raise `CameraError` for one that is rather in metres."""
-    if focus_distance_mm < LEAST_FOCUS_MM:
-        rule = f"must be at least {LEAST_FOCUS_MM:g} mm"
-        metres = f"{focus_distance_mm:g} m are {1000 * focus_distance_mm:g} mm"
-        raise CameraError.of_rule("focus_distance_mm", rule, f"{focus_distance_mm:g}", hint=metres)
-    return focus_distance_mm
 
 
 def check_pair(field: str, values: Any) -> tuple[Any, ...]:
@@ -308,6 +297,10 @@ class Distortion:
 
 
 _NEEDED = ("pixel_pitch_mm", "f_number", "focus_distance_mm")
+# no lens for measuring enlarges more: a smaller distance is in metres
+_MOST_MAGNIFICATION = 4.0
+# what programs write calibrations to
+_OF_CALIBRATIONS = (".json", ".txt", ".xml", ".yaml", ".yml")
 
 
 def opencv_fields(
@@ -338,8 +331,13 @@ def opencv_fields(
             rule = "must be given: a calibration in pixels does not know it"
             raise CameraError.of_rule(name, rule, "none")
     pitch = check_positive("pixel_pitch_mm", lens["pixel_pitch_mm"])
-    focus = check_focus(check_positive("focus_distance_mm", lens["focus_distance_mm"]))
+    focus = check_positive("focus_distance_mm", lens["focus_distance_mm"])
     distance = scale_x * pitch
+    nearest = distance / _MOST_MAGNIFICATION
+    if focus < nearest:
+        rule = f"must be at least {nearest:.3g} mm: the image is {distance:.3g} mm from the lens"
+        hint = f"{focus:g} m are {1000 * focus:g}"
+        raise CameraError.of_rule("focus_distance_mm", rule, f"{focus:g}", hint=hint)
     return {
         **lens,
         "focal_length_mm": 1.0 / (1.0 / distance + 1.0 / focus),

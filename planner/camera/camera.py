@@ -24,7 +24,6 @@ from planner.camera.calibration import (
     MOST_WHITE,
     Distortion,
     check_count,
-    check_focus,
     check_number,
     check_pair,
     check_positive,
@@ -134,18 +133,13 @@ def catalogued() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     return cameras
 
 
-# names less alike than this are not offered for one another
-_ALIKE = 0.5
-
-
 def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
     """Return the name of a camera as the catalogue spells it, its fields and its lens; or raise `CameraError`."""
     keys = {key.lower(): key for key in catalogued()}
     key = keys.get(str(name).lower())
     if key is None:
-        near = difflib.get_close_matches(str(name).lower(), keys, n=3, cutoff=_ALIKE)
-        offered = ", ".join(keys[n] for n in near)
-        hint = f"nearest: {offered}" if near else ""
+        near = difflib.get_close_matches(str(name).lower(), keys, n=3, cutoff=0.4)
+        hint = f"nearest: {', '.join(keys[n] for n in near)}" if near else ""
         rule = "must be a name of the catalogue, which 'aspectgraph cameras' lists"
         raise CameraError.of_rule("camera", rule, repr(str(name)), hint=hint)
     return key, *catalogued()[key]
@@ -506,7 +500,6 @@ class Camera:
     def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
             object.__setattr__(self, field, check_positive(field, getattr(self, field)))
-        check_focus(self.focus_distance_mm)
         pitch = tuple(
             check_positive("pixel_pitch_mm", p)
             for p in check_pair("pixel_pitch_mm", self.pixel_pitch_mm)

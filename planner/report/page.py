@@ -117,6 +117,7 @@ def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
         "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
         "Program": f"aspectgraph {project_version()}",
         "Date": date or "",
+        "Operator": "" if plan.made is None else plan.made.operator,
     }
     return {name: value for name, value in rows.items() if value}
 

@@ -136,6 +136,10 @@ BAD = {
     ),
     "five numbers": (["--light", "box:0,0,0,1,1"], "Got 'box:0,0,0,1,1'."),
     "no numbers": (["--light", "dome:a,b,c,d"], "Got 'dome:a,b,c,d'."),
+    "dome without a radius": (
+        ["--light", "dome:35,22,0"],
+        "--light must be dome:X,Y,Z,RADIUS[,LOWEST]: four or five numbers, in mm. Got 'dome:35,22,0'.",
+    ),
     "box upside down": (["--light", "box:0,0,0,1,1,-1"], "low must be below high"),
     "dome without size": (["--light", "dome:0,0,0,0"], "radius_mm must be positive. Got 0.0."),
     "two coordinates": (
