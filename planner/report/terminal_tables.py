@@ -220,8 +220,9 @@ def _print_lamps(plan: InspectionPlan) -> None:
                     words(f"{name} {contrast:.2f}{silhouette}", [name]),
                 )
             )
-    print()
-    print_table(columns, rows)
+    if rows:
+        print()
+        print_table(columns, rows)
 
 
 def _notes(plan: InspectionPlan) -> list[str]:

@@ -654,8 +654,11 @@ def planned_again(tmp_path_factory, pytestconfig):
     request += ["--accuracy", "0.95", "--stand-off", "60", "--seed", "3", "--light", "at:0,0,900"]
     request += ["--units", "mm", "--separation-px", "4", "--localisation", "gaussian:0.2"]
     out = ["--out", str(folder / "plan")]
-    assert main(["plan", str(folder / "block.off"), *request, *out, *WORK]) in (DONE, 1)
-    return folder
+    with pytest.MonkeyPatch.context() as patch:
+        # a plan holds its date
+        patch.setenv("SOURCE_DATE_EPOCH", "86400")
+        assert main(["plan", str(folder / "block.off"), *request, *out, *WORK]) in (DONE, 1)
+        yield folder
 
 
 def refusal(capsys, *arguments):
