@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scipy.spatial.transform import Rotation
@@ -12,7 +12,9 @@ from aspectgraph.solid.solid import RayScene
 from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
+from errors.measurands.measurand import COVERAGE
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
+from planner.measuring.results import decimals_of
 from planner.progress import TimeLeft, report
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
@@ -409,9 +411,9 @@ def _nominal(dimension: PlannedDimension) -> list[CellLine]:
     text = f"{dimension.nominal:.6g} {dimension.unit}"
     if dimension.tolerance is None:
         return [CellLine(text)]
-    if is_one_sided(dimension.tolerance):
-        return [CellLine(text), CellLine(tolerance_text(dimension.tolerance))]
     lower, upper = dimension.tolerance
+    if is_one_sided(dimension.tolerance) or lower == -upper:
+        return [CellLine(text), CellLine(tolerance_text(dimension.tolerance))]
     return [CellLine(text), CellLine(deviation_text(upper)), CellLine(deviation_text(lower))]
 
 
@@ -443,12 +445,22 @@ def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[Cel
     if limits is None:
         return [CellLine("nothing: u is too large for the tolerance", "bad")]
     low, high = (dimension.nominal + limit for limit in limits)
-    upper = unbroken(f"{high:.6g} {dimension.unit}")
+    decimals = decimals_of(COVERAGE * measurement.standard_uncertainty)
     if math.isinf(low):
-        return [CellLine(f"up to {upper}")]
+        return [CellLine(f"up to {_inward(math.floor, high, decimals, dimension.unit)}")]
+    lowest = _inward(math.ceil, low, decimals, dimension.unit)
     if math.isinf(high):
-        return [CellLine(f"from {unbroken(f'{low:.6g} {dimension.unit}')}")]
-    return [CellLine(f"{low:.6g} and {upper}")]
+        return [CellLine(f"from {lowest}")]
+    highest = _inward(math.floor, high, decimals, dimension.unit)
+    return [CellLine(f"{lowest.removesuffix(unbroken(f' {dimension.unit}'))} and {highest}")]
+
+
+def _inward(rounding: Callable[[float], int], limit: float, decimals: int, unit: str) -> str:
+    """Return a limit with the digits of U, rounded so that no value is said to be accepted that is not."""
+    scale = 10.0**decimals
+    # a limit that is a round number up to the last bit stays
+    rounded = rounding(round(limit * scale, 6)) / scale
+    return unbroken(f"{rounded:.{decimals}f} {unit}")
 
 
 def _images_text(plan: InspectionPlan) -> list[str]:
