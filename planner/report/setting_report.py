@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from scipy.spatial.transform import Rotation
@@ -12,7 +12,6 @@ from aspectgraph.solid.solid import RayScene
 from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
-from errors.measurands.measurand import COVERAGE
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
 from planner.measuring.results import decimals_of
 from planner.progress import TimeLeft, report
@@ -444,23 +443,21 @@ def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[Cel
     limits = acceptance_limits(dimension.tolerance, measurement.standard_uncertainty, rule)
     if limits is None:
         return [CellLine("nothing: u is too large for the tolerance", "bad")]
+    # two digits of U, rounded inwards: no value is said to be accepted that is not
+    decimals = decimals_of(2.0 * measurement.standard_uncertainty)
+    step = 10.0**-decimals
     low, high = (dimension.nominal + limit for limit in limits)
-    decimals = decimals_of(COVERAGE * measurement.standard_uncertainty)
     if math.isinf(low):
-        return [CellLine(f"up to {_inward(math.floor, high, decimals, dimension.unit)}")]
-    lowest = _inward(math.ceil, low, decimals, dimension.unit)
+        return [CellLine(f"up to {_rounded(math.floor(high / step) * step, decimals, dimension)}")]
+    lower = _rounded(math.ceil(low / step) * step, decimals, dimension)
     if math.isinf(high):
-        return [CellLine(f"from {lowest}")]
-    highest = _inward(math.floor, high, decimals, dimension.unit)
-    return [CellLine(f"{lowest.removesuffix(unbroken(f' {dimension.unit}'))} and {highest}")]
+        return [CellLine(f"from {lower}")]
+    upper = _rounded(math.floor(high / step) * step, decimals, dimension)
+    return [CellLine(f"{lower} and {upper}")]
 
 
-def _inward(rounding: Callable[[float], int], limit: float, decimals: int, unit: str) -> str:
-    """Return a limit with the digits of U, rounded so that no value is said to be accepted that is not."""
-    scale = 10.0**decimals
-    # a limit that is a round number up to the last bit stays
-    rounded = rounding(round(limit * scale, 6)) / scale
-    return unbroken(f"{rounded:.{decimals}f} {unit}")
+def _rounded(value: float, decimals: int, dimension: PlannedDimension) -> str:
+    return unbroken(f"{value:.{decimals}f} {dimension.unit}")
 
 
 def _images_text(plan: InspectionPlan) -> list[str]:

@@ -387,7 +387,7 @@ BAD = {
     "accuracy": ([*PLAN, "--accuracy", "1.2"], "accuracy must be in (0, 1). Got 1.2."),
     "probability": ([*PLAN, "--probability", "0"], "probability must be in (0, 1). Got 0.0."),
     "seed": ([*PLAN, "--seed", "-1"], "--seed must be at least 0. Got -1."),
-    "sigma": ([*PLAN, "--sigma-rad", "3rad"], "at most 1 rad"),
+    "sigma": ([*PLAN, "--sigma-rad", "3rad"], "at most 0.1 rad"),
     "sigma in which unit": (
         [*PLAN, "--sigma-rad", "1"],
         "57.3° in rad; did you mean 1mrad or 1deg?",
