@@ -26,7 +26,6 @@ from planner.verify.simulate_setting import (
     DisplacedChecks,
     JointCounts,
     Posed,
-    first_look,
     poses_needed,
     simulate_setting,
     successes_needed,
@@ -332,37 +331,11 @@ def joint_bounds(
     return bounds
 
 
-def trial_bounds(
-    judge: Judge,
-    cam2world: np.ndarray,
-    names: Sequence[str],
-    seed: int,
-    needed: float = 0.0,
-) -> dict[str, tuple[float, int]]:
-    """Return bounds as `joint_bounds` does, to decide by: of targets that hardly ever fail, after few displaced poses.
-
-    Parameters
-    ----------
-    judge, cam2world, names, seed, needed
-        As `joint_bounds` takes them.
-    """
-    required = min(judge.threshold, MOST_REQUIRED)
-    n, risk = first_look(required)
-    accepted: dict[str, tuple[float, int]] = {}
-    if 2 * n <= poses_needed(judge.threshold, JOINT_POSES):
-        checks = DisplacedChecks(judge.problem.at_pose(cam2world, names), names)
-        lower = checks.count(cam2world, n, seed).lower_at(risk)
-        accepted = {name: (low, n) for name, low in lower.items() if low >= required}
-    undecided = tuple(name for name in names if name not in accepted)
-    bounds = joint_bounds(judge, cam2world, undecided, seed, needed) if undecided else {}
-    return {name: (accepted | bounds)[name] for name in names}
-
-
 def _shortfalls_below(judge: Judge, pose: Posed, seed: int, most: float) -> dict[str, float]:
     """Return the `shortfalls` of a pose; if one of them is ``most`` or more, others may be too small."""
     # a rounding error less than what cannot be below
     needed = min(judge.threshold - most - _LEAST, MOST_REQUIRED)
-    return missing(judge, trial_bounds(judge, pose.cam2world, pose.entities, seed, needed))
+    return missing(judge, joint_bounds(judge, pose.cam2world, pose.entities, seed, needed))
 
 
 def shortfalls(
@@ -375,7 +348,7 @@ def shortfalls(
     judge, cam2world, names, seed
         As `joint_counts` takes them.
     """
-    bounds = trial_bounds(judge, cam2world, names, seed)
+    bounds = joint_bounds(judge, cam2world, names, seed)
     return missing(judge, bounds)
 
 
@@ -497,7 +470,7 @@ def simulate_promises(
             posed = PosedOnly(cam2world, names, {name: stated[name] for name in names})
             excess.update(promised_too_much(judge, posed, seed))
     upheld = tuple(name for name in stated if excess[name] <= 0.0)
-    bounds = trial_bounds(judge, cam2world, upheld, seed) if upheld else {}
+    bounds = joint_bounds(judge, cam2world, upheld, seed) if upheld else {}
     return SimulatedPromise({**excess, **missing(judge, bounds)}, bounds)
 
 

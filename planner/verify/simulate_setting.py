@@ -943,9 +943,6 @@ CONDITIONS = ("field of view", "focus", "visibility", "image")
 """What must hold beside the error, in the order in which it is asked."""
 
 _POSES_AT_ONCE = 1000
-# of a first look: its share of the risk of being wrong, and so many times the poses that suffice if none fails
-_SHARE_OF_RISK = 0.01
-_ROOM_TO_FAIL = 1.5
 
 
 @dataclass(frozen=True)
@@ -983,28 +980,10 @@ class JointCounts:
         """The same of all targets at once."""
         return lower_bound(self.together, self.n)
 
-    def lower_at(self, risk: float) -> dict[str, float]:
-        """Return what P_all of each target is at least, but for such a share of all cases."""
-        return {
-            name: clopper_pearson(hits, self.n, 1.0 - 2.0 * risk)[0]
-            for name, hits in zip(self.names, self.successes, strict=True)
-        }
-
 
 def lower_bound(successes: int, n: int) -> float:
     """Return the one-sided lower bound of a probability after so many successes in n trials."""
     return clopper_pearson(successes, n, 2.0 * CONFIDENCE - 1.0)[0]
-
-
-def first_look(probability: float) -> tuple[int, float]:
-    """Return how many displaced poses decide early that a target has a probability, and the risk that this is wrong.
-
-    The risk is a hundredth of `CONFIDENCE`'s, so that a later look may take all of that: both together are wrong in
-    a thousandth and a hundred-thousandth of all cases (sequential test; Bonferroni's inequality).
-    """
-    risk = _SHARE_OF_RISK * (1.0 - CONFIDENCE)
-    enough = math.log(1.0 / risk) / -math.log(probability)
-    return math.ceil(_ROOM_TO_FAIL * enough), risk
 
 
 def successes_needed(bound: float, n: int) -> int:

@@ -5,18 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from grid_box import BoxSpace
-from scipy.stats import binom, norm
+from scipy.stats import norm
 
 from planner import Camera, PoseUncertainty, look_at
 from planner.camera.pose import world_to_cam
 from planner.request.constraints import Requirements
 from planner.request.problem import Problem
-from planner.search.columns import Judge
-from planner.search.realise_column import joint_bounds, keeps, trial_bounds
 from planner.verify.simulate_setting import (
     DisplacedChecks,
-    JointCounts,
-    first_look,
     lower_bound,
     poses_needed,
     without_reserves,
@@ -152,36 +148,3 @@ def test_bounds_are_those_of_clopper_and_pearson_and_enough_poses_are_drawn():
         n = poses_needed(probability, 1000)
         assert lower_bound(n, n) > probability
     assert poses_needed(1 - 1e-9, 1000) == 200_000
-
-
-@pytest.mark.parametrize("required", [0.5, 0.8, 0.9, 0.95])
-def test_a_first_look_accepts_what_nearly_always_succeeds_and_hardly_ever_what_does_not(required):
-    """By the binomial distribution: of a target that misses what is required by nothing, one in 100,000 is accepted."""
-    n, risk = first_look(required)
-    needed = next(
-        hits
-        for hits in range(n + 1)
-        if JointCounts(("a",), n, (hits,), hits, {}).lower_at(risk)["a"] >= required
-    )
-    assert 1e-7 < binom.sf(needed - 1, n, required) <= risk == pytest.approx(1e-5)
-    assert binom.sf(needed - 1, n, 0.999) > 0.99
-    # as what is counted later has the whole risk of its own
-    assert 2 * n < poses_needed(required, 1000)
-
-
-def test_a_trial_decides_as_the_whole_count_does():
-    """Of four poses: the edge is in the middle of the depth of field, or leaves it in some of the displaced images."""
-    uncertainty = PoseUncertainty.isotropic(translation_mm=0.5, rotation_rad=0.002)
-    narrow = replace(CAMERA, f_number=2.0)
-    near, _ = narrow.depth_of_field_mm
-    judge = Judge(request_of(uncertainty, narrow))
-    decisions = []
-    for room_mm in (3.0, 1.5, 0.5, 0.2):
-        pose = look_at([[60.0, 0.0, 60.0 + near + room_mm]], [60.0, 0.0, 60.0])[0]
-        whole = joint_bounds(judge, pose, ("+z-y",), 1)["+z-y"]
-        lower, n = trial_bounds(judge, pose, ("+z-y",), 1)["+z-y"]
-        assert keeps(judge, lower) == keeps(judge, whole[0])
-        assert n == whole[1] or (n < 200 and lower <= whole[0])
-        decisions.append(keeps(judge, lower))
-    assert decisions[0]
-    assert not decisions[-1]
