@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
-from scipy.stats import qmc
 
 from aspectgraph.cells.arrays import Cell
 from aspectgraph.light import (
@@ -138,6 +137,9 @@ class LampBox:
             Positions in mm, the same in every call.
         """
         low, high = self.bounds
+        # takes longer to load than all else of a small plan, and few need it
+        from scipy.stats import qmc
+
         drawn = qmc.Halton(3, scramble=True, rng=np.random.default_rng(0)).random(n)
         return self._reached(np.asarray(low + drawn * (high - low)))
 

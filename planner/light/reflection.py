@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ground.convert import Meta
 from planner.argument_kinds import NumberRule, check_number
@@ -322,6 +321,9 @@ def brightness(
 def _numbers(rays: int, bounces: int) -> Array:
     """Return rows of numbers in [0, 1), `_NUMBERS` for each reflection: points of a Sobol sequence."""
     power = max(0, int(np.ceil(log2(rays))))
+    # takes longer to load than all else of a small plan, and few need it
+    from scipy.stats import qmc
+
     sobol = qmc.Sobol(_NUMBERS * (bounces + 1), scramble=False).random_base2(power)
     return np.asarray((sobol + 0.5 / 2**power) % 1.0, dtype=np.float64)
 

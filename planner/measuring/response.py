@@ -25,8 +25,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
-from scipy.special import ndtr
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtrit
 
 from ground.convert import Key, Meta
 from planner.camera.response import LINEAR, VIDEO_BLACK, Response
@@ -371,7 +370,7 @@ def _robust_fit(sections: Sections, precision: Array, expected: Array) -> tuple[
     np.add.at(scores, sections.edge, (weight * (y - x @ fit))[:, None] * x)
     inverse = np.linalg.inv(normal)
     # without an edge the others would have fitted it worse
-    factor = float(student.ppf(_TAIL, sections.edges - 1)) / _USUAL
+    factor = float(stdtrit(sections.edges - 1, _TAIL)) / _USUAL
     meat = sections.edges / (sections.edges - 1) * (scores.T @ scores) + precision
     return fit, factor**2 * inverse @ meat @ inverse
 

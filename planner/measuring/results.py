@@ -15,9 +15,9 @@ from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_rules import csv_text
+from errors.checks import chi_squared_quantile
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands import acceptance_limits, conformance_probability, decide
@@ -283,7 +283,7 @@ def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...
         (reading.value - value) ** 2 * i for reading, i in zip(readings, inverse, strict=True)
     )
     freedoms = len(readings) - 1
-    if spread <= chi_squared.ppf(CONSISTENT, freedoms):
+    if spread <= chi_squared_quantile(CONSISTENT, freedoms):
         return value, u, ()
     note = f"{len(readings)} readings disagree: u is enlarged by their spread"
     return value, u * math.sqrt(spread / freedoms), (note,)

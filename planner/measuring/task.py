@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2 as chi_squared
 
+from errors.checks import chi_squared_quantile
 from errors.measurands import Circle
 from errors.registration import Rows, posterior
 from ground.convert import shown
@@ -606,7 +606,7 @@ def check_one_pose(
     NotRegisteredError
         If a displacement is beyond the limit.
     """
-    limit = chi_squared.ppf(CREDIBLE, POSE)
+    limit = chi_squared_quantile(CREDIBLE, POSE)
     first = len(covariance) - len(moves)
     for k, name in enumerate(names[1:]):
         move = slice(POSE * k, POSE * (k + 1))

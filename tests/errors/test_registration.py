@@ -1,10 +1,13 @@
 """The joint posterior against a direct computation with a covariance of all rows."""
 
+import math
+
 import numpy as np
 import pytest
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
+from errors.checks import chi_squared_quantile
 from errors.registration import (
     Imaging,
     Rows,
@@ -414,3 +417,14 @@ def test_surfaces_of_which_nothing_is_known_tell_nothing_of_the_pose():
     badly = known_poses(POSE[None], POSE_PRIOR, wide, IMAGING, NOTHING).covariance[0]
     assert np.linalg.eigvalsh(badly - well).min() > -1e-12
     assert badly.trace() > 1.5 * well.trace()
+
+
+@pytest.mark.parametrize("share", [0.001, 0.5, 0.95, 0.99999])
+def test_quantiles_of_chi_squared(share):
+    from scipy.stats import chi2
+
+    # of two freedoms it is exponential
+    assert chi_squared_quantile(share, 2) == pytest.approx(-2.0 * math.log1p(-share), rel=1e-12)
+    assert [chi_squared_quantile(share, n) for n in (1, 6, 40)] == [
+        chi2.ppf(share, n) for n in (1, 6, 40)
+    ]
