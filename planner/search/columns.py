@@ -524,7 +524,7 @@ _WHOLE = 16
 _PROMISING = 0.3
 # poses drawn anew in a round: for each of so many entities, drawn by their prices, so many poses
 # that have it in focus together with others
-_DRAWN_ENTITIES = 128
+_DRAWN_ENTITIES = 64
 _DRAWN_POSES = 12
 # entities in focus together, the first one included. It may be drawn again, so they may be fewer.
 _IN_FOCUS = 3

@@ -104,6 +104,23 @@ def test_page_says_what_matters(page):
         assert f">{name}</text>" in text
 
 
+@pytest.mark.parametrize(
+    ("generations", "sentence"),
+    [
+        ((0, 0), "No pose of this plan comes from the genetic algorithm."),
+        ((0, 12), "The poses of 1 setting come from the genetic algorithm and its refinement."),
+    ],
+)
+def test_page_says_which_poses_the_genetic_algorithm_found(generations, sentence):
+    given = box_plan()
+    settings = [
+        replace(pose, generations=n) for pose, n in zip(given.settings, generations, strict=True)
+    ]
+    text = report_html(replace(given, settings=tuple(settings)), SPACE)
+    assert sentence in text
+    assert text.count("the genetic algorithm") == 1
+
+
 def test_page_says_what_rendered_images_gave_for_the_class_of_its_edges(page):
     """The numbers are those of docs/showing.md."""
     known = (Path(__file__).parents[3] / "docs/showing.md").read_text(encoding="utf-8")
