@@ -13,10 +13,10 @@ from solids import prism, ring
 
 from aspectgraph import MissingExtraError, Solid
 from aspectgraph.plot.picker import picker_html
-from ground.templates import asset
 from errors.exceptions import MeasurandError
 from errors.measurands.geometry import Circle, Line
 from errors.measurands.measurand import kinds, measurand
+from ground.templates import asset
 from planner import Dimension, pick
 from planner.request import dimension_files
 from planner.request.dimension_files import read_wanted
