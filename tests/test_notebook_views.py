@@ -149,7 +149,7 @@ RayScene([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 """
 
 
-def test_casting_rays_in_a_notebook_starts_no_server():
+def test_casting_rays_in_a_notebook_prints_nothing():
     told = subprocess.run(
         [sys.executable, "-c", IN_A_NOTEBOOK], capture_output=True, text=True, check=True
     )

@@ -204,7 +204,7 @@ def _dash_later() -> Iterator[None]:
 
 @contextmanager
 def _without_web_visualizer() -> Iterator[None]:
-    """Keep Open3D from starting a server, and from saying so, where it is imported in a notebook."""
+    """Keep Open3D from enabling its web viewer, and from saying so, where it is imported in a notebook."""
     name = "OPEN3D_DISABLE_WEB_VISUALIZER"
     before = os.environ.get(name)
     os.environ.setdefault(name, "true")
