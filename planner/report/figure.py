@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -184,7 +185,7 @@ def box_around(points: _Array, limits: _Array, air: float = 0.08) -> _Array:
 
 
 def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> Markup:
-    """Return a figure for a page that has plotly.
+    """Return a figure for a page that draws it with plotly.
 
     Parameters
     ----------
@@ -197,14 +198,14 @@ def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> 
     """
     from markupsafe import Markup
 
-    html = figure.to_html(
-        full_html=False,
-        include_plotlyjs=False,
-        div_id=name,
-        default_height=height,
-        config={"displaylogo": False, "responsive": True, **config},
+    drawn = json.loads(figure.to_json())
+    drawn["config"] = {"displaylogo": False, "responsive": True, **config}
+    # no text in it is markup
+    text = json.dumps(drawn, separators=(",", ":")).replace("<", "\\u003c")
+    return Markup(
+        f'<div id="{name}" style="height:{height}; width:100%"></div>\n'
+        f'<script type="application/json" data-figure="{name}">{text}</script>'
     )
-    return Markup(html)
 
 
 # Lines of pictures: edges of the part, its circles, and the lines and circles that a plan

@@ -315,8 +315,8 @@ def pick(solid: Solid) -> Any:
         A widget with these traits, which follow each click:
 
         * ``entities``, a dict from names to ids, such as ``{"front": 17, "bore": "r3"}``, and
-        * ``dimensions``, a dict from names to `Dimension`. It is empty while the page refuses a
-          tolerance.
+        * ``dimensions``, a dict from names to `Dimension`, also of what lies between two entities.
+          It is empty while the page refuses a tolerance.
         * ``fault`` is the page's sentence on what it refuses, otherwise empty.
 
         `plan_inspection` takes both dicts.
@@ -387,7 +387,8 @@ def _picked(rows: Any) -> tuple[dict[str, Any], dict[str, Any], str]:
     """Return entities, dimensions and what is refused, of what the page has in its list."""
     from errors.measurands.measurand import kinds
 
-    entities = {row["key"]: row["entity"] for row in rows}
+    # what lies between two is a dimension only
+    entities = {row["key"]: row["entity"] for row in rows if "entity" in row}
     faults = [f"{row['key']}: {row['fault']}" for row in rows if row["fault"]]
     if faults:
         return entities, {}, faults[0]
