@@ -11,8 +11,9 @@ from errors.exceptions import MeasurementModelError
 from errors.measurands import DecisionRule, Localisation
 from ground.convert import to_plain
 from planner.app.checks import in_words_of_shell
-from planner.app.job import check_same_part, read_part
+from planner.app.job import check_same_part
 from planner.app.options import Measure, Render
+from planner.app.part import read_part
 from planner.app.process import (
     BAD_INPUT,
     DONE,
@@ -45,7 +46,7 @@ from planner.measuring.rehearsal import TRUTH, Rehearsal
 from planner.measuring.results import FORMAT, MeasurementResults
 from planner.measuring.task import REPEATABILITY
 from planner.plan import read_plan
-from planner.progress import visible
+from planner.progress import terminal_progress, visible
 from planner.report import terminal_tables
 from planner.report.measured_report import measured_html, print_results
 from planner.text_table import print_text
@@ -149,7 +150,8 @@ def render(options: Render) -> int:
             write_error(
                 "aspectgraph: the plan has no light; a lamp on the camera lights the images"
             )
-        files = rehearsal.write(out, "--out")
+        with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+            files = rehearsal.write(out, "--out", progress)
     if options.json:
         print_json(to_plain(rehearsal.truth))
     else:
