@@ -886,6 +886,8 @@ class HeldPartCell(Cell):
         The camera's frame in the robot's base, mm.
     camera_body : sequence of Box, path or (corners, triangles)
         Camera, lens and lamps, in the camera's frame, mm.
+    light : CarriedLight, optional
+        The light of the camera, which stands still with it. A plan for the cell is lit by it. Default: none.
     obstacles : mapping of str to Box, path or (corners, triangles)
         What else stands in the cell, in the base frame, mm.
     clearance_mm : float

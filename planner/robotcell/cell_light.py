@@ -35,10 +35,24 @@ class LightBox(Box):
 
     Parameters
     ----------
-    low, high, pose
-        As of a `Box`.
+    low, high : sequence of float
+        Opposite corners (3,), mm.
+    pose : array (4, 4), optional
+        The box's frame in the base, mm. Default: the base.
     name : str
         ``backlight:NAME`` of the catalogue.
+
+    Raises
+    ------
+    RobotError
+        If `low` is not below `high` in every coordinate, or `pose` is no rigid motion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from planner import LightBox
+    >>> LightBox.of("backlight:basler-back-100x100", np.eye(4)).low
+    (-50.0, -50.0, -20.0)
     """
 
     name: str = ""
