@@ -124,17 +124,13 @@ def plan_inspection(
         pose_uncertainty=(pose_uncertainty, "PoseUncertainty"),
     )
     options = replace(options or InspectionOptions(), **keywords)
-    # before the work: limits that cannot be kept
+    # before the work: limits that cannot be kept, and a part that hides the lamps
     Deadline(options.time_limit_s, options.gap)
     if not entities:
         raise RequestError.of_rule("entities", "must hold at least one entity", "none")
     if options.lighting is not None:
-        # a part that hides the lamps
         options.lighting.check_part(solid)
     resolved = resolve_request(solid, entities, camera, pose_uncertainty, options)
-    if options.lighting is None and resolved.request.lighting is not None:
-        # the light of the cell
-        resolved.request.lighting.check_part(solid)
     return plan_request(solid, resolved, options)
 
 

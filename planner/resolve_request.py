@@ -90,8 +90,8 @@ def resolve_request(
         If an argument breaks its rule.
     """
     check_fraction("accuracy", options.accuracy)
-    options = _in_light_of_cell(options)
     part = solid if options.space is None else options.space.solid
+    options = _in_light_of_cell(options, part)
     _check_extent(part)
     entities, targets, localisation = resolve_targets(solid, wanted, camera, options)
     options = replace(options, localisation=localisation)
@@ -112,7 +112,7 @@ def resolve_request(
     return ResolvedRequest(request, entities)
 
 
-def _in_light_of_cell(options: InspectionOptions) -> InspectionOptions:
+def _in_light_of_cell(options: InspectionOptions, part: Solid) -> InspectionOptions:
     """Return options with the light of the cell, which must be the one that is asked for, if one is."""
     if options.cell is None:
         return options
@@ -121,8 +121,11 @@ def _in_light_of_cell(options: InspectionOptions) -> InspectionOptions:
 
     light = light_of_cell(options.cell)
     lighting = options.lighting
-    if light is None or lighting is None:
-        return options if light is None else replace(options, lamps=Lighting(light))
+    if light is None:
+        return options
+    light.check_part(part)
+    if lighting is None:
+        return replace(options, lamps=Lighting(light))
     word = f"{light.kind}:{light.name}"
     placed = light if lighting.material is None else in_material(light, lighting.material)
     is_word = isinstance(lighting.lamps, str) and lighting.lamps.lower() == word

@@ -145,7 +145,7 @@ class FixturingTable:
         turning = _bodies(self.turning, folder, f"{name}.turning")
         if self.light is not None:
             if "light" in {**obstacles, **turning}:
-                rule = "must have names that no other body has"
+                rule = "must have names that no other object has"
                 raise RobotError.of_rule("obstacles", rule, "'light'")
             around = obstacles if self.axis is None else turning
             around["light"] = self.light.body()

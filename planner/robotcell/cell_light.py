@@ -87,7 +87,8 @@ class LightBox(Box):
         """
         word, facts = _facts(name, (BACKLIGHT,))
         thickness = check_number("thickness_mm", thickness_mm, POSITIVE)
-        x, y = facts["width_mm"] / 2, facts["height_mm"] / 2
+        x = facts["width_mm"] / 2
+        y = facts["height_mm"] / 2
         return cls((-x, -y, -thickness), (x, y, 0.0), pose, word)
 
 

@@ -633,7 +633,7 @@ def light_of(
     for name, light in backlights.items():
         same = light is not None and light.name == first.name
         if light is None or not same or not np.allclose(light.pose, first.pose, atol=_SAME_MM):
-            rule = "must be under the part in every fixturing, at the same place of the part"
+            rule = "must be under the part in every fixturing, at the same position under it"
             hint = "plan each fixturing by a cell of its own"
             raise RobotError.of_rule("light", rule, f"another one in {name!r}", hint=hint)
     return first

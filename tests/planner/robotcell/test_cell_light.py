@@ -176,7 +176,7 @@ REFUSED = {
     ),
     "a body of its name": (
         {"light": RING, "fixturings": {"up": fixturing()}},
-        "must have names that no other body",
+        "must have names that no other object",
     ),
     "elsewhere": (
         {"fixturings": {"up": fixturing(), "over": fixturing(light_x=720.0)}},
