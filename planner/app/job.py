@@ -20,7 +20,7 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.measurand import kinds
-from planner.app.checks import named_by, option, read_camera
+from planner.app.checks import OF_LIGHT, named_by, option, read_camera
 from planner.app.model_dimensions import ModelDimensions, stated_dimensions
 from planner.app.options import (
     Batch,
@@ -40,8 +40,7 @@ from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
 from planner.light.area_light import Backlight
-from planner.light.area_lights import BACKLIGHT, is_area_word
-from planner.light.light_catalogue import light_facts
+from planner.light.area_lights import BACKLIGHT, is_area_word, light_of_cell
 from planner.light.lighting import (
     RING,
     LampBox,
@@ -50,6 +49,7 @@ from planner.light.lighting import (
     check_lamps_given,
     check_step,
 )
+from planner.light_catalogue import light_facts
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
@@ -244,7 +244,8 @@ def read_request(options: Plan | Optics, solid: Solid) -> JobTargets:
     """
     check_of_model(options)
     if options.dimensions is None:
-        localisation = read_localisation(options.localisation or "rounding")
+        usual = "rounding" if getattr(options, "edges", None) is None else _gaussian_text(options)
+        localisation = read_localisation(options.localisation or usual)
         entities = chosen_entities(options, solid)
         # what cannot be measured is refused before the work
         with named_by("entities" if options.select is None else "select", vars(options)):
@@ -322,8 +323,8 @@ def chosen_entities(options: ChosenEntities, solid: Solid) -> dict[str, Entity]:
 def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
     """Say which error of points in the image was assumed, if it was not chosen.
 
-    Edges of ``--entities`` are measured as in the paper, and dimensions with the error that edge
-    detectors have. So the same feature has another probability by the other option.
+    Edges of ``--entities`` are measured as in the paper unless their breaks are stated, and dimensions with the error
+    that edge detectors have. So the same feature has another probability by the other option.
 
     Parameters
     ----------
@@ -339,6 +340,11 @@ def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
     """
     if options.localisation is not None or getattr(options, "again", None) is not None:
         return ""
+    if options.dimensions is None and getattr(options, "edges", None) is not None:
+        return (
+            f"note: with --edges, lengths are measured by edge detectors (--localisation {_gaussian_text(options)}); "
+            "without it, points are rounded to whole pixels, a model that counts no breaks"
+        )
     if options.dimensions is None:
         return (
             "note: points in the image are rounded to whole pixels, the default without --dimensions. "
@@ -459,8 +465,8 @@ def read_job(options: Plan) -> Job:
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
     # a slip in a word is found before a large part is read
-    lighting = _lighting(options)
     cell = read_cell(options.cell)
+    lighting = _lighting(options, cell)
     if options.select is not None:
         with named_by("select", vars(options)):
             check_selection(options.select)
@@ -482,10 +488,27 @@ def read_job(options: Plan) -> Job:
     return Job(request, solid, targets, plan_options, options.part, reading_of(options))
 
 
-def _lighting(options: Plan) -> Lighting | None:
-    """Return what is asked of lamps; an error names the option."""
+def _lighting(options: Plan, cell: Cell | None) -> Lighting | None:
+    """Return what is asked of lamps, or of the light of a cell; an error names the option."""
     with named_by("light", vars(options)):
-        return read_lighting(options)
+        lighting = read_lighting(options)
+    light = light_of_cell(cell)
+    if lighting is not None:
+        return lighting
+    if light is not None:
+        return Lighting(
+            light,
+            options.contrast,
+            options.grey_step,
+            options.ground,
+            together=options.together,
+            material=options.material,
+        )
+    for name in OF_LIGHT:
+        if f"--{name}" in options.typed:
+            rule = "must be given with --light, or a cell that has a light"
+            raise RequestError.of_rule(name, rule, "none")
+    return None
 
 
 def inspection_options(options: Plan | Optics | Batch, **more: Any) -> InspectionOptions:

@@ -238,8 +238,8 @@ class DimensionTargets(Command):
         standard deviation of the position of the part's faces along their normals, for dimensions (default: what
         flatness and profile tolerances of the part state, otherwise 0.02; with rounding 0)
     edges
-        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm, for dimensions; 0 is sharp
-        (default: planned as sharp)
+        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm; 0 is sharp; lengths of edges
+        then are measured by edge detectors (default: planned as sharp)
     """
 
     dimensions: Annotated[str | None, _named("FILE|all")] = None
@@ -472,7 +472,8 @@ class ForCell(Workspace):
     Attributes
     ----------
     cell
-        TOML file of a robot cell: the robot must reach every setting (default: no robot)
+        TOML file of a robot cell: the robot must reach every setting, and a light of the cell is the plan's
+        (default: no robot)
     """
 
     cell: File = None

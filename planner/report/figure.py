@@ -870,6 +870,7 @@ _MOST_TRIANGLES = 4000
 _ARM = "#e0862b"
 _CAMERA = "#26547c"
 _PART = "#9aa7b5"
+_LIGHT = "#f2d13c"
 _OBSTACLE = "#cfd3d8"
 
 
@@ -989,15 +990,15 @@ def _slider(stands: Sequence[Stand], shown: Sequence[set[int]]) -> dict[str, Any
 def _traces(
     shapes: Sequence[tuple[str, bool, np.ndarray, np.ndarray]], *, visible: bool
 ) -> list[Any]:
-    """Return the arm, the camera and the obstacles as one mesh each."""
+    """Return the arm, the camera, the light and the obstacles as one mesh each."""
     groups: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for name, is_moving, corners, triangles in shapes:
         if name == "part":
             continue
         others = "robot" if is_moving else "obstacles"
-        group = "camera" if name == "camera" else others
+        group = name if name in ("camera", "light") else others
         groups.setdefault(group, []).append(_coarse(corners, triangles))
-    colors = {"robot": _ARM, "camera": _CAMERA, "obstacles": _OBSTACLE}
+    colors = {"robot": _ARM, "camera": _CAMERA, "light": _LIGHT, "obstacles": _OBSTACLE}
     return [
         _mesh(*_joined(groups[name]), name=name, color=color, visible=visible)
         for name, color in colors.items()

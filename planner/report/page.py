@@ -117,6 +117,7 @@ def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
         "Digest of the part": _digest(plan),
         "Camera": camera_text(plan.camera),
         "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
+        "Edges": edges_text(plan),
         "Program": f"aspectgraph {project_version()}",
         "Date": date or "",
         "Operator": "" if plan.made is None else plan.made.operator,

@@ -16,7 +16,7 @@ from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, shown
 from planner.exceptions import RequestError
 from planner.request.dimension import QUARTER, Dimension
 from planner.request.words import characteristic_name
@@ -103,11 +103,21 @@ def localisation_or_default(
     Returns
     -------
     Localisation
-        By default that of sub-pixel work for dimensions, otherwise whole pixels.
+        By default that of sub-pixel work for dimensions and where breaks of edges are stated, otherwise whole pixels.
+
+    Raises
+    ------
+    RequestError
+        If breaks of edges are stated, but only lengths on whole pixels are wanted: that model has no breaks.
     """
+    has_dimension = any(isinstance(item, Dimension) for item in items)
     if localisation is not None:
+        if edges is not None and localisation.model == "rounding" and not has_dimension:
+            rule = "must be given without the localisation rounding, a model that counts no breaks"
+            hint = "gaussian or fit counts them"
+            raise RequestError.of_rule("edge_break_mm", rule, shown(edges), hint=hint)
         return localisation
-    if any(isinstance(item, Dimension) for item in items):
+    if has_dimension or edges is not None:
         floor_px = FLOOR_PX if edges is None else DETECTOR_FLOOR_PX
         return Localisation.gaussian(floor_px=floor_px)
     return Localisation.rounding()

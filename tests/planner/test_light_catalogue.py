@@ -9,8 +9,8 @@ from plan_examples import CAMERA
 from planner import Lighting, light_names
 from planner.exceptions import RequestError
 from planner.light.area_lights import AREA_LIGHTS
-from planner.light.light_catalogue import light_facts, light_parts
 from planner.light.mounted_light import DiffuseDome
+from planner.light_catalogue import light_facts, light_parts
 
 
 def test_each_kind_has_three_lights_with_a_source_or_a_typical_size():
