@@ -46,8 +46,8 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
-from planner.light.area_light import Backlight
 from planner.light.area_lights import BACKLIGHT, is_area_word
+from planner.light.backlight import Backlight
 from planner.light.light_catalogue import light_facts
 from planner.light.lighting import (
     RING,

@@ -14,7 +14,7 @@ from planner.exceptions import RequestError
 if TYPE_CHECKING:
     from aspectgraph import Solid
     from planner.camera.camera import Camera
-    from planner.light.area_light import Backlight
+    from planner.light.backlight import Backlight
     from planner.light.mounted_light import MountedLight
 
 
@@ -63,7 +63,7 @@ def light_facts(kind: str, name: str) -> Mapping[str, Any]:
     facts = of_kind.get(name.lower())
     if facts is None:
         near = difflib.get_close_matches(name.lower(), of_kind, n=3, cutoff=0.3) or list(of_kind)
-        rule = f"must be a {kind} of the catalogue"
+        rule = f"must name a light of kind {kind} in the catalogue"
         raise RequestError.of_rule("light", rule, repr(name), hint=f"nearest: {', '.join(near)}")
     return facts
 
@@ -87,7 +87,7 @@ def catalogued_light(
     RequestError
         If there is no such light, or it does not fit before the camera.
     """
-    from planner.light.area_light import Backlight
+    from planner.light.backlight import Backlight
     from planner.light.mounted_light import CoaxialLight, DiffuseDome, RingLight, distance_before
 
     facts = light_facts(kind, name)
