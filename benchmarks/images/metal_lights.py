@@ -55,7 +55,8 @@ from planner.inspection import with_light
 EFFORT = Effort(viewpoints=16, pricing_rounds=2, refutations=1, bound_nodes=2000)
 KINDS = ("outline", "hole", "other")
 LIGHTS = {"backlight": "backlight", "dome": "diffuse-dome", "coaxial": "coaxial"}
-METAL = Material("metal", 0.3)
+# as is stated of each metal: of the brushed one, the roughness along the lines of the brush
+ROUGHNESS = {"brushed": 0.1, "blasted": 0.4}
 # parallel edges are asked for a distance if they share so much of their length
 LEAST_OVERLAP = 0.3
 # light of the room, as a share of that of the lamp
@@ -349,11 +350,14 @@ class Bench:
         self._mi = mi
         self._samples = samples
 
-    def model(self, name: str, case: Case, light: str) -> Model:
+    def model(self, name: str, case: Case, light: str, material: str) -> Model:
         """Return a part with its plan under a light."""
-        path = self._folder / f"{name}_{light}.json"
+        metal = Material("metal", ROUGHNESS[material])
+        # a backlight is alike on all metals
+        suffix = "" if light == "backlight" else f"_{material}"
+        path = self._folder / f"{name}_{light}{suffix}.json"
         if not path.exists():
-            lighting = Lighting(LIGHTS[light], material=METAL)
+            lighting = Lighting(LIGHTS[light], material=metal)
             if self._searches:
                 plan = self._planned(case, lamps=lighting)
             else:
@@ -484,7 +488,7 @@ def parsed() -> argparse.ArgumentParser:
     parser.add_argument("--parts", type=Path, help="folder of the STEP files of NIST and MFCAD")
     parser.add_argument("--only", nargs="+", default=["plate"], help="names of parts")
     parser.add_argument("--lights", nargs="+", default=list(LIGHTS), choices=list(LIGHTS))
-    parser.add_argument("--materials", nargs="+", default=["brushed", "blasted"])
+    parser.add_argument("--materials", nargs="+", default=list(ROUGHNESS))
     parser.add_argument("--seeds", nargs="*", type=int, default=[1, 2], help="none: only plan")
     parser.add_argument("--search", action="store_true", help="search poses under the light")
     parser.add_argument("--samples", type=int, default=32, help="a pixel, near edges")
@@ -508,13 +512,14 @@ def main() -> int:
     bench = Bench(options.folder, mi, options.samples, searches=options.search)
     cases = cases_of(options.folder, options.parts)
     readings: list[Planned] = []
-    for name, light in itertools.product(options.only, options.lights):
+    for name, light, material in itertools.product(options.only, options.lights, options.materials):
         case = cases[name]
-        model = bench.model(name, case, light)
+        model = bench.model(name, case, light, material)
+        print(f"{material}:")
         show_plan(model)
         # what is left of gamma cannot be told from light that is uneven beside edges
         how = MeasureOptions(Registration.own_edges(case.surfaces_mm), response="linear")
-        for material, seed in itertools.product(options.materials, options.seeds):
+        for seed in options.seeds:
             images = bench.images(model, case, material, seed)
             if not images:
                 continue

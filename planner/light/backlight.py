@@ -69,8 +69,8 @@ class Backlight:
     meets the rectangle. So only outlines show, and holes that the camera looks through.
 
     A wall that the camera sees next to the edge reflects the rectangle. On a matt part it is dim, and moves the edge
-    unless it is at least three pixels wide. On metal it is bright. Then the upper rim of a hole shows, where the dark
-    top of the part meets the bright wall, if the wall is wide enough.
+    unless it is at least three pixels wide. On metal it is bright. Then the upper rim of a hole shows if the wall is
+    wide: there the dark top of the part meets it.
 
     Parameters
     ----------
@@ -357,7 +357,20 @@ class Backlight:
         return lit
 
     def meets_bright(self, scene: RayScene, eyes: Array, rays: Array) -> Bools:
-        """Return which rays (n, 3) from eyes (n, 3) meet a face that some of the rectangle is in front of."""
+        """Return which rays (n, 3) from eyes (n, 3) meet a face that some of the rectangle is in front of.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Of the part.
+        eyes, rays : array (n, 3)
+            Starts and directions, mm.
+
+        Returns
+        -------
+        array of bool (n,)
+            Whether they do.
+        """
         hit = scene.cast(eyes, rays)
         depth = hit["t_hit"].astype(np.float64)
         met = np.isfinite(depth)
@@ -368,13 +381,37 @@ class Backlight:
         return bright
 
     def is_looked_at(self, points: Array, normals: Array) -> Bools:
-        """Return which faces at points, with normals (n, 3), some of the rectangle is in front of."""
+        """Return which faces some of the rectangle is in front of.
+
+        Parameters
+        ----------
+        points, normals : array (n, 3)
+            Points of the faces, mm, and unit normals.
+
+        Returns
+        -------
+        array of bool (n,)
+            Whether it is.
+        """
         ways = self.outline - points[:, None]
         heights = np.einsum("nki,ni->nk", ways, normals) / np.linalg.norm(ways, axis=2)
         return np.asarray((heights > _LOOKS).any(axis=1))
 
     def sees(self, scene: RayScene, eyes: Array, rays: Array) -> Bools:
-        """Return which rays (n, 3) from eyes (n, 3) meet the bright side of the rectangle, and no part before it."""
+        """Return which rays (n, 3) from eyes (n, 3) meet the bright side of the rectangle, and no part before it.
+
+        Parameters
+        ----------
+        scene : RayScene
+            Of the part.
+        eyes, rays : array (n, 3)
+            Starts and directions, mm.
+
+        Returns
+        -------
+        array of bool (n,)
+            Whether they do.
+        """
         heights, places = self._local(eyes)
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = -heights / (rays @ self.normal)
@@ -412,8 +449,9 @@ class Backlight:
         """
         if self.metal:
             n = rays.size // 3
-            few = _FEW_RAYS if n <= _PICTURE else _PICTURE_RAYS
-            return _on_metal(self, scene, eye, rays, _Paths(RAYS if n <= _MANY else few, 1))
+            rays_of_picture = _FEW_RAYS if n <= _PICTURE else _PICTURE_RAYS
+            count = RAYS if n <= _MANY else rays_of_picture
+            return _on_metal(self, scene, eye, rays, _Paths(count, 1))
         flat = rays.reshape(-1, 3)
         seen = self.sees(scene, np.broadcast_to(eye, flat.shape), flat)
         return seen.astype(np.float64).reshape(rays.shape[:-1])
@@ -501,8 +539,8 @@ def _searched(
     """Return contrast and step (n, m) for many cameras, by few points of edges."""
     chosen = np.unique(np.linspace(0, len(edges.points) - 1, _SEARCH_POINTS).astype(int))
     nearest = np.abs(np.arange(len(edges.points))[:, None] - chosen).argmin(axis=1)
-    few = EdgePoints(*(values[chosen] for values in edges))
-    contrast, step = _shown_on_metal(light, sight, few, eyes, None)
+    points = EdgePoints(*(values[chosen] for values in edges))
+    contrast, step = _shown_on_metal(light, sight, points, eyes, None)
     return contrast[:, nearest], step[:, nearest]
 
 

@@ -262,6 +262,11 @@ class _Carried:
             Points of edges.
         eyes : array (n, 3)
             Positions of cameras, mm.
+
+        Returns
+        -------
+        array (n, 4, 4)
+            Camera to world.
         """
         return looking_at(eyes, np.mean(sight.solid.bounds, axis=0))
 
@@ -627,6 +632,11 @@ class CoaxialLight(_Carried):
             Points of edges.
         eyes : array (n, 3)
             Positions of cameras, mm.
+
+        Returns
+        -------
+        array (n, 4, 4)
+            Camera to world.
         """
         normals = flat_normals(edges)
         if not self.square_on or not len(normals):

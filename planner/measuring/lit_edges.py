@@ -251,11 +251,11 @@ class LitEdges:
         """
         light = area.held(cam2world)
         shown = self.model.shown(cam2world, camera)
-        every = self.model.edges.edges
+        edges = self.model.edges.edges
         for shape in target.geometry:
             edge = self.model.entity(shape, target.name)
-            own = self.model.edges.samples(cam2world, camera, [edge], _MARGIN_PX)
-            samples = _thinned(own, _MOST_SAMPLES)
+            every_sample = self.model.edges.samples(cam2world, camera, [edge], _MARGIN_PX)
+            samples = _thinned(every_sample, _MOST_SAMPLES)
             if len(samples.share) < _LEAST_SAMPLES:
                 return f"the image of {edge.name} is too short"
             usable = samples.visible & self._lit([edge], samples, cam2world, camera, light)
@@ -263,11 +263,11 @@ class LitEdges:
             distance, _ = cKDTree(np.nan_to_num(pixels, nan=_FAR_PX)).query(shown.pixels)
             near = shown.samples.chosen(distance < APART_PX)
             # lines that the light does not show do not matter
-            lines = near.chosen(self._lit(every, near, cam2world, camera, light))
-            others = ShownEdges(every, lines, pixels_of(lines.points, cam2world, camera))
+            lines = near.chosen(self._lit(edges, near, cam2world, camera, light))
+            others = ShownEdges(edges, lines, pixels_of(lines.points, cam2world, camera))
             usable &= others.apart([edge], samples.edge, pixels)
-            found = EntityLight(edge.name, samples.share, usable, None)
-            if not found.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
+            entity = EntityLight(edge.name, samples.share, usable, None)
+            if not entity.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
                 share = f"only {100 * usable.mean():.0f} % of {edge.name}"
                 return f"{share} shows {APART_PX:.0f} px apart from other lines, or too little of a twelfth of it"
         return ""
