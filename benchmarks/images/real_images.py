@@ -125,9 +125,11 @@ class Tracer:
         mi = self._mi
         properties = mi.Properties()
         properties["bsdf"] = mi.load_dict(surface_of(scene.material))
-        mesh = mi.Mesh("part", 3 * len(scene.triangles), len(scene.triangles), props=properties)
+        count = len(scene.triangles)
+        mesh = mi.Mesh("part", 3 * count, count, has_vertex_texcoords=True, props=properties)
         corners = scene.vertices[scene.triangles].reshape(-1, 3)
         parameters = mi.traverse(mesh)
+        parameters["vertex_texcoords"] = _brush(scene).ravel().astype(np.float32)
         # each triangle has corners of its own: faces are flat
         parameters["vertex_positions"] = corners.ravel().astype(np.float32)
         parameters["faces"] = np.arange(len(corners), dtype=np.uint32)
@@ -194,6 +196,14 @@ class Tracer:
             shadow = self._bare.ray_test(hit.spawn_ray_to(place))
             columns.append(np.where(seen, np.array(shadow), 0.0))
         return np.stack(columns, axis=1)
+
+
+def _brush(scene: Scene) -> np.ndarray:
+    """Return coordinates (3 t, 2) on faces that go along x, or y where a face is square to x: lines of a brush do."""
+    corners = scene.vertices[scene.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    axes = np.array([[1, 2], [0, 2], [0, 1]])[np.abs(normals).argmax(axis=1)]
+    return np.take_along_axis(corners, axes[:, None], axis=2).reshape(-1, 2)
 
 
 def _emitter(kind: str, radiance: float) -> dict:
