@@ -14,7 +14,7 @@ from aspectgraph import (
     resolve_entities,
     select_entities,
 )
-from aspectgraph.entities.entity_rules import parse_names
+from aspectgraph.entities.entity_rules import check_selection, parse_names
 from aspectgraph.light import check_contrast
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
@@ -116,6 +116,11 @@ _RULE = (
     "backlight:X,Y,Z,WIDTH,HEIGHT, ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in "
     "mm, or a TOML file with lamps = [[X, Y, Z], ...]."
 )
+_FORMS = {
+    "at": "at:X,Y,Z[;X,Y,Z...]: three numbers for each lamp",
+    "box": "box:X0,Y0,Z0,X1,Y1,Z1: six numbers",
+    "dome": "dome:X,Y,Z,RADIUS[,LOWEST]: four or five numbers",
+}
 
 
 def read_lighting(options: Light) -> Lighting | None:
@@ -170,6 +175,8 @@ def _lamps(text: str | None) -> Any:
             return LampDome((values[0], values[1], values[2]), *values[3:])
     elif Path(text).suffix.lower() == ".toml":
         return check_lamps_given(_from_file(Path(text)))
+    if (form := _FORMS.get(name)) is not None:
+        raise RequestError(f"--light must be {form}, in mm. Got {text!r}.")
     raise RequestError(f"{_RULE} Got {text!r}.")
 
 
@@ -177,7 +184,9 @@ def _numbers(text: str, whole: str) -> list[float]:
     try:
         return [float(number) for number in text.split(",")]
     except ValueError:
-        raise RequestError(f"{_RULE} Got {whole!r}.") from None
+        form = _FORMS.get(whole.partition(":")[0])
+        rule = _RULE if form is None else f"--light must be {form}, in mm."
+        raise RequestError(f"{rule} Got {whole!r}.") from None
 
 
 def _from_file(path: Path) -> Any:
@@ -449,15 +458,21 @@ def read_job(options: Plan) -> Job:
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
+    # a slip in a word is found before a large part is read
+    lighting = _lighting(options)
+    cell = read_cell(options.cell)
+    if options.select is not None:
+        with named_by("select", vars(options)):
+            check_selection(options.select)
     solid = read_part(options.part, options)
     targets = read_request(options, solid)
     box = workspace_of(options)
     plan_options = inspection_options(
         options,
-        lamps=_lighting(options),
+        lamps=lighting,
         localisation=targets.localisation,
         workspace=default_workspace(solid, camera) if box is None else box,
-        cell=read_cell(options.cell),
+        cell=cell,
     )
     request, entities = resolve_request(solid, targets.items, camera, uncertainty, plan_options)
     if options.give_up is not None:

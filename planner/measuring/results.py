@@ -931,12 +931,7 @@ def _row(one: Result) -> dict[str, Any]:
         _number(max((reading.found_share for reading in readings), default=math.nan)),
         _number(min((reading.rms_px for reading in readings), default=math.nan)),
         counts.get("overexposed", 0) / total if total else None,
-        *(_signed_root(budget[source]) if budget else None for source in SOURCES),
+        *(math.sqrt(budget[source]) if budget else None for source in SOURCES),
         *(one.reason, one.advice),
     )
     return dict(zip(COLUMNS, values, strict=True))
-
-
-def _signed_root(variance: float) -> float:
-    """Return the root of a variance; what two sources have in common may be negative."""
-    return math.copysign(math.sqrt(abs(variance)), variance)

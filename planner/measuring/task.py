@@ -614,7 +614,7 @@ def check_one_pose(
         chi2 = distance_of(moves[move], covariance[at, at] + repeatability.covariance)
         if not chi2 <= limit:
             raise NotRegisteredError(
-                f"{names[0]} and {name} are from different poses: between them the camera moved by "
-                f"{np.sqrt(chi2):.1f} standard deviations of its repeatability; hold camera and "
-                "part still, or state the repeatability; or edges are broken by more than stated (--edges)"
+                f"{names[0]} and {name} are from different poses: the camera moved between them by "
+                f"{np.sqrt(chi2):.1f} standard deviations of its repeatability. Hold camera and part still, or state "
+                "a larger --repeatability; if edges are broken, state by how much (--edges)"
             )

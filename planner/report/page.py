@@ -42,6 +42,7 @@ from planner.report.setting_report import (
 )
 from planner.report.tables import (
     COLOURS,
+    Notice,
     arm,
     attention,
     may_be_unsharp,
@@ -65,6 +66,7 @@ from planner.report.wording import (
     surfaces_sources,
     unfinished_sentence,
     unlit_sentence,
+    unstated_edges_text,
     window_sentence,
 )
 from planner.request.targets import PlannedDimension, words_of
@@ -115,6 +117,7 @@ def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
         "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
         "Program": f"aspectgraph {project_version()}",
         "Date": date or "",
+        "Operator": "" if plan.made is None else plan.made.operator,
     }
     return {name: value for name, value in rows.items() if value}
 
@@ -708,7 +711,7 @@ def make_report(
         "overview": overview(plan, space.solid),
         "scene": figure_html(figure, "plan3d", "100%", scrollZoom=True),
         "not_inspected": not_inspected(plan.uninspectable, nouns[0]),
-        "notices": attention(rows, unsharp),
+        "notices": [*attention(rows, unsharp), *_edge_notices(plan)],
         "dimensions": dimensions,
         "results": None if only_dimensions else results(plan, rows, nouns[0]),
         "sources": {source_text(source): color for source, color in COLOURS.items()},
@@ -808,6 +811,12 @@ def _bound_label(plan: InspectionPlan) -> str:
     if plan.complete:
         return label
     return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
+
+
+def _edge_notices(plan: InspectionPlan) -> list[Notice]:
+    """Return what breaks of edges would do where none is stated; nothing where it does not matter."""
+    text = unstated_edges_text(plan)
+    return [Notice("Edges", [(f" are {text}", ())])] if text else []
 
 
 def _request(plan: InspectionPlan) -> dict[str, Any]:

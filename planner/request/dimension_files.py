@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -214,11 +215,14 @@ def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float = QUARTE
     if not isinstance(value, Mapping):
         return value
     kind = [key for key in value if key in kinds or key == "edge"]
-    unknown = [key for key in value if key not in (*kinds, "edge", *_OPTIONS)]
+    allowed = (*kinds, "edge", *_OPTIONS)
+    unknown = [key for key in value if key not in allowed]
     if unknown:
+        near = difflib.get_close_matches(str(unknown[0]), allowed, n=1)
+        meant = f"; {near[0]!r} may be meant" if near else ""
         raise RequestError(
             f"dimension {name!r} must be made of a kind (edge, {', '.join(kinds)}) and {', '.join(_OPTIONS)}. "
-            f"Got {unknown[0]!r}."
+            f"Got {unknown[0]!r}{meant}."
         )
     if len(kind) != 1:
         raise RequestError(

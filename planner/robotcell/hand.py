@@ -367,7 +367,7 @@ class PartInHand:
 
     def moved(self, motion: np.ndarray) -> PartInHand:
         """Raise, since there is no part to be placed."""
-        rule = "must have the part lying in it to look for its place"
+        rule = "must hold the part on a fixturing to search for its position"
         raise RobotError.of_rule("cell", rule, "a part in the hand")
 
     def parts_at(self, q: np.ndarray, fixturing: str) -> np.ndarray:
@@ -586,7 +586,7 @@ def check_names(hand: type[Hand], fittings: Fittings, fixturings: Mapping[str, A
         names = [*fittings.obstacles, *coming]
         for body in names:
             if body in taken or names.count(body) > 1:
-                rule = "must have names that no other body has"
+                rule = "must have names that no other object has"
                 raise RobotError.of_rule("obstacles", rule, repr(body))
 
 

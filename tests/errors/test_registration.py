@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 from scipy.spatial.transform import Rotation
 
 from errors.registration import (
@@ -15,6 +16,7 @@ from errors.registration import (
     rests_on_prior,
     surprise,
     undetermined,
+    variance_by_input,
 )
 
 
@@ -45,6 +47,30 @@ def test_against_the_covariance_of_all_rows(bias):
     right = np.concatenate([group.residual for group in rows])
     np.testing.assert_allclose(found.mean, gain @ right, atol=1e-10)
     np.testing.assert_allclose(found.covariance, prior - gain @ design @ prior, atol=1e-10)
+
+
+def test_variance_of_a_value_by_input_against_drawn_errors():
+    """Pose, surfaces and rows are drawn one at a time, and estimated; the estimate is off by their part."""
+    rng = np.random.default_rng(7)
+    prior = scipy.linalg.block_diag([[1.0, 0.6], [0.6, 2.0]], 0.5, 1.5)
+    design = rng.normal(size=(9, 4))
+    weight = rng.uniform(0.5, 3.0, 9)
+    gradient = np.array([1.0, -0.5, 1.0, -1.0])
+    row = Rows(np.arange(4), design, np.zeros(9), weight)
+    covariance = posterior(prior, [row], 0.0).covariance
+    parts = variance_by_input(covariance, prior, gradient, 2)
+    x = rng.multivariate_normal(np.zeros(4), prior, size=40000)
+    noise = rng.normal(size=(40000, 9)) / np.sqrt(weight)
+    pose = x * [1, 1, 0, 0]
+    surfaces = x * [0, 0, 1, 1]
+    gain = covariance @ (design.T * weight)
+    for part, truth, off in ((0, pose, 0), (1, surfaces, 0), (2, 0 * x, noise)):
+        errors = ((truth @ design.T + off) @ gain.T - truth) @ gradient
+        assert np.mean(errors**2) == pytest.approx(parts[part], rel=0.03)
+    assert sum(parts) == pytest.approx(gradient @ covariance @ gradient)
+    # without rows, all is as before
+    before = variance_by_input(prior, prior, gradient, 2)
+    assert before == pytest.approx((1.0 - 0.6 + 0.5, 2.0, 0.0))
 
 
 def test_nothing_found_leaves_the_prior():
