@@ -23,7 +23,7 @@ from .exceptions import RequestError as RequestError
 from .exceptions import RobotError as RobotError
 from .exceptions import UncertaintyError as UncertaintyError
 from .inspection import plan_inspection as plan_inspection
-from .light.area_light import Backlight as Backlight
+from .light.backlight import Backlight as Backlight
 from .light.light_plan import Exposure as Exposure
 from .light.light_plan import LightPlan as LightPlan
 from .light.light_plan import LitImage as LitImage

@@ -57,6 +57,6 @@ def light_facts(kind: str, name: str) -> Mapping[str, Any]:
     facts = of_kind.get(name.lower())
     if facts is None:
         near = difflib.get_close_matches(name.lower(), of_kind, n=3, cutoff=0.3) or list(of_kind)
-        rule = f"must be a {kind} of the catalogue"
+        rule = f"must name a light of kind {kind} in the catalogue"
         raise RequestError.of_rule("light", rule, repr(name), hint=f"nearest: {', '.join(near)}")
     return facts

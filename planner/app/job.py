@@ -39,8 +39,8 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
-from planner.light.area_light import Backlight
 from planner.light.area_lights import BACKLIGHT, is_area_word, light_of_cell
+from planner.light.backlight import Backlight
 from planner.light.lighting import (
     RING,
     LampBox,

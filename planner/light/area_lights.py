@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, TypeAlias, TypeGuard
 
 import numpy as np
 
-from planner.light.area_light import AreaLight, Backlight
+from planner.light.area_light import AreaLight
+from planner.light.backlight import Backlight
 from planner.light.mounted_light import (
     MOUNTED,
     CoaxialLight,

@@ -563,6 +563,43 @@ class Window:
 
 
 @dataclass(frozen=True)
+class Rectangle:
+    """A rectangle that shines to one side.
+
+    Parameters
+    ----------
+    centre : array (3,)
+        Its centre, mm.
+    axes : array (3, 3)
+        Rows: unit vectors along its sides, and to where it shines.
+    half_mm : array (2,)
+        Half of its sides' lengths.
+    """
+
+    centre: Array
+    axes: Array
+    half_mm: Array
+
+    @property
+    def area_mm2(self) -> float:
+        """Area of the rectangle."""
+        return float(4 * self.half_mm.prod())
+
+    def points(self, numbers: Array) -> Array:
+        """Return points (n, 3), mm."""
+        return np.asarray(self.centre + (2 * numbers - 1) * self.half_mm @ self.axes[:2])
+
+    def met(self, origins: Array, ways: Array) -> tuple[Array, Array]:
+        """Return where rays meet the rectangle from before it."""
+        local = (origins - self.centre) @ self.axes.T
+        slope = ways @ self.axes.T
+        distance = -local[:, 2] / np.minimum(slope[:, 2], -_TINY)
+        ends = np.abs(local[:, :2] + distance[:, None] * slope[:, :2])
+        meets = (slope[:, 2] < 0) & (local[:, 2] > 0) & (ends <= self.half_mm).all(axis=1)
+        return np.where(meets, distance, np.inf), np.where(meets, -slope[:, 2], 0.0)
+
+
+@dataclass(frozen=True)
 class Annulus:
     """A flat ring that shines to one side.
 

@@ -679,8 +679,10 @@ def judge_response(
     model, pictures, registered, half_px
         As of `found_places`.
     """
+    area = model.edges.area
+    untold = PowerEstimate(0.0, math.inf, 0) if area is not None and area.on_metal else None
     profiles = Profiles.found(model, pictures, registered, half_px)
-    power = profiles.power()
+    power = untold or profiles.power()
     origins = {picture.response_from for picture in pictures.values()}
     stated = " and ".join(sorted({picture.response.words for picture in pictures.values()}))
     if STATED in origins or not registered:

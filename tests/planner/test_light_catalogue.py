@@ -46,5 +46,7 @@ def test_unknown_names_are_refused_with_near_ones():
     with pytest.raises(RequestError) as error:
         Lighting("coaxial:typical-51").on_part(block(), CAMERA)
     text = str(error.value)
-    assert text.startswith("light must be a coaxial of the catalogue. Got 'typical-51'")
+    assert text.startswith(
+        "light must name a light of kind coaxial in the catalogue. Got 'typical-51'"
+    )
     assert "typical-50" in text
