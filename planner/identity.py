@@ -76,8 +76,8 @@ def first_difference(
         Such as ``seed was 5 and is now 6``.
     """
     # what is measured of an edge follows from it, so it is named before the targets
-    edges = [{_EDGES: one.get(_EDGES)} for one in (now, before)]
-    change = _first_change((), *edges, tolerance)
+    edges_now = {_EDGES: now.get(_EDGES)}
+    change = _first_change((), edges_now, {_EDGES: before.get(_EDGES)}, tolerance)
     if change is None:
         change = _first_change((), _by_name(now), _by_name(before), tolerance)
     if change is not None:
