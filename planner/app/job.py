@@ -125,8 +125,8 @@ _FORMS = {
 }
 
 
-def read_lighting(options: Light) -> Lighting | None:
-    """Return what is asked of lamps; None if nothing is.
+def read_lighting(options: Light, of_cell: Any = None) -> Lighting | None:
+    """Return what is asked of lamps, or else of the light of a cell; None if there is none.
 
     Raises
     ------
@@ -140,6 +140,8 @@ def read_lighting(options: Light) -> Lighting | None:
         option_text = "no --light" if options.light is None else f"--light {options.light}"
         raise RequestError(f"--together needs lamps by --light at, box or dome. Got {option_text}.")
     lamps = _lamps(options.light)
+    if lamps is None:
+        lamps = of_cell
     if lamps is None:
         return None
     return Lighting(
@@ -500,24 +502,12 @@ def read_job(options: Plan) -> Job:
 def _lighting(options: Plan, cell: Cell | None) -> Lighting | None:
     """Return what is asked of lamps, or of the light of a cell; an error names the option."""
     with named_by("light", vars(options)):
-        lighting = read_lighting(options)
-    light = light_of_cell(cell)
-    if lighting is not None:
-        return lighting
-    if light is not None:
-        return Lighting(
-            light,
-            options.contrast,
-            options.grey_step,
-            options.ground,
-            together=options.together,
-            material=options.material,
-        )
+        lighting = read_lighting(options, light_of_cell(cell))
     for name in OF_LIGHT:
-        if f"--{name}" in options.typed:
+        if lighting is None and f"--{name}" in options.typed:
             rule = "must be given with --light, or a cell that has a light"
             raise RequestError.of_rule(name, rule, "none")
-    return None
+    return lighting
 
 
 def inspection_options(options: Plan | Optics | Batch, **more: Any) -> InspectionOptions:
