@@ -320,6 +320,11 @@ METHODS: dict[str, Callable[[Pricing], None]] = {
 }
 
 
+def judge_for(part: str, folder: Path) -> Judge:
+    """Return the judge of a request, whose part is in the examples or in a folder."""
+    return block_judge(folder) if part == BLOCK else judge_of(CASES[part], folder)[0]
+
+
 def first_columns(judge: Judge, seed: int) -> ColumnPool:
     """Return the columns of the planner's first candidate poses."""
     pool = ColumnPool(len(judge.names))
@@ -332,7 +337,7 @@ def first_columns(judge: Judge, seed: int) -> ColumnPool:
 
 def compare(part: str, folder: Path, budget: int, seeds: int, methods: list[str], writer) -> None:
     """Print the table of a request."""
-    judge = block_judge(folder) if part == BLOCK else judge_of(CASES[part], folder)[0]
+    judge = judge_for(part, folder)
     values = defaultdict(list)
     highest = defaultdict(list)
     seconds = defaultdict(list)
