@@ -23,11 +23,12 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_rules import PARAMETERS
+from errors.many_images import evidence_of
 from errors.registration import Posterior, Rows, bias_variance_of, posterior, surprise
 from ground.decorators import njit
 from planner.camera.pose import PoseUncertainty
 from planner.measuring.images import Picture
-from planner.measuring.registered import Lamp, Registered, prior_covariance
+from planner.measuring.registered import ImageEvidence, Lamp, Registered, prior_covariance
 from planner.measuring.samples import POSE, SAMPLING_PX, PartModel, State, gradients_of, profiles_of
 from planner.measuring.task import (
     MOVE_SIGMAS,
@@ -304,7 +305,12 @@ def register(
         outcome = other if other[0].accepted else outcome
     attempt, lamps = outcome
     estimate, variance = _stated(attempt)
-    registered = replace(judged(attempt, estimate), lamps=lamps)
+    told = evidence_of(itertools.chain.from_iterable(attempt.rows), len(task.prior), variance)
+    pose_prior = task.prior[:POSE, :POSE]
+    evidence = ImageEvidence(
+        told, estimate.covariance @ told.right, pose_prior, np.zeros((POSE, POSE))
+    )
+    registered = replace(judged(attempt, estimate), lamps=lamps, evidence=evidence)
     if len(pictures) > 1:
         of_images = _of_images(attempt, registered, estimate.mean, variance, repeatability)
         registered = replace(registered, of_images=of_images)
@@ -351,7 +357,7 @@ def _of_images(
     # half of the variance of what is between two of them
     around = repeatability.covariance / 2 + np.diag(LEAST_POSE**2)
     moving = [_moved_too(image_rows, n + POSE * k) for k, image_rows in enumerate(rows)]
-    estimate, _ = _enlarged(block_diag(task.prior, *[around] * len(rows)), moving, variance)
+    estimate, variance = _enlarged(block_diag(task.prior, *[around] * len(rows)), moving, variance)
     pose = slice(0, POSE)
     of_images = {}
     for k, picture in enumerate(attempt.pictures):
@@ -364,11 +370,14 @@ def _of_images(
         own_x[pose] += estimate.mean[move]
         prior = task.prior.copy()
         prior[pose, pose] += around
+        told = evidence_of(rows[k], n, variance)
+        evidence = ImageEvidence(told, select @ estimate.mean, task.prior[pose, pose], around)
         of_images[picture.name] = replace(
             registered,
             cam2world=task.places(own_x)[0],
             covariance=select @ estimate.covariance @ select.T,
             prior=prior,
+            evidence=evidence,
         )
     return of_images
 
@@ -568,6 +577,7 @@ def register_as_shown(
         if more <= 1:
             break
         shown_mm *= more
+    registered = replace(registered, surfaces_mm=shown_mm)
     if shown_mm <= surfaces_mm:
         return registered
     note = (

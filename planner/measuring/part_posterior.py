@@ -1,0 +1,248 @@
+"""One posterior over all images of a part: from it every value is read, whatever images show its entities.
+
+Each image is registered by itself first. About these estimates the rows of all images are linear, so that one step of
+Gauss and Newton leads to the joint estimate: poses are eliminated setting by setting, and surfaces are the same ones
+for all. See `errors.many_images`.
+
+A target has a prior of its own: nothing is assumed of the surfaces that it measures, and of the others what is stated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2 as chi_squared
+
+from aspectgraph.entities.entity_rules import PARAMETERS
+from errors.many_images import Evidence, ManyImages, Prior, Slope, View
+from planner.camera.camera import Camera
+from planner.measuring.reading import Reading
+from planner.measuring.registered import ImageEvidence, Registered, surface_variances
+from planner.measuring.samples import POSE, PartModel
+from planner.measuring.task import CREDIBLE
+
+Array = NDArray[np.float64]
+
+# less of a variance is rounding; and so many surfaces are let deviate more than stated
+_LEAST_LEARNT = 1e-7
+_MOST_DEVIATING = 30
+
+
+@dataclass(frozen=True, eq=False)
+class KnownImage:
+    """What all images tell of one of them, for a target.
+
+    Attributes
+    ----------
+    registered : Registered
+        The image with the joint covariance. Pose and deviations are those that it was registered with by itself.
+    shift : array (n,)
+        How far the joint estimate is from them.
+    """
+
+    registered: Registered
+    shift: Array
+
+    def corrected(self, reading: Reading) -> Reading:
+        """Return a reading at this image's own estimate as it is at the joint one."""
+        if not reading.measured or not self.shift.any():
+            return reading
+        return replace(reading, value=reading.value + float(reading.gradient @ self.shift))
+
+
+class PartPosterior:
+    """The poses of all images of a part and the deviations of its surfaces, estimated together.
+
+    Parameters
+    ----------
+    model : PartModel
+        The part.
+    camera : Camera
+        The camera, which says how far a surface may be off of which nothing is assumed, see `surface_variances`.
+    settings : sequence of mapping of str to Registered
+        The registered images of each pose, by name.
+    free_of : mapping of str to set of int
+        The surfaces that each target measures, by its name.
+    """
+
+    def __init__(
+        self,
+        model: PartModel,
+        camera: Camera,
+        settings: Sequence[Mapping[str, Registered]],
+        free_of: Mapping[str, set[int]],
+    ) -> None:
+        self._model = model
+        self._camera = camera
+        self._free_of = free_of
+        self._images = {name: image for images in settings for name, image in images.items()}
+        self._place = {
+            name: (number, POSE * k)
+            for number, images in enumerate(settings)
+            for k, name in enumerate(images)
+        }
+        self._sizes = [POSE * len(images) for images in settings]
+        self._views = [self._view(list(images.values())) for images in settings]
+        self._estimated = any(image.evidence for image in self._images.values())
+        self._surfaces_mm = max((image.surfaces_mm for image in self._images.values()), default=0.0)
+        self._priors: dict[str, Prior] = {}
+
+    @cached_property
+    def _stated(self) -> Array:
+        """Variances (3k,) of surfaces before; of those that deviate more, with what the images show."""
+        variances = surface_variances(self._model, self._surfaces_mm)
+        return variances_shown(variances, self._views) if self._estimated else variances
+
+    @cached_property
+    def _joint(self) -> ManyImages:
+        return ManyImages(self._stated, self._views)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of the part is not as stated."""
+        if not self._estimated:
+            return ()
+        stated = surface_variances(self._model, self._surfaces_mm)
+        more = (self._stated > stated).reshape(-1, PARAMETERS).any(axis=1)
+        count = int(more.sum())
+        if not count:
+            return ()
+        largest = float(np.sqrt((self._stated[self._stated > stated]).max()))
+        return (
+            f"{count} face{'s' * (count > 1)} deviate{'s' * (count == 1)} by up to {largest:.2g} mm, not by "
+            f"{self._surfaces_mm:.2g} mm as stated; U is computed with that",
+        )
+
+    def _view(self, images: list[Registered]) -> View:
+        """Return the images of one pose: each moves by itself and with the others."""
+        shared = self._model.n_unknowns - POSE
+        size = POSE * len(images)
+        prior = np.zeros((size, size))
+        evidence = Evidence.nothing(size + shared)
+        for k, image in enumerate(images):
+            place = np.concatenate([POSE * k + np.arange(POSE), size + np.arange(shared)])
+            own = slice(POSE * k, POSE * (k + 1))
+            told = image.evidence
+            if told is None:
+                prior[own, own] = image.pose_covariance
+                continue
+            evidence.information[np.ix_(place, place)] += told.told.information
+            evidence.right[place] += told.told.right
+            _tie(prior, told, k, len(images))
+        return View(prior, evidence)
+
+    def _prior(self, target: str) -> Prior:
+        """Return what is known of surfaces before the images, for a target."""
+        if target not in self._priors:
+            # a pose that is only stated does not tell how far a surface is off
+            free = sorted(self._free_of[target]) if self._estimated else []
+            camera = self._camera if self._estimated else None
+            freed = surface_variances(self._model, self._surfaces_mm, camera, free)
+            variances = np.maximum(freed, self._stated)
+            places = np.array(
+                [PARAMETERS * k + i for k in free for i in range(PARAMETERS)], dtype=np.int64
+            )
+            self._priors[target] = Prior(places, variances[places])
+        return self._priors[target]
+
+    def known(self, target: str, image: str) -> KnownImage:
+        """Return what all images tell of one of them, for a target.
+
+        Parameters
+        ----------
+        target, image : str
+            Their names.
+        """
+        registered = self._images[image]
+        alone = len(self._images) == 1 and self._free_of[target] == self._model.free
+        if registered.evidence is None or alone:
+            return KnownImage(registered, np.zeros(self._model.n_unknowns))
+        number, first = self._place[image]
+        prior = self._prior(target)
+        mean, covariance = self._joint.of_view(number, prior)
+        size = self._sizes[number]
+        chosen = np.concatenate([first + np.arange(POSE), np.arange(size, len(mean))])
+        before = self._stated.copy()
+        before[prior.free] = prior.variances
+        stated = np.diag(np.concatenate([np.zeros(POSE), before]))
+        stated[:POSE, :POSE] = registered.evidence.pose_prior + registered.evidence.apart
+        known = replace(registered, covariance=covariance[np.ix_(chosen, chosen)], prior=stated)
+        return KnownImage(known, mean[chosen] - registered.evidence.mean)
+
+    def common(self, readings: Sequence[Reading]) -> Array:
+        """Return the covariance (n, n) of readings by poses and surfaces, each with the prior of its target."""
+        values = [(self._slope(reading), self._prior(reading.name)) for reading in readings]
+        return self._covariances(values)
+
+    def common_of_values(self, values: Sequence[tuple[Sequence[Reading], Array]]) -> Array:
+        """Return the covariance (n, n) of values by poses and surfaces.
+
+        Parameters
+        ----------
+        values : sequence of (sequence of Reading, array)
+            For each value the readings that it is the mean of, and their weights.
+        """
+        slopes = []
+        for readings, weights in values:
+            total = Slope({}, np.zeros(self._model.n_unknowns - POSE))
+            for reading, weight in zip(readings, weights, strict=True):
+                total = total + self._slope(reading).times(weight)
+            slopes.append((total, self._prior(readings[0].name)))
+        return self._covariances(slopes)
+
+    def _covariances(self, values: list[tuple[Slope, Prior]]) -> Array:
+        covariance = np.zeros((len(values), len(values)))
+        for i, first in enumerate(values):
+            for j, second in enumerate(values[: i + 1]):
+                covariance[i, j] = self._joint.covariance(first, second)
+                covariance[j, i] = covariance[i, j]
+        return covariance
+
+    def _slope(self, reading: Reading) -> Slope:
+        number, first = self._place[reading.image]
+        own = np.zeros(self._sizes[number])
+        own[first : first + POSE] = reading.gradient[:POSE]
+        return Slope({number: own}, reading.gradient[POSE:])
+
+
+def variances_shown(stated: Array, views: Sequence[View]) -> Array:
+    """Return the variances (3k,) of surfaces before: as stated, unless the images contradict that.
+
+    The number of a surface that deviates most gets what the images show of it, and so on until none deviates more than
+    by chance. No target counts in this, so what is asked changes nothing.
+
+    Parameters
+    ----------
+    stated : array (3k,)
+        Variances as stated, mm².
+    views : sequence of View
+        What the images tell.
+    """
+    variances = stated.copy()
+    for _ in range(_MOST_DEVIATING):
+        mean, after = ManyImages(variances, views).shared()
+        # an estimate has this share of its prior's variance if the prior is right
+        learnt = 1 - after / variances
+        known = learnt > _LEAST_LEARNT
+        if not known.any():
+            break
+        learnt = np.where(known, learnt, 1.0)
+        square = np.where(known, mean**2 / (learnt * variances), 0.0)
+        worst = int(np.argmax(square))
+        if square[worst] <= chi_squared.ppf(1 - (1 - CREDIBLE) / known.sum(), 1):
+            break
+        # where the images have it if nothing is assumed
+        variances[worst] = max(variances[worst], float(mean[worst] / learnt[worst]) ** 2)
+    return variances
+
+
+def _tie(prior: Array, told: ImageEvidence, number: int, count: int) -> None:
+    """Write what is known before of how an image of a setting is displaced, alone and with the others."""
+    own = slice(POSE * number, POSE * (number + 1))
+    for k in range(count):
+        prior[own, POSE * k : POSE * (k + 1)] = told.pose_prior
+    prior[own, own] += told.apart
