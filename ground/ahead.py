@@ -16,6 +16,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -221,6 +222,8 @@ except ImportError:
 # of the files that say how far a run is
 PREFIX = f"ahead-{sys.implementation.cache_tag}-"
 LISTED = Path(__file__).parent / "loops.json"
+# machine code that a wheel brings
+SHIPPED = Path(__file__).parent / "shipped"
 # more processes end no sooner: the longest chain of loops that need each other takes that long
 MOST_PROCESSES = 8
 # far longer than any loop takes; no loop was done meanwhile, as if a process were stopped
@@ -251,10 +254,13 @@ class AheadRun:
         The file in which they report; the leading one holds a lock on it.
     process : subprocess.Popen, optional
         The leading process, if this process started it.
+    is_late : bool
+        Whether it was started when a loop was missed already: this process then compiles until it has read its list.
     """
 
     state: Path
     process: subprocess.Popen[bytes] | None = None
+    is_late: bool = False
     _looked_again: set[int] = field(default_factory=set)
     # when the state was last written, and when this process noticed it
     _written_ns: int = -1
@@ -310,7 +316,10 @@ class AheadRun:
         index = self._indices.get(json.dumps(list_entry(function, signature)))
         if index is None:
             return False
-        if self._report()[1][index : index + 1] != "1":
+        counts, done = self._report()
+        if self.is_late and not counts:
+            return False
+        if done[index : index + 1] != "1":
             self._wish(index)
             return True
         # its file may have come since it was looked for
@@ -344,17 +353,38 @@ class AheadRun:
 
 @dataclass
 class _Process:
-    """The run this process waits for."""
+    """The run this process waits for.
+
+    Attributes
+    ----------
+    run : AheadRun, optional
+        It compiles already.
+    processes : int
+        How many may compile in a run that begins with the first loop without a file; 0: none begins.
+    starter : int
+        Id of the process that may begin it. Forked ones join it.
+    begun : AheadRun, optional
+        As `run`, also when this process no longer waits for it.
+    """
 
     run: AheadRun | None = None
+    processes: int = 0
+    starter: int = 0
+    begun: AheadRun | None = None
 
 
 _process = _Process()
+_beginning = threading.Lock()
 
 
 def current_run() -> AheadRun | None:
     """Return the processes that compile ahead for this one, if there are any."""
     return _process.run
+
+
+def may_begin() -> bool:
+    """Return whether processes compile ahead for this one, or will if a loop has no file."""
+    return _process.run is not None or _process.processes > 0
 
 
 def is_awaited(function: Callable[..., Any], signature: Any) -> bool:
@@ -365,6 +395,8 @@ def is_awaited(function: Callable[..., Any], signature: Any) -> bool:
     function, signature
         See `AheadRun.expects`.
     """
+    if _process.processes and _is_listed(function, signature):
+        _begin(is_late=True)
     run = _process.run
     if run is None:
         return False
@@ -375,24 +407,54 @@ def is_awaited(function: Callable[..., Any], signature: Any) -> bool:
     return run.expects(function, signature)
 
 
+def _is_listed(function: Callable[..., Any], signature: Any) -> bool:
+    return list_entry(function, signature) in read_list()
+
+
+def _begin(*, is_late: bool) -> None:
+    """Begin or join a run; a late one has a first loop without a file as its reason."""
+    with _beginning:
+        if not _process.processes:
+            # another thread has
+            return
+        run = _begun(_process.processes if _process.starter == os.getpid() else 1)
+        if run is not None:
+            run.is_late = is_late and run.process is not None
+        _process.run = run
+        _process.begun = run
+        _process.processes = 0
+
+
 @contextmanager
 def compiling_ahead(processes: int) -> Iterator[None]:
     """Compile all listed loops in other processes meanwhile; with one process, leave them to this one.
+
+    Where machine code is kept already, they begin at the first loop that has none: most often there is no such loop.
 
     Parameters
     ----------
     processes : int
         How many may compile at once.
     """
-    run = _begun(min(processes, MOST_PROCESSES))
-    _process.run = run
+    _process.processes = min(processes, MOST_PROCESSES)
+    _process.starter = os.getpid()
+    if not _has_kept():
+        _begin(is_late=False)
     try:
         yield
     finally:
         # also a run that this process no longer waits for
-        if run is not None:
-            run.end()
+        if _process.begun is not None:
+            _process.begun.end()
         _process.run = None
+        _process.begun = None
+        _process.processes = 0
+
+
+def _has_kept() -> bool:
+    """Return whether there is machine code of any loop of this package, kept here or shipped."""
+    folders = [*folders_for(Path(__file__)), SHIPPED]
+    return any(next(folder.glob("*.nbc"), None) is not None for folder in folders)
 
 
 def _begun(processes: int) -> AheadRun | None:

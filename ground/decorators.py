@@ -22,6 +22,7 @@ import numba as nb
 from numba import types
 
 from ground.ahead import (
+    SHIPPED,
     chosen_folder,
     folders_for,
     is_awaited,
@@ -54,7 +55,6 @@ _DECIDING = ("decorators.py", "linked.py")
 # processors that run what a wheel brings, in numba's name for them and their features
 _PORTABLE = ("x86-64-v3", "")
 _PORTABLE_FEATURES = frozenset(("+avx2", "+bmi", "+bmi2", "+f16c", "+fma", "+lzcnt", "+movbe"))
-_SHIPPED = Path(__file__).parent / "shipped"
 _POLL_S = 0.05
 _OTHERS_WRITE = 0o022
 # settings that change the machine code
@@ -143,6 +143,21 @@ class LoopCache:
                 return result
         return None
 
+    def is_kept(self, signature: Any) -> bool:
+        """Return whether there is a file for a signature; it is not read.
+
+        Parameters
+        ----------
+        signature : numba signature or tuple of types
+            Of the arguments.
+        """
+        try:
+            names = self._names(signature, self._dispatcher.targetctx.codegen())
+        except Exception:
+            # as in `_loaded`: compiling it will tell
+            return False
+        return any((folder / name).exists() for name in names for folder in self._folders())
+
     def save_overload(self, signature: Any, result: Any) -> None:
         """Write what was compiled for a signature to the first folder that takes it; tell once where none does."""
         if not self._enabled:
@@ -161,9 +176,7 @@ class LoopCache:
         """Yield the contents of the files of these names, without those that are cut or damaged."""
         if not names:
             return
-        folders = list(folders_for(self._source))
-        if is_trusted(_SHIPPED, self._source):
-            folders.append(_SHIPPED)
+        folders = self._folders()
         for name in names:
             for folder in folders:
                 path = folder / name
@@ -178,6 +191,13 @@ class LoopCache:
                 content = whole[start:]
                 if whole[:start] == _MAGIC + hashlib.sha256(content).digest():
                     yield content
+
+    def _folders(self) -> list[Path]:
+        """Return the folders that are read."""
+        folders = list(folders_for(self._source))
+        if is_trusted(SHIPPED, self._source):
+            folders.append(SHIPPED)
+        return folders
 
     def _write(self, name: str, content: bytes) -> None:
         whole = _MAGIC + hashlib.sha256(content).digest() + content

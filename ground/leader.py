@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ground.ahead import MOST_PROCESSES, PREFIX, AheadRun, read_list, state_files, taken
+from ground.decorators import LoopCache
 from ground.loop_code import decoded, named, plain_function, reachable
 
 _STANDARD_INPUT = 0
@@ -73,7 +74,7 @@ class Agenda:
     Parameters
     ----------
     loops : list
-        As `read_list` returns them. Those whose function is no longer there are left out.
+        As `read_list` returns them. Those whose function is no longer there are left out, and those with a file.
     """
 
     def __init__(self, loops: list[list[Any]]) -> None:
@@ -81,7 +82,9 @@ class Agenda:
         self.total = len(loops)
         # of a package that is not installed yet, for instance
         self.missing = {i for i, function in enumerate(functions) if function is None}
-        self.finished = set(self.missing)
+        self.finished = self.missing | {
+            i for i in range(self.total) if _is_kept(functions[i], loops[i][1:])
+        }
         self._needs = _needs(functions)
         self._waiting = [i for i in range(self.total) if i not in self.finished]
 
@@ -114,6 +117,17 @@ def _function(address: str) -> Any:
         return named(address)
     except (ImportError, AttributeError):
         return None
+
+
+def _is_kept(function: Any, kinds: list[Any]) -> bool:
+    """Return whether a loop has its file already; reading it is left to whoever needs it."""
+    cache = getattr(function, "_cache", None)
+    if not isinstance(cache, LoopCache):
+        return False
+    try:
+        return cache.is_kept(tuple(map(decoded, kinds)))
+    except (ImportError, AttributeError, ValueError):
+        return False
 
 
 def _needs(functions: list[Any]) -> list[set[int]]:

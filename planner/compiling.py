@@ -14,7 +14,7 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from ground.ahead import AheadRun, can_keep, current_run
+from ground.ahead import can_keep, current_run, may_begin
 from ground.decorators import keeps_loops
 
 _FIRST = "compiling loops, at the first run only: about a minute in all"
@@ -65,12 +65,11 @@ def ahead_told(
     report : callable
         ``report(done, total)``, from another thread.
     """
-    run = current_run()
-    if run is None:
+    if not may_begin():
         yield
         return
     ended = threading.Event()
-    watch = threading.Thread(target=_watch, args=(run, ended, say, report), daemon=True)
+    watch = threading.Thread(target=_watch, args=(ended, say, report), daemon=True)
     watch.start()
     try:
         yield
@@ -80,11 +79,16 @@ def ahead_told(
 
 
 def _watch(
-    run: AheadRun,
     ended: threading.Event,
     say: Callable[[str], object],
     report: Callable[[int, int], object],
 ) -> None:
+    run = None
+    while run is None:
+        # it begins with the first loop that has no file
+        if ended.wait(_POLL_S) or not may_begin():
+            return
+        run = current_run()
     begun = time.monotonic()
     total = 0
     while not ended.wait(_POLL_S) and run.is_active():
@@ -109,12 +113,11 @@ class _Compiling(event.Listener):
         self._depth = 0
         self._collecting = False
         self._told = False
+        self._is_told = False
         self._keeps = True
         self._begun = 0.0
         self._seconds = 0.0
         self._done: set[str] = set()
-        # `ahead_told` says it then
-        self._is_told = current_run() is not None
 
     def on_start(self, event: Any) -> None:
         """Take the start of a function; those it calls come before its end."""
@@ -123,6 +126,8 @@ class _Compiling(event.Listener):
             self._begun = time.monotonic()
             self._collecting = gc.isenabled()
             gc.disable()
+            # otherwise `ahead_told` says it
+            self._is_told |= current_run() is not None
             if not self._told and not self._is_told:
                 self._told = True
                 self._keeps = can_keep(Path(_function_of(event).__code__.co_filename))

@@ -22,6 +22,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ground.blas import with_one_thread
 from planner.argument_kinds import ITEMS, check_kinds
 from planner.callbacks import Callbacks, Deadline
 from planner.camera.camera import Camera
@@ -133,6 +134,7 @@ def plan_inspection(
     return plan_request(solid, resolved, options)
 
 
+@with_one_thread
 def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -> InspectionPlan:
     """Plan what was asked.
 

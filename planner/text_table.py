@@ -85,6 +85,11 @@ class WholePieces(NamedTuple):
 Cell = str | WholePieces
 
 
+def count(n: int, singular: str, plural: str | None = None) -> str:
+    """Return a number with its noun."""
+    return f"{n} {singular if n == 1 else plural or singular + 's'}"
+
+
 def listed(names: Iterable[str]) -> WholePieces:
     """Return a list of names that stay whole.
 

@@ -18,6 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ground.decorators import njit
+
 RADIAN_MM = 200.0
 EXACT_UP_TO = 10
 """Up to this many settings a round is the shortest of all."""
@@ -225,9 +227,9 @@ def best_branches(costs: np.ndarray, order: list[int]) -> Tour:
 
 # Local search for long rounds: reversals and relocations, each judged with branches chosen anew.
 #
-# For the present order, ``way[i, j]`` (b, b) holds the shortest way from the i-th to the j-th
+# For the present order, ``ways[i, j]`` (b, b) holds the shortest way from the i-th to the j-th
 # place by branches at both ends. Any reversal or relocation is then a chain of at most six such
-# matrices, so that all of them are judged together with sums and minima of arrays.
+# matrices. Compiled: a long round is improved hundreds of times while its moves are checked.
 
 
 def improved_order(
@@ -319,106 +321,101 @@ def _improved(
 
 def _best_neighbour(costs: np.ndarray, order: list[int], longest_piece: int) -> list[int]:
     path = np.array([0, *order, 0])
-    ways = _Ways(costs, path)
-    neighbours = [ways.best_reversal()]
-    back = _Ways(costs, path[::-1].copy()) if longest_piece else ways
-    for size in range(1, longest_piece + 1):
-        neighbours.append(ways.best_relocation(size))
-        length, path_back = back.best_relocation(size)
-        neighbours.append((length, path_back[::-1]))
-    _, path = min(neighbours, key=lambda one: one[0])
-    return [int(place) for place in path[1:-1]]
+    legs = np.ascontiguousarray(costs[path[:, None], path[None, :]])
+    neighbours = [(_best_reversal(legs, _ways(legs)), path)]
+    if longest_piece:
+        # a piece moves to a later position; to an earlier one on the way back
+        for direction in (path, path[::-1]):
+            legs = np.ascontiguousarray(costs[direction[:, None], direction[None, :]])
+            neighbours.append((_best_relocation(legs, _ways(legs), longest_piece), direction))
+    (_, first, size, target, is_turned), path = min(neighbours, key=lambda one: one[0][0])
+    piece = path[first : first + size]
+    others = np.delete(path, np.arange(first, first + size))
+    moved = np.insert(others, target, piece[::-1] if is_turned else piece)
+    return [int(place) for place in moved[1:-1]]
 
 
-class _Ways:
-    """The shortest ways between all places of a path, home at both ends.
+@njit(error_model="numpy")
+def _ways(legs: np.ndarray) -> np.ndarray:
+    """Return the times (m, m, b, b) along a path from one position to a later one, by branches at both ends.
 
-    Attributes
-    ----------
-    path : array (m,)
-        Places; the first and the last are home.
-    leg : array (m, m, b, b)
-        Time of the direct move between two positions of the path.
-    way : array (m, m, b, b)
-        Time along the path from one position to a later one.
+    ``legs`` (m, m, b, b) are the times of the direct moves between two positions.
     """
-
-    def __init__(self, costs: np.ndarray, path: np.ndarray):
-        m = len(path)
-        b = costs.shape[2]
-        self.path = path
-        self.leg = costs[path[:, None], path[None, :]]
-        self.way = np.full((m, m, b, b), np.inf)
-        places = np.arange(m)
-        self.way[places, places] = np.where(np.eye(b, dtype=bool), 0.0, np.inf)
-        for gap in range(1, m):
-            first = np.arange(m - gap)
-            legs = self.leg[first + gap - 1, first + gap]
-            self.way[first, first + gap] = _chained(self.way[first, first + gap - 1], legs)
-
-    def best_reversal(self) -> tuple[float, np.ndarray]:
-        """Return length and path of the best reversal of a piece."""
-        m = len(self.path)
-        first, last = np.triu_indices(m - 2, 1)
-        first = first + 1
-        last = last + 1
-        start = _onward(self.way[0, first - 1, 0], self.leg[first - 1, last])
-        start = _onward(start, self.way[first, last].transpose(0, 2, 1))
-        start = _onward(start, self.leg[first, last + 1])
-        lengths = (start + self.way[last + 1, m - 1, :, 0]).min(axis=-1)
-        k = int(lengths.argmin())
-        i = int(first[k])
-        j = int(last[k]) + 1
-        path = np.concatenate([self.path[:i], self.path[i:j][::-1], self.path[j:]])
-        return float(lengths[k]), path
-
-    def best_relocation(self, size: int) -> tuple[float, np.ndarray]:
-        """Return length and path of the best move of a piece of so many places to a later position."""
-        m = len(self.path)
-        first, target = np.nonzero(np.tri(m, m, -size, dtype=bool).T)
-        inside = (first >= 1) & (target <= m - 2)
-        first = first[inside]
-        target = target[inside]
-        if len(first) == 0:
-            return np.inf, self.path
-        last = first + size - 1
-        # the way to `target` without the piece
-        start = _onward(self.way[0, first - 1, 0], self.leg[first - 1, last + 1])
-        start = _onward(start, self.way[last + 1, target])
-        home = self.way[target + 1, m - 1, :, 0]
-        relocations = []
-        for entry, leaving in ((first, last), (last, first)):
-            piece = self.way[first, last]
-            if entry is last:
-                piece = piece.transpose(0, 2, 1)
-            end = _onward(_onward(start, self.leg[target, entry]), piece)
-            end = _onward(end, self.leg[leaving, target + 1])
-            lengths = (end + home).min(axis=-1)
-            k = int(lengths.argmin())
-            relocations.append((float(lengths[k]), k, entry is last))
-            if size == 1:
-                break
-        length, k, reverse = min(relocations)
-        i = int(first[k])
-        stop = i + size
-        after = int(target[k]) + 1
-        piece_path = self.path[i:stop]
-        moved = piece_path[::-1] if reverse else piece_path
-        path = np.concatenate([self.path[:i], self.path[stop:after], moved, self.path[after:]])
-        return length, path
+    m = legs.shape[0]
+    b = legs.shape[2]
+    ways = np.full((m, m, b, b), np.inf)
+    for first in range(m):
+        for a in range(b):
+            ways[first, first, a, a] = 0.0
+        for last in range(first + 1, m):
+            for a in range(b):
+                for c in range(b):
+                    shortest = np.inf
+                    for via in range(b):
+                        length = ways[first, last - 1, a, via] + legs[last - 1, last, via, c]
+                        shortest = min(shortest, length)
+                    ways[first, last, a, c] = shortest
+    return ways
 
 
-def _chained(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the shortest ways (n, b, b) by any branch in the middle."""
-    shortest = first[:, :, 0, None] + second[:, 0, None, :]
-    for middle in range(1, first.shape[2]):
-        np.minimum(shortest, first[:, :, middle, None] + second[:, middle, None, :], out=shortest)
-    return shortest
+@njit(error_model="numpy")
+def _go_on(lengths: np.ndarray, steps: np.ndarray, onward: np.ndarray) -> None:
+    """Write the shortest ways (b,) to the end of moves (b, b) that go on from ways (b,)."""
+    b = len(lengths)
+    for end in range(b):
+        shortest = np.inf
+        for via in range(b):
+            shortest = min(shortest, lengths[via] + steps[via, end])
+        onward[end] = shortest
 
 
-def _onward(length: np.ndarray, legs: np.ndarray) -> np.ndarray:
-    """Return the shortest ways (n, b) to the end of legs (n, b, b)."""
-    shortest = length[..., 0, None] + legs[:, 0]
-    for branch in range(1, legs.shape[1]):
-        np.minimum(shortest, length[..., branch, None] + legs[:, branch], out=shortest)
-    return shortest
+@njit(error_model="numpy")
+def _best_reversal(legs: np.ndarray, ways: np.ndarray) -> tuple[float, int, int, int, bool]:
+    """Return the best reversal of a piece: length of the path, where it begins, its size, where it goes, True."""
+    m = legs.shape[0]
+    here = np.empty(legs.shape[2])
+    there = np.empty(legs.shape[2])
+    best = (np.inf, 1, 2, 1, True)
+    for first in range(1, m - 2):
+        for last in range(first + 1, m - 1):
+            _go_on(ways[0, first - 1, 0], legs[first - 1, last], here)
+            _go_on(here, ways[first, last].T, there)
+            _go_on(there, legs[first, last + 1], here)
+            length = (here + ways[last + 1, m - 1, :, 0]).min()
+            if length < best[0]:
+                best = (length, first, last + 1 - first, first, True)
+    return best
+
+
+@njit(error_model="numpy")
+def _best_relocation(
+    legs: np.ndarray, ways: np.ndarray, longest_piece: int
+) -> tuple[float, int, int, int, bool]:
+    """Return the best move of a piece to a later position: as `_best_reversal`, and whether it is turned round."""
+    m = legs.shape[0]
+    here = np.empty(legs.shape[2])
+    there = np.empty(legs.shape[2])
+    without = np.empty(legs.shape[2])
+    best = (np.inf, 1, 1, 1, False)
+    for size in range(1, longest_piece + 1):
+        for first in range(1, m - 1 - size):
+            last = first + size - 1
+            _go_on(ways[0, first - 1, 0], legs[first - 1, last + 1], here)
+            for target in range(last + 1, m - 1):
+                _go_on(here, ways[last + 1, target], without)
+                for is_turned in range(1 if size == 1 else 2):
+                    entry = last if is_turned else first
+                    leaving = first if is_turned else last
+                    piece = ways[first, last].T if is_turned else ways[first, last]
+                    _go_on(without, legs[target, entry], there)
+                    length = np.inf
+                    for end in range(len(here)):
+                        shortest = np.inf
+                        for via in range(len(here)):
+                            shortest = min(shortest, there[via] + piece[via, end])
+                        for home in range(len(here)):
+                            onward = shortest + legs[leaving, target + 1, end, home]
+                            length = min(length, onward + ways[target + 1, m - 1, home, 0])
+                    if length < best[0]:
+                        best = (length, first, size, target + 1 - size, is_turned == 1)
+    return best

@@ -51,3 +51,28 @@ def test_what_needs_no_part_loads_nothing_heavy(arguments):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "loaded"
+
+
+def test_what_a_mesh_consists_of_is_told_without_compiler_and_search():
+    code = (
+        "import sys; from planner.app.main import main\n"
+        "assert main(['info', 'examples/two_pocket_block.off', '--json']) == 0\n"
+        "heavy = {'numba', 'open3d', 'plotly', 'OCP', 'networkx', 'scipy.optimize', 'scipy.stats', 'planner.search'}\n"
+        "print('loaded', *sorted(set(sys.modules) & heavy))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded"
+
+
+def test_rays_need_no_web_server_and_whoever_wants_one_has_it():
+    code = (
+        "import sys; from aspectgraph.solid.solid import RayScene\n"
+        "RayScene([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])\n"
+        "assert 'dash' not in sys.modules\n"
+        "from open3d.visualization import draw_plotly\n"
+        "shown = draw_plotly.__globals__['Dash']('window').layout, draw_plotly.__globals__['html'].H3('window')\n"
+        "import dash\n"
+        "assert isinstance(shown[1], dash.html.H3)\n"
+        "assert dash.__version__"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from importlib.util import find_spec
 from itertools import starmap
+from operator import attrgetter
 from os import PathLike
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -80,7 +84,7 @@ class RayScene:
     """
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike, n_threads: int = 0) -> None:
-        with _existing_folder():
+        with _existing_folder(), _dash_later():
             import open3d as o3d
 
         corners = np.asarray(vertices, dtype=np.float64)
@@ -165,6 +169,37 @@ def _existing_folder() -> Iterator[None]:
     finally:
         os.fchdir(deleted)
         os.close(deleted)
+
+
+class _Dash(ModuleType):
+    """The module dash, or a name in it: loaded when it is called, until then names are names only."""
+
+    def __getattr__(self, name: str) -> _Dash:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return _Dash(f"{self.__name__}.{name}")
+
+    def __call__(self, *arguments: Any, **keywords: Any) -> Any:
+        import dash
+
+        return attrgetter(self.__name__.partition(".")[2])(dash)(*arguments, **keywords)
+
+
+@contextmanager
+def _dash_later() -> Iterator[None]:
+    """Put dash off, a web server that Open3D imports in the block; loading it takes longer than all else of Open3D.
+
+    The one function that needs it, which shows a figure in a browser, still works.
+    """
+    if "dash" in sys.modules or find_spec("dash") is None:
+        yield
+        return
+    sys.modules["dash"] = _Dash("dash")
+    try:
+        yield
+    finally:
+        # whoever imports it from here on gets it
+        del sys.modules["dash"]
 
 
 # The solid: a closed, oriented surface of planar faces.

@@ -117,7 +117,7 @@ def lights(options: Lights) -> int:
         if getattr(options, name) is not None:
             raise RequestError(f"--{name} needs a plan.")
     # here, because it loads what takes long
-    from planner.app.job import check_nothing_read
+    from planner.app.part import check_nothing_read
 
     check_nothing_read(options)
     lights_of = light_parts()
@@ -154,7 +154,8 @@ def _light_size(facts: Mapping[str, Any]) -> str:
 def _compare(path: str, options: Lights) -> int:
     """Print what each kind of light shows of a plan."""
     # here, because they load what takes long
-    from planner.app.job import check_same_part, read_part
+    from planner.app.job import check_same_part
+    from planner.app.part import read_part
     from planner.optics import compare_lights, sufficient
     from planner.plan import read_plan
     from planner.progress import terminal_progress

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,13 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph import (
-    AspectGraphError,
-    PartFileNotFoundError,
-    ReadLimits,
-    SolidChoice,
-    list_solids,
     read_entities,
-    read_solid,
     resolve_entities,
     select_entities,
 )
@@ -27,7 +20,7 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.measurand import kinds
-from planner.app.checks import in_words_of_shell, named_by, option, read_camera
+from planner.app.checks import named_by, option, read_camera
 from planner.app.model_dimensions import ModelDimensions, stated_dimensions
 from planner.app.options import (
     Batch,
@@ -35,10 +28,10 @@ from planner.app.options import (
     DimensionTargets,
     Light,
     Optics,
-    PartReading,
     Plan,
     Workspace,
 )
+from planner.app.part import read_as, read_limits, read_part, reading_of
 from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
@@ -66,7 +59,7 @@ from planner.request.resolve import resolve_wanted, with_places
 from planner.resolve_request import ResolvedRequest, resolve_request
 
 if TYPE_CHECKING:
-    from aspectgraph import Entity, Solid, SolidEntry
+    from aspectgraph import Entity, Solid
     from planner.robotcell import Cell
 
 
@@ -317,12 +310,6 @@ def chosen_entities(options: ChosenEntities, solid: Solid) -> dict[str, Entity]:
         return resolve_entities(solid, select_entities(solid, options.select))
 
 
-def read_limits(options: PartReading) -> ReadLimits:
-    """Return what reading the part may take."""
-    seconds = options.read_time_limit
-    return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
-
-
 def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
     """Say which error of points in the image was assumed, if it was not chosen.
 
@@ -529,7 +516,7 @@ def _job_again(options: Plan) -> Job:
     if options.part is None and not Path(part).exists():
         hint = "give PART, too, if it was moved"
         raise RequestError.of_rule("part", "must be an existing file", repr(part), hint=hint)
-    solid = _read(part, reading, options)
+    solid = read_as(part, reading, options)
     check_same_part(solid, plan, part, hint="plan it from its options")
     items = {target.name: target.item_of(solid) for target in request.targets}
     request, entities = resolve_request(
@@ -579,64 +566,6 @@ def _part_again(options: Plan, path: Path, source: Mapping[str, Any]) -> tuple[s
     if not source:
         raise PlanFileError("source must name the part's file. Got none; give PART, too.")
     return str(path.parent / source["file"]), {k: v for k, v in source.items() if k != "file"}
-
-
-def reading_of(options: PartReading) -> dict[str, Any]:
-    """Return how the part is to be read, as `aspectgraph.read_solid` takes it, with ``occluders`` apart."""
-    return {
-        "units": options.units,
-        "solids": options.solids,
-        "occluders": options.occluders,
-        "gap_mm": options.gap_mm,
-    }
-
-
-def check_nothing_read(options: PartReading) -> None:
-    """Refuse options that say how a part is read where there is none.
-
-    Raises
-    ------
-    RequestError
-        Names the option.
-    """
-    for name, value in reading_of(options).items():
-        if value is not None:
-            raise RequestError.of_rule(name, "must be given with a part", "none")
-
-
-def read_part(part: str, options: PartReading) -> Solid:
-    """Read the part; an error names the file."""
-    with reading_shown(quiet=options.quiet, lines=options.verbose):
-        return _read(part, reading_of(options), options)
-
-
-def _read(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
-    arguments = dict(reading)
-    occluders = arguments.pop("occluders", None)
-    if occluders:
-        arguments["solids"] = SolidChoice(arguments.get("solids"), occluders)
-    with _naming_part(part, options):
-        return read_solid(part, limits=read_limits(options), **arguments)
-
-
-def read_solid_list(part: str, options: PartReading) -> tuple[SolidEntry, ...]:
-    """List the solids of a STEP file; an error names the file."""
-    with reading_shown(quiet=options.quiet, lines=options.verbose), _naming_part(part, options):
-        return list_solids(part, limits=read_limits(options))
-
-
-@contextmanager
-def _naming_part(part: str, options: PartReading) -> Iterator[None]:
-    """Let an error of reading a part name its file, and options instead of parameters."""
-    try:
-        yield
-    except AspectGraphError as error:
-        if error.parameter == "path":
-            missing = isinstance(error, PartFileNotFoundError)
-            rule = "must be an existing file" if missing else error.rule
-            raise type(error).of_rule("part", rule, error.got) from None
-        words = in_words_of_shell(error, vars(options))
-        raise type(error)(f"{part}: {words}") from None
 
 
 def workspace_of(options: Workspace) -> np.ndarray | None:

@@ -94,6 +94,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 _MODULES = {
     "cameras": "planner.app.catalogue_commands",
     "completion": "planner.app.catalogue_commands",
+    "info": "planner.app.part",
     "lights": "planner.app.catalogue_commands",
     "measure": "planner.app.measure_command",
     "render": "planner.app.measure_command",

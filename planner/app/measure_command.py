@@ -11,8 +11,9 @@ from errors.exceptions import MeasurementModelError
 from errors.measurands import DecisionRule, Localisation
 from ground.convert import to_plain
 from planner.app.checks import in_words_of_shell
-from planner.app.job import check_same_part, read_part
+from planner.app.job import check_same_part
 from planner.app.options import Measure, Render
+from planner.app.part import read_part
 from planner.app.process import (
     BAD_INPUT,
     DONE,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from aspectgraph import ReadError, ReadLimits, read_dimensions
 from planner.argument_kinds import ABOVE_0_TO_1, check_number
 from planner.exceptions import RequestError
-from planner.report.wording import count
 from planner.request.dimension import QUARTER
 from planner.request.dimension_files import dimensions_to_plan
+from planner.text_table import count
 
 if TYPE_CHECKING:
     from aspectgraph import ModelDimension, Solid

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aspectgraph import (
-    AspectGraphError,
     EntityError,
     JointForecast,
     ReadError,
@@ -26,10 +25,7 @@ from aspectgraph import (
     graph_of,
     light_graph_of,
     read_dimensions,
-    select_entities,
-    write_edge_picture,
 )
-from aspectgraph.read.part_file import MESH_SUFFIXES
 from aspectgraph.visibility.visibility_regions import KeptRegions
 from planner.app.batch import (
     PLAN_FILE,
@@ -50,7 +46,6 @@ from planner.app.job import (
     Job,
     JobTargets,
     all_of_model,
-    check_nothing_read,
     check_of_model,
     check_same_part,
     choice_of,
@@ -58,14 +53,12 @@ from planner.app.job import (
     inspection_options,
     localisation_text,
     read_job,
-    read_limits,
     read_localisation,
-    read_part,
     read_request,
-    read_solid_list,
     workspace_of,
 )
-from planner.app.options import Batch, Dimensions, Graph, Info, Optics, Plan, Simulate
+from planner.app.options import Batch, Dimensions, Graph, Optics, Plan, Simulate
+from planner.app.part import check_nothing_read, print_unit, read_limits, read_part
 from planner.app.process import DONE, INCOMPLETE
 from planner.callbacks import Deadline
 from planner.camera.pose import PoseUncertainty
@@ -88,9 +81,7 @@ from planner.report.plan_folder import (
 )
 from planner.report.terminal_tables import (
     graph_record,
-    part_record,
     plan_record,
-    solid_records,
 )
 from planner.report.wording import cost_sentence, incumbent_line
 from planner.request.camera_limits import default_workspace
@@ -444,56 +435,6 @@ def listed(names: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(quoted[:-1]), *quoted[-1:]]))
 
 
-def info(options: Info) -> int:
-    """Show what a part consists of and which edges, rims and arcs can be entities."""
-    if options.list:
-        return _list_solids(options)
-    solid = read_part(options.part, options)
-    with reading_shown(quiet=options.quiet, lines=options.verbose):
-        edges = solid.straight_edges(min_length_mm=options.min_length)
-        curves = (*solid.rims(), *solid.arcs())
-    if options.select is not None:
-        chosen = set(select_entities(solid, options.select))
-        edges = tuple(edge for edge in edges if edge.id in chosen)
-        curves = tuple(curve for curve in curves if curve.id in chosen)
-    if options.picture:
-        _write_picture(
-            solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves]
-        )
-    if options.json:
-        print_json(
-            part_record(
-                solid, edges, curves, filter(None, [_unit_note(options.part, options.units)])
-            )
-        )
-        return DONE
-    terminal_tables.print_part(solid, edges, curves)
-    _print_unit(options.part, options.units)
-    if options.picture:
-        print(visible(str(options.picture)))
-    return DONE
-
-
-def _list_solids(options: Info) -> int:
-    """Show the solids of a STEP file, with the names that --solids takes."""
-    entries = read_solid_list(options.part, options)
-    if options.json:
-        print_json({"part": options.part, "solids": solid_records(entries)})
-    else:
-        terminal_tables.print_solids(entries)
-    return DONE
-
-
-def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list[str]) -> None:
-    """Write the picture of `info`; an error names the option."""
-    try:
-        write_edge_picture(solid, path, edge_ids, curve_ids)
-    except AspectGraphError as error:
-        if error.parameter != "path":
-            raise
-        raise type(error).of_rule("picture", error.rule, error.got) from None
-
-
 def graph(options: Graph) -> int:
     """Build the entity-based aspect graph and write it."""
     solid = read_part(options.part, options)
@@ -508,7 +449,7 @@ def graph(options: Graph) -> int:
         print_json(graph_record(result, options.graphml))
         return DONE
     terminal_tables.print_graph(result)
-    _print_unit(options.part, options.units)
+    print_unit(options.part, options.units)
     print(visible(str(options.graphml)))
     return DONE
 
@@ -588,7 +529,7 @@ def _print_planned(
     terminal_tables.print_plan(result)
     if result.cell:
         print_arm(result)
-    _print_unit(job.part, job.reading.get("units"))
+    print_unit(job.part, job.reading.get("units"))
     _print_left_out(job.targets)
     if options.explain:
         terminal_tables.print_explanation(result)
@@ -748,24 +689,11 @@ def optics(options: Optics) -> int:
     )
     code = rank_optics(options, solid, targets.items, plan_options)
     if not options.json:
-        _print_unit(options.part, options.units)
+        print_unit(options.part, options.units)
         _print_left_out(targets)
         if text := localisation_text(options, targets.items):
             print_text(text)
     return code
-
-
-def _print_unit(part: str, units: str | None) -> None:
-    if text := _unit_note(part, units):
-        print_text(f"note: {text}")
-
-
-def _unit_note(part: str, units: str | None) -> str:
-    """Say which unit was assumed for a file that has none; nothing of others."""
-    mesh = [suffix for suffix in Path(part).suffixes if suffix.lower() in MESH_SUFFIXES]
-    if units is None and mesh and mesh[-1].lower() != ".glb":
-        return f"{mesh[-1][1:].upper()} files state no unit, so the program assumes mm. Use --units for another unit"
-    return ""
 
 
 def _executor(jobs: int) -> AbstractContextManager[Executor | None]:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from errors.checks import probability_text
-from planner.app.job import check_same_part, read_part
+from planner.app.job import check_same_part
 from planner.app.options import Program, Reach
+from planner.app.part import read_part
 from planner.app.process import DONE, INCOMPLETE
 from planner.camera.pose import PoseUncertainty
 from planner.exceptions import RequestError, UncertaintyError

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
+from ground.blas import with_one_thread
 from ground.faces import project_version
 from ground.short_repr import short_repr
 from planner.argument_kinds import check_kinds
@@ -348,6 +349,7 @@ class Measurer:
         area = None if plan.light is None else plan.light.area
         self.model = PartModel(solid, self._by_witness, area)
 
+    @with_one_thread
     def measure(
         self,
         images: str | os.PathLike[str] | Mapping[Any, Any],

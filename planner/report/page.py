@@ -54,7 +54,6 @@ from planner.report.tables import (
 from planner.report.wording import (
     bound_sentence,
     calibration_rows,
-    count,
     edges_text,
     features_sentence,
     light_sentence,
@@ -70,6 +69,7 @@ from planner.report.wording import (
 )
 from planner.request.targets import PlannedDimension, words_of
 from planner.rows import measured_rows
+from planner.text_table import count
 from planner.verify.simulate_setting import CONFIRMED, CONTRADICTED, MODEL_TOLERANCE
 
 if TYPE_CHECKING:

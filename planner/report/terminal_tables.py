@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aspectgraph import Arc, Edge, EntityAspectGraph, Rim, Solid
+from aspectgraph import EntityAspectGraph
 from errors.checks import frequency_text, interval_text, probability_text
 from planner.plan import InspectionPlan
 from planner.progress import visible
+from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
-    count,
     edges_text,
     features_cell,
     features_sentence,
@@ -33,11 +33,19 @@ from planner.report.wording import (
 )
 from planner.request.targets import targets_of, words_of
 from planner.request.words import tolerance_text
-from planner.text_table import Cell, Column, WholePieces, listed, print_table, print_text, words
+from planner.text_table import (
+    Cell,
+    Column,
+    WholePieces,
+    count,
+    listed,
+    print_table,
+    print_text,
+    words,
+)
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
-    from aspectgraph import EdgeEnd, SolidEntry
     from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
@@ -45,75 +53,6 @@ if TYPE_CHECKING:
 
 
 # What the commands say with ``--json``: plain values in mm and degrees, for other programs.
-
-
-def part_record(
-    solid: Solid, edges: Iterable[Edge], curves: Iterable[Arc], notes: Iterable[str] = ()
-) -> dict[str, Any]:
-    """Return what a part consists of: its box in mm, and its edges, rims and arcs by id; notes of its own and more."""
-    return {
-        "part": solid.name,
-        "bounds": np.asarray(solid.bounds, dtype=float).tolist(),
-        "faces": len(solid.faces),
-        "notes": [*solid.notes, *notes],
-        "solids": solid_records(file_entries(solid)),
-        "edges": [
-            {
-                "id": edge.id,
-                "ends": np.asarray(solid.edge_points(edge.id), dtype=float).tolist(),
-                "length": float(solid.edge_length_mm(edge.id)),
-                "turn": float(edge.turn_deg),
-                "faces": list(edge.faces),
-                "end_kinds": [{"kind": end.kind, "arc": end.arc} for end in solid.edge_ends(edge)],
-            }
-            for edge in edges
-        ],
-        "curves": [
-            {
-                "id": curve.id,
-                "kind": "rim" if isinstance(curve, Rim) else "arc",
-                "radius": float(curve.radius_mm),
-                "diameter": 2.0 * float(curve.radius_mm),
-                "centre": np.asarray(curve.centre, dtype=float).tolist(),
-                "axis": np.asarray(curve.axis, dtype=float).tolist(),
-            }
-            for curve in curves
-        ],
-    }
-
-
-def file_entries(solid: Solid) -> tuple[SolidEntry, ...]:
-    """Return the solids of the part's STEP file; nothing if it holds one only, or there is no such file."""
-    if solid.file_solids is None or len(solid.file_solids.entries) < 2:
-        return ()
-    return solid.file_solids.entries
-
-
-def solid_records(entries: Iterable[SolidEntry]) -> list[dict[str, Any]]:
-    """Return the solids of a STEP file: numbers, names, and sizes in mm."""
-    return [
-        {
-            "number": entry.number,
-            "name": entry.label,
-            "product": entry.product,
-            "instance": entry.instance,
-            "body": entry.body,
-            "size": None if entry.size_mm is None else list(entry.size_mm),
-            "faces": entry.n_faces,
-            "placed": entry.n_placed,
-        }
-        for entry in entries
-    ]
-
-
-def print_solids(entries: Sequence[SolidEntry]) -> None:
-    """Print the solids of a STEP file, with the names that ``--solids`` takes."""
-    rows = []
-    for entry in entries:
-        size = "" if entry.size_mm is None else _vector(np.array(entry.size_mm), " x ")
-        names = (entry.label, entry.instance, entry.body)
-        rows.append((entry.number, *names, size, entry.n_faces, entry.n_placed))
-    print_table(_SOLID_COLUMNS, rows)
 
 
 def graph_record(result: EntityAspectGraph, path: str | Path) -> dict[str, Any]:
@@ -147,106 +86,6 @@ _MOST_ROWS = 60
 _STATUSES = ("planned", "incomplete", "refused", "failed")
 
 
-def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> None:
-    """Print what a part consists of, its straight edges, its rims and its arcs."""
-    size = np.ptp(solid.bounds, axis=0)
-    n = len(solid.straight_edges())
-    chosen = "" if len(edges) == n else f"{len(edges)} of "
-    text = (
-        f"{solid.name}: {count(solid.n_shells, 'shell')}, {count(len(solid.faces), 'face')}, "
-        f"{count(len(solid.edges), 'edge')}, {chosen}{count(n, 'sharp straight edge')}, "
-        f"{_vector(size, ' x ')} mm"
-    )
-    print_text(words(text, [f"{solid.name}:"]))
-    for note in solid.notes:
-        print_text(f"note: {note}")
-    if entries := file_entries(solid):
-        print_solids(entries)
-    ends = {edge.id: solid.edge_ends(edge) for edge in edges}
-    rows = [
-        (
-            edge.id,
-            *solid.edge_points(edge.id),
-            solid.edge_length_mm(edge.id),
-            edge.turn_deg,
-            words(_ends_text(ends[edge.id])),
-        )
-        for edge in edges
-    ]
-    print_table(_EDGE_COLUMNS, rows)
-    n_tangent = sum(any(end.kind == "tangent" for end in pair) for pair in ends.values())
-    if n_tangent:
-        print_text(
-            f"note: {n_tangent} of {count(len(edges), 'edge')} end in a tangent arc, so their length "
-            "is undefined; distances and angles are not affected"
-        )
-    for kind in ("rim", "arc"):
-        _print_curves(
-            kind, [curve for curve in curves if isinstance(curve, Rim) == (kind == "rim")]
-        )
-
-
-# no -0.00 among coordinates
-_COORDINATES = "z.2f"
-_SOLID_COLUMNS = (
-    Column("solid", right=True),
-    Column("name"),
-    Column("instance"),
-    Column("body"),
-    Column("size", right=True, unit="mm"),
-    Column("faces", right=True),
-    Column("placed", right=True),
-)
-_EDGE_COLUMNS = (
-    Column("id", right=True),
-    Column("from", right=True, unit="mm", spec=_COORDINATES),
-    Column("to", right=True, unit="mm", spec=_COORDINATES),
-    Column("length", right=True, unit="mm", spec=".3f"),
-    Column("turn", right=True, unit="deg", spec="+.1f"),
-    Column("ends"),
-)
-
-
-def _ends_text(ends: Sequence[EdgeEnd]) -> str:
-    """Return both ends of an edge: "corner", the id of a tangent arc, or "tangent"; one if equal."""
-    texts = [end.arc or end.kind for end in ends]
-    return ", ".join(dict.fromkeys(texts))
-
-
-def _print_curves(kind: str, curves: Sequence[Any]) -> None:
-    """Print the rims or arcs of a part, if it has any."""
-    if not curves:
-        return
-    n_chords = sum(len(curve.edge_ids) for curve in curves)
-    print(f"{count(len(curves), kind)}, {count(n_chords, 'chord')}")
-    columns = (
-        Column("id", right=True),
-        Column("diameter", right=True, unit="mm", spec=".3f"),
-        Column("radius", right=True, unit="mm", spec=".3f"),
-        Column("centre", right=True, unit="mm", spec=_COORDINATES),
-        Column("axis", right=True, spec=_COORDINATES),
-        Column("chords", right=True),
-        Column("off by", right=True, unit="mm", spec=".3f"),
-    )
-    rows = [
-        (
-            curve.id,
-            2.0 * curve.radius_mm,
-            curve.radius_mm,
-            curve.centre,
-            curve.axis,
-            len(curve.edge_ids),
-            curve.chord_mm,
-        )
-        for curve in curves
-    ]
-    print_table(columns, rows)
-    if curves[0].fitted:
-        print_text(
-            f"note: these {kind}s are circles fitted to chords, because the mesh holds no circles"
-        )
-
-
 def print_graph(graph: EntityAspectGraph) -> None:
     """Print the size of an aspect graph and its domains, largest lists first."""
     nodes = graph.graph.nodes
@@ -260,7 +99,7 @@ def print_graph(graph: EntityAspectGraph) -> None:
         f"{count(len(graph.entity_names), 'entity', 'entities')}"
     )
     low, high = graph.workspace
-    print_text(f"workspace: {_vector(low)} to {_vector(high)} mm")
+    print_text(f"workspace: {vector_text(low)} to {vector_text(high)} mm")
     columns = (
         Column("domain", right=True),
         Column("volume", right=True, unit="mm3", spec=".4g"),
@@ -466,10 +305,6 @@ def _interval(rate: SuccessRate | None) -> Cell:
     frequency = frequency_text(rate.successes, rate.n)
     interval = f"({interval_text(rate.low, rate.high, ' .. ')})"
     return WholePieces((frequency, interval, *verdict_text.split()))
-
-
-def _vector(values: Iterable[float], separator: str = " ", digits: int = 2) -> str:
-    return separator.join(f"{value + 0.0:.{digits}f}" for value in np.round(list(values), digits))
 
 
 def print_batch(results: Sequence[Any]) -> None:

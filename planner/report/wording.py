@@ -19,6 +19,7 @@ from planner.request.dimension_files import SURFACES_MM
 from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState, largest_shift
 from planner.request.targets import words_of
 from planner.rows import line_warning, unshown_warning
+from planner.text_table import count
 from planner.verify.setting_record import measurements, search_windows_px
 from planner.verify.simulate_setting import (
     CONFIRMED,
@@ -36,11 +37,6 @@ if TYPE_CHECKING:
     from planner.plan import InspectionPlan
     from planner.request.targets import PlannedDimension, Target
     from planner.verify.simulate_plan import ShownImages, SimulationResult
-
-
-def count(n: int, singular: str, plural: str | None = None) -> str:
-    """Return a number with its noun."""
-    return f"{n} {singular if n == 1 else plural or singular + 's'}"
 
 
 def features_sentence(plan: InspectionPlan) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
@@ -719,6 +719,39 @@ class Standing:
         for normal, corner in zip(normals, sides[:, 0], strict=True):
             np.maximum(heights, np.einsum("nj,j->n", points - corner, normal), out=heights)
         return float(-heights.min())
+
+
+class StandingBoxes(NamedTuple):
+    """The boxes about bodies that stand still.
+
+    Attributes
+    ----------
+    turns, shifts : array (b, 3, 3), (b, 3)
+        From the base to the frame of each body, mm.
+    lows, highs : array (b, 3)
+        The box about each in its frame, mm.
+    """
+
+    turns: np.ndarray
+    shifts: np.ndarray
+    lows: np.ndarray
+    highs: np.ndarray
+
+    @classmethod
+    def of(cls, bodies: Sequence[Standing]) -> StandingBoxes:
+        """Return those of bodies, one at least."""
+        inverses = np.array([invert(body.pose) for body in bodies])
+        lows = np.array([body.low for body in bodies])
+        highs = np.array([body.high for body in bodies])
+        return cls(inverses[:, :3, :3], inverses[:, :3, 3], lows, highs)
+
+    def distance_bounds(self, points: np.ndarray) -> np.ndarray:
+        """Return lower bounds (n, b, s) of the distances of points (n, s, 3) of the base from each body, mm."""
+        turned = np.einsum("bij,nsj->nbsi", self.turns, points) + self.shifts[:, None]
+        lows = self.lows[:, None]
+        highs = self.highs[:, None]
+        outside = np.maximum(np.maximum(lows - turned, turned - highs), 0.0)
+        return np.asarray(np.sqrt((outside**2).sum(axis=-1)))
 
 
 def sunk_mm(

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from threading import RLock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from planner.robotcell.bodies import (
     Box,
     Hull,
     Standing,
+    StandingBoxes,
     Turntable,
     geometry_of,
     grown,
@@ -133,9 +135,53 @@ class Arm:
         return placed
 
 
+# pairs of spheres whose gaps are computed together
+_SPHERE_PAIRS_AT_ONCE = 20_000
+
+
 def _may_touch(a: Moving, b: Moving) -> bool:
     """Return whether two bodies can come closer: neighbours in the chain touch always."""
     return abs(a.segment - b.segment) >= (1 if a.is_held or b.is_held else 2)
+
+
+class _SpherePairs(NamedTuple):
+    """The pairs of spheres of pairs of an arm's bodies, those of a pair of bodies one after the other.
+
+    Attributes
+    ----------
+    first, second : array (s,)
+        Numbers of the spheres.
+    radii : array (s,)
+        Sums of their radii, mm.
+    starts : array (p,)
+        Where those of each pair of bodies begin.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    radii: np.ndarray
+    starts: np.ndarray
+
+    @classmethod
+    def of(cls, arm: Arm, pairs: Sequence[tuple[int, int]]) -> _SpherePairs:
+        """Return those of pairs of the numbers of bodies."""
+        grids = [
+            np.indices((arm.starts[a + 1] - arm.starts[a], arm.starts[b + 1] - arm.starts[b]))
+            + np.array([arm.starts[a], arm.starts[b]])[:, None, None]
+            for a, b in pairs
+        ]
+        first, second = np.concatenate([grid.reshape(2, -1) for grid in grids], axis=1)
+        sizes = [grid[0].size for grid in grids]
+        starts = np.concatenate([[0], np.cumsum(sizes[:-1])]).astype(int)
+        return cls(first, second, arm.radii[first] + arm.radii[second], starts)
+
+    def least_gaps(self, centres: np.ndarray) -> np.ndarray:
+        """Return the least gap (n, p) between spheres of each pair, for centres (n, k, 3) of all of them, mm."""
+        apart = centres[:, self.first]
+        apart -= centres[:, self.second]
+        gaps = np.sqrt((apart**2).sum(axis=-1))
+        gaps -= self.radii
+        return np.asarray(np.minimum.reduceat(gaps, self.starts, axis=1))
 
 
 class Surroundings:
@@ -231,32 +277,50 @@ class PairGroup:
 
     def bounds(self, frames: np.ndarray) -> np.ndarray:
         """Return lower bounds (n, p) of the distances of all pairs, for frames (n, 7, 4, 4)."""
-        return np.concatenate([self._standing_bounds(frames), self._own_bounds(frames)], axis=1)
-
-    def _standing_bounds(self, frames: np.ndarray) -> np.ndarray:
-        if not self._moving or not self._standing:
-            return np.empty((len(frames), 0))
-        centres = self._arm.sphere_centres(frames, self._moving)
-        radii, starts = self._arm.sphere_radii(self._moving)
-        bounds = [
-            np.minimum.reduceat(body.distance_bound(centres) - radii, starts, axis=1)
-            for body in self._standing
-        ]
-        return np.concatenate(bounds, axis=1)
-
-    def _own_bounds(self, frames: np.ndarray) -> np.ndarray:
-        bounds = np.empty((len(frames), len(self._arm_pairs)))
         if not self._arm_pairs:
-            return bounds
-        arm = self._arm
-        centres = arm.sphere_centres(frames, range(len(arm.bodies)))
-        for column, (a, b) in enumerate(self._arm_pairs):
-            first = slice(arm.starts[a], arm.starts[a + 1])
-            second = slice(arm.starts[b], arm.starts[b + 1])
-            apart = centres[:, first, None] - centres[:, None, second]
-            radii = arm.radii[first, None] + arm.radii[None, second]
-            bounds[:, column] = (np.sqrt((apart**2).sum(axis=-1)) - radii).min(axis=(1, 2))
-        return bounds
+            moving = self._arm.sphere_centres(frames, self._moving) if self._moving else frames[:0]
+            return self._standing_bounds(moving, len(frames))
+        centres = self._arm.sphere_centres(frames, range(len(self._arm.bodies)))
+        standing = self._standing_bounds(centres[:, self._moving_spheres], len(frames))
+        return np.concatenate([standing, self._own_bounds(centres)], axis=1)
+
+    def _standing_bounds(self, centres: np.ndarray, count: int) -> np.ndarray:
+        """Return those of the pairs with what stands still, for centres (n, s, 3) of the moving bodies' spheres."""
+        if not self._moving or not self._standing:
+            return np.empty((count, 0))
+        radii, starts = self._moving_radii
+        nearest = self._boxes.distance_bounds(centres) - radii
+        bounds = np.minimum.reduceat(nearest, starts, axis=2)
+        return bounds.reshape(count, len(self._standing) * len(self._moving))
+
+    def _own_bounds(self, centres: np.ndarray) -> np.ndarray:
+        """Return those of the arm's own pairs, for centres (n, s, 3) of all its spheres."""
+        spheres = self._own_spheres
+        # all pairs at once, of as many configurations as stay in the cache
+        at_once = max(1, _SPHERE_PAIRS_AT_ONCE // len(spheres.first))
+        bounds = [
+            spheres.least_gaps(centres[row : row + at_once])
+            for row in range(0, len(centres), at_once)
+        ]
+        return np.concatenate(bounds) if bounds else np.empty((0, len(self._arm_pairs)))
+
+    @cached_property
+    def _moving_spheres(self) -> np.ndarray:
+        starts = self._arm.starts
+        groups = [np.arange(starts[i], starts[i + 1]) for i in self._moving]
+        return np.concatenate(groups) if groups else np.empty(0, dtype=int)
+
+    @cached_property
+    def _moving_radii(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._arm.sphere_radii(self._moving)
+
+    @cached_property
+    def _boxes(self) -> StandingBoxes:
+        return StandingBoxes.of(self._standing)
+
+    @cached_property
+    def _own_spheres(self) -> _SpherePairs:
+        return _SpherePairs.of(self._arm, self._arm_pairs)
 
     def open_rows(self, bounds: np.ndarray) -> np.ndarray:
         """Return in which rows (n,) of bounds (n, p) a pair is left that may be too near."""

@@ -16,9 +16,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from planner.robotprogram.program import JointRates, Move, move_times
-from planner.travel import EXACT_UP_TO, KICKS, Tour, shortest_tour
+from planner.travel import EXACT_UP_TO, KICKS, Tour, best_branches, improved_order, shortest_tour
 
 if TYPE_CHECKING:
     from planner.robotcell import Cell
@@ -150,14 +152,19 @@ def check_path(space: FixturedArm, path: np.ndarray) -> MoveCheck:
     return MoveCheck(True, n_poses)
 
 
-# A way around what blocks a straight joint move: two trees that grow towards each other.
+# A way around what blocks a straight joint move: trees that grow towards each other.
 #
-# RRT-Connect (Kuffner and LaValle, 2000), then shortcuts. Every piece of the result is proven
-# free by `planner.robotprogram.moves`. The same seed gives the same way.
+# RRT-Connect (Kuffner and LaValle, 2000) on trees that are kept from one way to the next, as a
+# roadmap (Kavraki, Svestka, Latombe and Overmars, 1996), then shortcuts. Every piece of the result
+# is proven free by `check_move`. The same ways sought in the same order are the same.
 
 
 # a shortcut must save this share of the time
 _LEAST_GAIN = 0.02
+# joints of earlier ways that a new end is linked to if it can be
+_LINKS = 4
+# how many times as many trials a move is worth whose setting would be dropped otherwise
+_THOROUGH = 12
 
 
 class DetourEffort(NamedTuple):
@@ -175,32 +182,74 @@ class DetourEffort(NamedTuple):
 
     trials: int = 400
     step_rad: float = 0.5
-    shortcuts: int = 20
+    shortcuts: int = 60
 
 
-class _Tree:
-    """Joints that are connected to a root by free moves."""
+class _Roadmap:
+    """Joints linked by moves that are proven free, in one or more separate parts.
 
-    def __init__(self, root: np.ndarray):
-        self.joints = [root]
-        self.parents = [-1]
+    Attributes
+    ----------
+    part : list of int
+        Of each place (a row of joints), the number of the part that it belongs to.
+    """
 
-    def nearest(self, target: np.ndarray) -> int:
-        gaps = np.abs(np.array(self.joints) - target).max(axis=1)
-        return int(gaps.argmin())
+    def __init__(self, n_joints: int):
+        self._rows = np.empty((64, n_joints))
+        self._parts = np.empty(64, dtype=int)
+        self._n = 0
+        self._links: list[tuple[int, int]] = []
 
-    def add(self, joints: np.ndarray, parent: int) -> int:
-        self.joints.append(joints)
-        self.parents.append(parent)
-        return len(self.joints) - 1
+    @property
+    def joints(self) -> np.ndarray:
+        """All joints (n, k)."""
+        return self._rows[: self._n]
 
-    def way_to(self, node: int) -> list[np.ndarray]:
-        """Return the joints from the root to a node."""
-        way = []
-        while node >= 0:
-            way.append(self.joints[node])
-            node = self.parents[node]
-        return way[::-1]
+    @property
+    def parts(self) -> np.ndarray:
+        """Number of the part that each place (n,) belongs to."""
+        return self._parts[: self._n]
+
+    def place_of(self, joints: np.ndarray) -> int | None:
+        """Return the place that has these joints (k,); None if there is none."""
+        (same,) = np.nonzero((self.joints == joints).all(axis=1))
+        return int(same[0]) if len(same) else None
+
+    def nearest(self, part: int, target: np.ndarray) -> int:
+        """Return the place of a part whose joints are nearest to a target (k,)."""
+        (places,) = np.nonzero(self.parts == part)
+        gaps = np.abs(self.joints[places] - target).max(axis=1)
+        return int(places[gaps.argmin()])
+
+    def add(self, joints: np.ndarray, parent: int | None = None) -> int:
+        """Add joints (k,) that the move from a parent leads to; without one they are a part of their own."""
+        place = self._n
+        if place == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+            self._parts = np.concatenate([self._parts, np.empty_like(self._parts)])
+        self._n += 1
+        self._rows[place] = joints
+        self._parts[place] = place
+        if parent is not None:
+            self.link(parent, place)
+        return place
+
+    def link(self, first: int, second: int) -> None:
+        """Keep that the straight move between two places is free: their parts are one."""
+        self._links.append((first, second))
+        number = self.parts[first]
+        self.parts[self.parts == self.parts[second]] = number
+
+    def way(self, start: int, end: int, rates: JointRates) -> np.ndarray:
+        """Return the joints (m, k) of the quickest way between two places of a part."""
+        first, second = np.array(self._links).T
+        seconds = move_times(self.joints[first], self.joints[second], rates)
+        graph = csr_array((seconds, (first, second)), shape=(self._n, self._n))
+        before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)[1]
+        places = [end]
+        while places[-1] != start:
+            places.append(int(before[places[-1]]))
+        return np.array(self.joints[places[::-1]])
 
 
 class Detours:
@@ -225,11 +274,19 @@ class Detours:
         self._space = space
         self.rates = rates
         self._effort = effort or DetourEffort()
+        self._roadmap = _Roadmap(len(rates.speeds))
 
     def find(
-        self, start: np.ndarray, end: np.ndarray, seed: int | list[int] = 0
+        self,
+        start: np.ndarray,
+        end: np.ndarray,
+        seed: int | list[int] = 0,
+        *,
+        thorough: bool = False,
     ) -> np.ndarray | None:
         """Return joints (m, k) from start to end, proven free in between; None if no way is found.
+
+        What earlier ways found to be free is used.
 
         Parameters
         ----------
@@ -237,46 +294,89 @@ class Detours:
             Joints, rad.
         seed : int or list of int
             Of the random joints.
+        thorough : bool
+            Whether to take twelve times as many trials.
         """
         rng = np.random.default_rng(seed)
-        way = self._connect(np.asarray(start), np.asarray(end), rng)
-        return None if way is None else self._shortened(np.array(way), rng)
+        trials = self._effort.trials * (_THOROUGH if thorough else 1)
+        first = self._entered(np.asarray(start))
+        last = self._entered(np.asarray(end))
+        if not self._connect(first, last, rng, trials):
+            return None
+        way = _without_repeats(self._roadmap.way(first, last, self.rates))
+        way = self._shortened(way, rng)
+        self._keep(way, first)
+        return way
+
+    def _entered(self, joints: np.ndarray) -> int:
+        """Return the place of joints (k,) in the roadmap, linked to near places of its parts."""
+        roadmap = self._roadmap
+        place = roadmap.place_of(joints)
+        if place is not None:
+            return place
+        gaps = np.abs(roadmap.joints - joints).max(axis=1)
+        near = np.argsort(gaps, kind="stable")
+        place = roadmap.add(joints)
+        checks = 0
+        for other in near.tolist():
+            if checks == _LINKS:
+                break
+            if roadmap.parts[other] == roadmap.parts[place]:
+                continue
+            checks += 1
+            if self.is_free(joints, roadmap.joints[other]):
+                roadmap.link(other, place)
+        return place
+
+    def _keep(self, way: np.ndarray, first: int) -> None:
+        """Keep the joints of a way that begins at a place."""
+        here = first
+        for joints in way[1:]:
+            place = self._roadmap.place_of(joints)
+            if place is None:
+                place = self._roadmap.add(joints, here)
+            else:
+                self._roadmap.link(here, place)
+            here = place
 
     def is_free(self, start: np.ndarray, end: np.ndarray) -> bool:
         """Return whether the straight move is proven free."""
         return check_move(self._space, start, end).free
 
-    def _connect(
-        self, start: np.ndarray, end: np.ndarray, rng: np.random.Generator
-    ) -> list[np.ndarray] | None:
-        trees = [_Tree(start), _Tree(end)]
-        limits = (self._space.lower, self._space.upper)
+    def _connect(self, start: int, end: int, rng: np.random.Generator, trials: int) -> bool:
+        """Grow the parts of two places until they are one; return whether they are."""
+        roadmap = self._roadmap
+        ends = roadmap.joints[[start, end]]
         # near both ends, and every other pair of times as far as the joints go
         boxes = [
-            np.clip([np.minimum(start, end) - around, np.maximum(start, end) + around], *limits)
+            np.clip(
+                [ends.min(axis=0) - around, ends.max(axis=0) + around],
+                self._space.lower,
+                self._space.upper,
+            )
             for around in (np.pi / 2, 2 * np.pi)
         ]
-        for trial in range(self._effort.trials):
-            growing = trial % 2
-            first = trees[growing]
-            other = trees[1 - growing]
+        for trial in range(trials):
+            if roadmap.parts[start] == roadmap.parts[end]:
+                break
+            growing, other = (start, end) if trial % 2 else (end, start)
             low, high = boxes[trial // 2 % 2]
-            target = _drawn(low, high, rng)
-            node = self._grown(first, target, greedy=False)
+            node = self._grown(growing, _drawn(low, high, rng), greedy=False)
             if node is None:
                 continue
-            met = self._grown(other, first.joints[node], greedy=True)
-            if met is not None and np.array_equal(other.joints[met], first.joints[node]):
-                way = first.way_to(node) + other.way_to(met)[::-1][1:]
-                return way if growing == 0 else way[::-1]
-        return None
+            target = roadmap.joints[node]
+            met = self._grown(other, target, greedy=True)
+            if met is not None and np.array_equal(roadmap.joints[met], target):
+                roadmap.link(node, met)
+        return bool(roadmap.parts[start] == roadmap.parts[end])
 
-    def _grown(self, tree: _Tree, target: np.ndarray, *, greedy: bool) -> int | None:
-        """Grow a tree towards joints by one step, or on as far as it is free; return the last node."""
-        node = tree.nearest(target)
+    def _grown(self, of_place: int, target: np.ndarray, *, greedy: bool) -> int | None:
+        """Grow a place's part towards joints by one step, or on as far as it is free; return the last place."""
+        roadmap = self._roadmap
+        node = roadmap.nearest(roadmap.parts[of_place], target)
         last = None
         while True:
-            here = tree.joints[node]
+            here = roadmap.joints[node]
             turn = target - here
             length = float(np.abs(turn).max())
             if length == 0.0:
@@ -285,7 +385,7 @@ class Detours:
             there = target if arrives else here + turn * (self._effort.step_rad / length)
             if not self.is_free(here, there):
                 return last
-            node = tree.add(there, node)
+            node = roadmap.add(there, node)
             last = node
             if arrives or not greedy:
                 return last
@@ -309,16 +409,18 @@ class Detours:
         return self._straightened(way)
 
     def _straightened(self, way: np.ndarray) -> np.ndarray:
-        """Leave out joints between which the straight move is free and quicker, first ones first."""
-        k = 1
-        while k < len(way) - 1:
-            shorter = np.delete(way, k, axis=0)
-            quicker = self.seconds(shorter) < self.seconds(way)
-            if quicker and self.is_free(way[k - 1], way[k + 1]):
-                way = shorter
-                k = max(k - 1, 1)
-            else:
-                k += 1
+        """Leave out joints between which the straight move is free and quicker, many at a time first."""
+        size = len(way) - 2
+        while size > 0:
+            k = 1
+            while k + size < len(way):
+                shorter = np.delete(way, np.s_[k : k + size], axis=0)
+                quicker = self.seconds(shorter) < self.seconds(way)
+                if quicker and self.is_free(way[k - 1], way[k + size]):
+                    way = shorter
+                else:
+                    k += (size + 1) // 2
+            size = min(size // 2, len(way) - 2)
         return way
 
     def seconds(self, way: np.ndarray) -> float:
@@ -355,6 +457,12 @@ _FAILURES_OF_HOME = 6
 _Leg = tuple[int, int, int, int]
 
 
+# settings up to which the shortest round is found anew whenever a time changes
+_ALWAYS_EXACT_UP_TO = 5
+# moves of a round that are sought with many more trials, before a setting is dropped
+_PATIENCE = 3
+
+
 class CheckedTour(NamedTuple):
     """A round of moves that are proven free.
 
@@ -374,6 +482,10 @@ class CheckedTour(NamedTuple):
     branches: tuple[int, ...]
     moves: tuple[Move, ...]
     dropped: tuple[int, ...]
+
+
+def _ends(leg: _Leg) -> tuple[_End, _End]:
+    return leg[:2], leg[2:]
 
 
 def straight_costs(
@@ -445,8 +557,10 @@ class TourChecker:
         self._linked: set[_End] = set()
         self._failures: Counter[_End] = Counter()
         self._settings = list(range(len(branches)))
-        # the round by the costs as they are, until one of them changes
-        self._solved: Tour | None = None
+        # the shortest round by the costs as they are, until one of them changes
+        self._exact: Tour | None = None
+        # legs that a way may still be sought for with more trials
+        self._patience = _PATIENCE
         self._order: list[int] | None = None
         self._seed = seed
 
@@ -462,16 +576,18 @@ class TourChecker:
             if unchecked:
                 kicks = 0
                 continue
-            blocked = [leg for leg in legs if self._moves[leg] is None]
-            if not blocked and kicks == 0 and len(self._settings) > EXACT_UP_TO:
-                # only a round that is known as a whole is worth disturbing again
+            if kicks == 0:
+                # only a round that is known as a whole is worth solving anew
                 kicks = _KICKS_AGAIN
                 continue
+            blocked = [leg for leg in legs if self._moves[leg] is None]
             if not blocked:
                 order = tuple(self._settings[k] for k in tour.order)
                 return CheckedTour(order, tour.branches, self._driven(legs), self._dropped)
+            if self._sought_harder(blocked):
+                continue
             self._settings.remove(self._worst(blocked))
-            self._solved = None
+            self._exact = None
         return CheckedTour((), (), (), self._dropped)
 
     @property
@@ -479,22 +595,27 @@ class TourChecker:
         return tuple(k for k in range(len(self._joints) - 1) if k not in self._settings)
 
     def _tour(self, kicks: int) -> Tour:
-        """Return the shortest round through the settings that are left, by the times known."""
-        if self._solved is not None and len(self._settings) <= EXACT_UP_TO:
-            return self._solved
+        """Return a short round through the settings that are left, by the times known.
+
+        Without kicks the last round is only improved; with them, up to 10 settings, it is the shortest.
+        """
+        if self._exact is not None:
+            return self._exact
         places = [0, *(k + 1 for k in self._settings)]
         chosen = np.ix_(places, places)
         penalties = self._penalties[places]
         extra = penalties[:, None, :, None] + penalties[None, :, None, :]
         costs = self._costs[chosen] + extra
-        if self._order is None:
+        is_exact = len(self._settings) <= (EXACT_UP_TO if kicks else _ALWAYS_EXACT_UP_TO)
+        if self._order is None or is_exact:
             tour = shortest_tour(costs)
         else:
             # a few times have changed since
             start = [self._settings.index(k) + 1 for k in self._order if k in self._settings]
-            tour = shortest_tour(costs, kicks, start)
+            tour = best_branches(costs, improved_order(costs, kicks, start))
         self._order = [self._settings[k] for k in tour.order]
-        self._solved = tour
+        if len(self._settings) <= EXACT_UP_TO and (kicks or is_exact):
+            self._exact = tour
         return tour
 
     def _legs(self, tour: Tour) -> list[_Leg]:
@@ -541,6 +662,20 @@ class TourChecker:
         for other, alone in self._blocked.items():
             self._set_cost(other, self._estimate * alone)
 
+    def _sought_harder(self, blocked: list[_Leg]) -> bool:
+        """Seek a way for one of the blocked legs with many more trials; return whether one was found."""
+        while self._patience and blocked:
+            leg = min((*min(leg[:2], leg[2:]), *max(leg[:2], leg[2:])) for leg in blocked)
+            blocked = [other for other in blocked if set(_ends(other)) != set(_ends(leg))]
+            self._patience -= 1
+            start = self._joints[leg[0]][leg[1]]
+            end = self._joints[leg[2]][leg[3]]
+            way = self._detours.find(start, end, [self._seed, *leg, 1], thorough=True)
+            if way is not None:
+                self._settle(leg, way, self._detours.seconds(way))
+                return True
+        return False
+
     def _count_failure(self, end: _End, other: _End) -> None:
         """Cut off an end that no way leads to from ends that others do lead to."""
         if end in self._linked:
@@ -578,7 +713,7 @@ class TourChecker:
             return
         self._costs[first, last, branch, branch_there] = seconds
         self._costs[last, first, branch_there, branch] = seconds
-        self._solved = None
+        self._exact = None
 
     def _worst(self, blocked: list[_Leg]) -> int:
         """Return the setting at most blocked moves; of several the last one."""

@@ -145,7 +145,8 @@ def test_a_type_without_words_is_not_listed():
     assert list_entry(test_a_type_without_words_is_not_listed, (numba.types.pyobject,)) is None
 
 
-def test_callees_come_first_and_wishes_before_the_rest():
+def test_callees_come_first_and_wishes_before_the_rest(monkeypatch):
+    monkeypatch.setattr(leader, "_is_kept", lambda function, kinds: False)
     put = [
         "ground.decorators:put",
         ["array", "int64", 1, "C", 1, 1],
@@ -295,6 +296,36 @@ def test_the_state_is_written_when_a_loop_is_done_and_not_otherwise(folder, monk
     leader.lead(taken(state), str(state), str(folder / "done"), 1, ends_with_starter=False)
     assert len(written) == 2
     assert (folder / "done").exists()
+
+
+def test_what_is_kept_is_not_asked_for(folder, monkeypatch):
+    """No process begins where no loop lacks its file, and one that begins leaves alone those that are kept."""
+    assert run(folder) == [6.0, ["outer", "inner"]]
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder / "kept"))
+    monkeypatch.setattr(ahead, "LISTED", folder / "list.json")
+    monkeypatch.setattr(ahead, "_has_kept", lambda: True)
+
+    def listed(x):
+        return x
+
+    listed.__module__ = "loops"
+    listed.__qualname__ = "inner"
+    with ahead.compiling_ahead(2):
+        assert ahead.may_begin()
+        # of another signature, which is not listed
+        assert not ahead.is_awaited(listed, (numba.int64,))
+        assert ahead.current_run() is None
+        assert not list(folder.rglob("ahead-*"))
+        # this process does not wait for the other to start
+        assert not ahead.is_awaited(listed, (numba.float64,))
+        started = ahead.current_run()
+        assert started.is_late
+        deadline = time.monotonic() + 20
+        while not list(folder.rglob("ahead-*.done")) and time.monotonic() < deadline:
+            time.sleep(0.05)
+    assert not ahead.may_begin()
+    assert list(folder.rglob("ahead-*.done"))
+    assert len(list(folder.rglob("*.nbc"))) == len(LIST)
 
 
 def test_one_process_compiles_for_itself(folder, monkeypatch):

@@ -321,7 +321,7 @@ def test_what_a_wheel_brings_for_many_processors_is_used(folder, tmp_path):
     """In processes of their own: numba asks for the processor once."""
     shipped = tmp_path / "shipped"
     script = folder / "shipped.py"
-    place = f"import ground.decorators, pathlib\nground.decorators._SHIPPED = pathlib.Path({str(shipped)!r})\n"
+    place = f"import ground.decorators, pathlib\nground.decorators.SHIPPED = pathlib.Path({str(shipped)!r})\n"
     script.write_text(place + RUN)
 
     def alone(**changed):

@@ -220,7 +220,7 @@ def test_nothing_reached_is_an_error_with_the_reason():
 
 def test_a_home_that_nothing_leads_to_is_an_error(monkeypatch):
     monkeypatch.setattr(Detours, "is_free", lambda self, start, end: False)
-    monkeypatch.setattr(Detours, "find", lambda self, start, end, seed: None)
+    monkeypatch.setattr(Detours, "find", lambda self, start, end, seed, **_options: None)
     with pytest.raises(InfeasibleError, match=r"setting 1: .*: no way without collision was found"):
         robot_program(plan_of(reached_poses()[:2]), block(), cell())
 

@@ -1,0 +1,162 @@
+"""The part of a command: how it is read, and what `info` shows of it. This loads nothing of plans."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aspectgraph import (
+    AspectGraphError,
+    PartFileNotFoundError,
+    ReadLimits,
+    SolidChoice,
+    list_solids,
+    read_solid,
+)
+from aspectgraph.read.part_file import MESH_SUFFIXES
+from planner.app.checks import in_words_of_shell
+from planner.app.options import Info, PartReading
+from planner.app.process import DONE
+from planner.exceptions import RequestError
+from planner.files import print_json
+from planner.progress import reading_shown, visible
+from planner.report.part_tables import part_record, print_part, print_solids, solid_records
+from planner.text_table import print_text
+
+if TYPE_CHECKING:
+    from aspectgraph import Solid, SolidEntry
+
+
+def reading_of(options: PartReading) -> dict[str, Any]:
+    """Return how the part is to be read, as `aspectgraph.read_solid` takes it, with ``occluders`` apart."""
+    return {
+        "units": options.units,
+        "solids": options.solids,
+        "occluders": options.occluders,
+        "gap_mm": options.gap_mm,
+    }
+
+
+def check_nothing_read(options: PartReading) -> None:
+    """Refuse options that say how a part is read where there is none.
+
+    Raises
+    ------
+    RequestError
+        Names the option.
+    """
+    for name, value in reading_of(options).items():
+        if value is not None:
+            raise RequestError.of_rule(name, "must be given with a part", "none")
+
+
+def read_part(part: str, options: PartReading) -> Solid:
+    """Read the part; an error names the file."""
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        return read_as(part, reading_of(options), options)
+
+
+def read_as(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
+    """Read the part as a mapping says, such as that of a plan's file; an error names the file."""
+    arguments = dict(reading)
+    occluders = arguments.pop("occluders", None)
+    if occluders:
+        arguments["solids"] = SolidChoice(arguments.get("solids"), occluders)
+    with _naming_part(part, options):
+        return read_solid(part, limits=read_limits(options), **arguments)
+
+
+def read_solid_list(part: str, options: PartReading) -> tuple[SolidEntry, ...]:
+    """List the solids of a STEP file; an error names the file."""
+    with reading_shown(quiet=options.quiet, lines=options.verbose), _naming_part(part, options):
+        return list_solids(part, limits=read_limits(options))
+
+
+@contextmanager
+def _naming_part(part: str, options: PartReading) -> Iterator[None]:
+    """Let an error of reading a part name its file, and options instead of parameters."""
+    try:
+        yield
+    except AspectGraphError as error:
+        if error.parameter == "path":
+            missing = isinstance(error, PartFileNotFoundError)
+            rule = "must be an existing file" if missing else error.rule
+            raise type(error).of_rule("part", rule, error.got) from None
+        words = in_words_of_shell(error, vars(options))
+        raise type(error)(f"{part}: {words}") from None
+
+
+def read_limits(options: PartReading) -> ReadLimits:
+    """Return what reading the part may take."""
+    seconds = options.read_time_limit
+    return ReadLimits() if seconds is None else ReadLimits(time_s=seconds)
+
+
+def info(options: Info) -> int:
+    """Show what a part consists of and which edges, rims and arcs can be entities."""
+    if options.list:
+        return _list_solids(options)
+    solid = read_part(options.part, options)
+    with reading_shown(quiet=options.quiet, lines=options.verbose):
+        edges = solid.straight_edges(min_length_mm=options.min_length)
+        curves = (*solid.rims(), *solid.arcs())
+    if options.select is not None:
+        from aspectgraph import select_entities
+
+        chosen = set(select_entities(solid, options.select))
+        edges = tuple(edge for edge in edges if edge.id in chosen)
+        curves = tuple(curve for curve in curves if curve.id in chosen)
+    if options.picture:
+        _write_picture(
+            solid, options.picture, [edge.id for edge in edges], [curve.id for curve in curves]
+        )
+    if options.json:
+        print_json(
+            part_record(
+                solid, edges, curves, filter(None, [unit_note(options.part, options.units)])
+            )
+        )
+        return DONE
+    print_part(solid, edges, curves)
+    print_unit(options.part, options.units)
+    if options.picture:
+        print(visible(str(options.picture)))
+    return DONE
+
+
+def _list_solids(options: Info) -> int:
+    """Show the solids of a STEP file, with the names that --solids takes."""
+    entries = read_solid_list(options.part, options)
+    if options.json:
+        print_json({"part": options.part, "solids": solid_records(entries)})
+    else:
+        print_solids(entries)
+    return DONE
+
+
+def _write_picture(solid: Solid, path: str, edge_ids: list[int], curve_ids: list[str]) -> None:
+    """Write the picture of `info`; an error names the option."""
+    from aspectgraph import write_edge_picture
+
+    try:
+        write_edge_picture(solid, path, edge_ids, curve_ids)
+    except AspectGraphError as error:
+        if error.parameter != "path":
+            raise
+        raise type(error).of_rule("picture", error.rule, error.got) from None
+
+
+def print_unit(part: str, units: str | None) -> None:
+    """Print which unit was assumed for a file that has none."""
+    if text := unit_note(part, units):
+        print_text(f"note: {text}")
+
+
+def unit_note(part: str, units: str | None) -> str:
+    """Say which unit was assumed for a file that has none; nothing of others."""
+    mesh = [suffix for suffix in Path(part).suffixes if suffix.lower() in MESH_SUFFIXES]
+    if units is None and mesh and mesh[-1].lower() != ".glb":
+        return f"{mesh[-1][1:].upper()} files state no unit, so the program assumes mm. Use --units for another unit"
+    return ""
