@@ -249,8 +249,8 @@ class ManyImages:
         self._scale = np.sqrt(stated)
         self._views = [eliminated(view, self._scale) for view in views]
         total = Evidence.nothing(len(stated))
-        for view in self._views:
-            total += view.evidence
+        for reduced in self._views:
+            total += reduced.evidence
         self._told = total
 
     @cached_property

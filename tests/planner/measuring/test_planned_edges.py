@@ -29,7 +29,7 @@ from planner.camera.pose import world_to_cam
 from planner.inspection import _problem
 from planner.measuring import task as solving
 from planner.measuring.planned_edges import planned_edges
-from planner.measuring.registered import displaced, prior_covariance
+from planner.measuring.registered import displaced, prior_covariance, surface_variances
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.task import registration_task
 from planner.resolve_request import resolve_request
@@ -119,9 +119,10 @@ def test_measuring_takes_the_surfaces_of_the_plan(block, registered):
     assert measurer._surfaces_mm(Registration.own_edges(0.07)) == 0.07
 
 
-def registration_of(model, cam2world):
-    """Joint covariance that `measure` has after it finds every sample of the part, 0.15 px off."""
-    prior = prior_covariance(model, ROBOT.covariance, 0.03, CAMERA)
+def registration_of(model, cam2world, free=()):
+    """Joint covariance that `measure` has after it finds every sample, 0.15 px off; some surfaces may be free."""
+    prior = prior_covariance(model, ROBOT.covariance, 0.03)
+    prior[POSE:, POSE:] = np.diag(surface_variances(model, 0.03, CAMERA, free))
     task = registration_task(model, CAMERA, cam2world, prior, 0.15)
     nothing = np.zeros(len(prior))
     design = task.design(nothing, task.predicted(nothing)[1])
@@ -153,8 +154,8 @@ def test_values_are_said_to_be_no_better_than_registration_finds_them(block, reg
     (setting,) = registered.settings
     model = PartModel(block, registered.targets)
     pose = np.asarray(setting.cam2world)
-    covariance = registration_of(model, pose)
     for name in setting.entities:
+        covariance = registration_of(model, pose, model.free_of[name])
         found = at(registered, setting, name, setting.registered).budget
         stated = found["translation"] + found["rotation"] + found["surfaces"]
         gradient = value_gradient(model, registered.targets[name], name, pose)
