@@ -32,9 +32,11 @@ from planner.measuring.planned_edges import planned_edges
 from planner.measuring.registered import displaced, prior_covariance, surface_variances
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.task import registration_task
+from planner.request.registration import PoseKnowledge
 from planner.resolve_request import resolve_request
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_plan import simulate_plan
+from planner.verify.simulate_setting import ValuePoses
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 ROBOT = PoseUncertainty.isotropic(translation_mm=0.7, rotation_rad=0.007)
@@ -248,8 +250,10 @@ def test_lengths_of_edges_are_as_probable_as_with_the_covariance_that_is_left(ed
     stated = request.objective.probability(pose[None])[0]
     known = request.known_at(pose, request.names)
     assert known.by_surfaces == {}
-    given = replace(before, registered=known.pose_uncertainty)
-    np.testing.assert_allclose(given.objective.probability(pose[None])[0], stated, atol=1e-6)
+    for k, name in enumerate(request.names):
+        left = known.of_target(request.means, name).pose_uncertainty
+        given = replace(before, registered=left).objective.probability(pose[None])[0]
+        assert given[k] == pytest.approx(stated[k], abs=1e-6)
     assert stated.sum() > before.objective.probability(pose[None])[0].sum() + 0.01
 
 
@@ -382,3 +386,15 @@ def test_lengths_of_edges_have_poses_of_their_own(block):
     known = registered.known_at(away, ["edge 24"])
     for covariance in (known.covariance, known.by_edge["edge 24"]):
         np.testing.assert_allclose(covariance / units, np.eye(6), rtol=1e-6, atol=1e-9)
+
+
+def test_draws_for_a_length_have_the_covariance_of_its_edge():
+    """The same draws as those of the setting, scaled: so all values of a draw are of one pose."""
+    (pose,) = look_at([[0.0, 0.0, 300.0]], [0.0, 0.0, 0.0])
+    wide = {"edge": 4 * ROBOT.covariance, "same": ROBOT.covariance}
+    values = ValuePoses(pose, PoseKnowledge(ROBOT.covariance, by_edge=wide), [1])
+    drawn = values.of(np.zeros((50, 4, 4)))
+    np.testing.assert_array_equal(values.for_target("same", drawn), drawn)
+    np.testing.assert_array_equal(values.for_target("other", drawn), drawn)
+    off = values.for_target("edge", drawn)[:, :3, 3] - pose[:3, 3]
+    np.testing.assert_allclose(off, 2 * (drawn[:, :3, 3] - pose[:3, 3]), atol=1e-12)
