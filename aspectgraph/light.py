@@ -195,12 +195,12 @@ def check_lamps(solid: Solid, lamps: ArrayLike) -> np.ndarray:
         places = np.asarray(lamps, float)
     except (TypeError, ValueError) as error:
         raise LightError.of_rule(
-            "lamps", "must be places, shape (n, 3), in mm", repr(lamps)
+            "lamps", "must be points, shape (n, 3), in mm", repr(lamps)
         ) from error
     places = places[None] if places.shape == (3,) else places
     if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
         raise LightError.of_rule(
-            "lamps", "must be finite places, shape (n, 3), in mm", str(places.tolist())
+            "lamps", "must be finite points, shape (n, 3), in mm", str(places.tolist())
         )
     low, high = solid.bounds
     near = np.flatnonzero(((places > low) & (places < high)).all(axis=1))

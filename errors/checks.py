@@ -163,6 +163,16 @@ ArrayField: TypeAlias = Any
 # Square roots of covariance matrices, also singular ones.
 
 
+def chi_squared_quantile(share: float, freedoms: int) -> float:
+    """Return what a sum of so many squares of standard normal deviates is at most, in this share of all cases.
+
+    As ``scipy.stats.chi2.ppf``, whose module takes longer to load than a small plan's others.
+    """
+    from scipy.special import gammaincinv
+
+    return float(2.0 * gammaincinv(freedoms / 2.0, share))
+
+
 def covariance_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return S with S S' = covariance, for symmetric positive semi-definite matrices of shape (..., k, k).
 

@@ -142,6 +142,36 @@ def rests_on_prior(
     return after >= RESTS_SHARE**2 * before
 
 
+def variance_by_input(
+    covariance: Array, prior: Array, gradient: Array, first: int
+) -> tuple[float, float, float]:
+    """Return the variance of a value by what its error comes from: pose, surfaces and rows.
+
+    The error of the estimate is C (Aᵀ W e − P⁻¹ x), with the errors e of the rows and the unknowns x themselves, which
+    are independent. So the variance g' C g is the sum of g' C P⁻¹ C g, by group of x, and of the rows' part. No part
+    is negative. Errors that pose and surfaces have after registration would cancel in most values.
+
+    Parameters
+    ----------
+    covariance, prior : array (n, n)
+        Of the unknowns after and before; before, surfaces are independent of the pose and of each other.
+    gradient : array (n,)
+        Of the value by the unknowns.
+    first : int
+        Number of unknowns of the pose; those of the surfaces follow.
+
+    Returns
+    -------
+    tuple of float
+        By pose, surfaces and rows; together the variance of the value.
+    """
+    way = covariance @ gradient
+    pose = float(way[:first] @ np.linalg.solve(prior[:first, :first], way[:first]))
+    surfaces = float((way[first:] ** 2 / np.diag(prior)[first:]).sum())
+    # without rows, a digit of rounding is left
+    return pose, surfaces, max(float(gradient @ way) - pose - surfaces, 0.0)
+
+
 class Rows(NamedTuple):
     """Rows of one group.
 

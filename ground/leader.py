@@ -15,7 +15,15 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from ground.ahead import MOST_PROCESSES, PREFIX, AheadRun, read_list, state_files, taken
+from ground.ahead import (
+    MOST_PROCESSES,
+    PREFIX,
+    AheadRun,
+    collect_seldom,
+    read_list,
+    state_files,
+    taken,
+)
 from ground.decorators import LoopCache
 from ground.loop_code import decoded, named, plain_function, reachable
 
@@ -152,7 +160,7 @@ def _executor(processes: int) -> ProcessPoolExecutor:
 
 
 def _begin(leader: int) -> None:
-    """Prepare a process that compiles: it collects no garbage, and ends with its leader."""
+    """Prepare a process that compiles: it collects garbage seldom, and ends with its leader."""
     gc.disable()
     threading.Thread(target=_end_with, args=(leader,), daemon=True).start()
 
@@ -168,6 +176,7 @@ def _compile(loop: list[Any]) -> bool:
     dispatcher = named(loop[0])
     before = sum(dispatcher.stats.cache_misses.values())
     dispatcher.compile(tuple(decoded(kind) for kind in loop[1:]))
+    collect_seldom()
     return bool(sum(dispatcher.stats.cache_misses.values()) > before)
 
 

@@ -23,8 +23,7 @@ from .exceptions import RequestError as RequestError
 from .exceptions import RobotError as RobotError
 from .exceptions import UncertaintyError as UncertaintyError
 from .inspection import plan_inspection as plan_inspection
-from .light.area_light import Backlight as Backlight
-from .light.light_catalogue import light_names as light_names
+from .light.backlight import Backlight as Backlight
 from .light.light_plan import Exposure as Exposure
 from .light.light_plan import LightPlan as LightPlan
 from .light.light_plan import LitImage as LitImage
@@ -37,6 +36,7 @@ from .light.mounted_light import DiffuseDome as DiffuseDome
 from .light.mounted_light import RingLight as RingLight
 from .light.plan_light import plan_light as plan_light
 from .light.reflection import Material as Material
+from .light_catalogue import light_names as light_names
 from .measuring.measurer import MeasureOptions as MeasureOptions
 from .measuring.measurer import Measurer as Measurer
 from .measuring.measurer import measure as measure
@@ -74,10 +74,12 @@ from .request.reach import MeshRegion as MeshRegion
 from .request.reach import SphereRegion as SphereRegion
 from .request.targets import PlannedDimension as PlannedDimension
 from .robotcell import Box as Box
+from .robotcell import CarriedLight as CarriedLight
 from .robotcell import Cell as Cell
 from .robotcell import Fixturing as Fixturing
 from .robotcell import Grip as Grip
 from .robotcell import HeldPartCell as HeldPartCell
+from .robotcell import LightBox as LightBox
 from .robotcell import Reachability as Reachability
 from .robotcell import Robot as Robot
 from .robotcell import propose_placements as propose_placements

@@ -1,4 +1,4 @@
-"""Compiling loops at the first run: reported once, with its progress, and without collecting garbage meanwhile."""
+"""Compiling loops at the first run: reported once, with its progress, and collecting garbage seldom meanwhile."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from ground.ahead import can_keep, current_run, may_begin
+from ground.ahead import can_keep, collect_seldom, current_run, may_begin
 from ground.decorators import keeps_loops
 
 _FIRST = "compiling loops, at the first run only: about a minute in all"
@@ -29,7 +29,7 @@ def compiling_told(
 ) -> Iterator[None]:
     """Report once that loops are compiled, if they are, then the progress, and in the end how long it took.
 
-    Meanwhile no garbage is collected.
+    Meanwhile garbage is collected seldom.
 
     A run that finds them in the cache says nothing. Compiling makes millions of objects that stay, and looking through
     them for garbage again and again takes a quarter of the time.
@@ -138,6 +138,8 @@ class _Compiling(event.Listener):
         self._depth -= 1
         if self._depth == 0:
             self._seconds += time.monotonic() - self._begun
+        if self._collecting:
+            collect_seldom()
         if self._depth == 0 and self._collecting:
             gc.enable()
         function = _function_of(event)

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from errors.measurands.geometry import Localisation
 from ground.convert import STATED, Meta, Plain, Shape, from_plain, to_plain
+from ground.faces import project_version
 from ground.short_repr import short_repr
 from planner.camera.camera import Camera
 from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
-from planner.files import program_digest
+from planner.files import encoded, program_digest, timestamp
 from planner.light.lighting import Lighting
 from planner.plan_file import Amount, Coordinates, Count, Fraction
 from planner.request.constraints import Requirements
@@ -212,6 +213,63 @@ class PartRecord:
         digest = hashlib.sha256(vertices.astype("<f8").tobytes())
         digest.update(triangles.tobytes())
         return cls(solid.name, digest.hexdigest())
+
+
+_Digest = Annotated[str, Meta(pattern="^([0-9a-f]{64})?$", title="must be a SHA-256, or empty")]
+
+
+@dataclass(frozen=True)
+class Made:
+    """When, by whom and by which program a plan was made, and of what.
+
+    It is no part of a request, and plans that differ in nothing else are equal. Anybody can compute the digests again
+    from the part's file and from the plan's.
+
+    Attributes
+    ----------
+    date : str
+        When the plan was written, in the form of ISO 8601 (UTC).
+    program : str
+        The program's version.
+    operator : str
+        Who planned; empty if not stated.
+    part_file_sha256 : str
+        Of the part's file; empty if it can be read only once.
+    camera_sha256, request_sha256 : str
+        Of the camera, and of request and targets, as JSON with sorted keys.
+    """
+
+    date: Annotated[
+        str, Meta(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$", title="must be a date in UTC")
+    ]
+    program: Annotated[str, Meta(title="must be the version of the program")]
+    operator: Annotated[str, Meta(title="must be the name of who planned")] = ""
+    part_file_sha256: _Digest = ""
+    camera_sha256: _Digest = ""
+    request_sha256: _Digest = ""
+
+    @classmethod
+    def now(cls, request: Request, part_file_sha256: str = "", operator: str = "") -> Made:
+        """Return the record of a plan that is written now.
+
+        Parameters
+        ----------
+        request : Request
+            What was planned.
+        part_file_sha256 : str
+            Digest of the part's file.
+        operator : str
+            Who planned.
+        """
+        stored = encoded(stored_request(request))
+        return cls(
+            timestamp(),
+            project_version(),
+            operator,
+            part_file_sha256,
+            digest_of(stored["request"]["camera"]),
+            digest_of(stored["request"], stored["targets"]),
+        )
 
 
 @dataclass(frozen=True)

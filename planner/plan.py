@@ -6,7 +6,7 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ from planner.sensor_setting import Reason, SensorSetting, kind_of, kinds_record,
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
-    from planner.identity import Request
+    from planner.identity import Made, Request
     from planner.light.light_plan import LightPlan
     from planner.progress import Progress
     from planner.request.models import Means
@@ -74,6 +74,8 @@ class InspectionPlan(PlanTables):
         Lamps for the settings. ``dataclasses.replace(plan, light=...)`` attaches another.
     source : mapping of str to value
         How the command line read the part: its ``file``, relative to the plan's, and its options.
+    made : Made or None
+        When, by whom and by which program the command line made the plan. Plans that differ only in it are equal.
     """
 
     request: Request
@@ -86,6 +88,7 @@ class InspectionPlan(PlanTables):
     light: LightPlan | None = None
     cell: Mapping[str, Any] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
+    made: Made | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", tuple(self.settings))
@@ -173,6 +176,7 @@ class InspectionPlan(PlanTables):
     def __repr__(self) -> str:
         """Return a one-line summary."""
         from errors.checks import probability_text
+        from planner.request.targets import words_of
 
         n = len(self.settings)
         settings = f"{n} setting{'' if n == 1 else 's'} (at least {self.lower_bound} needed)"
@@ -182,7 +186,8 @@ class InspectionPlan(PlanTables):
             if inspected
             else ""
         )
-        shares = f"{len(inspected)} of {len(self.targets)} entities inspected"
+        items = words_of(self.targets).items[1]
+        shares = f"{len(inspected)} of {len(self.targets)} {items} inspected"
         features = f", {self.features_text}" if self.features_text else ""
         return f"<InspectionPlan of {self.part!r}: {settings}, {shares}{features}{worst}>"
 
@@ -308,6 +313,7 @@ class InspectionPlan(PlanTables):
             "format": FORMAT,
             "version": VERSION,
             "units": dict(_UNITS),
+            **({} if self.made is None else {"made": asdict(self.made)}),
             **stored_request(self.request),
             **({"source": dict(self.source)} if self.source else {}),
             "bound": self.lower_bound,
@@ -400,7 +406,8 @@ class InspectionPlan(PlanTables):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, InspectionPlan):
             return NotImplemented
-        return self.to_dict() == other.to_dict()
+        # the same request gives the same plan, whenever and by whomever it is made
+        return replace(self, made=None).to_dict() == replace(other, made=None).to_dict()
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -456,6 +463,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         light=None if record.light is None else record.light.light,
         cell=data.get("cell") or {},
         source=record.source,
+        made=record.made,
     )
     check_settings(plan, data["settings"])
     return plan

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ground.convert import LATER, Meta, Shape, from_plain, json_schema, shown
 from planner.exceptions import PlanFileError
-from planner.identity import Request, restored_request
+from planner.identity import Made, Request, restored_request
 from planner.light.light_plan import LightRecord
 from planner.plan_file import (
     Amount,
@@ -129,6 +129,7 @@ class PlanFile:
     unfinished: bool = False
     uninspectable_kinds: Kinds = field(default_factory=dict)
     light: LightRecord | None = None
+    made: Made | None = None
 
     @classmethod
     def read(cls, data: Any) -> PlanFile:

@@ -212,11 +212,29 @@ def terminal_progress(
 
 
 @contextmanager
-def reading_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[None]:
+def loading_shown(begun: float) -> Iterator[None]:
+    """Show a line if the program takes long to load.
+
+    Parameters
+    ----------
+    begun : float
+        When the command began, of `time.monotonic`: the line is due that long after it.
+    """
+    with _Waiting(_LineStream(sys.stderr), all_told=False, begun=begun) as waiting:
+        waiting(0, 1, "load the program")
+        yield
+
+
+@contextmanager
+def reading_shown(
+    *, quiet: bool = False, lines: bool = False, begun: float | None = None
+) -> Iterator[None]:
     """Show what reading a part is busy with: bars on a terminal until it is read, otherwise lines.
 
     Parameters
     ----------
+    begun : float, optional
+        When the command began, of `time.monotonic`: the first line is due that long after it. Default: now.
     quiet : bool
         Show nothing.
     lines : bool
@@ -233,7 +251,7 @@ def reading_shown(*, quiet: bool = False, lines: bool = False) -> Iterator[None]
             yield
         return
     stream = _LineStream(sys.stderr)
-    with _Waiting(stream, all_told=lines) as waiting, phases_reported_to(waiting):
+    with _Waiting(stream, all_told=lines, begun=begun) as waiting, phases_reported_to(waiting):
         yield
 
 
@@ -246,13 +264,15 @@ class _Waiting:
         Where lines go.
     all_told : bool
         Also pass everything on to it.
+    begun : float, optional
+        Since when whoever waits has seen nothing, of `time.monotonic`. Default: now.
     """
 
-    def __init__(self, stream: _LineStream, *, all_told: bool) -> None:
+    def __init__(self, stream: _LineStream, *, all_told: bool, begun: float | None = None) -> None:
         self._stream = stream
         self._all_told = all_told
         self._state: tuple[int, int, str] | None = None
-        self._since = time.monotonic()
+        self._since = time.monotonic() if begun is None else begun
         self._pause = _FIRST_WORD_S
         self._next = self._since + self._pause
         self._ended = threading.Event()
@@ -267,7 +287,7 @@ class _Waiting:
         self._thread.join()
 
     def __call__(self, done: int, total: int, label: str) -> None:
-        if self._state is None or label != self._state[2]:
+        if self._state is not None and label != self._state[2]:
             self._since = time.monotonic()
             # a stage is named soon after it begins, however long the one before was
             self._pause = _FIRST_WORD_S
@@ -363,7 +383,7 @@ _SECONDS = 3.0
 _LONG_S = 20.0
 # reading a part tells after so long what it is at, in each stage, then after twice as long and so
 # on, at least so often
-_FIRST_WORD_S = 2.5
+_FIRST_WORD_S = 2.0
 _MOST_SILENT_S = 30.0
 # what is done between other work, of which nobody knows how much there is: no pace is told of it
 LOOPS = "compiling loops"

@@ -91,6 +91,7 @@ def resolve_request(
     """
     check_fraction("accuracy", options.accuracy)
     part = solid if options.space is None else options.space.solid
+    options = _in_light_of_cell(options, part)
     _check_extent(part)
     entities, targets, localisation = resolve_targets(solid, wanted, camera, options)
     options = replace(options, localisation=localisation)
@@ -109,6 +110,30 @@ def resolve_request(
         need = replace(request.requirements, cell=options.cell.region(part))
         request = replace(request, requirements=need)
     return ResolvedRequest(request, entities)
+
+
+def _in_light_of_cell(options: InspectionOptions, part: Solid) -> InspectionOptions:
+    """Return options with the light of the cell, which must be the one that is asked for, if one is."""
+    if options.cell is None:
+        return options
+    from planner.light.area_lights import in_material, light_of_cell
+    from planner.light.lighting import Lighting
+
+    light = light_of_cell(options.cell)
+    lighting = options.lighting
+    if light is None:
+        return options
+    light.check_part(part)
+    if lighting is None:
+        return replace(options, lamps=Lighting(light))
+    word = f"{light.kind}:{light.name}"
+    placed = light if lighting.material is None else in_material(light, lighting.material)
+    is_word = isinstance(lighting.lamps, str) and lighting.lamps.lower() == word
+    if not is_word and lighting.area != placed:
+        rule = f"must be left out, or be that of the cell, {word}"
+        got = lighting.lamps if isinstance(lighting.lamps, str) else f"{lighting.area or 'lamps'}"
+        raise RequestError.of_rule("lamps", rule, got)
+    return replace(options, lamps=replace(lighting, lamps=placed))
 
 
 def resolve_targets(

@@ -104,9 +104,7 @@ class StateFile:
 
     format: Literal["aspectgraph planning state"]
     version: Literal[4]
-    request: Annotated[
-        Mapping[str, Any], Meta(title="must be an object that holds what was asked for")
-    ]
+    request: Annotated[Mapping[str, Any], Meta(title="must be an object that holds the request")]
     program: _Digest
     outcomes: Mapping[
         str,

@@ -1,5 +1,6 @@
 """The commands and snippets of the tutorial and the guides run as printed; see also test_readme.py."""
 
+import importlib.util
 import json
 import re
 import shlex
@@ -86,6 +87,12 @@ def test_commands_run_as_printed(page, clone, capsys):
         assert "Proven minimal" in out
         assert read_plan("boss/plan.json").complete
         assert "<html" in Path("edges.html").read_text(encoding="utf-8")
+    if page.stem == "measuring":
+        # the table on that page is filled with these, see docs/tables.py
+        spec = importlib.util.spec_from_file_location("tables", ROOT / "docs/tables.py")
+        tables = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(tables)
+        assert tables.example_rows(Path("measured")) == tables.stored("example")["rows"]
     if page.stem == "dimensions":
         # as the snippet of that page asks, in Python
         assert set(read_plan("plan-wanted/plan.json").dimensions) == {"bore", "width", "front"}

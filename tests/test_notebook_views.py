@@ -1,5 +1,7 @@
 """What notebooks show of parts, graphs, plans, lamps and results, in a real browser: readable at any width."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 
@@ -135,3 +137,20 @@ def test_names_bring_no_markup():
     sly = Solid(solid.vertices, solid.faces, name="<b>plate</b>")
     assert "<b>plate" not in sly._repr_html_()
     assert "&lt;b&gt;plate" in sly._repr_html_()
+
+
+IN_A_NOTEBOOK = """
+import builtins
+class ZMQInteractiveShell:
+    pass
+builtins.get_ipython = ZMQInteractiveShell
+from aspectgraph.solid.solid import RayScene
+RayScene([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+"""
+
+
+def test_casting_rays_in_a_notebook_prints_nothing():
+    told = subprocess.run(
+        [sys.executable, "-c", IN_A_NOTEBOOK], capture_output=True, text=True, check=True
+    )
+    assert (told.stdout, told.stderr) == ("", "")

@@ -5,12 +5,15 @@ The rules find words and lengths. They do not find everything that is hard to re
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 from pathlib import Path
 
 import pytest
 from test_docstrings import THINGS
+
+from planner.app.options import COMMANDS, texts_of
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [
@@ -222,6 +225,69 @@ def test_an_old_docstring_is_noticed():
 def test_names_and_types_of_a_docstring_are_no_prose():
     text = docstring_prose("Find.\n\nParameters\n----------\nplaces : told\n    Points.\n")
     assert text.split() == ["Find.", "Points."]
+
+
+# what builds a message, by its arguments; a rule, a hint or a reason is one, too
+MESSAGE_CALLS = {"of_rule", "print_text", "note", "write_error", "_Refusal", "UsageError"}
+MESSAGE_NAMES = {"rule", "hint", "reason", "title"}
+CODE_FOLDERS = ("aspectgraph", "errors", "ga", "ground", "planner")
+
+
+def message_roots(tree):
+    """Expressions of a module that hold the text of messages."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise) and node.exc is not None:
+            yield node.exc
+        elif isinstance(node, ast.Call):
+            name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            if name in MESSAGE_CALLS:
+                yield from (*node.args, *(keyword.value for keyword in node.keywords))
+        elif (isinstance(node, ast.keyword) and node.arg in MESSAGE_NAMES) or (
+            isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in MESSAGE_NAMES
+        ):
+            yield node.value
+
+
+def texts_in(node):
+    """Texts of an expression; a value in a text is an x."""
+    if isinstance(node, ast.Constant):
+        return [node.value] if isinstance(node.value, str) else []
+    if isinstance(node, ast.JoinedStr):
+        parts = (part.value if isinstance(part, ast.Constant) else "x" for part in node.values)
+        return ["".join(parts)]
+    return [text for child in ast.iter_child_nodes(node) for text in texts_in(child)]
+
+
+def messages(source):
+    """Texts of more than a word that messages of a module are made of."""
+    texts = {text for root in message_roots(ast.parse(source)) for text in texts_in(root)}
+    return sorted(text for text in texts if len(text.split()) > 1)
+
+
+@pytest.mark.parametrize("folder", CODE_FOLDERS)
+def test_messages_use_usual_words(folder):
+    count = 0
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        for text in messages(path.read_text("utf-8")):
+            count += 1
+            assert find_forbidden(text, {**FORBIDDEN, **PRIVATE}) == [], path
+            assert find_long(text) == [], path
+    assert count > 10 or folder == "ground"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_uses_usual_words(name):
+    for text in (inspect.getdoc(COMMANDS[name]) or "", *texts_of(COMMANDS[name]).values()):
+        assert find_forbidden(text.partition("Attributes")[0], {**FORBIDDEN, **PRIVATE}) == []
+
+
+def test_an_old_message_is_noticed():
+    source = """def f(n):
+    rule = "must be what was asked for"
+    raise RequestError.of_rule("n", f"of which {n} is looked for", repr(n))
+"""
+    assert messages(source) == ["must be what was asked for", "of which x is looked for"]
+    assert all(find_forbidden(text, FORBIDDEN) for text in messages(source))
 
 
 def test_readme_is_short():

@@ -435,7 +435,7 @@ class Grid:
             part = self.to_mm(self.points)
             raise WorkspaceError.of_rule(
                 "workspace",
-                "must contain the part with room on all sides",
+                "must contain the part with a margin on all sides",
                 f"{workspace[0].tolist()} to {workspace[1].tolist()} mm for a part from "
                 f"{part.min(axis=0).tolist()} to {part.max(axis=0).tolist()} mm",
             )

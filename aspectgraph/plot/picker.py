@@ -335,7 +335,7 @@ class NamedItem(NamedTuple):
     edge_ids : tuple of int
         Its edges in the solid.
     size_mm : float
-        Length of an edge, radius of a rim or arc.
+        Length of an edge, diameter of a rim, radius of an arc.
     rows : tuple of str
         What is said of it, a line each.
     """
@@ -437,9 +437,9 @@ def _curve_item(solid: Solid, curve: Arc) -> NamedItem:
         f"centre {_point(curve.centre)}",
         f"axis {_point(curve.axis)}",
     )
-    return NamedItem(
-        curve.id, kind, np.asarray(line, np.float64), curve.edge_ids, float(curve.radius_mm), rows
-    )
+    # drawings give the diameter of a whole circle
+    size_mm = float(2 * curve.radius_mm if closed else curve.radius_mm)
+    return NamedItem(curve.id, kind, np.asarray(line, np.float64), curve.edge_ids, size_mm, rows)
 
 
 def _turn(dihedral_deg: float) -> str:
@@ -471,7 +471,7 @@ def _checked_ids(solid: Solid, edge_ids: Iterable[int] | None) -> list[int]:
     return ids
 
 
-_SCRIPTS = ("scene.js", "labels.js", "choice.js", "pointer.js", "picker.js")
+_SCRIPTS = ("scene.js", "labels.js", "pairs.js", "choice.js", "pointer.js", "picker.js")
 # room around the part in depth, so that nothing of it is cut off
 _AIR = 1.05
 
@@ -554,7 +554,7 @@ def _data(solid: Solid, items: list[NamedItem], name: str) -> dict[str, Any]:
 def _record(
     solid: Solid, item: NamedItem, centre: NDArray[np.float64], curve: Arc | None
 ) -> dict[str, Any]:
-    symbol = {"edge": "", "rim": "R ", "arc": "R "}[item.kind]
+    symbol = {"edge": "", "rim": "⌀ ", "arc": "R "}[item.kind]
     return {
         "id": item.id,
         "kind": item.kind,
@@ -573,6 +573,13 @@ def _record(
         "line": _rounded(item.line - centre),
         # in full, for the file
         "ends": item.line.tolist() if item.kind == "edge" else None,
+        "circle": None
+        if curve is None
+        else {
+            "centre": curve.centre.tolist(),
+            "axis": curve.axis.tolist(),
+            "radius": float(curve.radius_mm),
+        },
     }
 
 

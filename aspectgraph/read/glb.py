@@ -445,7 +445,7 @@ def _gather(
                 if n_triangles > most_triangles or n + len(points) > 3 * most_triangles:
                     raise ReadError.of_rule(
                         "",
-                        f"a GLB file must place at most triangles={most_triangles} triangles",
+                        f"a GLB file must have at most triangles={most_triangles} triangles",
                         "more",
                         **more_of("triangles"),
                     )
@@ -494,7 +494,7 @@ def _placed_meshes(document: dict[str, Any]) -> list[tuple[np.ndarray, int]]:
         node = item_at(nodes, index)
         if index in seen:
             raise ReadError(
-                f"the nodes of a GLB file must form trees. Got node {index} in two places."
+                f"the nodes of a GLB file must form trees. Got node {index} as a child of two nodes."
             )
         seen.add(index)
         check_extensions(node, f"node {index}")

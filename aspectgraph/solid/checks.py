@@ -104,7 +104,7 @@ def _check_places(vertices: np.ndarray, used: np.ndarray) -> None:
     if (counts > 1).any():
         place = describe_point(points[order[begin[counts > 1][0]]])
         raise SolidError(
-            f"vertices in use must lie at distinct places. Got {counts.max()} at {place}."
+            f"vertices in use must lie at distinct points. Got {counts.max()} at {place}."
         )
 
 

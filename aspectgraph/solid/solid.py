@@ -84,7 +84,7 @@ class RayScene:
     """
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike, n_threads: int = 0) -> None:
-        with _existing_folder(), _dash_later():
+        with _existing_folder(), _dash_later(), _without_web_visualizer():
             import open3d as o3d
 
         corners = np.asarray(vertices, dtype=np.float64)
@@ -200,6 +200,19 @@ def _dash_later() -> Iterator[None]:
     finally:
         # whoever imports it from here on gets it
         del sys.modules["dash"]
+
+
+@contextmanager
+def _without_web_visualizer() -> Iterator[None]:
+    """Keep Open3D from enabling its web viewer, and from saying so, where it is imported in a notebook."""
+    name = "OPEN3D_DISABLE_WEB_VISUALIZER"
+    before = os.environ.get(name)
+    os.environ.setdefault(name, "true")
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
 
 
 # The solid: a closed, oriented surface of planar faces.

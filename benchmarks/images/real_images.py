@@ -112,19 +112,24 @@ class Tracer:
         self._mi = mi
         self._lamps = scene.lamps
         part = self._part(scene)
-        emitters = self._area(scene) if scene.area else self._points(scene)
-        self.scene = mi.load_dict({"type": "scene", "part": part, **emitters})
+        self.scene = mi.load_dict({"type": "scene", "part": part, **self.emitters(scene)})
         self._bare = mi.load_dict({"type": "scene", "part": part})
         hide = scene.area != "backlight"
         self._path = mi.load_dict({"type": "path", "max_depth": 5, "hide_emitters": hide})
+
+    def emitters(self, scene: Scene) -> dict:
+        """Return what shines, and what else is around the part, as mitsuba takes it."""
+        return self._area(scene) if scene.area else self._points(scene)
 
     def _part(self, scene: Scene):
         mi = self._mi
         properties = mi.Properties()
         properties["bsdf"] = mi.load_dict(surface_of(scene.material))
-        mesh = mi.Mesh("part", 3 * len(scene.triangles), len(scene.triangles), props=properties)
+        count = len(scene.triangles)
+        mesh = mi.Mesh("part", 3 * count, count, has_vertex_texcoords=True, props=properties)
         corners = scene.vertices[scene.triangles].reshape(-1, 3)
         parameters = mi.traverse(mesh)
+        parameters["vertex_texcoords"] = _brush(scene).ravel().astype(np.float32)
         # each triangle has corners of its own: faces are flat
         parameters["vertex_positions"] = corners.ravel().astype(np.float32)
         parameters["faces"] = np.arange(len(corners), dtype=np.uint32)
@@ -165,11 +170,12 @@ class Tracer:
         mi = self._mi
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, len(directions))
-        colour = self._path.sample(self.scene, sampler, self._rays(eye, directions))[0]
+        colour = self._path.sample(self.scene, sampler, self.rays(eye, directions))[0]
         grey = np.mean([np.array(channel) for channel in colour], axis=0)
         return grey.reshape(-1, samples).mean(axis=1)
 
-    def _rays(self, eye, directions):
+    def rays(self, eye, directions):
+        """Return rays (n,) from an eye (3,) along directions (n, 3)."""
         mi = self._mi
         unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         return mi.RayDifferential3f(
@@ -180,7 +186,7 @@ class Tracer:
     def places(self, eye, directions) -> np.ndarray:
         """Return distance, normal and lamps that are hidden of what rays (n, 3) meet (n, 4 + k)."""
         mi = self._mi
-        hit = self._bare.ray_intersect(self._rays(eye, directions))
+        hit = self._bare.ray_intersect(self.rays(eye, directions))
         seen = np.array(hit.is_valid())
         depth = np.where(seen, np.array(hit.t), 1e4)
         columns = [np.log(depth) / _JUMP * _TURN]
@@ -192,16 +198,26 @@ class Tracer:
         return np.stack(columns, axis=1)
 
 
+def _brush(scene: Scene) -> np.ndarray:
+    """Return coordinates (3 t, 2) on faces that go along x, or y where a face is square to x: lines of a brush do."""
+    corners = scene.vertices[scene.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    axes = np.array([[1, 2], [0, 2], [0, 1]])[np.abs(normals).argmax(axis=1)]
+    return np.take_along_axis(corners, axes[:, None], axis=2).reshape(-1, 2)
+
+
 def _emitter(kind: str, radiance: float) -> dict:
     return {"type": kind, "radiance": {"type": "rgb", "value": float(radiance)}}
 
 
-def light_of(tracer: Tracer, pose, rng, samples: int) -> tuple[np.ndarray, float]:
+def light_of(
+    tracer: Tracer, pose, rng, samples: int, camera: Camera = CAMERA
+) -> tuple[np.ndarray, float]:
     """Return an image (h, w) of light, and how bright the brightest places beside edges are."""
-    width, height = CAMERA.resolution
+    width, height = camera.resolution
     v, u = np.mgrid[:height, :width]
     pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
-    places = tracer.places(pose[:3, 3], _directions(pixels, pose))
+    places = tracer.places(pose[:3, 3], _directions(pixels, pose, camera))
     change = np.zeros((height, width), bool)
     for column in places.T:
         layer = column.reshape(height, width)
@@ -210,24 +226,24 @@ def light_of(tracer: Tracer, pose, rng, samples: int) -> tuple[np.ndarray, float
     rows, columns = (-(-(n - 1) // EVERY) + 1 for n in (height, width))
     v, u = np.mgrid[:rows, :columns] * EVERY
     coarse = np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
-    few = _traced(tracer, pose, coarse, rng, FEW).reshape(rows, columns)
+    few = _traced(tracer, pose, coarse, rng, FEW, camera).reshape(rows, columns)
     size = (rows - 1) * EVERY + 1, (columns - 1) * EVERY + 1
     image = zoom(few, np.divide(size, few.shape), order=1)[:height, :width].copy()
-    near = _traced(tracer, pose, pixels[band], rng, samples)
+    near = _traced(tracer, pose, pixels[band], rng, samples, camera)
     image.ravel()[band] = near
     return image.astype(np.float32), float(np.quantile(near, BRIGHT_QUANTILE))
 
 
-def _directions(pixels, pose) -> np.ndarray:
-    rays = np.c_[pixels, np.ones(len(pixels))] @ np.linalg.inv(CAMERA.matrix).T
+def _directions(pixels, pose, camera: Camera) -> np.ndarray:
+    rays = np.c_[pixels, np.ones(len(pixels))] @ np.linalg.inv(camera.matrix).T
     return rays @ pose[:3, :3].T
 
 
-def _traced(tracer: Tracer, pose, pixels, rng, samples: int) -> np.ndarray:
+def _traced(tracer: Tracer, pose, pixels, rng, samples: int, camera: Camera) -> np.ndarray:
     places = np.repeat(pixels, samples, axis=0)
     places = places + rng.uniform(-0.5, 0.5, places.shape)
     seed = int(rng.integers(2**31))
-    return tracer.light(pose[:3, 3], _directions(places, pose), samples, seed)
+    return tracer.light(pose[:3, 3], _directions(places, pose, camera), samples, seed)
 
 
 def encoded(light, response: str) -> np.ndarray:

@@ -81,6 +81,7 @@ BESIDE = {
         "sensor_setting": "one pose, its targets",
         "effort": "how long to search",
         "callbacks": "calls on the way, the end",
+        "light_catalogue": "catalogue of lights",
         "plan_file": "rules of plan files",
         "text_table": "the table model",
         "argument_kinds": "arguments of wrong types",

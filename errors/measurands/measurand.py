@@ -570,10 +570,10 @@ class Prediction:
         Mean error, of second order in the displacement.
     budget : dict of str to float
         Variance by `SOURCES`: translation and rotation of the camera, errors of single points in the image, the error
-        that all points of an entity have in common, surfaces that are not where the model has them, broken edges. What
-        translation and rotation do together, by their correlation or as a product, is shared equally; where they cancel
-        each other, a share may be negative. Of a value that is not from a short arc, they sum to the square of the
-        standard uncertainty.
+        that all points of an entity have in common, surfaces that are not where the model has them, broken edges. None
+        is negative. What translation and rotation do as a product is shared equally, what they do by their correlation
+        as in `uncorrelated_root`. Of a value that is not from a short arc, they sum to the square of the standard
+        uncertainty.
     """
 
     nominal: float
@@ -790,8 +790,14 @@ class MeasurandModel:
         if expansion.logarithmic:
             # error = nominal (exp(y / nominal) - 1) = y + y^2 / (2 nominal) + ...
             h = h + np.outer(g, g) / self.measurand.nominal
+        covariance = self.covariance
+        if covariance[:3, 3:].any():
+            root = uncorrelated_root(covariance)
+            g = root.T @ g
+            h = root.T @ h @ root
+            covariance = np.eye(6)
         whole, translation, rotation = (
-            _variance(g[part], h[part, part], self.covariance[part, part])
+            _variance(g[part], h[part, part], covariance[part, part])
             for part in (slice(6), slice(3), slice(3, 6))
         )
         common = whole - translation - rotation
@@ -800,7 +806,7 @@ class MeasurandModel:
         camera = translation + common / 2, rotation + common / 2
         parts = (*camera, points, floor, surfaces, self.by_edges**2)
         budget = dict(zip(SOURCES, map(float, parts), strict=True))
-        return budget, float(0.5 * np.trace(h @ self.covariance))
+        return budget, float(0.5 * np.trace(h @ covariance))
 
     def _quantile(self, expansion: Expansion, probability: float) -> float:
         """Return the error that is not exceeded with a probability."""
@@ -811,6 +817,41 @@ class MeasurandModel:
             enough = self._within(expansion, np.array([middle]))[0] >= probability
             low, high = (low, middle) if enough else (middle, high)
         return high
+
+
+def uncorrelated_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the root R of a covariance R Rᵀ of translation and rotation whose columns stay nearest to both.
+
+    With a root B of the covariance of each of the two alone, the covariance is B K Bᵀ, and R = B √K. The first three
+    unit variates R⁻¹δ are those that correlate most with the translation, the others with the rotation (Zuber and
+    Strimmer, *Stat. Appl. Genet. Mol. Biol.* 10(1), 34, 2011: correlation-adjusted scores). So the variance of a value
+    has a part for each, and none is negative.
+
+    Parameters
+    ----------
+    covariance : array (6, 6)
+        Of translation and rotation, mm and rad.
+
+    Returns
+    -------
+    array (6, 6)
+        The root. Without a correlation between both, it is a root of each.
+    """
+    blocks = np.zeros((6, 6))
+    inverse = np.zeros((6, 6))
+    for part in (slice(3), slice(3, 6)):
+        values, vectors = np.linalg.eigh(covariance[part, part])
+        sigmas = np.sqrt(np.maximum(values, 0.0))
+        # along a direction that is exact, nothing correlates
+        inexact = sigmas > _EXACT * sigmas.max()
+        blocks[part, part] = vectors * sigmas
+        inverse[part, part] = (vectors * np.divide(1.0, sigmas, where=inexact, out=0 * sigmas)).T
+    values, vectors = np.linalg.eigh(inverse @ covariance @ inverse.T)
+    return np.asarray(blocks @ (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+
+
+_EXACT = 1e-7
+"""A standard deviation is rounding if it is smaller than this share of the largest one."""
 
 
 def _variance(

@@ -56,7 +56,7 @@ from planner.files import (
     read_json,
     write_text,
 )
-from planner.identity import Request, digest_of
+from planner.identity import Made, Request, digest_of
 from planner.inspection import plan_request, space_of, visible_regions, with_light
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan
@@ -445,6 +445,8 @@ class FolderWork:
         As `write_outputs` takes it.
     cell : Cell, optional
         That the plan is for.
+    operator : str
+        Who plans.
     """
 
     solid: Solid
@@ -459,6 +461,7 @@ class FolderWork:
     simulate: int
     graph_limit: int | None
     cell: Cell | None = None
+    operator: str = ""
 
     def search(self, options: InspectionOptions) -> InspectionPlan:
         """Return the plan of the search."""
@@ -497,6 +500,9 @@ class FolderWork:
         plan = replace(plan, simulation=simulation)
         plan = with_light(plan, self.solid, request.lighting, progress)
         plan = with_source(plan, self.folder, self.part, self.reading)
+        # what can be read only once has no digest
+        digest = file_digest(Path(self.part)) if Path(self.part).is_file() else ""
+        plan = replace(plan, made=Made.now(request, digest, self.operator))
         try:
             written = write_outputs(
                 plan,

@@ -16,7 +16,7 @@ from planner.app.process import DONE, INCOMPLETE
 from planner.camera.camera import Camera, camera_names, camera_parts
 from planner.exceptions import RequestError
 from planner.files import print_json
-from planner.light.light_catalogue import light_parts
+from planner.light_catalogue import light_parts
 from planner.progress import visible
 from planner.text_table import Column, print_table, print_text, words
 

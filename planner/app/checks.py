@@ -187,8 +187,8 @@ def _worded(text: str, mentions: Sequence[str], options: Mapping[str, Any]) -> s
 # a share close to 1 needs all its digits
 _PROMISES = ("accuracy", "probability")
 _IN_FULL = (*_PROMISES, "contrast", "share")
-# options that say nothing without --light
-_OF_LIGHT = ("contrast", "grey-step", "ground", "material")
+OF_LIGHT = ("contrast", "grey-step", "ground", "material")
+"""Options that say nothing without a light."""
 
 
 def check_numbers(options: Command) -> None:
@@ -250,8 +250,10 @@ def check_inputs(options: Command) -> None:
     _check_box("within", values.get("within"), flat=True)
     _check_optics(values)
     _check_image(values)
-    for name, other in (("contrast", "lamps"), *((option, "light") for option in _OF_LIGHT)):
-        if f"--{name}" in values["typed"] and other in values and not values[other]:
+    for name, other in (("contrast", "lamps"), *((option, "light") for option in OF_LIGHT)):
+        # a cell may have a light; `read_job` knows
+        has_cell = other == "light" and values.get("cell")
+        if f"--{name}" in values["typed"] and other in values and not (values[other] or has_cell):
             raise RequestError.of_rule(name, f"must be given with --{other}", "none")
     camera = values.get("camera")
     if camera is not None:

@@ -14,13 +14,13 @@ from aspectgraph import (
     resolve_entities,
     select_entities,
 )
-from aspectgraph.entities.entity_rules import parse_names
+from aspectgraph.entities.entity_rules import check_selection, parse_names
 from aspectgraph.light import check_contrast
 from errors.exceptions import InvalidParameterError
 from errors.measurands import Localisation
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.measurand import kinds
-from planner.app.checks import named_by, option, read_camera
+from planner.app.checks import OF_LIGHT, named_by, option, read_camera
 from planner.app.model_dimensions import ModelDimensions, stated_dimensions
 from planner.app.options import (
     Batch,
@@ -39,9 +39,8 @@ from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
-from planner.light.area_light import Backlight
-from planner.light.area_lights import BACKLIGHT, is_area_word
-from planner.light.light_catalogue import light_facts
+from planner.light.area_lights import BACKLIGHT, is_area_word, light_of_cell
+from planner.light.backlight import Backlight
 from planner.light.lighting import (
     RING,
     LampBox,
@@ -50,6 +49,7 @@ from planner.light.lighting import (
     check_lamps_given,
     check_step,
 )
+from planner.light_catalogue import light_facts
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import reading_shown
@@ -116,6 +116,11 @@ _RULE = (
     "backlight:X,Y,Z,WIDTH,HEIGHT, ring, box:X0,Y0,Z0,X1,Y1,Z1, dome:X,Y,Z,RADIUS[,LOWEST], at:X,Y,Z[;X,Y,Z...] in "
     "mm, or a TOML file with lamps = [[X, Y, Z], ...]."
 )
+_FORMS = {
+    "at": "at:X,Y,Z[;X,Y,Z...]: three numbers for each lamp",
+    "box": "box:X0,Y0,Z0,X1,Y1,Z1: six numbers",
+    "dome": "dome:X,Y,Z,RADIUS[,LOWEST]: four or five numbers",
+}
 
 
 def read_lighting(options: Light) -> Lighting | None:
@@ -170,6 +175,8 @@ def _lamps(text: str | None) -> Any:
             return LampDome((values[0], values[1], values[2]), *values[3:])
     elif Path(text).suffix.lower() == ".toml":
         return check_lamps_given(_from_file(Path(text)))
+    if (form := _FORMS.get(name)) is not None:
+        raise RequestError(f"--light must be {form}, in mm. Got {text!r}.")
     raise RequestError(f"{_RULE} Got {text!r}.")
 
 
@@ -177,7 +184,9 @@ def _numbers(text: str, whole: str) -> list[float]:
     try:
         return [float(number) for number in text.split(",")]
     except ValueError:
-        raise RequestError(f"{_RULE} Got {whole!r}.") from None
+        form = _FORMS.get(whole.partition(":")[0])
+        rule = _RULE if form is None else f"--light must be {form}, in mm."
+        raise RequestError(f"{rule} Got {whole!r}.") from None
 
 
 def _from_file(path: Path) -> Any:
@@ -235,7 +244,8 @@ def read_request(options: Plan | Optics, solid: Solid) -> JobTargets:
     """
     check_of_model(options)
     if options.dimensions is None:
-        localisation = read_localisation(options.localisation or "rounding")
+        usual = "rounding" if getattr(options, "edges", None) is None else _gaussian_text(options)
+        localisation = read_localisation(options.localisation or usual)
         entities = chosen_entities(options, solid)
         # what cannot be measured is refused before the work
         with named_by("entities" if options.select is None else "select", vars(options)):
@@ -313,8 +323,8 @@ def chosen_entities(options: ChosenEntities, solid: Solid) -> dict[str, Entity]:
 def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
     """Say which error of points in the image was assumed, if it was not chosen.
 
-    Edges of ``--entities`` are measured as in the paper, and dimensions with the error that edge
-    detectors have. So the same feature has another probability by the other option.
+    Edges of ``--entities`` are measured as in the paper unless their breaks are stated, and dimensions with the error
+    that edge detectors have. So the same feature has another probability by the other option.
 
     Parameters
     ----------
@@ -330,6 +340,11 @@ def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
     """
     if options.localisation is not None or getattr(options, "again", None) is not None:
         return ""
+    if options.dimensions is None and getattr(options, "edges", None) is not None:
+        return (
+            f"note: with --edges, lengths are measured by edge detectors (--localisation {_gaussian_text(options)}); "
+            "without it, points are rounded to whole pixels, a model that counts no breaks"
+        )
     if options.dimensions is None:
         return (
             "note: points in the image are rounded to whole pixels, the default without --dimensions. "
@@ -449,15 +464,21 @@ def read_job(options: Plan) -> Job:
     uncertainty = PoseUncertainty.isotropic(
         translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
     )
+    # a slip in a word is found before a large part is read
+    cell = read_cell(options.cell)
+    lighting = _lighting(options, cell)
+    if options.select is not None:
+        with named_by("select", vars(options)):
+            check_selection(options.select)
     solid = read_part(options.part, options)
     targets = read_request(options, solid)
     box = workspace_of(options)
     plan_options = inspection_options(
         options,
-        lamps=_lighting(options),
+        lamps=lighting,
         localisation=targets.localisation,
         workspace=default_workspace(solid, camera) if box is None else box,
-        cell=read_cell(options.cell),
+        cell=cell,
     )
     request, entities = resolve_request(solid, targets.items, camera, uncertainty, plan_options)
     if options.give_up is not None:
@@ -467,10 +488,27 @@ def read_job(options: Plan) -> Job:
     return Job(request, solid, targets, plan_options, options.part, reading_of(options))
 
 
-def _lighting(options: Plan) -> Lighting | None:
-    """Return what is asked of lamps; an error names the option."""
+def _lighting(options: Plan, cell: Cell | None) -> Lighting | None:
+    """Return what is asked of lamps, or of the light of a cell; an error names the option."""
     with named_by("light", vars(options)):
-        return read_lighting(options)
+        lighting = read_lighting(options)
+    light = light_of_cell(cell)
+    if lighting is not None:
+        return lighting
+    if light is not None:
+        return Lighting(
+            light,
+            options.contrast,
+            options.grey_step,
+            options.ground,
+            together=options.together,
+            material=options.material,
+        )
+    for name in OF_LIGHT:
+        if f"--{name}" in options.typed:
+            rule = "must be given with --light, or a cell that has a light"
+            raise RequestError.of_rule(name, rule, "none")
+    return None
 
 
 def inspection_options(options: Plan | Optics | Batch, **more: Any) -> InspectionOptions:

@@ -43,7 +43,7 @@ from planner.app.process import (
     write_fault,
 )
 from planner.executors import TERMINATING, usable_cores
-from planner.progress import visible, visible_output
+from planner.progress import loading_shown, visible, visible_output
 
 # Requests to terminate: treated like an interruption from the keyboard, so that what was found
 # out is kept.
@@ -103,6 +103,8 @@ _MODULES = {
 }
 # commands that need many compiled loops
 _COMPILING = ("batch", "graph", "optics", "plan")
+# commands that may take long before they print
+_LONG = (*_COMPILING, "dimensions", "info", "measure", "program", "reach", "render")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -145,7 +147,9 @@ def _run(arguments: list[str] | None) -> int:
             check_numbers(options)
             check_inputs(options)
             with _compiling(options):
-                code: int = _command_of(options.name())(options)
+                with _loading(options):
+                    command = _command_of(options.name())
+                code = command(options)
             # what is held back would fail where nobody can catch it
             print(end="", flush=True)
             return code
@@ -168,6 +172,13 @@ def _compiling(options: Command) -> AbstractContextManager[None]:
     if options.name() not in _COMPILING:
         return nullcontext()
     return compiling_ahead(min(getattr(options, "jobs", usable_cores()), usable_cores()))
+
+
+def _loading(options: Command) -> AbstractContextManager[None]:
+    """Show a line if it takes long to load a command that also takes long."""
+    if options.name() not in _LONG or getattr(options, "quiet", False):
+        return nullcontext()
+    return loading_shown(options.begun)
 
 
 def _command_of(name: str) -> Callable[[Command], int]:

@@ -46,7 +46,7 @@ from planner.measuring.rehearsal import TRUTH, Rehearsal
 from planner.measuring.results import FORMAT, MeasurementResults
 from planner.measuring.task import REPEATABILITY
 from planner.plan import read_plan
-from planner.progress import visible
+from planner.progress import terminal_progress, visible
 from planner.report import terminal_tables
 from planner.report.measured_report import measured_html, print_results
 from planner.text_table import print_text
@@ -150,7 +150,8 @@ def render(options: Render) -> int:
             write_error(
                 "aspectgraph: the plan has no light; a lamp on the camera lights the images"
             )
-        files = rehearsal.write(out, "--out")
+        with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+            files = rehearsal.write(out, "--out", progress)
     if options.json:
         print_json(to_plain(rehearsal.truth))
     else:

@@ -161,7 +161,7 @@ class PartReading(Units, Messages):
     gap_mm
         widest gap between the edges and faces of a STEP file
     read_time_limit
-        end the reading of a STEP file after so many seconds (default: 300)
+        end the reading of a STEP file after this many seconds (default: 300)
     """
 
     solids: Annotated[Any, value(solid_names, "N|NAME,...")] = None
@@ -236,10 +236,10 @@ class DimensionTargets(Command):
         --dimensions, gaussian:0.1:0.01 if --edges is stated, too)
     surfaces_mm
         standard deviation of the position of the part's faces along their normals, for dimensions (default: what
-        flatness and profile tolerances of the part state, else 0.02; with rounding 0)
+        flatness and profile tolerances of the part state, otherwise 0.02; with rounding 0)
     edges
-        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm, for dimensions; 0 is sharp
-        (default: planned as sharp)
+        by how much the part's edges are broken along their faces, such as 0.1..0.3 mm; 0 is sharp; lengths of edges
+        then are measured by edge detectors (default: planned as sharp)
     """
 
     dimensions: Annotated[str | None, _named("FILE|all")] = None
@@ -289,7 +289,7 @@ class WithCamera:
     Attributes
     ----------
     camera
-        a name that 'aspectgraph cameras' lists, or a TOML file
+        a name that 'aspectgraph cameras' lists, or a TOML file, which may name a calibration of OpenCV, ROS or others
     """
 
     camera: Camera
@@ -409,7 +409,7 @@ class Light:
     light
         backlight, which the part lies on; diffuse-dome, coaxial or ring-light, which the camera carries; each alone or
         with :NAME of the catalogue (aspectgraph lights); backlight:X,Y,Z,WIDTH,HEIGHT, a bright rectangle that shines
-        upwards; ring (a lamp on the camera); places for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on
+        upwards; ring (a lamp on the camera); positions for lamps in box:X0,Y0,Z0,X1,Y1,Z1 or on
         dome:X,Y,Z,RADIUS[,LOWEST]; fixed lamps at:X,Y,Z[;X,Y,Z...] or a TOML file with lamps = [[X, Y, Z], ...]; in
         mm (default: no lamps)
     material
@@ -452,6 +452,8 @@ class PlanOutput:
         write graph.graphml, the joint graph, for up to this many entities (default: 24; more if it is small)
     explain
         also print what P and P_all mean, and what is assumed of points in the image and of faces
+    operator
+        who plans, for plan.json and the report
     """
 
     out: Folder = "plan"
@@ -460,6 +462,7 @@ class PlanOutput:
     again: Annotated[str | None, _named("PLAN")] = None
     graph_limit: Limit = None
     explain: bool = False
+    operator: Annotated[str | None, _named("TEXT")] = None
 
 
 @dataclass(kw_only=True)
@@ -469,7 +472,8 @@ class ForCell(Workspace):
     Attributes
     ----------
     cell
-        TOML file of a robot cell: the robot must reach every setting (default: no robot)
+        TOML file of a robot cell: the robot must reach every setting, and a light of the cell is the plan's
+        (default: no robot)
     """
 
     cell: File = None
@@ -550,7 +554,7 @@ class Cameras(Messages):
     Attributes
     ----------
     sources
-        list bodies and lenses with their data sheets instead
+        list camera bodies and lenses with their data sheets instead
     """
 
     usage = ("[options]",)
@@ -593,12 +597,12 @@ class OpticsPromise(Promise):
 
 @dataclass(kw_only=True)
 class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, PartFile):
-    """Rank bodies, lenses, distances and apertures by how well they measure a part.
+    """Rank camera bodies, lenses, distances and apertures by how well they measure a part.
 
     Attributes
     ----------
     body
-        try only this body; give it again for more (default: all of 'cameras --sources')
+        try only this camera body; give it again for more (default: all of 'cameras --sources')
     distances
         working distances to try, from the front nodal point (default: 100 to 1600 in seven steps)
     rows
@@ -779,11 +783,11 @@ class Images:
     allow_lossy
         accept JPEG and WebP files, and the mosaics of colour cameras
     white_level
-        grey value of full exposure, such as 4095 of 12 bits (default: that of the plan's camera, else where the image's
-        brightest pixels end)
+        grey value of full exposure, such as 4095 of 12 bits (default: that of the plan's camera, otherwise where the
+        image's brightest pixels end)
     response
         how much light a grey value stands for: linear, srgb, a gamma such as 2.2, or a file of two columns, level and
-        light (default: that of the plan's camera, else what image files state, tested on the edges of the images)
+        light (default: that of the plan's camera, otherwise what image files state, tested on the edges of the images)
     """
 
     plan: str = field(kw_only=False)
@@ -840,7 +844,7 @@ class Measure(Deciding, Images, PartReading):
         standard deviation of the position of the part's faces along their normals (default: that of the plan)
     edges
         by how much the part's edges are broken along their faces, such as 0.1..0.3 mm; 0 is sharp (default: that of the
-        plan, else assumed sharp within 0.05 mm)
+        plan, otherwise assumed sharp within 0.05 mm)
     repeatability
         standard deviations of the camera's displacement between images of a setting under different lamps (default:
         0.02mm,0.1mrad)
@@ -969,7 +973,7 @@ class Graph(ChosenEntities, Workspace, PartFile):
     graphml
         GraphML for Gephi, yEd, Cytoscape, igraph
     camera
-        take the workspace that 'plan' takes for this camera (default: ten diagonals of room around the part)
+        take the workspace that 'plan' takes for this camera (default: ten diagonals around the part)
     lamps
         build the graph of lamp positions instead of viewpoints: which lamps make edges visible
     contrast

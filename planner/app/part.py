@@ -54,7 +54,7 @@ def check_nothing_read(options: PartReading) -> None:
 
 def read_part(part: str, options: PartReading) -> Solid:
     """Read the part; an error names the file."""
-    with reading_shown(quiet=options.quiet, lines=options.verbose):
+    with reading_shown(quiet=options.quiet, lines=options.verbose, begun=options.begun):
         return read_as(part, reading_of(options), options)
 
 
@@ -70,7 +70,10 @@ def read_as(part: str, reading: dict[str, Any], options: PartReading) -> Solid:
 
 def read_solid_list(part: str, options: PartReading) -> tuple[SolidEntry, ...]:
     """List the solids of a STEP file; an error names the file."""
-    with reading_shown(quiet=options.quiet, lines=options.verbose), _naming_part(part, options):
+    with (
+        reading_shown(quiet=options.quiet, lines=options.verbose, begun=options.begun),
+        _naming_part(part, options),
+    ):
         return list_solids(part, limits=read_limits(options))
 
 

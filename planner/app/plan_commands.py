@@ -65,7 +65,14 @@ from planner.camera.pose import PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import InfeasibleError, OutputError, PlanFileError, RequestError
 from planner.executors import usable_cores
-from planner.files import absolute, check_set_place, output_folder, path_text, print_json
+from planner.files import (
+    absolute,
+    check_set_place,
+    name_text,
+    output_folder,
+    path_text,
+    print_json,
+)
 from planner.identity import Request, first_difference
 from planner.optics import DISTANCES_MM, OPTICS_COLUMNS, OpticsProposal, optics_rows, propose_optics
 from planner.options import InspectionOptions
@@ -587,6 +594,7 @@ def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionP
             options.simulate,
             options.graph_limit,
             job.cell,
+            name_text(options.operator or ""),
         )
         return *work.done(), best.interrupted
 

@@ -59,9 +59,9 @@ def program(options: Program) -> int:
     )
     uncertainty = _uncertainty(options)
     plan = read_plan(options.plan)
+    cell = Cell.from_toml(options.cell)
     solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
-    cell = Cell.from_toml(options.cell)
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         make = robot_program if options.plan_out is None else robot_program_with_other_poses
         made = make(
@@ -127,8 +127,8 @@ def _print_program(made: RobotProgram) -> None:
     n_moves = sum(len(tour.moves) for tour in made.tours)
     print_text(
         f"{rounds} from home to home, {n_moves} moves{around}, {made.seconds:.1f} s at "
-        f"{100 * made.speed:.3g} % of the joints' speeds; all keep {made.keep_mm:g} mm to "
-        "part and obstacles"
+        f"{100 * made.speed:.3g} % of the joints' speeds; all keep {made.keep_mm:g} mm, half "
+        "of clearance_mm, to part and obstacles"
     )
     if len(made.coverage) > 1:
         counts = [f"{k}: {count}" for k, count in enumerate(made.coverage, 1)]
@@ -177,9 +177,9 @@ def reach(options: Reach) -> int:
     _check_plan_out(options)
     _check_cell_out(options)
     plan = read_plan(options.plan)
+    cell = Cell.from_toml(options.cell)
     solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
-    cell = Cell.from_toml(options.cell)
     if options.place:
         return _placed(options, plan, solid, cell)
     reachability = cell.reachability(plan, solid)

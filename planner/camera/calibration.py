@@ -45,7 +45,13 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     except tomllib.TOMLDecodeError as error:
         match = re.search(r"line (\d+)", str(error))
         line = int(match.group(1)) if match else len(text.splitlines())
-        raise CameraError(f"{path}:{line}: camera file must be TOML. {error}.") from None
+        text = f"{path}:{line}: camera file must be TOML. {error}."
+        if path.suffix.lower() in _OF_CALIBRATIONS:
+            text += (
+                f' For a calibration, write a TOML file with calibration = "{path.name}", pixel_pitch_mm, '
+                f"f_number and focus_distance_mm."
+            )
+        raise CameraError(text) from None
     except RecursionError:
         raise CameraError(
             f"{path}: camera file must not nest arrays or tables so deep. Got too many levels."
@@ -291,6 +297,10 @@ class Distortion:
 
 
 _NEEDED = ("pixel_pitch_mm", "f_number", "focus_distance_mm")
+# no lens for measuring enlarges more: a smaller distance is in metres
+_MOST_MAGNIFICATION = 4.0
+# what programs write calibrations to
+_OF_CALIBRATIONS = (".json", ".txt", ".xml", ".yaml", ".yml")
 
 
 def opencv_fields(
@@ -323,6 +333,11 @@ def opencv_fields(
     pitch = check_positive("pixel_pitch_mm", lens["pixel_pitch_mm"])
     focus = check_positive("focus_distance_mm", lens["focus_distance_mm"])
     distance = scale_x * pitch
+    nearest = distance / _MOST_MAGNIFICATION
+    if focus < nearest:
+        rule = f"must be at least {nearest:.3g} mm: the image is {distance:.3g} mm from the lens"
+        hint = f"{focus:g} m are {1000 * focus:g}"
+        raise CameraError.of_rule("focus_distance_mm", rule, f"{focus:g}", hint=hint)
     return {
         **lens,
         "focal_length_mm": 1.0 / (1.0 / distance + 1.0 / focus),

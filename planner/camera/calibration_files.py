@@ -513,7 +513,7 @@ class NamedValues:
         if entries.get("dt", "d") not in _ONE_CHANNEL:
             raise self.error(
                 key,
-                "must have one number a place, such as dt: d",
+                "must state one number for each element, such as dt: d",
                 f"dt: {shown(entries['dt'], str)}",
             )
         if "rows" not in entries and "cols" not in entries:
@@ -706,8 +706,8 @@ def _of_one_camera(path: Path, tree: dict[str, Any]) -> dict[str, Any]:
     others = [key for key in tree if key not in cameras]
     if others:
         raise CameraError(
-            f"{path}: {shown(others[0], str)} must be a key that is known here. "
-            f"Got an unknown key beside {cameras[0]}."
+            f"{path}: {shown(others[0], str)} must be a key of such a file. "
+            f"Got an unknown key next to {cameras[0]}."
         )
     values = tree[cameras[0]]
     if not isinstance(values, dict):

@@ -138,13 +138,10 @@ def find_camera(name: str) -> tuple[str, dict[str, Any], dict[str, Any]]:
     keys = {key.lower(): key for key in catalogued()}
     key = keys.get(str(name).lower())
     if key is None:
-        near = (
-            difflib.get_close_matches(str(name).lower(), keys, n=3, cutoff=0.3) or sorted(keys)[:3]
-        )
-        offered = ", ".join(keys[n] for n in near)
-        raise CameraError.of_rule(
-            "camera", "must be a name of the catalogue", repr(str(name)), hint=f"nearest: {offered}"
-        )
+        near = difflib.get_close_matches(str(name).lower(), keys, n=3, cutoff=0.4)
+        hint = f"nearest: {', '.join(keys[n] for n in near)}" if near else ""
+        rule = "must be a name of the catalogue, which 'aspectgraph cameras' lists"
+        raise CameraError.of_rule("camera", rule, repr(str(name)), hint=hint)
     return key, *catalogued()[key]
 
 

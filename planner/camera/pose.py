@@ -161,6 +161,8 @@ def moved(cam2world: np.ndarray, moves: np.ndarray, unit_mm: float) -> np.ndarra
 
 _NAMES = ("dx", "dy", "dz", "phi_x", "phi_y", "phi_z")
 MAX_SIGMA_MM = 100.0
+PLAIN_SIGMA_RAD = 0.1
+"""Standard deviations of a rotation above this were rather meant as mrad or degrees, rad."""
 MAX_SIGMA_RAD = 1.0
 
 
@@ -225,12 +227,18 @@ class PoseUncertainty:
         Raises
         ------
         UncertaintyError
-            If a value is negative, not finite or so large that its unit must be wrong.
+            If a value is negative, not finite or so large that its unit must be wrong: above 100 mm or
+            0.1 rad (5.7°). A larger rotation is stated by its covariance.
         """
         sigmas = np.repeat([translation_mm, rotation_rad], 3).astype(float)
         for name, value in (("translation_mm", translation_mm), ("rotation_rad", rotation_rad)):
             if not (np.isfinite(value) and value >= 0):
                 raise UncertaintyError.of_rule(name, "must be finite and not negative", repr(value))
+        if rotation_rad > PLAIN_SIGMA_RAD:
+            rule = f"must be at most {PLAIN_SIGMA_RAD} rad, or be stated by the covariance"
+            got = f"{rotation_rad:g} rad, which are {math.degrees(rotation_rad):.3g}°"
+            hint = f"{rotation_rad:g}° are {math.radians(rotation_rad):.3g} rad"
+            raise UncertaintyError.of_rule("rotation_rad", rule, got, hint=hint)
         return cls(np.diag(sigmas**2))
 
     @classmethod

@@ -363,6 +363,9 @@ class ImageCheck:
         )
         # the same line may leave several entities
         lines, self._line_of_arm = np.unique(self.arms.contour, return_inverse=True)
+        # and from the same end, when it is the same arm
+        from_where = np.column_stack([self.arms.contour, self.arms.corner, self.arms.tip])
+        self._same_arm = np.unique(from_where, axis=0, return_inverse=True)[1].reshape(-1)
         ids_of_lines = [[int(self.contours.ids[line])] for line in lines]
         self._lines = _ImageLines.of(
             self.contours, [self._part.relation(ids, radius) for ids in ids_of_lines]
@@ -505,8 +508,10 @@ class ImageCheck:
         pairs : array of int (p, 2)
             Pose and entity, in rising order of the poses.
         """
-        seen = self._making_corners(cam2world, pairs, self._leaving(cam2world, pairs))[0]
-        return seen.chosen(seen.bend >= self.showing.min_corner_deg)
+        seen, _, candidates = self._long_arms(cam2world, pairs, self._leaving(cam2world, pairs))
+        far = np.ones(len(seen.of), bool)
+        far[candidates] = self._far(cam2world, pairs, seen, candidates)
+        return seen.chosen(far & (seen.bend >= self.showing.min_corner_deg))
 
     def _leaving(self, cam2world: Array, pairs: Pairs) -> SeenArms:
         seen = corner_arms(cam2world, pairs, self._scale, self._part.compiled, self.arms)
@@ -527,10 +532,11 @@ class ImageCheck:
             np.minimum.at(seen.tip_deg, short[of[visible]], angle[visible])
 
     def _corners(self, cam2world: Array, pairs: Pairs) -> Array:
-        seen, sharpest = self._making_corners(cam2world, pairs, self._leaving(cam2world, pairs))
+        seen, sharpest, candidates = self._long_arms(
+            cam2world, pairs, self._leaving(cam2world, pairs)
+        )
         # per end: a visible line far enough from the edge's own, and none too near to the edge
-        widest = np.zeros(2 * len(pairs))
-        np.maximum.at(widest, seen.of, seen.bend)
+        widest = self._widest(cam2world, pairs, seen, candidates)
         margin = np.minimum(widest, sharpest).reshape(-1, 2).min(axis=1)
         return np.where(self._long_enough(cam2world, pairs, sharpest), margin, 0.0)
 
@@ -544,12 +550,31 @@ class ImageCheck:
             np.linalg.norm(last - first, axis=1) - beside >= 2.0 * self.showing.separation_px
         )
 
-    def _making_corners(
-        self, cam2world: Array, pairs: Pairs, seen: SeenArms
-    ) -> tuple[SeenArms, Array]:
-        """Return lines that are long enough for a fit and as far from others as is asked of edges; and sharpest angles.
+    def _widest(
+        self, cam2world: Array, pairs: Pairs, seen: SeenArms, candidates: NDArray[np.int64]
+    ) -> Array:
+        """Return the widest corner of each end (2 p,), degrees, of arms that are as far from other lines as is asked.
 
-        The latter is not asked where an end has no corner anyway, or of a line at a smaller angle than is asked for.
+        Of an end, the arm at the largest angle is asked first: where it is far, no other counts.
+        """
+        widest = np.zeros(2 * len(pairs))
+        others = np.delete(np.arange(len(seen.of)), candidates)
+        np.maximum.at(widest, seen.of[others], seen.bend[others])
+        remaining = candidates[np.lexsort((-seen.bend[candidates], seen.of[candidates]))]
+        while remaining.size:
+            is_first = np.diff(seen.of[remaining], prepend=-1) > 0
+            first = remaining[is_first]
+            far = first[self._far(cam2world, pairs, seen, first)]
+            np.maximum.at(widest, seen.of[far], seen.bend[far])
+            remaining = remaining[~is_first & ~np.isin(seen.of[remaining], seen.of[far])]
+        return widest
+
+    def _long_arms(
+        self, cam2world: Array, pairs: Pairs, seen: SeenArms
+    ) -> tuple[SeenArms, Array, NDArray[np.int64]]:
+        """Return lines that are long enough for a fit, sharpest angles, and which lines must be far from others.
+
+        That is not asked where an end has no corner anyway, or of a line at a smaller angle than is asked for.
         """
         separation = self.showing.separation_px
         sharpest = np.full(2 * len(pairs), 90.0)
@@ -561,20 +586,25 @@ class ImageCheck:
         if separation > 0:
             self._find_tips(cam2world, pairs, seen, self._hopeful(seen, sharpest))
             seen = seen.chosen(seen.long_enough(fork, separation))
-            hopeful = self._hopeful(seen, sharpest)
-            far = np.ones(len(seen.of), bool)
-            far[hopeful] = self._far(cam2world, pairs, seen, hopeful)
-            seen = seen.chosen(far)
-        return seen, sharpest
+            return seen, sharpest, self._hopeful(seen, sharpest)
+        return seen, sharpest, np.zeros(0, np.int64)
 
     def _far(
         self, cam2world: Array, pairs: Pairs, seen: SeenArms, arms: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
-        """Return which arms are as far from other lines as is asked of edges, as long as they are fitted to."""
+        """Return which arms are as far from other lines as is asked of edges, as long as they are fitted to.
+
+        The same arm of several entities is asked once.
+        """
+        of_pose = (
+            pairs[seen.of[arms] // 2, 0] * len(self._same_arm) + self._same_arm[seen.arm[arms]]
+        )
+        _, chosen, inverse = np.unique(of_pose, return_index=True, return_inverse=True)
+        arms = arms[chosen]
         ends = np.stack([self.arms.corner[seen.arm[arms]], seen.last[arms]], axis=1)
         entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[arms]], *self._lines
         each = np.column_stack([pairs[seen.of[arms] // 2, 0], np.arange(len(arms))])
-        return ~self._has_near(cam2world, each, entities, self.showing.separation_px)
+        return ~self._has_near(cam2world, each, entities, self.showing.separation_px)[inverse]
 
     def _hopeful(self, seen: SeenArms, sharpest: Array) -> NDArray[np.int64]:
         """Return the arms that may make a corner, of edges that may have one at both ends."""

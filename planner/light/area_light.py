@@ -14,36 +14,27 @@ n camera places (*eyes*), m points of edges. A contrast is that of the two sides
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    Literal,
-    NamedTuple,
-    Protocol,
-    Self,
-)
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.entities.entity import Entity
 from aspectgraph.solid.solid import RayScene
-from ground.convert import STATED, Meta
-from planner.argument_kinds import POSITIVE, check_number
 from planner.camera.camera import Camera, tangents_of
-from planner.exceptions import RequestError
 from planner.light.corner_light import (
     BESIDE_PX,
     SHARES,
+    across,
     corner_lines_of,
     parts_of,
     points_of_arm,
-    rays_beside,
 )
+from planner.light.reflection import Places
 from planner.request.reach import AROUND, Space, observable_where
+from planner.request.reads import Reads
 from planner.request.targets import targets_of
 from planner.verify.simulate_setting import Planned
 
@@ -61,18 +52,6 @@ SECTORS = 12
 
 # an entity of more edges is looked at in the middle of each, others at nine points
 _FEW_EDGES = 8
-# rays at a time
-_RAYS = 500_000
-# what ends so near to a plane, as a share of the distances, is in it
-_FLAT = 1e-6
-# a bright wall beside an edge moves its image by less than this if it is not wider
-_THIN_PX = 0.05
-# a face looks at the rectangle if part of this is higher over it than so much of its distance
-_LOOKS = 0.02
-# light that a matt wall has next to a rectangle, half of which it sees, as a share of the rectangle's; its albedo is .5
-_WALL = 0.25
-# a backlight reaches so far beyond what the height of the part asks for: detection windows look beside edges
-_BEYOND_MM = 10.0
 
 
 class Sight(NamedTuple):
@@ -133,6 +112,29 @@ class EdgePoints(NamedTuple):
         )
 
 
+def ways_beside(
+    sight: Sight, edges: EdgePoints, eyes: Array, beside_px: float = BESIDE_PX
+) -> Array:
+    """Return rays (2, n, m, 3) from cameras at eyes (n, 3) to both sides of points (m) of edges, so far beside them."""
+    lines = edges.points - eyes[:, None]
+    aside = np.stack([across(lines[:, k], edges.along[k]) for k in range(lines.shape[1])], axis=1)
+    off = beside_px * sight.pixel_rad * np.linalg.norm(lines, axis=-1, keepdims=True) * aside
+    return np.stack([lines + off, lines - off])
+
+
+def places_seen(scene: RayScene, eyes: Array, ways: Array) -> tuple[Places, Bools]:
+    """Return the places that rays (..., 3) from eyes meet, and which rays (...) meet one."""
+    hit = scene.cast(eyes, ways)
+    depth = hit["t_hit"].astype(np.float64)
+    met = np.isfinite(depth)
+    sight = ways[met]
+    points = np.broadcast_to(eyes, ways.shape)[met] + depth[met, None] * sight
+    normals = hit["primitive_normals"][met].astype(np.float64)
+    normals *= np.where((normals * sight).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+    views = -sight / np.linalg.norm(sight, axis=1, keepdims=True)
+    return Places(points, normals, views), met
+
+
 class StandingLight(Protocol):
     """A light with an area that stands: it answers by rays."""
 
@@ -166,6 +168,14 @@ class AreaLight(Protocol):
     def only_outlines(self) -> bool:
         """Whether only outlines make lines in the image, so that other edges nearby do not matter."""
 
+    @property
+    def on_metal(self) -> bool:
+        """Whether the part is metal, so that light is uneven next to edges."""
+
+    @property
+    def square_on(self) -> bool:
+        """Whether it shows faces at right angles to the optical axis, so that the search tries such poses."""
+
     def check_part(self, solid: Solid) -> None:
         """Raise RequestError if the light cannot stand where it is, because of the part."""
 
@@ -183,363 +193,6 @@ class AreaLight(Protocol):
 
     def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
         """Return how bright (n,) a camera at a place (3,) sees what rays (n, 3) meet; any unit, linear."""
-
-
-# The light that stands behind a part.
-
-
-_Triple = Annotated[
-    tuple[float, float, float], Meta(title="must be three finite numbers in mm, x, y and z")
-]
-
-
-@dataclass(frozen=True)
-class Backlight:
-    """A bright rectangle behind a part.
-
-    An edge shows in front of it where one side of the edge is the part, and the ray next to it passes the part and
-    meets the rectangle. So only outlines show, and holes that the camera looks through.
-
-    A wall that the camera sees next to the edge reflects the rectangle. On metal it may be as bright as the
-    rectangle, so the edge does not show. On a matt part it is dim, and moves the edge unless it is at least three
-    pixels wide.
-
-    Parameters
-    ----------
-    centre : tuple of float
-        Centre of the rectangle (3,), mm.
-    half_width, half_height : tuple of float
-        From the centre to the middles of two sides (3,), mm, at right angles. It shines to where their cross product
-        points.
-    name : str
-        Name in the catalogue, or empty.
-    metal : bool
-        Whether faces of the part are metal.
-
-    Raises
-    ------
-    RequestError
-        If a number is not finite, or the two are not at right angles, or have no length.
-
-    Examples
-    --------
-    >>> from planner import Backlight
-    >>> print(Backlight.horizontal((40, 25, 0), 200, 160))
-    a backlight of 200 x 160 mm at (40, 25, 0) mm
-    """
-
-    kind: Annotated[Literal["backlight"], STATED] = field(default="backlight", init=False)
-    centre: _Triple
-    half_width: _Triple
-    half_height: _Triple
-    name: str = ""
-    metal: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("centre", "half_width", "half_height"):
-            object.__setattr__(self, name, _triple(name, getattr(self, name)))
-        lengths = self.half_lengths
-        if not lengths.min() > 0:
-            raise RequestError.of_rule(
-                "half_width", "and half_height must have a length", f"{lengths.min():g} mm"
-            )
-        cosine = np.dot(self.half_width, self.half_height) / lengths.prod()
-        if abs(cosine) > _FLAT:
-            got = f"{np.degrees(np.arccos(cosine)):g} degrees"
-            raise RequestError.of_rule("half_width", "must be at right angles to half_height", got)
-
-    def __str__(self) -> str:
-        """Return what a sentence calls it."""
-        return self.description
-
-    @classmethod
-    def horizontal(
-        cls, centre: Sequence[float], width_mm: float, height_mm: float, name: str = ""
-    ) -> Self:
-        """Return a rectangle that lies and shines upwards (+z).
-
-        Parameters
-        ----------
-        centre : sequence of float
-            Its centre (3,), mm.
-        width_mm, height_mm : float
-            Its sizes in x and y.
-        name : str
-            Name in the catalogue, or empty.
-
-        Raises
-        ------
-        RequestError
-            If a size is not positive.
-        """
-        width, height = (
-            check_number(word, value, POSITIVE) / 2
-            for word, value in (("width_mm", width_mm), ("height_mm", height_mm))
-        )
-        return cls(_triple("centre", centre), (width, 0.0, 0.0), (0.0, height, 0.0), name)
-
-    @classmethod
-    def under(cls, solid: Solid) -> Self:
-        """Return the rectangle that a part lies on, in the plane of its lowest point.
-
-        It is larger than the part on each side by the part's height and 10 mm. So cameras that look at an edge
-        by up to 45 degrees from above still see the rectangle next to it.
-
-        Parameters
-        ----------
-        solid : Solid
-            The part; z is up.
-        """
-        low, high = (np.asarray(corner, dtype=np.float64) for corner in solid.bounds)
-        centre = (low + high) / 2
-        room = 2 * (high[2] - low[2] + _BEYOND_MM)
-        # whole millimetres, as it is bought
-        width, height = np.ceil(high[:2] - low[:2] + room).tolist()
-        return cls.horizontal((*centre[:2].tolist(), float(low[2])), width, height)
-
-    @property
-    def half_lengths(self) -> Array:
-        """Half of its width and height (2,), mm."""
-        return np.linalg.norm([self.half_width, self.half_height], axis=1)
-
-    @property
-    def normal(self) -> Array:
-        """Unit vector (3,) to where it shines."""
-        cross = np.cross(self.half_width, self.half_height)
-        return np.asarray(cross / np.linalg.norm(cross))
-
-    @property
-    def outline(self) -> Array:
-        """Its corners (4, 3), mm."""
-        width, height = np.array([self.half_width, self.half_height])
-        signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-        return np.array([np.array(self.centre) + a * width + b * height for a, b in signs])
-
-    @property
-    def description(self) -> str:
-        """What a sentence calls it."""
-        width, height = 2 * self.half_lengths
-        place = ", ".join(f"{x:g}" for x in self.centre)
-        named = f" {self.name}" if self.name else ""
-        return f"a backlight{named} of {width:g} x {height:g} mm at ({place}) mm"
-
-    @property
-    def reason(self) -> str:
-        """Why a target is not shown."""
-        return (
-            "is not the outline of the part in front of the backlight, at the camera or nearby, or an end of it has no "
-            "other line in front of the backlight, or a wall next to it reflects the backlight"
-        )
-
-    @property
-    def only_outlines(self) -> bool:
-        """True: the part is dark in front of it."""
-        return True
-
-    def in_front(self, cells: CellSet) -> CellSet:
-        """Return the cells that reach in front of the rectangle's plane.
-
-        Parameters
-        ----------
-        cells : CellSet
-            Where cameras may be.
-
-        Returns
-        -------
-        CellSet
-            Without the cells behind the plane.
-        """
-        return cells.in_front_of(np.array(self.centre), self.normal)
-
-    def check_part(self, solid: Solid) -> None:
-        """Refuse a rectangle that the part is in the way of, or that does not shine at it.
-
-        Parameters
-        ----------
-        solid : Solid
-            The part.
-
-        Raises
-        ------
-        RequestError
-            If the rectangle passes through the part, or does not shine at it.
-        """
-        heights, places = self._local(solid.vertices)
-        flat = _FLAT * float(np.abs(solid.bounds).max() + self.half_lengths.max())
-        if heights.max() <= flat:
-            raise RequestError.of_rule(
-                "lamps", "must shine at the part", f"{self}, which shines away from it"
-            )
-        below = heights < -flat
-        ends = np.array([edge.vertices for edge in solid.edges])
-        crossing = ends[below[ends[:, 0]] != below[ends[:, 1]]]
-        share = heights[crossing[:, 0]] / (heights[crossing[:, 0]] - heights[crossing[:, 1]])
-        met = places[crossing[:, 0]] + share[:, None] * np.subtract(*places[crossing[:, ::-1].T])
-        inside = (np.abs(met) < self.half_lengths - flat).all(axis=1).any()
-        if inside or self._border_inside(solid, flat):
-            raise RequestError.of_rule("lamps", "must be outside the part", f"{self}, inside it")
-
-    def held(self, cam2world: Array) -> Self:
-        """Return itself: it stands wherever the camera is.
-
-        Parameters
-        ----------
-        cam2world : array (4, 4)
-            Pose of the camera.
-
-        Returns
-        -------
-        Backlight
-            The same.
-        """
-        return self
-
-    def _border_inside(self, solid: Solid, flat: float) -> bool:
-        """Tell whether the border meets the part, or the centre is inside; a part that lies on it does neither."""
-        # float32: what lies in the plane is well above the place that is tested
-        lowered = self.outline - 100 * flat * self.normal
-        scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
-        starts = np.roll(lowered, 1, axis=0)
-        met = scene.cast(starts, lowered - starts)["t_hit"] <= 1.0
-        centre = lowered.mean(axis=0)
-        return bool(met.any() or scene.signed_distance(centre[None])[0] < 0)
-
-    def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
-        """Return contrast and step (n, m) of points of edges that show in front of the rectangle, and 0 of others.
-
-        Both are 1 next to a face that no light reaches.
-
-        Parameters
-        ----------
-        sight : Sight
-            The part and the camera.
-        edges : EdgePoints
-            Points of edges.
-        eyes : array (n, 3)
-            Positions of cameras, mm.
-
-        Returns
-        -------
-        tuple of array (n, m)
-            Contrasts and steps, which are the same here.
-        """
-        lit = np.ones((len(eyes), len(edges.points)))
-        size = max(1, _RAYS // max(1, len(edges.points)))
-        for first in range(0, len(eyes), size):
-            block = slice(first, first + size)
-            lit[block] = self._beside(sight, edges, eyes[block])
-        return (1 - lit) / (1 + lit), 1 - lit
-
-    def _beside(self, sight: Sight, edges: EdgePoints, eyes: Array) -> Array:
-        """Return the light (n, m) of the part next to edges that show, as a share of the rectangle's; 1 of others."""
-        lit = np.ones((len(eyes), len(edges.points)))
-        towards = eyes[:, None] - edges.points
-        front = np.einsum("nmi,mfi->nmf", towards, edges.normals) > 0
-        shows = front[..., 0] != front[..., 1]
-        row, column = np.nonzero(shows)
-        hidden = edges.normals[column, front[row, column, 0].astype(int)]
-        outside = rays_beside(-towards[row, column], edges.along[column], hidden, sight.pixel_rad)
-        seen = self._seen(sight.scene, eyes[row], outside)
-        # the other side, as far from the edge, is the part
-        inside = -2 * towards[row, column] - outside
-        part = np.zeros(len(row), dtype=bool)
-        part[seen] = sight.scene.blocked(eyes[row[seen]], inside[seen], np.inf)
-        row = row[part]
-        column = column[part]
-        visible = edges.normals[column, front[row, column, 1].astype(int)]
-        # from the edge to the side of the part, by a pixel
-        pixel = -(outside[part] + towards[row, column]) / BESIDE_PX
-        lit[row, column] = self._wall(sight.scene, eyes[row], edges.points[column], visible, pixel)
-        return lit
-
-    def _wall(
-        self, scene: RayScene, eyes: Array, points: Array, normals: Array, pixel: Array
-    ) -> Array:
-        """Return the light (n,) of the faces that cameras see next to edges, 1 where it hides or moves the edge.
-
-        Edges are given by points and the normals of these faces (n, 3); a pixel (n, 3) is a way to their side.
-        """
-        lit = np.zeros(len(points))
-        rows = np.flatnonzero(self._is_looked_at(points, normals))
-        edges = points[rows] - eyes[rows]
-        # where the wall is thin, what is next to it counts
-        thick = self._meets_bright(scene, eyes[rows], edges + _THIN_PX * pixel[rows])
-        wide = self._meets_bright(scene, eyes[rows], edges + BESIDE_PX * pixel[rows])
-        lit[rows] = np.where(thick, 1.0, 0.0)
-        if not self.metal:
-            lit[rows[thick & wide]] = _WALL
-        return lit
-
-    def _meets_bright(self, scene: RayScene, eyes: Array, rays: Array) -> Bools:
-        """Return which rays (n, 3) from eyes (n, 3) meet a face that some of the rectangle is in front of."""
-        hit = scene.cast(eyes, rays)
-        depth = hit["t_hit"].astype(np.float64)
-        met = np.isfinite(depth)
-        normals = hit["primitive_normals"][met].astype(np.float64)
-        normals *= np.where((normals * rays[met]).sum(axis=1) > 0, -1.0, 1.0)[:, None]
-        bright = np.zeros(len(rays), dtype=bool)
-        bright[met] = self._is_looked_at(eyes[met] + depth[met, None] * rays[met], normals)
-        return bright
-
-    def _is_looked_at(self, points: Array, normals: Array) -> Bools:
-        """Return which faces at points, with normals (n, 3), some of the rectangle is in front of."""
-        ways = self.outline - points[:, None]
-        heights = np.einsum("nki,ni->nk", ways, normals) / np.linalg.norm(ways, axis=2)
-        return np.asarray((heights > _LOOKS).any(axis=1))
-
-    def _seen(self, scene: RayScene, eyes: Array, rays: Array) -> Bools:
-        """Return which rays (n, 3) from eyes (n, 3) meet the bright side of the rectangle, and no part before it."""
-        heights, places = self._local(eyes)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reach = -heights / (rays @ self.normal)
-        _, along = self._local(rays, vectors=True)
-        met = np.isfinite(reach) & (reach > 0) & (heights > 0)
-        ends = places[met] + reach[met, None] * along[met]
-        met[met] = (np.abs(ends) <= self.half_lengths).all(axis=1)
-        # rays that go on to the plane: their length is the way to it
-        rows = np.flatnonzero(met)
-        met[rows] = ~scene.blocked(eyes[rows], rays[rows] * reach[rows, None])
-        return met
-
-    def _local(self, points: Array, *, vectors: bool = False) -> tuple[Array, Array]:
-        """Return heights (n,) over the plane and coordinates (n, 2) along width and height of points or vectors, mm."""
-        axes = np.array([self.half_width, self.half_height]) / self.half_lengths[:, None]
-        local = points if vectors else points - np.array(self.centre)
-        return local @ self.normal, local @ axes.T
-
-    def brightness(self, scene: RayScene, eye: Array, rays: Array) -> Array:
-        """Return 1 for rays (n, 3) that meet the rectangle, 0 for others.
-
-        Parameters
-        ----------
-        scene : RayScene
-            Of the part.
-        eye : array (3,)
-            Position of the camera, mm.
-        rays : array (n, 3)
-            Rays of pixels.
-
-        Returns
-        -------
-        array (n,)
-            Brightness.
-        """
-        flat = rays.reshape(-1, 3)
-        seen = self._seen(scene, np.broadcast_to(eye, flat.shape), flat)
-        return seen.astype(np.float64).reshape(rays.shape[:-1])
-
-
-def _triple(name: str, values: Any) -> tuple[float, float, float]:
-    """Return three finite numbers."""
-    try:
-        x, y, z = (float(value) for value in values)
-    except (TypeError, ValueError):
-        raise RequestError.of_rule(
-            name, "must be three finite numbers in mm", repr(values)
-        ) from None
-    if not np.isfinite([x, y, z]).all():
-        raise RequestError.of_rule(name, "must be three finite numbers in mm", repr(values))
-    return x, y, z
 
 
 # What an area light shows: of an entity from places of the camera, of a plan, and where to search.
@@ -598,7 +251,12 @@ class AreaShown:
 
 
 def shown_of_plan(
-    area: AreaLight, plan: Planned, solid: Solid, scene: RayScene, limits: tuple[float, float]
+    area: AreaLight,
+    plan: Planned,
+    solid: Solid,
+    scene: RayScene,
+    limits: tuple[float, float],
+    reads: Reads | None = None,
 ) -> list[AreaShown]:
     """Return what an area light shows of each setting of a plan, also where the camera is displaced.
 
@@ -614,6 +272,8 @@ def shown_of_plan(
         Of the part.
     limits : tuple of float
         Least contrast and step.
+    reads : Reads, optional
+        What measuring will find.
 
     Raises
     ------
@@ -645,18 +305,42 @@ def shown_of_plan(
             edge_ids.append(parts[key][0].edge_ids if targets[name].in_image else ())
     shows = (np.reshape(values, (-1, 2)) >= limits).all(axis=1)
     shows &= _ends_show(area, plan, sight, pairs, edge_ids, limits)
+    reasons = _unread(
+        area, plan, [pair for pair, is_shown in zip(pairs, shows, strict=True) if is_shown], reads
+    )
     result = []
     for k in range(len(plan.settings)):
         of_setting = [i for i, pair in enumerate(pairs) if pair[0] == k]
-        lit = [i for i in of_setting if shows[i]]
+        lit = [i for i in of_setting if shows[i] and pairs[i] not in reasons]
         result.append(
             AreaShown(
                 {pairs[i][1]: float(values[i][0]) for i in lit},
                 tuple(pairs[i][1] for i in lit if silhouettes[i]),
-                {pairs[i][1]: f"it {area.reason}." for i in of_setting if not shows[i]},
+                {
+                    pairs[i][1]: reasons.get(pairs[i], f"it {area.reason}.")
+                    for i in of_setting
+                    if i not in lit
+                },
             )
         )
     return result
+
+
+def _unread(
+    area: AreaLight, plan: Planned, pairs: Sequence[tuple[int, str]], reads: Reads | None
+) -> dict[tuple[int, str], str]:
+    """Return of which pairs of setting and target, that show, measuring will not find enough, and why."""
+    reasons: dict[tuple[int, str], str] = {}
+    if reads is None:
+        return reasons
+    for k, name in pairs:
+        setting = plan.settings[k]
+        target = targets_of(plan.targets, setting)[name]
+        pose = np.asarray(setting.cam2world, dtype=np.float64)
+        text = reads.unread(pose, plan.camera, target, area)
+        if text:
+            reasons[k, name] = f"{text}."
+    return reasons
 
 
 def _is_silhouette(solid: Solid, entity: Entity, eye: Array) -> bool:
@@ -726,7 +410,40 @@ def area_brightness(
     return light
 
 
-class AreaSpace:
+class LitSpace:
+    """What spaces of viewpoints under a light take from the regions that they narrow.
+
+    Parameters
+    ----------
+    regions : Space
+        From where the entities are visible.
+    """
+
+    def __init__(self, regions: Space) -> None:
+        self.regions = regions
+
+    @property
+    def solid(self) -> Solid:
+        """The part."""
+        return self.regions.solid
+
+    @property
+    def workspace(self) -> Array:
+        """Lowest and highest corner (2, 3) of the box the camera may be in, mm."""
+        return self.regions.workspace
+
+    @property
+    def entities(self) -> Mapping[str, Any]:
+        """The entities by name."""
+        return self.regions.entities
+
+    @property
+    def entity_names(self) -> tuple[str, ...]:
+        """Names of the entities, in order."""
+        return self.regions.entity_names
+
+
+class AreaSpace(LitSpace):
     """Viewpoints from which a camera sees entities, and an area light makes them show: a space for planning.
 
     The covering cells are those of the regions, without those from which the light shows nothing. So a lower bound
@@ -747,7 +464,7 @@ class AreaSpace:
     def __init__(
         self, regions: Space, camera: Camera, area: AreaLight, limits: tuple[float, float]
     ) -> None:
-        self.regions = regions
+        super().__init__(regions)
         self.camera = camera
         self.area = area
         self.limits = limits
@@ -762,29 +479,9 @@ class AreaSpace:
         return {**self.__dict__, "_sight": None}
 
     @property
-    def solid(self) -> Solid:
-        """The part."""
-        return self.regions.solid
-
-    @property
     def only_outlines(self) -> bool:
         """Whether only outlines make lines in the image."""
         return self.area.only_outlines
-
-    @property
-    def workspace(self) -> Array:
-        """Lowest and highest corner (2, 3) of the box the camera may be in, mm."""
-        return self.regions.workspace
-
-    @property
-    def entities(self) -> Mapping[str, Any]:
-        """The entities by name."""
-        return self.regions.entities
-
-    @property
-    def entity_names(self) -> tuple[str, ...]:
-        """Names of the entities, in order."""
-        return self.regions.entity_names
 
     def covering_cells(self, names: Sequence[str]) -> CellSet:
         """Return the viewpoints in front of the light from where all named entities are visible.

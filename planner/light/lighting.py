@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
-from scipy.stats import qmc
 
 from aspectgraph.cells.arrays import Cell
 from aspectgraph.light import (
@@ -25,7 +24,7 @@ from ground.convert import Plain, from_plain, to_plain
 from planner.argument_kinds import FROM_0_BELOW_1, NOT_NEGATIVE, POSITIVE, check_number
 from planner.camera.camera import Camera
 from planner.exceptions import RequestError
-from planner.light.area_light import AreaLight, EdgePoints
+from planner.light.area_light import AreaLight, EdgePoints, LitSpace
 from planner.light.area_lights import (
     AREA_LIGHTS,
     area_of_word,
@@ -138,6 +137,9 @@ class LampBox:
             Positions in mm, the same in every call.
         """
         low, high = self.bounds
+        # takes longer to load than all else of a small plan, and few need it
+        from scipy.stats import qmc
+
         drawn = qmc.Halton(3, scramble=True, rng=np.random.default_rng(0)).random(n)
         return self._reached(np.asarray(low + drawn * (high - low)))
 
@@ -644,7 +646,7 @@ class Served:
 # From where a camera with a ring light sees edges and makes them show: a space for planning.
 
 
-class RingSpace:
+class RingSpace(LitSpace):
     """Viewpoints from which a camera with a ring light sees entities.
 
     Use it as ``space`` of `plan_inspection`.
@@ -683,6 +685,7 @@ class RingSpace:
 
     def __init__(self, light: LightRegions, camera: Camera, step: float = DEFAULT_STEP) -> None:
         check_number("step", step, FROM_0_BELOW_1)
+        super().__init__(light)
         self.light = light
         self.camera = camera
         self.step = step
@@ -695,26 +698,6 @@ class RingSpace:
     def __getstate__(self) -> dict[str, Any]:
         """Leave the rays' scene behind: it cannot cross a process boundary."""
         return {**self.__dict__, "_rays": None}
-
-    @property
-    def solid(self) -> Solid:
-        """The part."""
-        return self.light.solid
-
-    @property
-    def workspace(self) -> Array:
-        """Lowest and highest corner (2, 3) of the box the camera may be in, mm."""
-        return self.light.workspace
-
-    @property
-    def entities(self) -> Mapping[str, Any]:
-        """The entities by name."""
-        return self.light.entities
-
-    @property
-    def entity_names(self) -> tuple[str, ...]:
-        """Names of the entities, in order."""
-        return self.light.entity_names
 
     @property
     def contrast(self) -> float:

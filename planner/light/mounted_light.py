@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from ground.convert import STATED, Meta, check_fields
 from planner.exceptions import RequestError
-from planner.light.area_light import EdgePoints
-from planner.light.corner_light import across
+from planner.light.area_light import EdgePoints, places_seen, ways_beside
 from planner.light.reflection import (
     BOUNCES,
     RAYS,
@@ -45,8 +44,6 @@ Bools = NDArray[np.bool_]
 
 _Positive = Annotated[float, Meta(gt=0, title="must be finite and positive")]
 
-# where edges are looked at beside them, as under lamps
-_BESIDE_PX = 3.0
 # places of the light that must be clear of the part, along it and around it, and by how much, mm
 _BODY = 12
 _CLEAR_MM = 1.0
@@ -71,6 +68,8 @@ _RING_WIDTH_MM = 20.0
 _DOME_SHARE = 1.5
 # holes and windows are larger than the field by this share
 _MARGIN = 1.1
+# length of the mean of a face's unit normals from which on it is flat
+_FLAT = 0.999
 _TINY = 1e-9
 
 
@@ -96,6 +95,9 @@ class _Carried:
         AreaEmitter
             In the world.
         """
+        return self._surface(np.asarray(cam2world, dtype=np.float64))
+
+    def _surface(self, cam2world: Array) -> AreaEmitter:
         raise NotImplementedError
 
     def looks_through(self, local: Array) -> Bools:
@@ -155,6 +157,16 @@ class _Carried:
         """False: edges between faces show, too."""
         return False
 
+    @property
+    def on_metal(self) -> bool:
+        """Whether the part is metal."""
+        return self.material.kind == "metal"
+
+    @property
+    def square_on(self) -> bool:
+        """Whether only faces at right angles to the optical axis are bright."""
+        return False
+
     def check_part(self, solid: Solid) -> None:
         """Accept any part: whether the light touches it depends on the pose.
 
@@ -211,7 +223,7 @@ class _Carried:
         return _brightest(self, float(f"{distance_mm:.3g}"))
 
     def contrasts(self, sight: Sight, edges: EdgePoints, eyes: Array) -> tuple[Array, Array]:
-        """Return contrast and step of points of edges for cameras that look at the middle of the part.
+        """Return contrast and step of points of edges for cameras that look where it is likely, see `likely_poses`.
 
         Parameters
         ----------
@@ -230,7 +242,7 @@ class _Carried:
         chosen = np.unique(np.linspace(0, len(edges.points) - 1, _SEARCH_POINTS).astype(int))
         nearest = np.abs(np.arange(len(edges.points))[:, None] - chosen).argmin(axis=1)
         few = EdgePoints(*(values[chosen] for values in edges))
-        poses = looking_at(eyes, np.mean(sight.solid.bounds, axis=0))
+        poses = self.likely_poses(sight, edges, eyes)
         contrast = np.empty((len(eyes), len(edges.points)))
         step = np.empty_like(contrast)
         for first in range(0, len(eyes), _SEARCH_EYES):
@@ -239,12 +251,31 @@ class _Carried:
             contrast[block], step[block] = (values[:, nearest] for values in shown)
         return contrast, step
 
+    def likely_poses(self, sight: Sight, edges: EdgePoints, eyes: Array) -> Array:
+        """Return poses (n, 4, 4) of cameras at eyes (n, 3), before the search turns them: they look at the part.
+
+        Parameters
+        ----------
+        sight : Sight
+            The part and the camera.
+        edges : EdgePoints
+            Points of edges.
+        eyes : array (n, 3)
+            Positions of cameras, mm.
+
+        Returns
+        -------
+        array (n, 4, 4)
+            Camera to world.
+        """
+        return looking_at(eyes, np.mean(sight.solid.bounds, axis=0))
+
     def _shown_quickly(
         self, sight: Sight, edges: EdgePoints, eyes: Array, poses: Array
     ) -> tuple[Array, Array]:
         """Return contrast and step (n, m) for cameras with poses (n, 4, 4), by few rays."""
-        ways = _ways_beside(sight, edges, eyes)
-        seen, met = _places_seen(sight.scene, eyes[:, None], ways)
+        ways = ways_beside(sight, edges, eyes)
+        seen, met = places_seen(sight.scene, eyes[:, None], ways)
         of_eye = np.broadcast_to(np.arange(len(eyes))[:, None], ways.shape[:-1])[met]
         bright = np.zeros(ways.shape[:-1])
         if len(of_eye):
@@ -298,6 +329,13 @@ def _grid() -> Array:
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
+def flat_normals(edges: EdgePoints) -> Array:
+    """Return the unit normals (k, 3) of the flat faces beside points of edges, at most two."""
+    means = edges.normals.mean(axis=0)
+    lengths = np.linalg.norm(means, axis=1, keepdims=True)
+    return np.asarray((means / np.maximum(lengths, _TINY))[lengths[:, 0] > _FLAT])
+
+
 def looking_at(eyes: Array, point: Array) -> Array:
     """Return poses (n, 4, 4) of cameras at places (n, 3) that look at a point (3,), mm."""
     axis = point - eyes
@@ -308,27 +346,6 @@ def looking_at(eyes: Array, point: Array) -> Array:
     poses[:, :3, :3] = np.stack([right, np.cross(axis, right), axis], axis=-1)
     poses[:, :3, 3] = eyes
     return poses
-
-
-def _ways_beside(sight: Sight, edges: EdgePoints, eyes: Array) -> Array:
-    """Return rays (2, n, m, 3) from cameras at eyes (n, 3) to both sides of points of edges."""
-    lines = edges.points - eyes[:, None]
-    aside = np.stack([across(lines[:, k], edges.along[k]) for k in range(lines.shape[1])], axis=1)
-    off = _BESIDE_PX * sight.pixel_rad * np.linalg.norm(lines, axis=-1, keepdims=True) * aside
-    return np.stack([lines + off, lines - off])
-
-
-def _places_seen(scene: RayScene, eyes: Array, ways: Array) -> tuple[Places, Bools]:
-    """Return the places that rays (..., 3) meet, and which rays (...) meet one."""
-    hit = scene.cast(eyes, ways)
-    depth = hit["t_hit"].astype(np.float64)
-    met = np.isfinite(depth)
-    sight = ways[met]
-    points = np.broadcast_to(eyes, ways.shape)[met] + depth[met, None] * sight
-    normals = hit["primitive_normals"][met].astype(np.float64)
-    normals *= np.where((normals * sight).sum(axis=1) > 0, -1.0, 1.0)[:, None]
-    views = -sight / np.linalg.norm(sight, axis=1, keepdims=True)
-    return Places(points, normals, views), met
 
 
 def _contrast_and_step(bright: Array, through: Bools, reference: float) -> tuple[Array, Array]:
@@ -386,7 +403,7 @@ class HeldLight:
         self, sight: Sight, edges: EdgePoints, eyes: Array, rays: int, bounces: int
     ) -> tuple[Array, Array]:
         """Return contrast and step, by so many rays and reflections; see `contrasts`."""
-        ways = _ways_beside(sight, edges, eyes)
+        ways = ways_beside(sight, edges, eyes)
         bright = self._seen(sight.scene, eyes[:, None], ways, rays, bounces)
         local = (edges.points - self.cam2world[:3, 3]) @ self.cam2world[:3, :3]
         reference = self.light.brightest(float(np.median(local[:, 2])))
@@ -417,7 +434,7 @@ class HeldLight:
 
     def _seen(self, scene: RayScene, eyes: Array, ways: Array, rays: int, bounces: int) -> Array:
         """Return how bright (...) what is seen along rays (..., 3) is; the ground is dark."""
-        seen, met = _places_seen(scene, eyes, ways)
+        seen, met = places_seen(scene, eyes, ways)
         bright = np.zeros(ways.shape[:-1])
         emitter = self.light.emitter(self.cam2world)
         bright[met] = brightness(scene, emitter, seen, self.light.material, rays, bounces)
@@ -512,19 +529,7 @@ class DiffuseDome(_Carried):
         size = f"of {self.diameter_mm:g} mm with a hole of {self.hole_mm:g} mm"
         return f"{_called('a diffuse dome', self.name)} {size}, its rim {_ahead(self.distance_mm)}"
 
-    def emitter(self, cam2world: Array) -> AreaEmitter:
-        """Return the shining surface for a camera with a pose.
-
-        Parameters
-        ----------
-        cam2world : array (4, 4)
-            Pose of the camera.
-
-        Returns
-        -------
-        AreaEmitter
-            In the world.
-        """
+    def _surface(self, cam2world: Array) -> AreaEmitter:
         place, axis = _on_axis(cam2world, self.distance_mm)
         return Cap(place, -axis, self.diameter_mm / 2, 0.0, self.hole_mm / 2)
 
@@ -607,21 +612,40 @@ class CoaxialLight(_Carried):
         size = f"with a window of {self.side_mm:g} mm"
         return f"{_called('coaxial light', self.name)} {size}, {_ahead(self.distance_mm)}"
 
-    def emitter(self, cam2world: Array) -> AreaEmitter:
-        """Return the shining surface for a camera with a pose.
+    def _surface(self, cam2world: Array) -> AreaEmitter:
+        place, _ = _on_axis(cam2world, self.distance_mm - self.side_mm)
+        return Window(place, cam2world[:3, :3].T, self.side_mm, self.side_mm)
+
+    @property
+    def square_on(self) -> bool:
+        """True on metal: the light comes along the optical axis, and metal mirrors it."""
+        return self.on_metal
+
+    def likely_poses(self, sight: Sight, edges: EdgePoints, eyes: Array) -> Array:
+        """Return poses (n, 4, 4) of cameras at eyes (n, 3); on metal, they look square at a flat face of the edges.
 
         Parameters
         ----------
-        cam2world : array (4, 4)
-            Pose of the camera.
+        sight : Sight
+            The part and the camera.
+        edges : EdgePoints
+            Points of edges.
+        eyes : array (n, 3)
+            Positions of cameras, mm.
 
         Returns
         -------
-        AreaEmitter
-            In the world.
+        array (n, 4, 4)
+            Camera to world.
         """
-        place, _ = _on_axis(cam2world, self.distance_mm - self.side_mm)
-        return Window(place, cam2world[:3, :3].T, self.side_mm, self.side_mm)
+        normals = flat_normals(edges)
+        if not self.square_on or not len(normals):
+            return super().likely_poses(sight, edges, eyes)
+        facing = (eyes - edges.points.mean(axis=0)) @ normals.T
+        chosen = normals[facing.argmax(axis=1)]
+        poses = looking_at(chosen, np.zeros(3))
+        poses[:, :3, 3] = eyes
+        return poses
 
     def body(self, cam2world: Array) -> Array:
         """Return points of its case: the square where the light comes from, and the window.
@@ -719,19 +743,7 @@ class RingLight(_Carried):
         size = f"of {self.inner_mm:g} to {self.outer_mm:g} mm"
         return f"{_called('a ring light', self.name)} {size}, {_ahead(self.distance_mm)}"
 
-    def emitter(self, cam2world: Array) -> AreaEmitter:
-        """Return the shining surface for a camera with a pose.
-
-        Parameters
-        ----------
-        cam2world : array (4, 4)
-            Pose of the camera.
-
-        Returns
-        -------
-        AreaEmitter
-            In the world.
-        """
+    def _surface(self, cam2world: Array) -> AreaEmitter:
         place, axis = _on_axis(cam2world, self.distance_mm)
         return Annulus(place, axis, self.inner_mm / 2, self.outer_mm / 2)
 

@@ -274,17 +274,19 @@ def chosen_lamps(
     """
     lighting = lighting.on_part(solid, plan.camera)
     if lighting.area is not None:
-        return _by_area(lighting, lighting.area, plan, solid)
+        return _by_area(lighting, lighting.area, plan, solid, reads)
     served = lighting.served(plan, solid, progress, reads)
     light = _chosen(lighting, served, plan, also)
     return with_exposures(light, plan, served.scene)
 
 
-def _by_area(lighting: Lighting, area: AreaLight, plan: Planned, solid: Solid) -> LightPlan:
+def _by_area(
+    lighting: Lighting, area: AreaLight, plan: Planned, solid: Solid, reads: Reads | None
+) -> LightPlan:
     """What a light with an area shows; there is nothing to choose."""
     area.check_part(solid)
     scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
-    shown = shown_of_plan(area, plan, solid, scene, lighting.limits)
+    shown = shown_of_plan(area, plan, solid, scene, lighting.limits, reads)
     images = [
         (LitImage((), setting.contrast, setting.silhouettes),) if setting.contrast else ()
         for setting in shown

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ground.convert import Meta
 from planner.argument_kinds import NumberRule, check_number
@@ -322,6 +321,9 @@ def brightness(
 def _numbers(rays: int, bounces: int) -> Array:
     """Return rows of numbers in [0, 1), `_NUMBERS` for each reflection: points of a Sobol sequence."""
     power = max(0, int(np.ceil(log2(rays))))
+    # takes longer to load than all else of a small plan, and few need it
+    from scipy.stats import qmc
+
     sobol = qmc.Sobol(_NUMBERS * (bounces + 1), scramble=False).random_base2(power)
     return np.asarray((sobol + 0.5 / 2**power) % 1.0, dtype=np.float64)
 
@@ -557,6 +559,43 @@ class Window:
         passed = local[:, :2] + (distance + self.depth_mm / back)[:, None] * slope[:, :2]
         widest = np.maximum(np.abs(ends), np.abs(passed)).max(axis=1)
         meets = (slope[:, 2] < 0) & (local[:, 2] > self.depth_mm) & (widest <= self.side_mm / 2)
+        return np.where(meets, distance, np.inf), np.where(meets, -slope[:, 2], 0.0)
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A rectangle that shines to one side.
+
+    Parameters
+    ----------
+    centre : array (3,)
+        Its centre, mm.
+    axes : array (3, 3)
+        Rows: unit vectors along its sides, and to where it shines.
+    half_mm : array (2,)
+        Half of its sides' lengths.
+    """
+
+    centre: Array
+    axes: Array
+    half_mm: Array
+
+    @property
+    def area_mm2(self) -> float:
+        """Area of the rectangle."""
+        return float(4 * self.half_mm.prod())
+
+    def points(self, numbers: Array) -> Array:
+        """Return points (n, 3), mm."""
+        return np.asarray(self.centre + (2 * numbers - 1) * self.half_mm @ self.axes[:2])
+
+    def met(self, origins: Array, ways: Array) -> tuple[Array, Array]:
+        """Return where rays meet the rectangle from before it."""
+        local = (origins - self.centre) @ self.axes.T
+        slope = ways @ self.axes.T
+        distance = -local[:, 2] / np.minimum(slope[:, 2], -_TINY)
+        ends = np.abs(local[:, :2] + distance[:, None] * slope[:, :2])
+        meets = (slope[:, 2] < 0) & (local[:, 2] > 0) & (ends <= self.half_mm).all(axis=1)
         return np.where(meets, distance, np.inf), np.where(meets, -slope[:, 2], 0.0)
 
 

@@ -11,21 +11,27 @@ and no shadow ends near it. All of this is computed for the nominal part and the
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from aspectgraph import Solid
+from aspectgraph.light import DEFAULT_CONTRAST
 from planner.camera.camera import Camera
 from planner.detectability.image_check import COVERAGE_SHARE, SECTORS
+from planner.light.area_light import AreaLight, EdgePoints, Sight, StandingLight
 from planner.measuring.registered import Faces
 from planner.measuring.samples import (
     APART_PX,
+    EdgeTable,
+    PartEdge,
     PartModel,
     Samples,
+    ShownEdges,
     across_of,
     pixels_of,
 )
@@ -63,6 +69,8 @@ _MOST_OF_ALL = 240
 _LEAST_SAMPLES = 10
 # rays at a time
 _RAYS = 200_000
+# where places behind the camera are taken to be
+_FAR_PX = -1e6
 
 
 @dataclass(frozen=True)
@@ -230,6 +238,55 @@ class LitEdges:
                 sides = _Sides.of(sampled, _BESIDE_PX, background)
             entities.append(EntityLight(edge.name, samples.share, usable, sides))
         return TargetLight(entities)
+
+    def unread(self, cam2world: Array, camera: Camera, target: Target, area: AreaLight) -> str:
+        """Return why too little of a target is found under a light with an area; empty if enough is.
+
+        Parameters
+        ----------
+        cam2world, camera, target
+            As of `of_target`.
+        area : AreaLight
+            The light.
+        """
+        light = area.held(cam2world)
+        shown = self.model.shown(cam2world, camera)
+        edges = self.model.edges.edges
+        for shape in target.geometry:
+            edge = self.model.entity(shape, target.name)
+            every_sample = self.model.edges.samples(cam2world, camera, [edge], _MARGIN_PX)
+            samples = _thinned(every_sample, _MOST_SAMPLES)
+            if len(samples.share) < _LEAST_SAMPLES:
+                return f"the image of {edge.name} is too short"
+            usable = samples.visible & self._lit([edge], samples, cam2world, camera, light)
+            pixels = pixels_of(samples.points, cam2world, camera)
+            distance, _ = cKDTree(np.nan_to_num(pixels, nan=_FAR_PX)).query(shown.pixels)
+            near = shown.samples.chosen(distance < APART_PX)
+            # lines that the light does not show do not matter
+            lines = near.chosen(self._lit(edges, near, cam2world, camera, light))
+            others = ShownEdges(edges, lines, pixels_of(lines.points, cam2world, camera))
+            usable &= others.apart([edge], samples.edge, pixels)
+            entity = EntityLight(edge.name, samples.share, usable, None)
+            if not entity.covers(usable[None], RESERVE, LEAST_OF_SECTOR)[0]:
+                share = f"only {100 * usable.mean():.0f} % of {edge.name}"
+                return f"{share} shows {APART_PX:.0f} px apart from other lines, or too little of a twelfth of it"
+        return ""
+
+    def _lit(
+        self,
+        edges: Sequence[PartEdge],
+        samples: Samples,
+        cam2world: Array,
+        camera: Camera,
+        light: StandingLight,
+    ) -> Bools:
+        """Return which samples of edges a light with an area shows."""
+        if not len(samples.share):
+            return np.zeros(0, dtype=np.bool_)
+        sight = Sight.of(self.solid, camera, self.model.edges.scene)
+        of_edges = EdgePoints(*EdgeTable(edges).at(samples.edge, samples.share))
+        contrast, _ = light.contrasts(sight, of_edges, cam2world[None, :3, 3])
+        return np.asarray(contrast[0] >= DEFAULT_CONTRAST)
 
     def registered(
         self, cam2world: Array, camera: Camera, lamps: Array, background: float

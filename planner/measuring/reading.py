@@ -21,7 +21,7 @@ from errors.measurands import (
 )
 from errors.measurands.geometry import Frame
 from errors.measurands.measurand import COVERAGE
-from errors.registration import rests_on_prior
+from errors.registration import rests_on_prior, variance_by_input
 from ground.convert import NOT_STORED, Key, Meta
 from planner.camera.camera import Camera, tangents_of
 from planner.camera.pose import world_to_cam
@@ -583,11 +583,14 @@ def _across(geometry: Geometry, flat: Array) -> Array:
 
 
 SOURCES = (
-    *("pose", "surfaces", "pose with surfaces", "localisation", "localisation floor"),
+    *("pose", "surfaces", "registration", "localisation", "localisation floor"),
     "response",
     "edge state",
 )
-"""What the variance of a reading comes from. What pose and surfaces have in common may be negative.
+"""What the variance of a reading comes from: independent errors, so no part is negative.
+
+The pose and the surfaces are those before registration, as far as it leaves their errors in the value. Registration
+stands for the errors of the points that it is from. A pose that is planned or given has none.
 
 That of the response is known only after all images are read, see `planner.measuring.response`.
 """
@@ -736,7 +739,7 @@ def read_value(
         unknowns, rows = _fitted_by_unknowns(scan, frame, registered, model)
         np.add.at(gradient, unknowns, slope @ rows)
     broken = edge_effect(scans, measurand.frames, by_fitted, registered, camera)
-    budget = budget_of(gradient, registered.covariance, random, floor, broken.variance)
+    budget = budget_of(gradient, registered, random, floor, broken.variance)
     u = math.sqrt(max(math.fsum(budget.values()), 0.0))
     # of the name, so that no other target changes the draws
     seed = zlib.crc32(where[0].encode())
@@ -845,15 +848,13 @@ def counts_of(scans: Sequence[EntityScan]) -> dict[str, int]:
 
 
 def budget_of(
-    gradient: Array, covariance: Array, random: float, floor: float, edges: float = 0.0
+    gradient: Array, registered: Registered, random: float, floor: float, edges: float = 0.0
 ) -> dict[str, float]:
-    """Return the variance of a value by `SOURCES`, given its gradient by the unknowns and their covariance."""
-    by_pose = gradient[:POSE]
-    by_surface = gradient[POSE:]
+    """Return the variance of a value by `SOURCES`, given its gradient by the unknowns of a registered image."""
+    covariance = registered.covariance
+    prior = covariance if registered.prior is None else registered.prior
     parts = (
-        float(by_pose @ covariance[:POSE, :POSE] @ by_pose),
-        float(by_surface @ covariance[POSE:, POSE:] @ by_surface),
-        2 * float(by_pose @ covariance[:POSE, POSE:] @ by_surface),
+        *variance_by_input(covariance, prior, gradient, POSE),
         random,
         floor,
         0.0,
@@ -994,7 +995,7 @@ def read_length(
     unknowns, slopes = _by_unknowns(model, edge, registered, picture.camera, length)
     gradient = np.zeros(model.n_unknowns)
     np.add.at(gradient, unknowns, slopes)
-    budget = budget_of(gradient, registered.covariance, random, floor, broken.variance)
+    budget = budget_of(gradient, registered, random, floor, broken.variance)
     return Reading(
         *where,
         value=length,

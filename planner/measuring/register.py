@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_rules import PARAMETERS
+from errors.checks import chi_squared_quantile
 from errors.many_images import evidence_of
 from errors.registration import Posterior, Rows, bias_variance_of, posterior, surprise
 from ground.decorators import njit
@@ -599,7 +599,7 @@ def times_more(model: PartModel, found: Registered, prior: Array) -> float:
     unknowns = (PARAMETERS * np.array(planes)[:, None] + np.arange(PARAMETERS)).ravel()
     at = np.ix_(POSE + unknowns, POSE + unknowns)
     total, n = surprise(found.deviations[unknowns], found.covariance[at], prior[at])
-    if n == 0 or total <= chi_squared.ppf(CREDIBLE, n):
+    if n == 0 or total <= chi_squared_quantile(CREDIBLE, n):
         return 1.0
     return math.sqrt(total / n)
 

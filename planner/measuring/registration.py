@@ -19,9 +19,9 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
-from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.exceptions import how_to_install
+from errors.checks import chi_squared_quantile
 from errors.registration import Posterior, Rows, posterior
 from ground.convert import Meta, Shape, check_fields, shown
 from ground.short_repr import short_repr
@@ -317,7 +317,7 @@ def _check_corners(view: _View, found: Posterior) -> None:
     freedoms = len(residual) - POSE
     square = float(residual @ residual) / stated**2
     try:
-        if square > chi_squared.ppf(CREDIBLE, freedoms):
+        if square > chi_squared_quantile(CREDIBLE, freedoms):
             raise NotRegisteredError(
                 f"the corners of the board are {np.sqrt(residual @ residual / freedoms):.2g} px off its pose, "
                 f"and corner_px is {stated:g}"
@@ -334,7 +334,7 @@ def _printed(view: _View) -> str:
     except NotRegisteredError:
         return ""
     scale = float(solution.mean[_SCALE])
-    if scale**2 <= chi_squared.ppf(CREDIBLE, 1) * solution.covariance[_SCALE, _SCALE]:
+    if scale**2 <= chi_squared_quantile(CREDIBLE, 1) * solution.covariance[_SCALE, _SCALE]:
         return ""
     percent = 100 * (1 + scale)
     return f"the board looks printed at {percent:.1f} %: measure its squares, and state square_mm"

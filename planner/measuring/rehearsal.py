@@ -33,6 +33,7 @@ from planner.measuring.images import Shot
 from planner.measuring.measurer import Measurer, witness_key
 from planner.measuring.registered import displaced
 from planner.measuring.samples import PartModel
+from planner.progress import Progress, report
 from planner.request.targets import Target, targets_of
 from planner.sensor_setting import setting_name
 
@@ -434,7 +435,12 @@ class Rehearsal:
             levels = np.clip(np.rint(255 * exposed), 0, 255).astype(np.uint8)
             yield Rendered(shot, levels, pose)
 
-    def write(self, folder: str | os.PathLike[str], parameter: str = "folder") -> list[str]:
+    def write(
+        self,
+        folder: str | os.PathLike[str],
+        parameter: str = "folder",
+        progress: Progress | None = None,
+    ) -> list[str]:
         """Write the images, as `measure` reads them, and ``truth.json``.
 
         Parameters
@@ -443,6 +449,8 @@ class Rehearsal:
             Images of an earlier rehearsal there are replaced.
         parameter : str
             What the caller knows the folder as.
+        progress : callable, optional
+            Takes how many images are done, of how many, and a label.
 
         Returns
         -------
@@ -458,8 +466,10 @@ class Rehearsal:
 
         names = [TRUTH, *(f"{shot.name}.png" for shot in self._shots)]
         with staged_folder(folder, names, parameter) as staging:
-            for rendered in self.images():
+            report(progress, 0, len(self._shots), "images")
+            for n_done, rendered in enumerate(self.images(), 1):
                 Image.fromarray(rendered.grey).save(staging / f"{rendered.shot.name}.png")
+                report(progress, n_done, len(self._shots), "images")
             text = json.dumps(to_plain(self.truth), indent=1, allow_nan=False, ensure_ascii=False)
             write_text(staging / TRUTH, text + "\n")
         return [str(Path(folder) / name) for name in names]

@@ -25,8 +25,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
-from scipy.special import ndtr
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtrit
 
 from ground.convert import Key, Meta
 from planner.camera.response import LINEAR, VIDEO_BLACK, Response
@@ -371,7 +370,7 @@ def _robust_fit(sections: Sections, precision: Array, expected: Array) -> tuple[
     np.add.at(scores, sections.edge, (weight * (y - x @ fit))[:, None] * x)
     inverse = np.linalg.inv(normal)
     # without an edge the others would have fitted it worse
-    factor = float(student.ppf(_TAIL, sections.edges - 1)) / _USUAL
+    factor = float(stdtrit(sections.edges - 1, _TAIL)) / _USUAL
     meat = sections.edges / (sections.edges - 1) * (scores.T @ scores) + precision
     return fit, factor**2 * inverse @ meat @ inverse
 
@@ -680,8 +679,10 @@ def judge_response(
     model, pictures, registered, half_px
         As of `found_places`.
     """
+    area = model.edges.area
+    untold = PowerEstimate(0.0, math.inf, 0) if area is not None and area.on_metal else None
     profiles = Profiles.found(model, pictures, registered, half_px)
-    power = profiles.power()
+    power = untold or profiles.power()
     origins = {picture.response_from for picture in pictures.values()}
     stated = " and ".join(sorted({picture.response.words for picture in pictures.values()}))
     if STATED in origins or not registered:

@@ -15,9 +15,9 @@ from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_rules import csv_text
+from errors.checks import chi_squared_quantile
 from errors.many_images import best_weights
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
@@ -317,7 +317,7 @@ def _weighted(
     off = values - (inverse @ values).sum() / inverse.sum()
     spread = float(off @ inverse @ off)
     freedoms = len(readings) - 1
-    if spread <= chi_squared.ppf(CONSISTENT, freedoms):
+    if spread <= chi_squared_quantile(CONSISTENT, freedoms):
         return value, u, ()
     note = f"{len(readings)} readings disagree: u is enlarged by their spread"
     return value, u * math.sqrt(spread / freedoms), (note,)
@@ -965,12 +965,7 @@ def _row(one: Result) -> dict[str, Any]:
         _number(max((reading.found_share for reading in readings), default=math.nan)),
         _number(min((reading.rms_px for reading in readings), default=math.nan)),
         counts.get("overexposed", 0) / total if total else None,
-        *(_signed_root(budget[source]) if budget else None for source in SOURCES),
+        *(math.sqrt(budget[source]) if budget else None for source in SOURCES),
         *(one.reason, one.advice),
     )
     return dict(zip(COLUMNS, values, strict=True))
-
-
-def _signed_root(variance: float) -> float:
-    """Return the root of a variance; what two sources have in common may be negative."""
-    return math.copysign(math.sqrt(abs(variance)), variance)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2 as chi_squared
 
+from errors.checks import chi_squared_quantile
 from errors.measurands import Circle
 from errors.registration import Rows, posterior
 from ground.convert import shown
@@ -606,7 +606,7 @@ def check_one_pose(
     NotRegisteredError
         If a displacement is beyond the limit.
     """
-    limit = chi_squared.ppf(CREDIBLE, POSE)
+    limit = chi_squared_quantile(CREDIBLE, POSE)
     first = len(covariance) - len(moves)
     for k, name in enumerate(names[1:]):
         move = slice(POSE * k, POSE * (k + 1))
@@ -614,7 +614,7 @@ def check_one_pose(
         chi2 = distance_of(moves[move], covariance[at, at] + repeatability.covariance)
         if not chi2 <= limit:
             raise NotRegisteredError(
-                f"{names[0]} and {name} are from different poses: between them the camera moved by "
-                f"{np.sqrt(chi2):.1f} standard deviations of its repeatability; hold camera and "
-                "part still, or state the repeatability; or edges are broken by more than stated (--edges)"
+                f"{names[0]} and {name} are from different poses: the camera moved between them by "
+                f"{np.sqrt(chi2):.1f} standard deviations of its repeatability. Hold camera and part still, or state "
+                "a larger --repeatability; if edges are broken, state by how much (--edges)"
             )

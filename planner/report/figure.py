@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -184,7 +185,7 @@ def box_around(points: _Array, limits: _Array, air: float = 0.08) -> _Array:
 
 
 def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> Markup:
-    """Return a figure for a page that has plotly.
+    """Return a figure for a page that draws it with plotly.
 
     Parameters
     ----------
@@ -197,14 +198,14 @@ def figure_html(figure: go.Figure, name: str, height: str, **config: object) -> 
     """
     from markupsafe import Markup
 
-    html = figure.to_html(
-        full_html=False,
-        include_plotlyjs=False,
-        div_id=name,
-        default_height=height,
-        config={"displaylogo": False, "responsive": True, **config},
+    drawn = json.loads(figure.to_json())
+    drawn["config"] = {"displaylogo": False, "responsive": True, **config}
+    # no text in it is markup
+    text = json.dumps(drawn, separators=(",", ":")).replace("<", "\\u003c")
+    return Markup(
+        f'<div id="{name}" style="height:{height}; width:100%"></div>\n'
+        f'<script type="application/json" data-figure="{name}">{text}</script>'
     )
-    return Markup(html)
 
 
 # Lines of pictures: edges of the part, its circles, and the lines and circles that a plan
@@ -869,6 +870,7 @@ _MOST_TRIANGLES = 4000
 _ARM = "#e0862b"
 _CAMERA = "#26547c"
 _PART = "#9aa7b5"
+_LIGHT = "#f2d13c"
 _OBSTACLE = "#cfd3d8"
 
 
@@ -988,15 +990,15 @@ def _slider(stands: Sequence[Stand], shown: Sequence[set[int]]) -> dict[str, Any
 def _traces(
     shapes: Sequence[tuple[str, bool, np.ndarray, np.ndarray]], *, visible: bool
 ) -> list[Any]:
-    """Return the arm, the camera and the obstacles as one mesh each."""
+    """Return the arm, the camera, the light and the obstacles as one mesh each."""
     groups: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for name, is_moving, corners, triangles in shapes:
         if name == "part":
             continue
         others = "robot" if is_moving else "obstacles"
-        group = "camera" if name == "camera" else others
+        group = name if name in ("camera", "light") else others
         groups.setdefault(group, []).append(_coarse(corners, triangles))
-    colors = {"robot": _ARM, "camera": _CAMERA, "obstacles": _OBSTACLE}
+    colors = {"robot": _ARM, "camera": _CAMERA, "light": _LIGHT, "obstacles": _OBSTACLE}
     return [
         _mesh(*_joined(groups[name]), name=name, color=color, visible=visible)
         for name, color in colors.items()

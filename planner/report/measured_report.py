@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from errors.checks import probability_text
 from errors.measurands import Decision, DecisionRule, guard_band
 from ground.templates import asset, render, render_macro
 from planner.camera.camera import Camera
@@ -28,6 +29,7 @@ from planner.measuring.results import (
     verdict,
 )
 from planner.measuring.samples import STATE_TEXTS, State
+from planner.report.setting_report import budget_percents
 from planner.report.tables import CellLine
 from planner.text_table import Column, Table, print_table, print_text, words
 
@@ -265,7 +267,7 @@ def value_bar(result: Result, rule: DecisionRule) -> ValueBar | None:
             if math.isfinite(limit)
         ]
     return ValueBar(
-        f"{result.name}: deviation {result.deviation:+.4g} ± {expanded:.2g}",
+        f"{result.name}: deviation {_minus(f'{result.deviation:+.4g}')} ± {expanded:.2g}",
         bands,
         at(0.0),
         at(result.deviation - expanded),
@@ -380,9 +382,9 @@ def _facts(results: MeasurementResults) -> dict[str, str]:
     source = results.source
     rows = {
         "Part": source.part or "part",
-        "Serial": results.serial,
+        "Serial": results.serial or "not stated",
         "Measured": source.date,
-        "Operator": source.operator,
+        "Operator": source.operator or "not stated",
         "Decision rule": str(results.rule),
         "Grey values": _response_text(results),
         "Program": f"aspectgraph {source.program}",
@@ -463,7 +465,7 @@ def _deviation_text(result: Result) -> str:
     if not result.measured:
         return ""
     text = number_text(result.deviation, result.expanded_uncertainty)
-    return text if text.startswith("-") else f"+{text}"
+    return _minus(text) if text.startswith("-") else f"+{text}"
 
 
 def _accepted_text(result: Result) -> str:
@@ -480,9 +482,15 @@ def _accepted_text(result: Result) -> str:
         texts.append(f"{math.ceil(lower * 10**decimals) / 10**decimals:+.{decimals}f}")
     if math.isfinite(upper):
         texts.append(f"{math.floor(upper * 10**decimals) / 10**decimals:+.{decimals}f}")
+    texts = [_minus(text) for text in texts]
     if len(texts) == 2:
         return " .. ".join(texts)
     return f"{'up to' if math.isinf(lower) else 'from'} {texts[0]}"
+
+
+def _minus(number: str) -> str:
+    """Return a number with the sign that pages set for minus."""
+    return number.replace("-", "−")
 
 
 def _anchor(result: Result, results: MeasurementResults) -> str:
@@ -507,12 +515,15 @@ def _sentence(result: Result) -> str:
     if not result.measured:
         return f"Not measured: {result.reason}. {as_sentence(result.advice)}".rstrip()
     value, uncertainty = value_texts(result)
+    decimals = decimals_of(result.expanded_uncertainty)
     text = (
         f"{result.kind.replace('_', ' ').capitalize()} {value} {result.unit}, "
-        f"deviation {result.deviation:+.4f}, U = {uncertainty}."
+        f"deviation {_minus(f'{result.deviation:+.{decimals}f}')}, U = {uncertainty}."
     )
     if math.isfinite(result.conformance_probability):
-        text += f" It is within its tolerance with P = {result.conformance_probability:.4f}."
+        probability = probability_text(result.conformance_probability)
+        sign = "" if probability.startswith(">") else "= "
+        text += f" It is within its tolerance with P {sign}{probability}."
     return text
 
 
@@ -549,16 +560,19 @@ def _reading_words(reading: Reading, unit: str) -> str:
 
 
 def _budget(reading: Reading, unit: str) -> Table | None:
-    """Return the parts of u, in thousandths of the unit; a part that lowers u is negative."""
+    """Return the parts of u, in thousandths of the unit, and their shares of its square."""
     if not reading.measured:
         return None
     small = "µm" if unit == "mm" else "mdeg"
     parts = {source: reading.budget[source] for source in SOURCES if reading.budget[source]}
+    percents = budget_percents(parts)
     rows = [
-        (source, f"{1000 * math.copysign(math.sqrt(abs(part)), part):.1f} {small}")
+        (source, f"{1000 * math.sqrt(part):.1f} {small}", f"{percents[source]:.1f} %")
         for source, part in parts.items()
     ]
-    return Table((Column("part of u"), Column("size", right=True)), rows)
+    rows.append(("u", f"{1000 * reading.standard_uncertainty:.1f} {small}", "100 %"))
+    columns = (Column("part of u"), Column("size", right=True), Column("share of u²", right=True))
+    return Table(columns, rows)
 
 
 def _image(name: str, results: MeasurementResults) -> dict[str, Any]:

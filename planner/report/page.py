@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import base64
 import math
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -42,6 +44,7 @@ from planner.report.setting_report import (
 )
 from planner.report.tables import (
     COLOURS,
+    Notice,
     arm,
     attention,
     may_be_unsharp,
@@ -65,6 +68,7 @@ from planner.report.wording import (
     surfaces_sources,
     unfinished_sentence,
     unlit_sentence,
+    unstated_edges_text,
     window_sentence,
 )
 from planner.request.targets import PlannedDimension, words_of
@@ -113,8 +117,10 @@ def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
         "Digest of the part": _digest(plan),
         "Camera": camera_text(plan.camera),
         "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
+        "Edges": edges_text(plan),
         "Program": f"aspectgraph {project_version()}",
         "Date": date or "",
+        "Operator": "" if plan.made is None else plan.made.operator,
     }
     return {name: value for name, value in rows.items() if value}
 
@@ -540,6 +546,14 @@ def _rounded(lines: Iterable[Sequence[Any] | NDArray[np.float64]]) -> list[list[
 _POSE = "camera pose"
 
 
+@cache
+def packed_plotly() -> str:
+    """Return plotly's script, compressed with zlib, in base64: two fifths of its size."""
+    from plotly.offline import get_plotlyjs
+
+    return base64.b64encode(zlib.compress(get_plotlyjs().encode(), 9)).decode()
+
+
 @dataclass
 class Report:
     """A report of a plan: what it shows, to which the joint graph and notes may come later.
@@ -567,7 +581,6 @@ class Report:
     def html(self) -> str:
         """Return the page; it refers to nothing outside it, and the same report gives the same page."""
         from markupsafe import Markup
-        from plotly.offline import get_plotlyjs
 
         page = render(
             "planner",
@@ -576,9 +589,10 @@ class Report:
             settings=self.sections,
             notes=self.notes,
             graph=self.graph,
-            plotly=Markup(get_plotlyjs()),
+            plotly=Markup(packed_plotly()),
             base_style=asset("planner.report", "templates/base.css"),
             style=asset("planner.report", "templates/page.css"),
+            drawing=asset("planner.report", "templates/figures.js"),
             script=asset("planner.report", "templates/page.js"),
             sorting=asset("planner.report", "templates/sort.js"),
             **self.values,
@@ -708,7 +722,7 @@ def make_report(
         "overview": overview(plan, space.solid),
         "scene": figure_html(figure, "plan3d", "100%", scrollZoom=True),
         "not_inspected": not_inspected(plan.uninspectable, nouns[0]),
-        "notices": attention(rows, unsharp),
+        "notices": [*attention(rows, unsharp), *_edge_notices(plan)],
         "dimensions": dimensions,
         "results": None if only_dimensions else results(plan, rows, nouns[0]),
         "sources": {source_text(source): color for source, color in COLOURS.items()},
@@ -808,6 +822,12 @@ def _bound_label(plan: InspectionPlan) -> str:
     if plan.complete:
         return label
     return f"{label} for the inspected {_nouns(plan)[len(plan.inspected) > 1]}"
+
+
+def _edge_notices(plan: InspectionPlan) -> list[Notice]:
+    """Return what breaks of edges would do where none is stated; nothing where it does not matter."""
+    text = unstated_edges_text(plan)
+    return [Notice("Edges", [(f" are {text}", ())])] if text else []
 
 
 def _request(plan: InspectionPlan) -> dict[str, Any]:

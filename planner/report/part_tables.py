@@ -113,8 +113,13 @@ def print_part(solid: Solid, edges: Sequence[Edge], curves: Sequence[Any]) -> No
     n_tangent = sum(any(end.kind == "tangent" for end in pair) for pair in ends.values())
     if n_tangent:
         print_text(
-            f"note: {n_tangent} of {count(len(edges), 'edge')} end in a tangent arc, so their length "
+            f"note: {n_tangent} of {count(len(edges), 'edge')} end in a tangent arc, such as a3, so their length "
             "is undefined; distances and angles are not affected"
+        )
+    if len(solid.edges) > n:
+        print_text(
+            "note: ids also count the edges that are not listed, such as those of curved faces; 'aspectgraph info "
+            "--help' explains the columns"
         )
     for kind in ("rim", "arc"):
         _print_curves(

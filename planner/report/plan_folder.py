@@ -634,7 +634,7 @@ def write_outputs(
             _space(plan, regions),
             progress,
             notes,
-            date=timestamp().partition("T")[0],
+            date=(timestamp() if plan.made is None else plan.made.date).partition("T")[0],
             until=deadline.time_left(PICTURES_SHARE).until,
             cell=cell,
         )

@@ -13,6 +13,7 @@ from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
+from planner.measuring.results import decimals_of
 from planner.progress import TimeLeft, report
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
@@ -409,9 +410,9 @@ def _nominal(dimension: PlannedDimension) -> list[CellLine]:
     text = f"{dimension.nominal:.6g} {dimension.unit}"
     if dimension.tolerance is None:
         return [CellLine(text)]
-    if is_one_sided(dimension.tolerance):
-        return [CellLine(text), CellLine(tolerance_text(dimension.tolerance))]
     lower, upper = dimension.tolerance
+    if is_one_sided(dimension.tolerance) or lower == -upper:
+        return [CellLine(text), CellLine(tolerance_text(dimension.tolerance))]
     return [CellLine(text), CellLine(deviation_text(upper)), CellLine(deviation_text(lower))]
 
 
@@ -442,13 +443,21 @@ def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[Cel
     limits = acceptance_limits(dimension.tolerance, measurement.standard_uncertainty, rule)
     if limits is None:
         return [CellLine("nothing: u is too large for the tolerance", "bad")]
+    # two digits of U, rounded inwards: no value is said to be accepted that is not
+    decimals = decimals_of(2.0 * measurement.standard_uncertainty)
+    step = 10.0**-decimals
     low, high = (dimension.nominal + limit for limit in limits)
-    upper = unbroken(f"{high:.6g} {dimension.unit}")
     if math.isinf(low):
-        return [CellLine(f"up to {upper}")]
+        return [CellLine(f"up to {_rounded(math.floor(high / step) * step, decimals, dimension)}")]
+    lower = _rounded(math.ceil(low / step) * step, decimals, dimension)
     if math.isinf(high):
-        return [CellLine(f"from {unbroken(f'{low:.6g} {dimension.unit}')}")]
-    return [CellLine(f"{low:.6g} and {upper}")]
+        return [CellLine(f"from {lower}")]
+    upper = _rounded(math.floor(high / step) * step, decimals, dimension)
+    return [CellLine(f"{lower} and {upper}")]
+
+
+def _rounded(value: float, decimals: int, dimension: PlannedDimension) -> str:
+    return unbroken(f"{value:.{decimals}f} {dimension.unit}")
 
 
 def _images_text(plan: InspectionPlan) -> list[str]:

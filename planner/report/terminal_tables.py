@@ -19,9 +19,10 @@ from planner.report.wording import (
     edges_text,
     features_cell,
     features_sentence,
-    lamp_texts,
+    lamps_named,
     margin_texts,
     names_by_reason,
+    near_lines_text,
     percent,
     promise_sentence,
     share_text,
@@ -29,7 +30,7 @@ from planner.report.wording import (
     simulation_sentence,
     unshown_texts,
     verdict,
-    window_texts,
+    window_text,
 )
 from planner.request.targets import targets_of, words_of
 from planner.request.words import tolerance_text
@@ -168,23 +169,75 @@ def print_plan(plan: InspectionPlan) -> None:
         Column("setting", right=True),
         Column("camera at", right=True, unit="mm", spec="z.1f"),
         Column("measures", right=True),
+        Column("search window", right=True),
         Column("tightest margin"),
     )
     rows = [
-        (number, view.position, len(view.entities), words(tightest_margin(plan, view)))
+        (
+            number,
+            view.position,
+            len(view.entities),
+            window_text(plan, number - 1),
+            words(tightest_margin(plan, view)),
+        )
         for number, view in enumerate(plan.settings, start=1)
     ]
     print_table(columns, rows)
     if rows:
         print()
     print_table(*_measurements(plan))
-    _print_not_inspected(plan)
-    for k in range(len(plan.settings)):
-        for text in [*window_texts(plan, k), *lamp_texts(plan, k)]:
-            print_text(words(f"setting {k + 1}: {text}", names), indent="  ")
-    if text := edges_text(plan):
-        print_text(words(f"edges: {text}", names))
+    _print_lamps(plan)
+    print()
     print_text(words(verdict(plan), names))
+    _print_not_inspected(plan)
+    for text in _notes(plan):
+        print_text(words(text, names), indent="  ")
+
+
+def _print_lamps(plan: InspectionPlan) -> None:
+    """Print where the lamp of each image is, and what it shows least; nothing without lamps."""
+    if plan.light is None or not plan.settings:
+        return
+    columns = (
+        Column("setting", right=True),
+        Column("light"),
+        Column("at", right=True, unit="mm", spec="z.1f"),
+        Column("shows", right=True),
+        Column("least contrast"),
+    )
+    rows = []
+    for number, images in enumerate(plan.light.images, start=1):
+        for image in images:
+            name, contrast = min(image.contrast.items(), key=lambda shown: shown[1])
+            silhouette = " (silhouette)" if name in image.silhouettes else ""
+            places = plan.light.lamps[list(image.lamps)]
+            rows.append(
+                (
+                    number,
+                    lamps_named(image, plan.light),
+                    places[0] if len(places) == 1 else None,
+                    len(image.contrast),
+                    words(f"{name} {contrast:.2f}{silhouette}", [name]),
+                )
+            )
+    if rows:
+        print()
+        print_table(columns, rows)
+
+
+def _notes(plan: InspectionPlan) -> list[str]:
+    """Return what else to know of a plan: what is not shown, lines near others, the state of edges."""
+    texts = []
+    images = None if plan.simulation is None else plan.simulation.shown
+    for k in range(len(plan.settings)):
+        unlit = {} if plan.light is None else plan.light.unlit[k]
+        unshown = [f"not shown: {name}: {reason}" for name, reason in unlit.items()]
+        texts += [f"setting {k + 1}: {text}" for text in [*unshown_texts(images, k), *unshown]]
+    if text := near_lines_text(plan):
+        texts.append(text)
+    if text := edges_text(plan):
+        texts.append(f"edges: {text}")
+    return texts
 
 
 def print_explanation(plan: InspectionPlan) -> None:

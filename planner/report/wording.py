@@ -16,9 +16,9 @@ from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
 from planner.request.constraints import limit_sentences
 from planner.request.dimension_files import SURFACES_MM
-from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState, largest_shift
+from planner.request.edge_state import TYPICAL_BREAK_MM, UNSTATED_MM, EdgeState, largest_shift
 from planner.request.targets import words_of
-from planner.rows import line_warning, unshown_warning
+from planner.rows import unshown_warning
 from planner.text_table import count
 from planner.verify.setting_record import measurements, search_windows_px
 from planner.verify.simulate_setting import (
@@ -153,17 +153,15 @@ def edges_text(plan: InspectionPlan) -> str:
     if part is not None and plan.dimensions:
         stated = {"": EdgeState(*part, True)} | stated
     texts = [f"{name}: {state}" if name else str(state) for name, state in stated.items()]
-    if (
-        part is None
-        and plan.request.localisation.model != "rounding"
-        and (text := _if_broken(plan))
-    ):
+    if text := unstated_edges_text(plan):
         texts.append(text)
     return "; ".join(texts)
 
 
-def _if_broken(plan: InspectionPlan) -> str:
+def unstated_edges_text(plan: InspectionPlan) -> str:
     """Say what a break would do to the worst of the dimensions that are planned as sharp; empty without any."""
+    if plan.request.edge_break_mm is not None or plan.request.localisation.model == "rounding":
+        return ""
     worst = None
     for setting in plan.settings:
         for name, measurement in measurements(plan, setting).items():
@@ -175,9 +173,13 @@ def _if_broken(plan: InspectionPlan) -> str:
     if worst is None:
         return ""
     _, target, shift, expanded = worst
+    # standard deviation of a break between nothing and the limit, all edges alike
+    spread = shift / TYPICAL_BREAK_MM * UNSTATED_MM / math.sqrt(12.0)
+    measured = math.hypot(expanded, 2.0 * spread)
     return (
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
-        f"{target.unit}, its U is {expanded:.2g} {target.unit} (state it with edge_break_mm or --edges)"
+        f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {UNSTATED_MM:g} mm "
+        f"where none is stated (edge_break_mm or --edges), and then U is up to {measured:.2g} {target.unit}"
     )
 
 
@@ -217,19 +219,34 @@ def window_sentence() -> str:
     )
 
 
-def window_texts(plan: InspectionPlan, k: int) -> list[str]:
-    """Say within how many pixels what a setting measures is to be looked for, and where other lines lie there."""
-    setting = plan.settings[k]
-    windows = search_windows_px(plan, setting)
+def window_text(plan: InspectionPlan, k: int) -> str:
+    """Say within how many pixels what a setting measures is to be looked for, such as "±16.9 px"."""
+    windows = search_windows_px(plan, plan.settings[k])
     narrow = min(windows.values())
     wide = max(windows.values())
     width = f"{wide:.3g}" if wide - narrow < 0.1 else f"{narrow:.3g} to {wide:.3g}"
-    lines = [
-        f"{name}: {line_warning(px, windows[name])}"
+    return f"±{width} px"
+
+
+def near_lines_text(plan: InspectionPlan) -> str:
+    """Say where other lines lie in search windows, and what `measure` makes of them; empty if nowhere."""
+    near = [
+        (px, name, k)
+        for k, setting in enumerate(plan.settings, start=1)
         for name, px in setting.lines_in_window_px.items()
     ]
-    images = None if plan.simulation is None else plan.simulation.shown
-    return [f"search window ±{width} px around the prediction", *lines, *unshown_texts(images, k)]
+    if not near:
+        return ""
+    # here, because it loads compiled loops
+    from planner.measuring.samples import APART_PX
+
+    px, name, k = min(near)
+    several = "1 measurement has" if len(near) == 1 else f"{len(near)} measurements have"
+    return (
+        f"{several} another visible line in the search window, the nearest {px:.3g} px away ({name} in setting {k}): "
+        "a detector that searches the whole window may confuse the two. 'measure' registers the image first, and "
+        f"leaves out only what lies within {APART_PX:g} px of another line"
+    )
 
 
 def unshown_texts(images: ShownImages | None, k: int) -> list[str]:

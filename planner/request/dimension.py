@@ -544,7 +544,7 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
     unknown = [name for name in requirement if name not in names]
     if unknown:
         raise RequestError(
-            f"what is asked of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
+            f"a requirement of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
         )
     return {names[name]: value for name, value in requirement.items()}
 
@@ -574,11 +574,11 @@ def checked_tolerance(given: Sequence[float | None]) -> tuple[float, float]:
         lower = -math.inf if lower is None else float(lower)
         upper = math.inf if upper is None else float(upper)
     except (OverflowError, TypeError, ValueError) as error:
-        raise RequestError.of_rule(
-            "tolerance",
-            "must be two numbers, lower and upper deviation, or a class such as H7",
-            repr(given),
-        ) from error
+        rule = "must be two numbers, lower and upper deviation, or a class such as H7"
+        hint = ""
+        if isinstance(given, int | float) and math.isfinite(given) and given:
+            hint = f"write [-{abs(given):g}, {abs(given):g}] for ±{abs(given):g}"
+        raise RequestError.of_rule("tolerance", rule, repr(given), hint=hint) from error
     is_limited = math.isfinite(lower) or math.isfinite(upper)
     if not is_limited or math.isnan(lower + upper) or lower == math.inf or upper == -math.inf:
         rule = "must have a finite limit, and -inf or inf only where there is none"

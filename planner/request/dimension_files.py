@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -15,7 +16,7 @@ from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
-from planner.argument_kinds import check_kinds
+from planner.argument_kinds import check_kinds, shown
 from planner.exceptions import RequestError
 from planner.request.dimension import QUARTER, Dimension
 from planner.request.words import characteristic_name
@@ -102,11 +103,21 @@ def localisation_or_default(
     Returns
     -------
     Localisation
-        By default that of sub-pixel work for dimensions, otherwise whole pixels.
+        By default that of sub-pixel work for dimensions and where breaks of edges are stated, otherwise whole pixels.
+
+    Raises
+    ------
+    RequestError
+        If breaks of edges are stated, but only lengths on whole pixels are wanted: that model has no breaks.
     """
+    has_dimension = any(isinstance(item, Dimension) for item in items)
     if localisation is not None:
+        if edges is not None and localisation.model == "rounding" and not has_dimension:
+            rule = "must be given without the localisation rounding, a model that counts no breaks"
+            hint = "gaussian or fit counts them"
+            raise RequestError.of_rule("edge_break_mm", rule, shown(edges), hint=hint)
         return localisation
-    if any(isinstance(item, Dimension) for item in items):
+    if has_dimension or edges is not None:
         floor_px = FLOOR_PX if edges is None else DETECTOR_FLOOR_PX
         return Localisation.gaussian(floor_px=floor_px)
     return Localisation.rounding()
@@ -214,11 +225,14 @@ def _wanted(name: str, value: Any, kinds: tuple[str, ...], share: float = QUARTE
     if not isinstance(value, Mapping):
         return value
     kind = [key for key in value if key in kinds or key == "edge"]
-    unknown = [key for key in value if key not in (*kinds, "edge", *_OPTIONS)]
+    allowed = (*kinds, "edge", *_OPTIONS)
+    unknown = [key for key in value if key not in allowed]
     if unknown:
+        near = difflib.get_close_matches(str(unknown[0]), allowed, n=1)
+        meant = f"; {near[0]!r} may be meant" if near else ""
         raise RequestError(
             f"dimension {name!r} must be made of a kind (edge, {', '.join(kinds)}) and {', '.join(_OPTIONS)}. "
-            f"Got {unknown[0]!r}."
+            f"Got {unknown[0]!r}{meant}."
         )
     if len(kind) != 1:
         raise RequestError(
@@ -311,8 +325,8 @@ def pick(solid: Solid) -> Any:
         A widget with these traits, which follow each click:
 
         * ``entities``, a dict from names to ids, such as ``{"front": 17, "bore": "r3"}``, and
-        * ``dimensions``, a dict from names to `Dimension`. It is empty while the page refuses a
-          tolerance.
+        * ``dimensions``, a dict from names to `Dimension`, also of what lies between two entities.
+          It is empty while the page refuses a tolerance.
         * ``fault`` is the page's sentence on what it refuses, otherwise empty.
 
         `plan_inspection` takes both dicts.
@@ -383,7 +397,8 @@ def _picked(rows: Any) -> tuple[dict[str, Any], dict[str, Any], str]:
     """Return entities, dimensions and what is refused, of what the page has in its list."""
     from errors.measurands.measurand import kinds
 
-    entities = {row["key"]: row["entity"] for row in rows}
+    # what lies between two is a dimension only
+    entities = {row["key"]: row["entity"] for row in rows if "entity" in row}
     faults = [f"{row['key']}: {row['fault']}" for row in rows if row["fault"]]
     if faults:
         return entities, {}, faults[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,3 +36,6 @@ class Reads(Protocol):
         self, cam2world: Array, camera: Camera, lamps: Array, background: float
     ) -> NDArray[np.bool_]:
         """Return under which lamps (n, 3) an image from a pose can be registered."""
+
+    def unread(self, cam2world: Array, camera: Camera, target: Target, area: Any) -> str:
+        """Return why too little of a target is found under a light with an area; empty if enough is."""

@@ -181,7 +181,7 @@ def with_places(solid: Solid, wanted: Mapping[str, Any]) -> dict[str, Any]:
         taken = [part_name for part_name in names if part_name in wanted]
         if taken:
             raise RequestError.of_rule(
-                "the name", f"of a place of {name!r} must be free", repr(taken[0])
+                "the name", f"of a position of {name!r} must be free", repr(taken[0])
             )
         result.update(zip(names, parts, strict=True))
     return result
@@ -202,12 +202,12 @@ def _at_places(solid: Solid, dimension: Dimension) -> list[Dimension]:
     cuts = [begin + (end - begin) * k / n for k in range(n + 1)]
     stretched = [[_stretches(side, origin, along, cuts) for side in way] for way in ways]
     if any(None in side for side in stretched[0]):
-        raise _refused(dimension, f"{n} places on {end - begin:.4g} mm of its edges")
+        raise _refused(dimension, f"{n} positions on {end - begin:.4g} mm of its edges")
     useless = [way for way, sides in zip(ways[1:], stretched[1:], strict=True) if not _reach(sides)]
     if useless:
         edges = ", ".join(str(side.edge) for side in useless[0])
         raise RequestError.of_rule(
-            "any", "must hold edges beside a place of the first ones", f"edges {edges}"
+            "any", "must hold edges next to a position of the first ones", f"edges {edges}"
         )
     return [
         _at_place(dimension, [[side[k] for side in way] for way in stretched]) for k in range(n)

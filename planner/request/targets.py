@@ -800,7 +800,7 @@ def check_is_edge(name: str, entity: Any) -> None:
         raise RequestError(
             "entities of a space must be edges, whose lengths are measured. "
             f"Got {name!r}, which is {'a rim' if kind == 'rim' else 'an arc'}: "
-            "plan_inspection measures it if it is asked for."
+            "plan_inspection measures it."
         )
 
 

@@ -7,18 +7,21 @@ clearance. What is told as not reached was refused by a reason in words; only "b
 from planner.robotcell.arm import Joint, Robot
 from planner.robotcell.bodies import Box, Fixturing, Grip
 from planner.robotcell.cell import Cell, HeldPartCell
+from planner.robotcell.cell_light import CarriedLight, LightBox
 from planner.robotcell.collisions import Closeness
 from planner.robotcell.placement import Placement, propose_placements
 from planner.robotcell.reachability import PoseReach, Reachability
 
 __all__ = [
     "Box",
+    "CarriedLight",
     "Cell",
     "Closeness",
     "Fixturing",
     "Grip",
     "HeldPartCell",
     "Joint",
+    "LightBox",
     "Placement",
     "PoseReach",
     "Reachability",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -849,7 +849,7 @@ def _cut_by_box(
 
 def _moved(name: str, body: Body, motion: np.ndarray) -> Body:
     if isinstance(body, Box):
-        return Box(body.low, body.high, compose(motion, body.pose))
+        return replace(body, pose=compose(motion, body.pose))
     corners, triangles = mesh_of(body, name)
     return carry(motion, corners), triangles
 

@@ -14,6 +14,7 @@ from planner.exceptions import RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Fixturing, Grip, Standing, Surface
 from planner.robotcell.cell_file import cell_fields
+from planner.robotcell.cell_light import CarriedLight, LightBox
 from planner.robotcell.collisions import (
     Arm,
     Closeness,
@@ -31,6 +32,7 @@ from planner.robotcell.hand import (
     check_home,
     check_home_is_free,
     check_names,
+    light_of,
     pairs_by_design,
     parts_of,
 )
@@ -71,6 +73,9 @@ class Cell:
     camera_body : sequence of Box, path or (corners, triangles)
         Camera, lens, lamps, bracket and a box for the loop of the cable, in the camera's frame (x right, y down, z
         forward, origin at the front nodal point), mm. Each counts as its convex hull.
+    light : CarriedLight, optional
+        The light that moves with the camera. A plan for the cell is lit by it. Default: none. A backlight is a
+        `LightBox` among the obstacles of a fixturing.
     obstacles : mapping of str to Box, path or (corners, triangles)
         What stands in the cell in every fixturing, in the base frame, mm.
     clearance_mm : float
@@ -92,6 +97,7 @@ class Cell:
         cam2flange: Any,
         *,
         camera_body: Sequence[Body] = (),
+        light: CarriedLight | None = None,
         obstacles: Mapping[str, Body] | None = None,
         clearance_mm: float = 10.0,
         fixturings: Mapping[str, Fixturing],
@@ -99,7 +105,7 @@ class Cell:
     ) -> None:
         self._check_robot(robot)
         self.cam2flange = check_hand_eye(cam2flange)
-        fittings = _fittings(robot, camera_body, obstacles, clearance_mm)
+        fittings = _fittings(robot, camera_body, obstacles, clearance_mm, light)
         self._assemble(CameraInHand, self.cam2flange, fittings, fixturings, home)
 
     @staticmethod
@@ -125,6 +131,7 @@ class Cell:
         self._hand: Hand = hand(fittings, camera, dict(fixturings))
         self._left_out = pairs_by_design(self.robot, self._arm)
         self._forget()
+        light_of(fittings, self.fixturings)
         self.check()
 
     def _forget(self) -> None:
@@ -147,6 +154,11 @@ class Cell:
     def fixturings(self) -> dict[str, Any]:
         """The ways the part lies or is held, by name: each a `Fixturing`, or a `Grip`."""
         return self._hand.fixturings
+
+    @property
+    def light(self) -> CarriedLight | LightBox | None:
+        """The light of the cell, by which its plans are lit: carried by the camera, or below the part, in its frame."""
+        return light_of(self._fittings, self.fixturings)
 
     @property
     def _arm(self) -> Arm:
@@ -839,6 +851,7 @@ class Cell:
             "robot": self.robot,
             hand.field: hand.pose,
             "camera_body": self._fittings.camera_body,
+            "light": self._fittings.light,
             "obstacles": self._fittings.obstacles,
             "clearance_mm": self.clearance_mm,
             "fixturings": self.fixturings,
@@ -873,6 +886,8 @@ class HeldPartCell(Cell):
         The camera's frame in the robot's base, mm.
     camera_body : sequence of Box, path or (corners, triangles)
         Camera, lens and lamps, in the camera's frame, mm.
+    light : CarriedLight, optional
+        The light of the camera, which stands still with it. A plan for the cell is lit by it. Default: none.
     obstacles : mapping of str to Box, path or (corners, triangles)
         What else stands in the cell, in the base frame, mm.
     clearance_mm : float
@@ -909,6 +924,7 @@ class HeldPartCell(Cell):
         cam2base: Any,
         *,
         camera_body: Sequence[Body] = (),
+        light: CarriedLight | None = None,
         obstacles: Mapping[str, Body] | None = None,
         clearance_mm: float = 10.0,
         fixturings: Mapping[str, Grip],
@@ -916,7 +932,7 @@ class HeldPartCell(Cell):
     ) -> None:
         self._check_robot(robot)
         self.cam2base = check_pose("cam2base", cam2base)
-        fittings = _fittings(robot, camera_body, obstacles, clearance_mm)
+        fittings = _fittings(robot, camera_body, obstacles, clearance_mm, light)
         self._assemble(PartInHand, self.cam2base, fittings, fixturings, home)
 
 
@@ -925,9 +941,12 @@ def _fittings(
     camera_body: Sequence[Body],
     obstacles: Mapping[str, Body] | None,
     clearance_mm: float,
+    light: CarriedLight | None,
 ) -> Fittings:
     clearance = check_number("clearance_mm", clearance_mm, NOT_NEGATIVE)
-    return Fittings(robot, tuple(camera_body), dict(obstacles or {}), clearance)
+    if light is not None:
+        check_kinds(light=(light, "CarriedLight"))
+    return Fittings(robot, tuple(camera_body), dict(obstacles or {}), clearance, light)
 
 
 def _named(name: str, before: Mapping[str, str], now: Mapping[str, str]) -> str:

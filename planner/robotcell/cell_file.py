@@ -19,6 +19,7 @@ from ground.convert import Meta, from_plain
 from planner.exceptions import PlannerError, RobotError
 from planner.robotcell.arm import Robot
 from planner.robotcell.bodies import Body, Box, Fixturing, Grip, mesh_of
+from planner.robotcell.cell_light import CarriedLight, LightBox
 from planner.robotcell.urdf import carry, check_pose, compose, from_rpy
 
 _INLINE = ("cam2flange", "part2base", "pose", "axis", "packages")
@@ -75,6 +76,40 @@ class BodyTable:
 
 
 @dataclass(frozen=True)
+class BacklightTable:
+    """A backlight of the catalogue below the part."""
+
+    name: Any
+    pose: Any
+    thickness_mm: Any = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", _pose("pose", self.pose))
+        # refuses what is no backlight, and the path of this table then stands before it
+        self.body()
+
+    def body(self) -> LightBox:
+        """Return the backlight as an obstacle."""
+        return LightBox.of(self.name, self.pose, **_stated(self, "thickness_mm"))
+
+
+@dataclass(frozen=True)
+class CarriedLightTable:
+    """A light of the catalogue that the camera carries."""
+
+    name: Any
+    distance_mm: Any
+    thickness_mm: Any = None
+
+    def __post_init__(self) -> None:
+        self.light()
+
+    def light(self) -> CarriedLight:
+        """Return the light."""
+        return CarriedLight(self.name, self.distance_mm, **_stated(self, "thickness_mm"))
+
+
+@dataclass(frozen=True)
 class AxisTable:
     """The axis of a turntable: a point, mm, and a direction."""
 
@@ -89,6 +124,7 @@ class FixturingTable:
     part2base: Any
     obstacles: Mapping[str, BodyTable] = field(default_factory=dict)
     turning: Mapping[str, BodyTable] = field(default_factory=dict)
+    light: BacklightTable | None = None
     axis: AxisTable | None = None
     angles: Any = None
     angles_deg: tuple[float, ...] | None = None
@@ -105,11 +141,19 @@ class FixturingTable:
 
     def fixturing(self, folder: Path, name: str) -> Fixturing:
         """Return the fixturing."""
+        obstacles = _bodies(self.obstacles, folder, f"{name}.obstacles")
+        turning = _bodies(self.turning, folder, f"{name}.turning")
+        if self.light is not None:
+            if "light" in {**obstacles, **turning}:
+                rule = "must have names that no other object has"
+                raise RobotError.of_rule("obstacles", rule, "'light'")
+            around = obstacles if self.axis is None else turning
+            around["light"] = self.light.body()
         return Fixturing(
             self.part2base,
-            _bodies(self.obstacles, folder, f"{name}.obstacles"),
+            obstacles,
             None if self.axis is None else (self.axis.point, self.axis.direction),
-            turning=_bodies(self.turning, folder, f"{name}.turning"),
+            turning=turning,
             **_stated(self, "angles", "turn_speed", "turn_acceleration"),
         )
 
@@ -165,6 +209,7 @@ class CellTable:
     camera_body: Annotated[
         tuple[BodyTable, ...], Meta(title="must be written [[camera_body]]")
     ] = ()
+    light: CarriedLightTable | None = None
     obstacles: Mapping[str, BodyTable] = field(default_factory=dict)
     clearance_mm: Any = None
     home_deg: SixAngles = ()
@@ -240,6 +285,7 @@ def cell_fields(path: str | PathLike[str]) -> dict[str, Any]:
 def _arguments(table: CameraInHandTable | PartInHandTable, folder: Path) -> dict[str, Any]:
     """Return the arguments of a cell, but for its camera's place."""
     home = {"home": np.radians(table.home_deg)} if table.home_deg else {}
+    light = {} if table.light is None else {"light": table.light.light()}
     return {
         "robot": table.robot.robot(folder),
         "fixturings": {
@@ -249,6 +295,7 @@ def _arguments(table: CameraInHandTable | PartInHandTable, folder: Path) -> dict
         "obstacles": _bodies(table.obstacles, folder, "obstacles"),
         "camera_body": tuple(body.body(folder, "camera_body") for body in table.camera_body),
         **_stated(table, "clearance_mm"),
+        **light,
         **home,
     }
 
@@ -281,6 +328,7 @@ def moved_cell(path: str | PathLike[str], motion: np.ndarray, folder: Path) -> d
         for body in (
             *fixturing.get("obstacles", {}).values(),
             *fixturing.get("turning", {}).values(),
+            *([fixturing["light"]] if "light" in fixturing else []),
         ):
             before = _pose("pose", body["pose"]) if "pose" in body else np.eye(4)
             body["pose"] = compose(motion, before).tolist()

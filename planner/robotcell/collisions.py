@@ -406,8 +406,10 @@ class PairGroup:
         return max(0.0, float(fcl.distance(first, body.placed)))
 
 
-def bodies_of(robot: Robot, cam2flange: np.ndarray, camera: Sequence[Body]) -> list[Moving]:
-    """Return the links of an arm, and behind them what its hand carries, given in the camera's frame."""
+def bodies_of(
+    robot: Robot, cam2flange: np.ndarray, camera: Sequence[Body], light: Sequence[Body] = ()
+) -> list[Moving]:
+    """Return the links of an arm, and behind them camera and light, given in the camera's frame."""
     bodies = [
         Moving(name, segment, hull)
         for segment, (name, hulls) in enumerate(zip(robot.segment_names, robot.hulls, strict=True))
@@ -417,6 +419,9 @@ def bodies_of(robot: Robot, cam2flange: np.ndarray, camera: Sequence[Body]) -> l
     for body in camera:
         points = body.corners() if isinstance(body, Box) else mesh_of(body, "camera_body")[0]
         bodies.append(Moving("camera", HAND, hull_of(carry(in_hand, points), "camera_body"), True))
+    for body in light:
+        points = body.corners() if isinstance(body, Box) else mesh_of(body, "light")[0]
+        bodies.append(Moving("light", HAND, hull_of(carry(in_hand, points), "light"), True))
     return bodies
 
 

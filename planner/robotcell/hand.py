@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -35,6 +35,7 @@ from planner.robotcell.bodies import (
     sunk_mm,
 )
 from planner.robotcell.branches import needed
+from planner.robotcell.cell_light import CarriedLight, LightBox
 from planner.robotcell.collisions import HAND, Arm, Moving, PairGroup, bodies_of
 from planner.robotcell.urdf import (
     N_JOINTS,
@@ -64,12 +65,20 @@ class Fittings:
         What stands in the cell in every fixturing, in the base frame, mm.
     clearance_mm : float
         Smallest distance to keep.
+    light : CarriedLight or None
+        The light that moves with the camera.
     """
 
     robot: Robot
     camera_body: tuple[Body, ...]
     obstacles: Mapping[str, Body]
     clearance_mm: float
+    light: CarriedLight | None = None
+
+    @property
+    def light_bodies(self) -> tuple[Body, ...]:
+        """The solids of the light that moves with the camera, in the camera's frame, mm."""
+        return () if self.light is None else self.light.bodies()
 
     def standing(self) -> tuple[Standing, ...]:
         """Return the obstacles as bodies."""
@@ -113,7 +122,7 @@ class CameraInHand:
         self.obstacles = fittings.standing()
         self.pose = cam2flange
         self.part: Standing | None = None
-        bodies = bodies_of(fittings.robot, cam2flange, fittings.camera_body)
+        bodies = bodies_of(fittings.robot, cam2flange, fittings.camera_body, fittings.light_bodies)
         self._arm = arm_with_mount(fittings.robot, bodies, fittings.clearance_mm)
         self._stand(fixturings)
 
@@ -316,10 +325,15 @@ class PartInHand:
         self.part: Standing | None = None
         bodies = {f"camera {k}": body for k, body in enumerate(fittings.camera_body)}
         self._camera = standing_bodies(bodies, "camera_body")
-        # all by the name of the camera
+        lights = {f"light {k}": body for k, body in enumerate(fittings.light_bodies)}
+        # all by the name of the camera, or of its light
         self._placed_camera = tuple(
-            Standing("camera", compose(cam2base, body.pose), body.shape, body.geometry)
-            for body in self._camera
+            Standing(name, compose(cam2base, body.pose), body.shape, body.geometry)
+            for name, carried in (
+                ("camera", self._camera),
+                ("light", standing_bodies(lights, "light")),
+            )
+            for body in carried
         )
         self._grip(fixturings)
 
@@ -367,7 +381,7 @@ class PartInHand:
 
     def moved(self, motion: np.ndarray) -> PartInHand:
         """Raise, since there is no part to be placed."""
-        rule = "must have the part lying in it to look for its place"
+        rule = "must hold the part on a fixturing to search for its position"
         raise RobotError.of_rule("cell", rule, "a part in the hand")
 
     def parts_at(self, q: np.ndarray, fixturing: str) -> np.ndarray:
@@ -483,6 +497,7 @@ def parts_of(hand: Hand, home: list[float] | None) -> dict[str, str]:
         "clearance_mm": short_digest(fittings.clearance_mm),
         "home": short_digest(home),
         "obstacles": short_digest(digest_of((), None, [("", np.eye(4), hand.obstacles)])),
+        **({} if fittings.light is None else {"light": short_digest(fittings.light)}),
         **fixturings,
     }
 
@@ -514,6 +529,8 @@ def digest_of(
 
 
 _LEAST_LEVER_MM = 5.0
+# two places of a backlight below the part are the same within this
+_SAME_MM = 1e-6
 _INWARDS = 0.866
 """Cosine of the angle to the flange within which a camera would look at it."""
 
@@ -580,14 +597,64 @@ def check_names(hand: type[Hand], fittings: Fittings, fixturings: Mapping[str, A
         way = "the part lies" if lies else "the robot holds the part"
         raise RobotError.of_rule("fixturings", f"must name at least one way {way}", "none")
     taken = {"camera", "part", *fittings.robot.segment_names}
+    if fittings.light is not None:
+        taken.add("light")
     for name, fixturing in fixturings.items():
         _check_kind(name, fixturing, lies=lies)
         coming = [*fixturing.obstacles, *fixturing.turning] if lies else [*fixturing.gripper]
         names = [*fittings.obstacles, *coming]
         for body in names:
             if body in taken or names.count(body) > 1:
-                rule = "must have names that no other body has"
+                rule = "must have names that no other object has"
                 raise RobotError.of_rule("obstacles", rule, repr(body))
+
+
+def light_of(
+    fittings: Fittings, fixturings: Mapping[str, Fixturing | Grip]
+) -> CarriedLight | LightBox | None:
+    """Return the light of a cell, or None; a backlight in the frame of the part.
+
+    Raises
+    ------
+    RobotError
+        If there is more than one light, or the part lies on its backlight in different ways.
+    """
+    backlights = {
+        name: _backlight_of(name, fixturing)
+        for name, fixturing in fixturings.items()
+        if isinstance(fixturing, Fixturing)
+    }
+    first = next((light for light in backlights.values() if light is not None), None)
+    if first is None:
+        return fittings.light
+    if fittings.light is not None:
+        got = f"{fittings.light.name} and {first.name}"
+        raise RobotError.of_rule("light", "must be the only light of the cell", got)
+    for name, light in backlights.items():
+        same = light is not None and light.name == first.name
+        if light is None or not same or not np.allclose(light.pose, first.pose, atol=_SAME_MM):
+            rule = "must be under the part in every fixturing, at the same position under it"
+            hint = "plan each fixturing by a cell of its own"
+            raise RobotError.of_rule("light", rule, f"another one in {name!r}", hint=hint)
+    return first
+
+
+def _backlight_of(name: str, fixturing: Fixturing) -> LightBox | None:
+    """Return the backlight of a fixturing in the frame of the part; None without one."""
+    standing = [body for body in fixturing.obstacles.values() if isinstance(body, LightBox)]
+    if standing and fixturing.table is not None:
+        rule = f"must turn with the part in fixturing {name!r}, which is on a turntable"
+        raise RobotError.of_rule("light", rule, "one that stands still")
+    lights = [
+        *standing,
+        *(body for body in fixturing.turning.values() if isinstance(body, LightBox)),
+    ]
+    if not lights:
+        return None
+    if len(lights) > 1:
+        rule = f"must be the only light in fixturing {name!r}"
+        raise RobotError.of_rule("light", rule, f"{len(lights)} backlights")
+    return replace(lights[0], pose=compose(invert(fixturing.part2base), lights[0].pose))
 
 
 def _check_kind(name: str, fixturing: Any, *, lies: bool) -> None:

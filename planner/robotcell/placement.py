@@ -160,7 +160,7 @@ class PlacementSearch:
         self._plan = plan
         lying = next(iter(cell.fixturings.values()))
         if not isinstance(lying, Fixturing):
-            rule = "must have the part lying in it to look for its place"
+            rule = "must hold the part on a fixturing to search for its position"
             raise RobotError.of_rule("cell", rule, "a part in the hand")
         first = lying.part2base
         corners = np.asarray(solid.bounds, dtype=np.float64)

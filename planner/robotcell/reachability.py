@@ -337,8 +337,8 @@ def over_angles(
 
 
 def touching(first: str, second: str) -> str:
-    """Return two bodies that are too near, in words; the camera is named first."""
-    if second == "camera":
+    """Return two bodies that are too near, in words; camera and light are named first."""
+    if second in ("camera", "light"):
         first, second = second, first
     return f"{first} touches {second}"
 

@@ -495,7 +495,8 @@ class _Worth:
 #
 # Column generation (Gilmore & Gomory 1961): the linear relaxation of the cover over the columns
 # found so far prices each entity; a pose whose inspected entities are worth more than 1 together
-# improves the cover. Such poses are looked for by random perturbation of the best ones.
+# improves the cover. Such poses are looked for by random perturbation of the best ones, and drawn
+# anew, by the prices: near known poses only, the search would miss what no known pose is near to.
 
 
 # viewing directions for each drawn viewpoint. The first looks at the entity itself.
@@ -505,7 +506,7 @@ _AXES_PER_VIEWPOINT = 6
 # a set that would improve the cover. Up to half are the best of the round before.
 _PARENTS = 64
 # number of perturbations of every parent
-_CHILDREN = 24
+_CHILDREN = 16
 # poses evaluated at a time, in every process, because the last digits depend on it
 _BATCH = 768
 # rounds between two checks of the relaxation
@@ -521,6 +522,14 @@ _WHOLE = 16
 # the search improves a pose for an entity only if it nearly inspects it to this degree (1:
 # inspected)
 _PROMISING = 0.3
+# poses drawn anew in a round: for each of so many entities, drawn by their prices, so many poses
+# that have it in focus together with others
+_DRAWN_ENTITIES = 64
+_DRAWN_POSES = 12
+# entities in focus together, the first one included. It may be drawn again, so they may be fewer.
+_IN_FOCUS = 3
+# of a depth of field, this much is the standard deviation of depth that counts as flat
+_FLAT = 0.25
 # price of an entity without a column. It exceeds the weight of a column, because a column of its
 # own is worth a setting.
 _UNCOVERED = 2.0
@@ -617,6 +626,93 @@ def first_poses(judge: Judge, n_directions: int, seed: int) -> np.ndarray:
     )
 
 
+def poses_in_focus(
+    judge: Judge, prices: np.ndarray, n_entities: int, n_poses: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Draw poses, from anywhere, that have an entity in focus together with others near it.
+
+    Where the depth of field is thin, few directions have three entities in focus, and poses near known ones seldom come
+    across them. So a direction is drawn from the angular central Gaussian distribution (D. E. Tyler, Biometrika 74,
+    1987) of the matrix (C + s² I)⁻¹, where C is the covariance of the ends of some entities: directions along which
+    these are less deep than s are all about as likely, and others are the rarer the deeper the entities are.
+
+    Parameters
+    ----------
+    judge : Judge
+    prices : array (k,)
+        Worth of the entities, not negative, and of one at least positive. An entity is drawn as often as it is worth.
+    n_entities : int
+        So many entities are drawn, with others near each.
+    n_poses : int
+        Poses for each of them.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    array (n_entities * n_poses, 4, 4)
+        Poses. Nothing but focus is looked at: most of them may inspect nothing.
+    """
+    ends = judge.single.ends
+    middles = ends.mean(axis=1)
+    worth = prices[judge.problem.owner]
+    first = _drawn(np.cumsum(worth)[None], np.zeros(n_entities, dtype=int), rng)
+    apart = np.linalg.norm(middles[first][:, None] - middles, axis=2)
+    # of each of these the running sum of what is worth something and near it
+    sums = np.cumsum(np.where(apart < _width_mm(judge), worth, 0.0), axis=1)
+    row = np.repeat(np.arange(n_entities), n_poses)
+    others = [_drawn(sums, row, rng) for _ in range(_IN_FOCUS - 1)]
+    points = ends[np.stack([first[row], *others], axis=1)].reshape(len(row), -1, 3)
+    centre = points.mean(axis=1)
+    nearest, farthest = judge.camera.depth_of_field_mm
+    farthest = min(farthest, 10 * nearest)
+    flat = _FLAT * (farthest - nearest) * 10.0 ** rng.uniform(-0.5, 0.5, len(row))
+    axis = _flat_directions(points - centre[:, None], flat, rng)
+    depth = ((points - centre[:, None]) * axis[:, None]).sum(axis=2)
+    # the distances at which all ends are in focus; if there are none, some between
+    low = nearest - depth.min(axis=1)
+    high = farthest - depth.max(axis=1)
+    distance = low + (high - low) * rng.random(len(row))
+    return look_at(
+        centre - distance[:, None] * axis,
+        centre,
+        roll=rng.uniform(-np.pi, np.pi, len(row)),
+    )
+
+
+def _drawn(sums: np.ndarray, row: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw an index for each of some rows (n,) of running sums (m, k), as often as it adds to the sum."""
+    drawn = np.zeros(len(row), dtype=int)
+    level = rng.random(len(row))
+    for k, running in enumerate(sums):
+        here = row == k
+        drawn[here] = np.searchsorted(running, level[here] * running[-1], side="right")
+    return np.minimum(drawn, sums.shape[1] - 1)
+
+
+def _flat_directions(points: np.ndarray, flat: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw directions (n, 3) along which points (n, p, 3) about the origin are seldom deeper than lengths (n,)."""
+    spread = (points[:, :, :, None] * points[:, :, None, :]).mean(axis=1)
+    spread = spread + (flat**2)[:, None, None] * np.eye(3)
+    # Cholesky's factor, and a normal draw divided by its transpose
+    a = np.sqrt(spread[:, 0, 0])
+    b = spread[:, 1, 0] / a
+    c = spread[:, 2, 0] / a
+    d = np.sqrt(spread[:, 1, 1] - b * b)
+    e = (spread[:, 2, 1] - c * b) / d
+    f = np.sqrt(spread[:, 2, 2] - c * c - e * e)
+    draws = rng.normal(size=(len(points), 3))
+    z = draws[:, 2] / f
+    y = (draws[:, 1] - e * z) / d
+    x = (draws[:, 0] - b * y - c * z) / a
+    axis = np.stack([x, y, z], axis=1)
+    return np.asarray(axis / np.linalg.norm(axis, axis=1)[:, None])
+
+
+def _width_mm(judge: Judge) -> float:
+    """Return how wide the picture is about, where the lens is focused."""
+    return 2 * judge.camera.focus_distance_mm * float(np.tan(judge.camera.half_diagonal_rad))
+
+
 def judged_poses(
     shared: Shared, name: str, n_viewpoints: int, seed: int
 ) -> tuple[np.ndarray, Judgement]:
@@ -634,8 +730,7 @@ def _targets(
 ) -> np.ndarray:
     """Choose points to look at: the entity's middle, or a point between it and the middle of another one near it."""
     middles = judge.single.ends.mean(axis=1)
-    width = 2 * judge.camera.focus_distance_mm * np.tan(judge.camera.half_diagonal_rad)
-    near = np.flatnonzero(np.linalg.norm(middles - middles[own], axis=1) < width)
+    near = np.flatnonzero(np.linalg.norm(middles - middles[own], axis=1) < _width_mm(judge))
     other = rng.choice(near, len(viewpoints))
     share = rng.uniform(0.0, 1.0, (len(viewpoints), 1))
     share[::_AXES_PER_VIEWPOINT] = 0.0
@@ -793,7 +888,7 @@ def _improve(
     rng: np.random.Generator,
     executor: Executor | None,
 ) -> np.ndarray:
-    """Breed from the most promising poses; return the next parents."""
+    """Breed from the most promising poses, and draw others; return the next parents."""
     pool, near = pools
     at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)] if len(pool) else pool.poses
     worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
@@ -804,6 +899,8 @@ def _improve(
     children = perturbed(
         np.repeat(parents, _CHILDREN, axis=0), shared.value.camera.focus_distance_mm, rng
     )
+    drawn = poses_in_focus(shared.value, prices, _DRAWN_ENTITIES, _DRAWN_POSES, rng)
+    children = np.concatenate([drawn, children])
     # batches of one size, whoever judges them: the last digits must not depend on the executor
     batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))

@@ -25,8 +25,10 @@ from planner.bound.lower_bound import (
 )
 from planner.cover import few_columns, sets_to_realise
 from planner.executors import Shared, in_order
-from planner.light.area_light import shown_of_plan
+from planner.light.area_light import EdgePoints, shown_of_plan
+from planner.light.corner_light import parts_of
 from planner.light.lighting import Lighting, eyes_of
+from planner.light.mounted_light import flat_normals
 from planner.light.plan_light import chosen_lamps
 from planner.plan import InspectionPlan
 from planner.progress import report
@@ -461,6 +463,8 @@ _LIGHT_TRIED = 48
 # of the poses where the entity is lit, keep this many as candidates: those that inspect most
 # entities with the highest probability
 _LIGHT_KEPT = 8
+# sine of the angle between an image's way up and a normal, from which on a camera can be turned to it
+_NEARLY_PARALLEL = 0.1
 # lamp positions tried in addition to the chosen ones, for lamps without fixed positions
 _LIGHT_PLACES = 1000
 
@@ -836,7 +840,8 @@ def _shown_from_elsewhere(
     """Return settings in which lamps at some places show entities that are dark so far, and what else they show."""
     elsewhere: list[SensorSetting] = []
     for k, name in enumerate(dark):
-        poses = _poses_that_inspect(run, plan, name)
+        square_on = lighting.area is not None and lighting.area.square_on
+        poses = _poses_that_inspect(run, plan, name, square_on=square_on)
         settings = [
             setting_at(run.problem, pose, [name], "pose in which a lamp shows it") for pose in poses
         ]
@@ -871,8 +876,13 @@ def _with_all(run: SearchRun) -> Any:
     return with_all
 
 
-def _poses_that_inspect(run: SearchRun, plan: InspectionPlan, name: str) -> NDArray[np.float64]:
-    """Return poses (n, 4, 4) that inspect an entity, `_LIGHT_TRIED` at most: half inspect most, half are spread."""
+def _poses_that_inspect(
+    run: SearchRun, plan: InspectionPlan, name: str, *, square_on: bool = False
+) -> NDArray[np.float64]:
+    """Return poses (n, 4, 4) that inspect an entity, `_LIGHT_TRIED` at most: half inspect most, half are spread.
+
+    If asked, all of them look square at a flat face beside it.
+    """
     column = run.names.index(name)
     seed = derive_seed(run.seed, ["light", name])
     pooled = run.pool.poses[run.pool.membership[:, column]]
@@ -881,6 +891,8 @@ def _poses_that_inspect(run: SearchRun, plan: InspectionPlan, name: str) -> NDAr
     near = np.repeat(planned, _LIGHT_AROUND, axis=0)
     near = perturbed(near, run.problem.camera.focus_distance_mm, np.random.default_rng(seed))
     poses = np.concatenate([pooled, drawn, near])
+    if square_on:
+        poses = _squared(run, plan, name, poses)
     inspects = run.judge(poses).inspects
     poses = poses[inspects[:, column]]
     more = inspects[inspects[:, column]].sum(axis=1)
@@ -894,6 +906,29 @@ def _poses_that_inspect(run: SearchRun, plan: InspectionPlan, name: str) -> NDAr
         np.linspace(0, len(remaining) - 1, _LIGHT_TRIED - len(richest)).round().astype(int)
     ]
     return np.asarray(poses[np.concatenate([richest, others])])
+
+
+def _squared(
+    run: SearchRun, plan: InspectionPlan, name: str, poses: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return poses (n, 4, 4) turned about the place in focus until they look square at a flat face beside a target."""
+    solid = run.problem.space.solid
+    distance = run.problem.camera.focus_distance_mm
+    focus = poses[:, :3, 3] + distance * poses[:, :3, 2]
+    turned = []
+    for part in parts_of(plan.targets[name], solid, name):
+        for normal in flat_normals(EdgePoints.of(solid, part.edge_ids)):
+            rolled = poses.copy()
+            # the way up of the image stays as near as it can be
+            right = np.cross(poses[:, :3, 1], -normal)
+            lengths = np.linalg.norm(right, axis=1)
+            right /= np.maximum(lengths, _NEARLY_PARALLEL)[:, None]
+            down = np.cross(-normal, right)
+            axes = np.broadcast_to(-normal, right.shape)
+            rolled[:, :3, :3] = np.stack([right, down, axes], axis=-1)
+            rolled[:, :3, 3] = focus + distance * normal
+            turned.append(rolled[lengths > _NEARLY_PARALLEL])
+    return np.concatenate(turned) if turned else poses
 
 
 def _shown(
@@ -918,7 +953,9 @@ def _shown(
     if lighting.area is not None:
         solid = run.problem.space.solid
         scene = RayScene(solid.vertices, solid.triangles, n_threads=1)
-        shown = shown_of_plan(lighting.area, posed, solid, scene, lighting.limits)
+        shown = shown_of_plan(
+            lighting.area, posed, solid, scene, lighting.limits, run.problem.reads
+        )
         return [set(setting.contrast) for setting in shown]
     served = lighting.served(
         posed, run.problem.space.solid, run.callbacks.silent.report, run.problem.reads

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from errors.measurands import Circle, Geometry, Localisation
 from ground.convert import STATED
@@ -917,8 +917,8 @@ def displaced_poses(
 def clopper_pearson(successes: int, n: int, confidence: float) -> tuple[float, float]:
     """Return the exact confidence interval of a probability after so many successes in n trials."""
     tail = (1 - confidence) / 2
-    low = beta.ppf(tail, successes, n - successes + 1) if successes else 0.0
-    high = beta.ppf(1 - tail, successes + 1, n - successes) if successes < n else 1.0
+    low = betaincinv(successes, n - successes + 1, tail) if successes else 0.0
+    high = betaincinv(successes + 1, n - successes, 1 - tail) if successes < n else 1.0
     return float(low), float(high)
 
 

@@ -189,9 +189,9 @@ def test_contrast_out_of_range(value):
     [
         ([[1.0, 1, 1]], "outside the part. Got [1.0, 1.0, 1.0] mm inside"),
         ([[5.0, 1, 1], [1.5, 0.5, 1]], "Got [1.5, 0.5, 1.0] mm inside"),
-        ([[np.nan, 0, 0]], "finite places"),
-        ([1.0, 2.0], "finite places"),
-        ("here", "places, shape"),
+        ([[np.nan, 0, 0]], "finite points"),
+        ([1.0, 2.0], "finite points"),
+        ("here", "points, shape"),
     ],
 )
 def test_lamps_that_cannot_be(lamps, text):

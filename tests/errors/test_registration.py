@@ -1,9 +1,13 @@
 """The joint posterior against a direct computation with a covariance of all rows."""
 
+import math
+
 import numpy as np
 import pytest
+import scipy.linalg
 from scipy.spatial.transform import Rotation
 
+from errors.checks import chi_squared_quantile
 from errors.registration import (
     Imaging,
     Rows,
@@ -15,6 +19,7 @@ from errors.registration import (
     rests_on_prior,
     surprise,
     undetermined,
+    variance_by_input,
 )
 
 
@@ -45,6 +50,30 @@ def test_against_the_covariance_of_all_rows(bias):
     right = np.concatenate([group.residual for group in rows])
     np.testing.assert_allclose(found.mean, gain @ right, atol=1e-10)
     np.testing.assert_allclose(found.covariance, prior - gain @ design @ prior, atol=1e-10)
+
+
+def test_variance_of_a_value_by_input_against_drawn_errors():
+    """Pose, surfaces and rows are drawn one at a time, and estimated; the estimate is off by their part."""
+    rng = np.random.default_rng(7)
+    prior = scipy.linalg.block_diag([[1.0, 0.6], [0.6, 2.0]], 0.5, 1.5)
+    design = rng.normal(size=(9, 4))
+    weight = rng.uniform(0.5, 3.0, 9)
+    gradient = np.array([1.0, -0.5, 1.0, -1.0])
+    row = Rows(np.arange(4), design, np.zeros(9), weight)
+    covariance = posterior(prior, [row], 0.0).covariance
+    parts = variance_by_input(covariance, prior, gradient, 2)
+    x = rng.multivariate_normal(np.zeros(4), prior, size=40000)
+    noise = rng.normal(size=(40000, 9)) / np.sqrt(weight)
+    pose = x * [1, 1, 0, 0]
+    surfaces = x * [0, 0, 1, 1]
+    gain = covariance @ (design.T * weight)
+    for part, truth, off in ((0, pose, 0), (1, surfaces, 0), (2, 0 * x, noise)):
+        errors = ((truth @ design.T + off) @ gain.T - truth) @ gradient
+        assert np.mean(errors**2) == pytest.approx(parts[part], rel=0.03)
+    assert sum(parts) == pytest.approx(gradient @ covariance @ gradient)
+    # without rows, all is as before
+    before = variance_by_input(prior, prior, gradient, 2)
+    assert before == pytest.approx((1.0 - 0.6 + 0.5, 2.0, 0.0))
 
 
 def test_nothing_found_leaves_the_prior():
@@ -392,3 +421,14 @@ def test_surfaces_of_which_nothing_is_known_tell_nothing_of_the_pose():
     badly = known_poses(POSE[None], POSE_PRIOR, wide, IMAGING, NOTHING).covariance[0]
     assert np.linalg.eigvalsh(badly - well).min() > -1e-12
     assert badly.trace() > 1.5 * well.trace()
+
+
+@pytest.mark.parametrize("share", [0.001, 0.5, 0.95, 0.99999])
+def test_quantiles_of_chi_squared(share):
+    from scipy.stats import chi2
+
+    # of two freedoms it is exponential
+    assert chi_squared_quantile(share, 2) == pytest.approx(-2.0 * math.log1p(-share), rel=1e-12)
+    assert [chi_squared_quantile(share, n) for n in (1, 6, 40)] == [
+        chi2.ppf(share, n) for n in (1, 6, 40)
+    ]

@@ -1,5 +1,8 @@
+import hashlib
 import json
 import os
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,7 +10,8 @@ from plan_examples import ENTITIES, plan, setting
 
 from planner.exceptions import OutputError, PlanFileError
 from planner.files import staged_folder, write_text
-from planner.plan import read_plan
+from planner.identity import Made
+from planner.plan import InspectionPlan, read_plan
 
 
 def test_round_trip_loses_nothing(tmp_path):
@@ -20,6 +24,46 @@ def test_round_trip_loses_nothing(tmp_path):
     assert list(again.entities) == list(ENTITIES)
     again.write(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
+
+
+def test_a_plan_says_when_and_of_what_it_was_made(tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    original = plan()
+    made = replace(original, made=Made.now(original.request, "0" * 64, "A. Meyer"))
+    assert made.made.date == "1970-01-02T00:00:00Z"
+    made.write(tmp_path / "plan.json")
+    again = read_plan(tmp_path / "plan.json")
+    assert again.made == made.made
+    assert again.file_text() == made.file_text()
+    # it is no part of what was planned
+    assert again == original
+    # as anybody computes the digests from the file
+    data = json.loads((tmp_path / "plan.json").read_text())
+    for name, values in (
+        ("camera", [data["request"]["camera"]]),
+        ("request", [data["request"], data["targets"]]),
+    ):
+        text = json.dumps(values, sort_keys=True)
+        digest = hashlib.sha256(text.encode()).hexdigest()
+        assert data["made"][f"{name}_sha256"] == digest
+    other = Made.now(replace(original.request, seed=original.request.seed + 1))
+    assert other.request_sha256 != made.made.request_sha256
+    assert other.camera_sha256 == made.made.camera_sha256
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("date", "yesterday", 'made.date must be a date in UTC. Got "yesterday".'),
+        ("camera_sha256", "12", 'made.camera_sha256 must be a SHA-256, or empty. Got "12".'),
+        ("place", "here", "made.place"),
+    ],
+)
+def test_a_wrong_account_of_the_making_is_refused(field, value, message):
+    data = plan().to_dict()
+    data["made"] = {"date": "1970-01-02T00:00:00Z", "program": "0.1.0", field: value}
+    with pytest.raises(PlanFileError, match=re.escape(message)):
+        InspectionPlan.from_dict(data)
 
 
 def test_an_entity_may_be_called_like_the_notation_of_numbers(tmp_path):

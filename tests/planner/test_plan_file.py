@@ -378,7 +378,7 @@ WRONG_STATE = {
     ),
     "digest": ({"digest": 7}, "digest must be 64 hexadecimal digits. Got 7."),
     "program": ({"program": 7}, "program must be 64 hexadecimal digits. Got 7."),
-    "request": ({"request": "0" * 64}, "request must be an object that holds what was asked for."),
+    "request": ({"request": "0" * 64}, "request must be an object that holds the request."),
     "no plan": ({"plan": 7}, "plan must be an object or null. Got 7."),
     "plan's field": (
         {"plan": changed(("request", "accuracy"), 2)},

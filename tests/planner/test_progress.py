@@ -228,6 +228,24 @@ def test_each_stage_of_a_long_read_is_named_soon(monkeypatch):
     assert 2 <= n_load <= 3
 
 
+def test_the_first_line_is_due_from_the_command_on(monkeypatch):
+    """Loading the program and reading the part are one wait for whoever typed the command."""
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(progress, "_FIRST_WORD_S", 0.2)
+    begun = time.monotonic()
+    with progress.loading_shown(begun):
+        time.sleep(0.1)
+    assert stream.getvalue() == ""
+    with progress.loading_shown(begun - 3.0):
+        time.sleep(0.1)
+    assert stream.getvalue() == "load the program (3 s so far)\n"
+    with progress.reading_shown(begun=begun - 3.0):
+        report_phase(0, 1, "load the STEP file")
+        time.sleep(0.1)
+    assert stream.getvalue().endswith("\nload the STEP file (3 s so far)\n")
+
+
 # Whether one more piece of work fits before a deadline.
 
 

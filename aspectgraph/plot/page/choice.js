@@ -4,10 +4,11 @@
 // the share of a tolerance's half width that `plan` permits as error of measurement
 const SHARE = 0.25;
 const MEASURED = { edge: "edge", rim: "diameter", arc: "radius" };
+const measured = (kind) => MEASURED[kind] || kind;
 
 class Choice {
   constructor(items) {
-    this.items = items;
+    this.items = [...items]; // and after them the pairs
     this.names = new Map(); // index -> name, in the order collected
     this.past = [];
     this.tolerances = new Map(); // index -> text of its own tolerance
@@ -22,7 +23,21 @@ class Choice {
     if (!same) this.past.push(before);
   }
 
-  defaultName(k) { const { id, kind } = this.items[k]; return kind === "edge" ? `e${id}` : id; }
+  defaultName(k) { return shortName(this.items[k]); }
+
+  /* Return the number of a value between two items, which need not be collected. */
+  pair(of, option) {
+    const item = pairItem(this.items, of, option), known = this.items.findIndex(({ id }) => id === item.id);
+    return known < 0 ? this.items.push(item) - 1 : known;
+  }
+
+  parts(k) { return this.items[k].of || [k]; }
+
+  /* Whether an item is collected, or one of a pair that is. */
+  uses(k) { return this.names.has(k) || [...this.names.keys()].some((one) => this.parts(one).includes(k)); }
+
+  /* Return the numbers of what is an entity by itself. */
+  entities() { return [...this.names.keys()].filter((k) => !this.items[k].of); }
 
   add(indices) {
     this.change((names) => indices.forEach((k) => names.has(k) || names.set(k, this.defaultName(k))));
@@ -51,21 +66,26 @@ class Choice {
     return key;
   }
 
-  ids() { return [...this.names.keys()].map((k) => this.items[k].id).join(","); }
+  ids() { return this.entities().map((k) => this.items[k].id).join(","); }
 
   /* Return the TOML of --entities: ids, or with `byEnds` the end points of edges, which a changed file still has. */
   toml(part, byEnds) {
     const lines = [`# Entities of ${printable(part)}: name = id; lengths in mm.`];
-    for (const k of this.names.keys()) lines.push(`${tomlKey(this.key(k))} = ${this.value(k, byEnds)}`);
+    for (const k of this.entities()) lines.push(`${tomlKey(this.key(k))} = ${this.value(k, byEnds)}`);
     return `${lines.join("\n")}\n`;
   }
 
-  nominal(k) { const { kind, size } = this.items[k]; return kind === "rim" ? 2 * size : size; }
+  unit(k) { return this.items[k].unit || "mm"; }
+
+  withUnit(k, text) { return this.unit(k) === "mm" ? `${text} mm` : `${text}${this.unit(k)}`; }
 
   /* Return the tolerance of an item as [lower, upper], null where none is asked, undefined where the text is none. */
-  tolerance(k) { return toleranceOf(this.tolerances.get(k) || this.common); }
+  tolerance(k) { return toleranceOf(this.tolerances.get(k) || this.shared(k)); }
 
-  /* Return the error that a plan may make of an item, mm; null where --accuracy decides. */
+  /* Return the tolerance of what has none of its own; that of lengths is none of angles. */
+  shared(k) { return this.unit(k) === "mm" ? this.common : ""; }
+
+  /* Return the error that a plan may make of an item, in its unit; null where --accuracy decides. */
   permitted(k) {
     const limits = this.tolerance(k);
     return limits ? this.share * (limits[1] - limits[0]) / 2 : null;
@@ -73,35 +93,34 @@ class Choice {
 
   /* Return why a plan would refuse the tolerance of an item, or nothing. */
   toleranceFault(k) {
-    const { chords, kind, id } = this.items[k], limits = this.tolerance(k);
+    const limits = this.tolerance(k), { size: nominal } = this.items[k];
     if (limits === undefined) return "a tolerance must be a number like 0.05, or two like -0.02/+0.05";
     if (!(this.share > 0 && this.share <= 1)) return "the share must be above 0 % and at most 100 %";
     if (!limits) return "";
     if (!(limits[0] < limits[1])) return "the two deviations must differ";
     const error = this.permitted(k);
-    if (error >= this.nominal(k)) return `the permitted error must be below ${number(this.nominal(k))} mm`;
-    if (chords.off > error) {
-      return `${kind} ${id} is known by ${chords.n} chords only, ${number(chords.off)} mm off its circle`;
-    }
-    return "";
+    if (error >= nominal) return `the permitted error must be below ${this.withUnit(k, number(nominal))}`;
+    const rough = this.parts(k).map((one) => this.items[one]).find(({ chords }) => chords.off > error);
+    return rough
+      ? `${rough.kind} ${rough.id} is known by ${rough.chords.n} chords only, ${number(rough.chords.off)} mm off its circle` : "";
   }
 
   /* Return what is measured of an item, and how wrong it may be. */
   told(k) {
-    const { kind } = this.items[k], error = this.permitted(k);
-    const what = { edge: "length", rim: "diameter", arc: "radius" }[kind];
-    const nominal = `${what} ${number(this.nominal(k))} mm`;
+    const { kind, axis, size: value } = this.items[k], error = this.permitted(k);
+    const nominal = valueText({ kind, axis, nominal: value, unit: this.unit(k) });
     if (this.toleranceFault(k)) return nominal;
     if (error === null) return `${nominal}, error by --accuracy`;
-    return `${nominal} ${toleranceText(this.tolerance(k))}: error up to ${number(error)} mm (${number(100 * this.share)} %)`;
+    return `${nominal} ${toleranceText(this.tolerance(k))}: error up to ${this.withUnit(k, number(error))} (${number(100 * this.share)} %)`;
   }
 
   /* Return the TOML of --dimensions. */
   dimensionsToml(part, byEnds) {
-    const lines = [`# Dimensions of ${printable(part)}; lengths and deviations in mm.`, "[dimensions]"];
+    const lines = [`# Dimensions of ${printable(part)}; lengths and deviations in mm, angles in degrees.`, "[dimensions]"];
     for (const k of this.names.keys()) {
-      const { kind } = this.items[k], limits = this.tolerance(k);
-      const asked = [`${MEASURED[kind]} = ${this.value(k, byEnds)}`];
+      const { kind, axis } = this.items[k], limits = this.tolerance(k);
+      const asked = [`${measured(kind)} = ${this.value(k, byEnds)}`];
+      if (axis) asked.push(`direction = [${AXES[axis].join(", ")}]`);
       if (limits) asked.push(`tolerance = [${limits.join(", ")}]`);
       if (limits && this.share !== SHARE) asked.push(`share = ${this.share}`);
       lines.push(`${tomlKey(this.key(k))} = { ${asked.join(", ")} }`);
@@ -112,18 +131,25 @@ class Choice {
   /* Return all that is collected and set, as plain values; `restore` takes it. */
   record() {
     const rows = [...this.names].map(([k, name]) => {
-      const { id, kind } = this.items[k], limits = this.tolerance(k), entity = kind === "edge" ? Number(id) : id;
-      const asked = { [MEASURED[kind]]: entity };
+      const { id, kind, of, axis } = this.items[k], limits = this.tolerance(k);
+      const [entity, ...more] = this.parts(k).map((one) => entityOf(this.items[one]));
+      const asked = { [measured(kind)]: of ? [entity, ...more] : entity };
+      if (axis) asked.direction = AXES[axis];
       if (limits) asked.tolerance = limits;
       if (limits && this.share !== SHARE) asked.share = this.share;
       const own = this.tolerances.get(k) || "", fault = this.toleranceFault(k);
-      return { id, name, own, key: this.key(k), entity, asked, fault };
+      const row = { id, name, own, key: this.key(k), asked, fault };
+      return of ? { ...row, pair: { of: of.map((one) => this.items[one].id), kind, axis } } : { ...row, entity };
     });
     return { rows, common: this.common, share: this.share };
   }
 
   restore({ rows, common, share }) {
     const at = new Map(this.items.map(({ id }, k) => [id, k]));
+    for (const { id, pair } of rows.filter((row) => row.pair)) {
+      const of = pair.of.map((one) => at.get(one)), options = betweenTwo(...of.map((k) => this.items[k]));
+      at.set(id, this.pair(of, options.find(({ kind, axis }) => kind === pair.kind && axis === pair.axis)));
+    }
     this.change((names) => {
       names.clear();
       rows.forEach(({ id, name }) => names.set(at.get(id), name));
@@ -134,11 +160,13 @@ class Choice {
 
   /* Return an id as TOML, or with `byEnds` the end points of an edge, which a changed file still has. */
   value(k, byEnds) {
-    const { id, kind, ends } = this.items[k];
+    const { id, kind, ends, of } = this.items[k];
+    if (of) return `[${of.map((one) => this.value(one, byEnds)).join(", ")}]`;
     return kind !== "edge" ? `"${id}"` : byEnds ? JSON.stringify(ends) : id;
   }
 }
 
+const entityOf = ({ id, kind }) => (kind === "edge" ? Number(id) : id);
 const number = (value) => String(Number(value.toPrecision(4)));
 const printable = (text) => text.replace(/[^\x20-\x7e\xa0-\uffff]/g, " ");
 

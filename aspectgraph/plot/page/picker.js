@@ -23,23 +23,25 @@ const middles = lines.map((line) =>
 const scene = new Scene($("scene"), part, lines);
 const choice = new Choice(items);
 const texts = items.map((item) => item.id);
-const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0, hosted: false };
+const state = { pointed: -1, face: -1, codes: null, seen: new Map(), boxes: [], box: null, timer: 0, frame: 0, hosted: false, first: -1, partners: new Map() };
 
 /* What the filter lets through. */
 function isShown(k) {
   const { kind, size, turn, id } = items[k];
+  if (state.first >= 0 && k !== state.first && !state.partners.has(k)) return false;
   const low = parseFloat($("least").value), high = parseFloat($("most").value), wanted = $("find").value.trim();
   if (!$(`kind-${kind}`).checked || (turn > 0 ? !$("convex").checked : !$("reentrant").checked)) return false;
   if (size < low || size > high) return false;
   return !wanted || wanted.split(/[\s,]+/).some((word) => word === id || (/^e\d/.test(word) && word.slice(1) === id));
 }
 
-const colourOf = (k) => (k === state.pointed ? POINTED : choice.names.has(k) ? CHOSEN : COLOURS[items[k].kind]);
+const isPointed = (k) => state.pointed >= 0 && choice.parts(state.pointed).includes(k);
+const isMarked = (k) => k === state.first || choice.uses(k);
+const colourOf = (k) => (isPointed(k) ? POINTED : isMarked(k) ? CHOSEN : COLOURS[items[k].kind]);
 
 function styles() {
   return items.map((_, k) => {
-    const marked = choice.names.has(k) || k === state.pointed;
-    return [...colourOf(k), marked ? 5 : isShown(k) ? 2.4 : 0];
+    return [...colourOf(k), isMarked(k) || isPointed(k) ? 5 : isShown(k) ? 2.4 : 0];
   });
 }
 
@@ -61,7 +63,7 @@ function overlay() {
 }
 
 function paint() {
-  if (!scene.gl) return;
+  if (!scene.isReady) return;
   scene.paint(scene.named, styles());
   scene.draw($("through").checked);
   overlay();
@@ -69,14 +71,14 @@ function paint() {
 
 /* Find out what is seen where, and label it: when the view rests. */
 function settle() {
-  if (!scene.gl) return;
+  if (!scene.isReady) return;
   clearTimeout(state.timer);
   state.timer = 0;
   const [width, height] = scene.size;
   scene.paint(scene.named, styles());
   state.codes = scene.ids($("through").checked);
   state.seen = seenLines(state.codes, width, height, scene.project(middles));
-  const wanted = (k) => (k === state.pointed ? 2 : choice.names.has(k) ? 1 : 0);
+  const wanted = (k) => (isPointed(k) ? 2 : isMarked(k) ? 1 : 0);
   state.boxes = placeLabels($("labels").getContext("2d"), texts, state.seen, wanted, width, height);
   paint();
 }
@@ -93,6 +95,7 @@ function moved() {
 /* Return the index of the line nearest to a pixel and the face at it, -1 for none. */
 function at(px, py) {
   if (state.timer) settle();
+  if (!state.codes) return { line: -1, face: -1 };
   const [width, height] = scene.size;
   let line = -1, best = ANSWER_PX ** 2 + 1;
   const code = (x, y) => (x < 0 || y < 0 || x >= width || y >= height ? 0 : state.codes[(height - 1 - y) * width + x]);
@@ -109,6 +112,7 @@ function at(px, py) {
 /* Return the lines in a box: dragged to the right, those wholly in it; to the left, those it touches. */
 function inBox({ x0, y0, x1, y1 }) {
   if (state.timer) settle();
+  if (!state.codes) return [];
   const [left, right] = [Math.min(x0, x1), Math.max(x0, x1)], [top, bottom] = [Math.min(y0, y1), Math.max(y0, y1)];
   const inside = ([x, y]) => x >= left && x <= right && y >= top && y <= bottom;
   const [width, height] = scene.size, touched = new Set();
@@ -124,7 +128,8 @@ function inBox({ x0, y0, x1, y1 }) {
 
 function point(k, face, x, y) {
   const tip = $("tip");
-  const rows = k >= 0 ? items[k].rows : face >= 0 ? data.faces[face] : [];
+  const between = (state.partners.get(k) || []).map(valueText);
+  const rows = k >= 0 ? [...choice.items[k].rows, ...between] : face >= 0 ? data.faces[face] : [];
   tip.hidden = !rows.length || x === undefined;
   tip.textContent = rows.join("\n");
   if (!tip.hidden) {
@@ -135,8 +140,63 @@ function point(k, face, x, y) {
   if (k === state.pointed) return;
   state.pointed = k;
   document.querySelectorAll("#all .pointed").forEach((row) => row.classList.remove("pointed"));
-  if (k >= 0) $(`item-${k}`).classList.add("pointed");
+  for (const one of k >= 0 ? choice.parts(k) : []) $(`item-${one}`).classList.add("pointed");
+  // what is pointed at in the picture is brought into the list's view
+  if (k >= 0 && x !== undefined) reveal($(`item-${k}`));
   paint();
+}
+
+function reveal(row) {
+  const list = $("all"), above = row.offsetTop;
+  if (above < list.scrollTop || above + row.offsetHeight > list.scrollTop + list.clientHeight) {
+    list.scrollTop = above - list.clientHeight / 2;
+  }
+}
+
+/* Take what is clicked: into the list or out of it, or as one of two to measure between. */
+function take(k) {
+  if (!$("two").checked) {
+    choice.toggle(k);
+    chosen();
+  } else if (state.first < 0) begin(k);
+  else if (state.first === k) begin(-1);
+  else offer(k);
+}
+
+/* Begin a pair with an item, and show what makes one with it; -1 ends it. */
+function begin(k) {
+  state.first = k;
+  const options = k < 0 ? [] : items.map((item, j) => [j, j === k ? [] : betweenTwo(items[k], item)]);
+  state.partners = new Map(options.filter(([, found]) => found.length));
+  $("between").hidden = !$("two").checked;
+  $("between").replaceChildren(k < 0 ? "Click the first of two: edges, rims or arcs."
+    : `${items[k].rows[0]} and … Click the second. Esc starts again.`);
+  items.forEach((item, j) => {
+    $(`item-${j}`).lastChild.textContent = state.partners.has(j) ? valueText(state.partners.get(j)[0]) : item.told;
+  });
+  chosen();
+  filtered();
+}
+
+/* Collect what is measured between the first and another one; of several values the reader says which. */
+function offer(k) {
+  const options = state.partners.get(k) || [], of = [state.first, k];
+  if (options.length === 1) return collectPair(of, options[0]);
+  const names = of.map((one) => items[one].rows[0]).join(" and ");
+  const buttons = options.map((option) => {
+    const button = document.createElement("button");
+    button.textContent = valueText(option);
+    button.addEventListener("click", () => collectPair(of, option));
+    return button;
+  });
+  $("between").replaceChildren(options.length ? `${names}: ` : `Nothing is measured between ${names}.`, ...buttons);
+  return chosen();
+}
+
+function collectPair(of, option) {
+  choice.add([choice.pair(of, option)]);
+  $("kind-of-file").value = "dimensions";
+  begin(-1);
 }
 
 function chosen() {
@@ -150,7 +210,7 @@ function listAll() {
     const row = document.createElement("label"), tick = document.createElement("input");
     row.id = `item-${k}`;
     tick.type = "checkbox";
-    tick.addEventListener("change", () => { choice.toggle(k); chosen(); });
+    tick.addEventListener("change", () => take(k));
     const cells = [item.kind === "edge" ? `e${item.id}` : item.id, item.kind, item.told].map((text) => {
       const cell = document.createElement("span");
       cell.textContent = text;
@@ -162,6 +222,13 @@ function listAll() {
     return row;
   });
   $("all").replaceChildren(...rows);
+}
+
+/* Put the list in the order asked for: as in the file, or by size. */
+function sorted() {
+  const order = items.map((_, k) => k);
+  if ($("order").value === "size") order.sort((j, k) => items[k].size - items[j].size || j - k);
+  $("all").append(...order.map((k) => $(`item-${k}`)));
 }
 
 const forDimensions = () => $("kind-of-file").value === "dimensions";
@@ -178,15 +245,15 @@ function field(value, label, bad, rename) {
 
 function chosenRow(k, name) {
   const row = document.createElement("div"), out = document.createElement("button"), told = document.createElement("span");
-  const what = items[k].rows[0];
+  const { rows: [what], told: inShort } = choice.items[k];
   row.append(field(name, `name of ${what}`, choice.fault(k), (text) => choice.rename(k, text)));
-  told.textContent = `${what}, ${items[k].told}`;
+  told.textContent = `${what}, ${inShort || choice.told(k)}`;
   if (forDimensions()) {
     const own = choice.tolerances.get(k) || "";
     const tolerance = field(own, `tolerance of ${what}`, choice.toleranceFault(k), (text) => {
       choice.tolerances.set(k, text.trim());
     });
-    tolerance.placeholder = choice.common || "none";
+    tolerance.placeholder = choice.shared(k) || "none";
     row.append(tolerance);
     told.textContent = choice.told(k);
   }
@@ -211,11 +278,13 @@ function listChosen() {
   const refused = dimensions ? chosenOnes.filter(([k]) => choice.toleranceFault(k)) : [];
   $("count").textContent = n ? `${n} collected` : "Nothing collected yet";
   $("fault").textContent = refused.length
-    ? `${items[refused[0][0]].rows[0]}: ${choice.toleranceFault(refused[0][0])}`
+    ? `${choice.items[refused[0][0]].rows[0]}: ${choice.toleranceFault(refused[0][0])}`
     : names.length ? `${names[0]}; the file keeps the id instead` : notes(chosenOnes, dimensions);
   $("toml").value = refused.length ? "" : toml();
-  for (const id of ["copy", "save"]) $(id).disabled = !n || refused.length > 0;
-  for (const id of ["copy-ids", "clear"]) $(id).disabled = !n;
+  const written = dimensions ? n : choice.entities().length;
+  for (const id of ["copy", "save"]) $(id).disabled = !written || refused.length > 0;
+  $("copy-ids").disabled = !choice.entities().length;
+  $("clear").disabled = !n;
   $("undo").disabled = !choice.past.length;
   if (state.hosted) window.parent.postMessage({ picked: { ...choice.record(), file: $("kind-of-file").value } }, "*");
 }
@@ -239,7 +308,9 @@ function serve() {
 
 /* Say which lengths a plan cannot measure. */
 function notes(chosenOnes, dimensions) {
-  const smooth = dimensions ? chosenOnes.filter(([k]) => items[k].smooth) : [];
+  const pairs = chosenOnes.filter(([k]) => choice.items[k].of).length;
+  if (pairs && !dimensions) return "What is measured between two is only in the file of dimensions";
+  const smooth = dimensions ? chosenOnes.filter(([k]) => items[k]?.smooth) : [];
   return smooth.length ? `${items[smooth[0][0]].rows[0]} ends in a tangent arc, so a plan does not measure its length` : "";
 }
 
@@ -287,12 +358,14 @@ const actions = {
   undo: () => { choice.undo(); chosen(); },
   "collect-shown": () => { choice.add(everything()); chosen(); },
   fit: () => { scene.fit(); moved(); },
+  two: () => begin(-1),
 };
 for (const [id, act] of Object.entries(actions)) $(id).addEventListener("click", act);
 for (const id of ["least", "most", "find", "kind-edge", "kind-rim", "kind-arc", "convex", "reentrant"]) {
   $(id).addEventListener("input", filtered);
 }
 $("through").addEventListener("input", settle);
+$("order").addEventListener("input", sorted);
 for (const id of ["by-ends", "kind-of-file", "tolerance", "share"]) $(id).addEventListener("input", listChosen);
 document.querySelectorAll("[data-view]").forEach((button) => button.addEventListener("click", () => {
   [scene.view.yaw, scene.view.pitch] = button.dataset.view.split(" ").map((degrees) => (degrees * Math.PI) / 180);
@@ -304,7 +377,8 @@ listAll();
 listChosen();
 if (scene.gl) {
   const ofFace = (face) => everything().filter((k) => items[k].faces.includes(face));
-  watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace });
+  watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace, take, begin });
+  scene.onLoss(() => { state.codes = null; }, moved);
   // a frame has no size yet when its page is there
   let narrow = true;
   new ResizeObserver(() => {

@@ -3,7 +3,7 @@
 
 const CLICK_PX = 4;
 
-function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace }) {
+function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, chosen, ofFace, take, begin }) {
   const canvas = scene.canvas, down = new Map();
   let travelled = 0, pinched = false, pivot = null;
   const place = (event) => {
@@ -60,10 +60,7 @@ function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, 
       }
     } else if (event.button === 0) {
       const { line } = at(x, y);
-      if (line >= 0) {
-        choice.toggle(line);
-        chosen();
-      }
+      if (line >= 0) take(line);
     }
   };
   canvas.addEventListener("pointerup", up);
@@ -73,7 +70,7 @@ function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, 
 
   canvas.addEventListener("dblclick", (event) => {
     const { face } = at(...place(event));
-    if (face < 0) return;
+    if (face < 0 || document.getElementById("two").checked) return;
     choice.add(ofFace(face));
     chosen();
   });
@@ -89,6 +86,8 @@ function watchPointer({ scene, state, at, inBox, point, moved, overlay, choice, 
     if (event.key === "Escape" && state.box) {
       state.box = null;
       overlay();
+    } else if (event.key === "Escape") {
+      if (document.getElementById("two").checked) begin(-1);
     } else if (event.key === "z" && (event.ctrlKey || event.metaKey)) {
       choice.undo();
       chosen();

@@ -39,7 +39,29 @@ class Scene {
     this.part = part;
     this.lines = lines;
     this.gl = canvas.getContext("webgl", { antialias: true, alpha: false });
-    if (!this.gl) return;
+    if (this.gl) this.prepare();
+  }
+
+  /* Whether there is a context, and it is not lost. */
+  get isReady() { return Boolean(this.gl) && !this.gl.isContextLost(); }
+
+  /* The system may take the graphics card away, as when it sleeps; all on it is made anew when it is back. */
+  onLoss(lost, restored) {
+    this.canvas.addEventListener("webglcontextlost", (event) => {
+      // or else it never comes back
+      event.preventDefault();
+      lost();
+    });
+    this.canvas.addEventListener("webglcontextrestored", () => {
+      this.prepare();
+      restored();
+    });
+  }
+
+  /* Put programs, faces and lines on the graphics card. */
+  prepare() {
+    const { lines, part } = this;
+    this.targetSize = "";
     this.faceProgram = this.program(FACE_VERTEX);
     this.lineProgram = this.program(LINE_VERTEX);
     this.faces = this.faceBuffers();

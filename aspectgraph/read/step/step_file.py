@@ -370,7 +370,7 @@ def _merge(
     if not abs(merged_volume - volume) <= max(allowed, RELATIVE_VOLUME * volume):
         raise ReadError.of_rule(
             "",
-            "solids in contact must keep their volume when they become one body",
+            "solids in contact must keep their volume when they are joined",
             f"{merged_volume:.9g} of {volume:.9g} mm³ for {_listed(chosen)} of {kernel.name}",
             **_choosing("read some of them with, for instance,", chosen[:1]),
         )

@@ -1,9 +1,15 @@
 "use strict";
-(() => {
+(async () => {
   const read = (id) => JSON.parse(document.getElementById(id).textContent);
   const views = read("views"), domains = read("domains"), scene = document.getElementById("plan3d");
   const domainText = document.getElementById("domain");
   let chosen = null;
+  try {
+    await drawFigures();
+  } catch (error) {
+    scene.textContent = `This browser draws no 3-D view (${error.message}).`;
+    return;
+  }
 
   // the views fit the height; in a picture higher than wide, the eye steps back, but that of a camera stays
   function fitted({ eye, center, up, field }) {

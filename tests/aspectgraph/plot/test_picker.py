@@ -71,7 +71,7 @@ def test_the_page_says_of_each_edge_what_the_solid_says():
         assert item["faces"] == sorted(edge.faces)
         assert all(str(face) in item["rows"][3] for face in edge.faces)
     rims = [item for item in record["items"] if item["kind"] == "rim"]
-    assert [item["size"] for item in rims] == pytest.approx([4.0, 4.0])
+    assert [item["size"] for item in rims] == pytest.approx([8.0, 8.0])
     # convex: the flat face turns into the bore by 90 degrees
     assert [item["turn"] for item in rims] == pytest.approx([90.0, 90.0], abs=8)
     with pytest.raises(EntityError, match=r"0\.\.\d+\. Got 999"):
@@ -320,6 +320,40 @@ def overlap(a, b):
         and a["y"] < b["y"] + b["h"]
         and b["y"] < a["y"] + a["h"]
     )
+
+
+# the lit pixels of the part, and whether a line is found where its middle is
+DRAWN = """(() => {
+  const gl = scene.gl, [w, h] = [scene.canvas.width, scene.canvas.height], bytes = new Uint8Array(4 * w * h);
+  scene.draw(false);
+  gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+  let n = 0;
+  for (let i = 0; i < bytes.length; i += 4) n += bytes[i] < 250;
+  return n;
+})()"""
+LOST = "WebGL: CONTEXT_LOST_WEBGL"
+
+
+@needs_browser
+def test_a_lost_context_comes_back(browser, tmp_path):
+    path = tmp_path / "edges.html"
+    path.write_text(picker_html(cube()), encoding="utf-8")
+    page = browser.page(path)
+    page.wait(RESTS)
+    before = page.run(DRAWN)
+    edge = page.run("items[[...state.seen.keys()][0]].id")
+    page.run("window.away = scene.gl.getExtension('WEBGL_lose_context'); away.loseContext()")
+    page.wait("scene.gl.isContextLost() && state.codes === null")
+    # whoever clicks meanwhile picks nothing
+    page.click(*place(page, edge))
+    assert collected(page) == []
+    page.run("away.restoreContext()")
+    page.wait(f"!scene.gl.isContextLost() && {RESTS}")
+    assert page.run(DRAWN) == before > 10_000
+    page.click(*place(page, edge))
+    assert collected(page) == [edge]
+    assert [text for text in page.complaints if LOST not in text] == []
+    page.close()
 
 
 @needs_browser

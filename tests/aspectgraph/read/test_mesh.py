@@ -600,7 +600,7 @@ def put(*path_and_value):
     ("change", "rule"),
     [
         (put("scene", -1), "must be those of things in it. Got -1"),
-        (put("scenes", 0, "nodes", [0, 0]), "must form trees. Got node 0 in two places"),
+        (put("scenes", 0, "nodes", [0, 0]), "must form trees. Got node 0 as a child of two nodes"),
         (put("nodes", 1, "children", [0]), "must form trees"),
         (put("nodes", 1, "mesh", True), "must be those of things in it. Got True"),
         (put("nodes", 1, "matrix", [1e300] * 15 + [1]), "must end in 0, 0, 0, 1"),

@@ -301,7 +301,7 @@ def test_an_inside_out_solid_is_refused():
 def test_equal_vertices_are_refused():
     vertices, faces = cube_parts()
     doubled = [tuple(v + 8 for v in face) if i == 0 else face for i, face in enumerate(faces)]
-    with pytest.raises(SolidError, match=r"one face only|distinct places"):
+    with pytest.raises(SolidError, match=r"one face only|distinct points"):
         Solid(np.vstack([vertices, vertices]), doubled)
 
 

@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+import scipy.linalg
 from dimension_examples import EXAMPLES, PITCH, F, geometry_of, isotropic
 from measured_exactly import look_at, measure, random_view
+from scipy.spatial.transform import Rotation
 
 from errors import InvalidParameterError, InvalidShapeError
 from errors.measurands import (
@@ -19,7 +21,7 @@ from errors.measurands import (
     conformance_probability,
     decide,
 )
-from errors.measurands.measurand import measurand
+from errors.measurands.measurand import measurand, uncorrelated_root
 from ground.convert import from_plain, to_plain
 
 Z = 300.0
@@ -267,23 +269,48 @@ def test_plane_of_a_default_distance_holds_both_lines():
 
 
 @pytest.mark.uncompiled
-def test_budget_sums_to_the_total_and_shares_what_is_common():
+def test_budget_sums_to_the_total_and_no_part_is_negative():
     rng = np.random.default_rng(3)
     factor = rng.normal(size=(6, 6)) * [[0.1], [0.1], [0.1], [0.003], [0.003], [0.003]]
-    covariance = factor @ factor.T
+    correlated = factor @ factor.T
+    apart = scipy.linalg.block_diag(correlated[:3, :3], correlated[3:, 3:])
     for kind, shapes in KINDS.items():
-        whole = predict(kind, shapes, covariance, Localisation.gaussian(0.3, floor_px=0.0))
-        assert math.fsum(whole.budget.values()) == pytest.approx(
-            whole.standard_uncertainty**2, rel=1e-12
-        )
-        apart = [covariance.copy(), covariance.copy()]
-        apart[0][3:] = 0
-        apart[0][:, 3:] = 0
-        apart[1][:3] = 0
-        apart[1][:, :3] = 0
-        alone = [predict(kind, shapes, one).standard_uncertainty ** 2 for one in apart]
-        common = (whole.standard_uncertainty**2 - whole.budget["localisation"] - sum(alone)) / 2
-        assert whole.budget["translation"] == pytest.approx(alone[0] + common, rel=1e-6, abs=1e-12)
+        for covariance in (correlated, apart):
+            whole = predict(kind, shapes, covariance, Localisation.gaussian(0.3, floor_px=0.0))
+            assert math.fsum(whole.budget.values()) == pytest.approx(
+                whole.standard_uncertainty**2, rel=1e-12
+            )
+            assert min(whole.budget.values()) >= 0
+        # of independent motions, a half each of what they do as a product
+        halves = [np.zeros((6, 6)), np.zeros((6, 6))]
+        for half, part in zip(halves, (slice(3), slice(3, 6)), strict=True):
+            half[part, part] = apart[part, part]
+        alone = [predict(kind, shapes, half).standard_uncertainty ** 2 for half in halves]
+        product = (whole.standard_uncertainty**2 - whole.budget["localisation"] - sum(alone)) / 2
+        assert whole.budget["translation"] == pytest.approx(alone[0] + product, rel=1e-6, abs=1e-12)
+
+
+def test_correlated_motions_are_parted_where_one_follows_from_the_other():
+    """With a correlation c, √K of K = [[1, c], [c, 1]] holds (√(1+c) ± √(1−c)) / 2."""
+    sigmas = np.array([0.1, 0.2, 0.3, 0.001, 0.002, 0.003])
+    covariance = np.diag(sigmas**2)
+    c = -0.8
+    covariance[0, 4] = covariance[4, 0] = c * sigmas[0] * sigmas[4]
+    root = uncorrelated_root(covariance)
+    np.testing.assert_allclose(root @ root.T, covariance, atol=1e-15)
+    near, far = (math.sqrt(1 + c) + sign * math.sqrt(1 - c) for sign in (1, -1))
+    np.testing.assert_allclose(root[0, [0, 4]], sigmas[0] / 2 * np.array([near, far]), atol=1e-15)
+    # a turn of the axes turns the columns, and leaves each part as large
+    turn = scipy.linalg.block_diag(*Rotation.random(2, rng=np.random.default_rng(1)).as_matrix())
+    gradient = np.arange(1.0, 7.0)
+    parts = np.square(root.T @ gradient).reshape(2, 3).sum(axis=1)
+    turned = uncorrelated_root(turn @ covariance @ turn.T)
+    again = np.square(turned.T @ turn @ gradient).reshape(2, 3).sum(axis=1)
+    np.testing.assert_allclose(again, parts, rtol=1e-9)
+    # an exact direction stays exact
+    covariance[2, 2] = 0.0
+    root = uncorrelated_root(covariance)
+    np.testing.assert_allclose(root @ root.T, covariance, atol=1e-15)
 
 
 @pytest.mark.uncompiled

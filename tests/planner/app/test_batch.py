@@ -77,6 +77,12 @@ def box(x, y, z):
     return "\n".join(lines) + "\n"
 
 
+@pytest.fixture(autouse=True)
+def one_date(monkeypatch):
+    """Digests of plans do not depend on when they were made."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+
+
 @pytest.fixture
 def parts(tmp_path):
     folder = tmp_path / "parts"

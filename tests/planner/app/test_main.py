@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import math
 import os
@@ -57,6 +58,8 @@ bottom = [[0, 0, 0], [0, 50, 0]]
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    # plans of the same request are then the same, byte for byte
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
     (tmp_path / "block.off").write_text(BLOCK)
     (tmp_path / "edges.toml").write_text(ENTITIES)
     return tmp_path
@@ -140,7 +143,7 @@ def test_a_graph_beyond_the_memory_limit_is_one_line(folder, capsys):
 
 
 def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
-    assert main([*PLAN, "--simulate", "500"]) == DONE
+    assert main([*PLAN, "--simulate", "500", "--operator", "A. Meyer"]) == DONE
     captured = capsys.readouterr()
     assert "4 of 4 entities inspected from 2 settings. Proven minimal" in captured.out
     assert "lower bound" in captured.err
@@ -154,10 +157,15 @@ def test_plan_leaves_all_its_files_and_repeats(folder, quick, capsys):
     }  # fmt: skip
     assert captured.out.splitlines()[-1] == "12 files in out/; open out/report.html"
     first = (folder / "out" / "plan.json").read_bytes()
+    made = json.loads(first)["made"]
+    assert (made["date"], made["operator"]) == ("1970-01-02T00:00:00Z", "A. Meyer")
+    digest = hashlib.sha256((folder / PLAN[1]).read_bytes()).hexdigest()
+    assert made["part_file_sha256"] == digest
+    assert "A. Meyer" in (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert (folder / "out" / "measurements.csv").read_bytes().decode() == read_plan(
         folder / "out/plan.json"
     ).to_csv()
-    assert main([*PLAN, "--simulate", "500"]) == DONE
+    assert main([*PLAN, "--simulate", "500", "--operator", "A. Meyer"]) == DONE
     assert (folder / "out" / "plan.json").read_bytes() == first
 
     capsys.readouterr()
@@ -379,7 +387,7 @@ BAD = {
     "accuracy": ([*PLAN, "--accuracy", "1.2"], "accuracy must be in (0, 1). Got 1.2."),
     "probability": ([*PLAN, "--probability", "0"], "probability must be in (0, 1). Got 0.0."),
     "seed": ([*PLAN, "--seed", "-1"], "--seed must be at least 0. Got -1."),
-    "sigma": ([*PLAN, "--sigma-rad", "3rad"], "at most 1 rad"),
+    "sigma": ([*PLAN, "--sigma-rad", "3rad"], "at most 0.1 rad"),
     "sigma in which unit": (
         [*PLAN, "--sigma-rad", "1"],
         "57.3° in rad; did you mean 1mrad or 1deg?",

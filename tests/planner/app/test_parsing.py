@@ -703,7 +703,9 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "box.off").write_text(BOX)
     (tmp_path / "file").write_text("")
-    (tmp_path / "cell.toml").write_text("")
+    # read before the part
+    cell = Path(BLOCK).with_name("cell.toml").read_text()
+    (tmp_path / "cell.toml").write_text(cell.replace('"robots', f'"{Path(BLOCK).parent}/robots'))
     plan().write(tmp_path / "plan.json")
     return tmp_path
 

@@ -56,7 +56,8 @@ def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
     light = ["--light", "box:-600,-400,200,600,400,700"]
     assert main([*PLAN, *light]) == DONE
     told = " ".join(capsys.readouterr().out.split())
-    assert "setting 1: lamp 1 at (" in told
+    assert "setting light at (mm) shows least contrast" in told
+    assert " 1 lamp 1 " in told
     assert "1 lamp position gives every measurement a contrast of at least 0.1" in told
     found = read_plan(folder / "out" / "plan.json")
     assert found.light.minimal
@@ -135,6 +136,10 @@ BAD = {
     ),
     "five numbers": (["--light", "box:0,0,0,1,1"], "Got 'box:0,0,0,1,1'."),
     "no numbers": (["--light", "dome:a,b,c,d"], "Got 'dome:a,b,c,d'."),
+    "dome without a radius": (
+        ["--light", "dome:35,22,0"],
+        "--light must be dome:X,Y,Z,RADIUS[,LOWEST]: four or five numbers, in mm. Got 'dome:35,22,0'.",
+    ),
     "box upside down": (["--light", "box:0,0,0,1,1,-1"], "low must be below high"),
     "dome without size": (["--light", "dome:0,0,0,0"], "radius_mm must be positive. Got 0.0."),
     "two coordinates": (
@@ -649,8 +654,11 @@ def planned_again(tmp_path_factory, pytestconfig):
     request += ["--accuracy", "0.95", "--stand-off", "60", "--seed", "3", "--light", "at:0,0,900"]
     request += ["--units", "mm", "--separation-px", "4", "--localisation", "gaussian:0.2"]
     out = ["--out", str(folder / "plan")]
-    assert main(["plan", str(folder / "block.off"), *request, *out, *WORK]) in (DONE, 1)
-    return folder
+    with pytest.MonkeyPatch.context() as patch:
+        # a plan holds its date
+        patch.setenv("SOURCE_DATE_EPOCH", "86400")
+        assert main(["plan", str(folder / "block.off"), *request, *out, *WORK]) in (DONE, 1)
+        yield folder
 
 
 def refusal(capsys, *arguments):

@@ -213,6 +213,11 @@ def test_toml_holds_a_calibration(tmp_path):
         ({"image_size": 5}, "image_size must be two numbers"),
         ({"pixel_pitch_mm": (1, 2)}, "pixel_pitch_mm must be finite and positive"),
         ({"sharpness": 3}, "sharpness must be one of"),
+        # metres: the image is 8 mm from the lens
+        (
+            {"focus_distance_mm": 0.3},
+            r"focus_distance_mm must be at least 2 mm: .* Got 0\.3; 0\.3 m are 300\.",
+        ),
     ],
 )
 def test_what_is_no_calibration_is_refused(changes, message):
@@ -316,6 +321,13 @@ def test_files_that_are_odd(tmp_path, text, message):
     with pytest.raises(CameraError, match=message) as caught:
         Camera.from_toml(path)
     assert len(str(caught.value)) < len(str(path)) + 180
+
+
+def test_a_calibration_is_no_camera_but_can_be_named_in_one(tmp_path):
+    path = tmp_path / "cam.yaml"
+    path.write_text("%YAML:1.0\n---\nimage_width: 640\n")
+    with pytest.raises(CameraError, match=r'write a TOML file with calibration = "cam\.yaml"'):
+        Camera.from_toml(path)
 
 
 def test_odd_uncertainties():

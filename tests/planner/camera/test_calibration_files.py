@@ -219,7 +219,7 @@ BOMB = (
         ({"cam0": {**KALIBR, "intrinsics": [1.0] * 5}}, "intrinsics must be 4 numbers"),
         (AUTOWARE.replace("plumb_bob", "fisheye"), "DistModel must be.*Got fisheye"),
         (AUTOWARE.replace("cols: 5", "cols: 4"), "must hold rows x cols numbers, 1 x 4. Got 5"),
-        (AUTOWARE.replace("dt: d", "dt: 2d"), "CameraMat must have one number a place"),
+        (AUTOWARE.replace("dt: d", "dt: 2d"), "CameraMat must state one number for each element"),
         (AUTOWARE.replace("!!opencv-matrix", "!!binary"), r":3: a tag must be.*Got !!binary"),
         ({**OPENCV, "image_width": "1280"}, "image_width must be a whole number. Got '1280'"),
         ({**OPENCV, "image_width": 0}, "image_width must be positive"),

@@ -218,6 +218,27 @@ def test_the_lines_of_a_part_are_found_once_and_told_apart_by_what_they_are_aske
 
 
 @pytest.mark.uncompiled
+def test_corners_of_edges_that_share_arms_are_those_of_each_edge_alone():
+    """Asked together, an arm of several edges is asked once, and of an end no more arms than it takes."""
+    solid = read_solid("examples/two_pocket_block.off")
+    showing = Detectability(separation_px=20.0, min_corner_deg=25.0)
+    edges = [edge.id for edge in solid.straight_edges()]
+    check, _ = check_of(solid, edges, showing)
+    rng = np.random.default_rng(3)
+    eyes = np.array([30.0, 30.0, 20.0]) + 400.0 * rng.normal(size=(40, 3))
+    poses = look_at(eyes, [30.0, 30.0, 20.0])
+    wanted = np.ones((len(poses), len(edges)), dtype=bool)
+    margins = check.corners(poses, wanted)
+    assert 0.02 < (margins >= 0).mean() < 0.98
+    for k in range(0, len(edges), 5):
+        alone, _ = check_of(solid, edges[k : k + 1], showing)
+        assert np.array_equal(alone.corners(poses, wanted[:, :1])[:, 0], margins[:, k])
+    # `corner_lines` asks all arms
+    lines = check.corner_lines(poses, np.argwhere(wanted))
+    has_lines = np.bincount(lines.of, minlength=2 * wanted.size).reshape(*wanted.shape, 2) > 0
+    assert not (margins >= 0)[~has_lines.all(axis=2)].any()
+
+
 def test_an_edge_that_runs_on_in_an_arc_has_no_corner(ctc01):
     check, ends = check_of(ctc01, NAMED, Detectability())
     assert [check.without_corner(k) is None for k in range(4)] == [True, True, True, False]

@@ -84,22 +84,40 @@ def test_a_rim_shows_if_all_of_it_bounds_the_bright_region():
         assert contrast.tolist() == pytest.approx(expected)
 
 
-def test_a_wall_next_to_an_edge_must_be_matt_and_wide_or_hardly_there():
+def test_a_wall_next_to_an_edge_must_be_wide_or_hardly_there():
     """The image of the wall is r h / (d - h) wide on the lower plane, as seen from the axis: 0.276 mm."""
     rim = rim_at(0.0).edge_ids
     width = RADIUS * HEIGHT / (DISTANCE - HEIGHT)
     metal = replace(UNDER, metal=True)
-    for pixels, on_matt, on_metal in ((3.3, 0.6, 0), (2.7, 0, 0), (0.5, 0, 0)):
+    # half of the rectangle's light, as the search takes it
+    third = (1 - 0.5) / (1 + 0.5)
+    for pixels, on_matt, on_metal in ((3.3, 0.6, third), (2.7, 0, 0), (0.5, 0, 0)):
         sight = SIGHT._replace(pixel_rad=width / pixels / DISTANCE)
         for light, expected in ((UNDER, on_matt), (metal, on_metal)):
             contrast, step = entity_shown(light, sight, rim, eye_beside(0.0))
             assert contrast.tolist() == pytest.approx([expected])
-            assert step.tolist() == pytest.approx([1.25 * expected])
+            assert step.tolist() == pytest.approx([expected * (1.5 if light.metal else 1.25)])
     # of sheet of 0.1 mm, the wall is a fiftieth of a pixel wide
     sheet = Solid(PLATE.vertices * [1, 1, 0.01], PLATE.faces, name="sheet")
     for light in (UNDER, metal):
         shown = entity_shown(light, Sight.of(sheet, CAMERA), rim, eye_beside(0.0))
         assert np.ravel(shown).tolist() == [1, 1]
+    upper = rim_at(HEIGHT).edge_ids
+    shown = entity_shown(metal, Sight.of(sheet, CAMERA), upper, eye_beside(0.0))
+    assert np.ravel(shown).tolist() == [0, 0]
+
+
+def test_the_upper_rim_shows_on_metal_where_the_wall_is_bright():
+    """The top is dark. Next to its rim is the wall, or the rectangle itself where an oblique camera sees no wall."""
+    metal = replace(UNDER, metal=True)
+    rim = rim_at(HEIGHT).edge_ids
+    for offset in (0.0, 150.0):
+        contrast, step = entity_shown(metal.held(np.eye(4)), FINE, rim, eye_beside(offset))
+        assert contrast[0] == pytest.approx(1, abs=0.05)
+        # GGX of roughness 0.3 at a grazing angle
+        assert 0.3 < step[0] < 0.9
+    narrow, _ = entity_shown(metal.held(np.eye(4)), SIGHT, rim, eye_beside(0.0))
+    assert narrow == [0]
 
 
 def test_an_outline_shows_as_far_as_the_rectangle_reaches_beside_it():
@@ -122,7 +140,9 @@ def test_an_outline_shows_as_far_as_the_rectangle_reaches_beside_it():
     behind = np.array([[40.0, 150.0, DISTANCE]])
     assert entity_shown(UNDER, SIGHT, [edge.id], behind)[0] == [0]
     assert entity_shown(UNDER, SIGHT, [lower.id], behind)[0] == pytest.approx([0.6])
-    assert entity_shown(replace(UNDER, metal=True), SIGHT, [lower.id], behind)[0] == [0]
+    # a metal wall is nearly as bright as the rectangle: exactly, it hardly shows
+    metal = replace(UNDER, metal=True).held(np.eye(4))
+    assert 0 < entity_shown(metal, SIGHT, [lower.id], behind)[0] < 0.3
     # the ray three pixels beside the upper edge meets the plane at y = 25 + (25 + 3 px) d / (d - h) = 51.25 mm
     pixel = SIGHT.pixel_rad * (DISTANCE - HEIGHT)
     reach = (25 + 3 * pixel) * DISTANCE / (DISTANCE - HEIGHT) - 25

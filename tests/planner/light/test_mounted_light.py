@@ -12,7 +12,7 @@ from planner import CoaxialLight, DiffuseDome, LampBox, Lighting, Material, Ring
 from planner.exceptions import RequestError
 from planner.light.area_light import AreaSpace, EdgePoints, Sight, entity_shown
 from planner.light.light_plan import LightPlan
-from planner.light.mounted_light import HeldLight, looking_at
+from planner.light.mounted_light import HeldLight, flat_normals, looking_at
 from planner.light.reflection import Glare, Places
 
 METAL = Material("metal", 0.1)
@@ -81,6 +81,24 @@ def test_coaxial_light_on_metal_shows_faces_that_are_square_to_the_axis():
         bright.append(float(held.brightness(scene, eye, way[None])[0]))
     assert bright[0] > bright[1] > bright[2]
     assert bright[2] < 0.05 * bright[0]
+
+
+def test_the_search_looks_square_at_flat_faces_under_coaxial_light():
+    """Beside the part's middle, a camera that looks at the middle is tilted; one that looks square is not."""
+    part = block()
+    sight = Sight.of(part, CAMERA)
+    top = [edge.id for edge in part.edges if (part.normals[list(edge.faces), 2] > 0.9).any()]
+    edges = EdgePoints.of(part, top[:1])
+    eyes = part.bounds.mean(axis=0) + np.array([[0.0, 0, 300], [15, 10, 300]])
+    poses = CoaxialLight(40.0, 200.0, METAL).likely_poses(sight, edges, eyes)
+    assert np.allclose(poses[:, :3, 2], [0, 0, -1])
+    assert np.allclose(poses[:, :3, 3], eyes)
+    dome = DiffuseDome(200, 40, 250).likely_poses(sight, edges, eyes)
+    assert np.allclose(dome[0, :3, 2], [0, 0, -1])
+    assert dome[1, 2, 2] > -0.999
+    # a bore has one flat face beside its rim
+    rim = bore(6.0, 12.0)
+    assert np.allclose(flat_normals(EdgePoints.of(rim, rim_ids(rim, 6.0))), [[0, 0, 1]])
 
 
 def test_the_quick_answer_of_the_search_is_near_the_full_one():

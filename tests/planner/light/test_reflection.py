@@ -13,6 +13,7 @@ from planner.light.reflection import (
     Cap,
     Material,
     Places,
+    Rectangle,
     Window,
     brightness,
 )
@@ -97,6 +98,19 @@ def test_a_square_in_front_of_a_face():
     root = math.sqrt(1 + a * a)
     share = 4 / math.pi * (a / root) * math.atan(a / root)
     assert of(light, (0, 0, 0)) == pytest.approx(share, rel=0.01)
+
+
+def test_a_rectangle_in_front_of_a_face():
+    """The view factor of a small face to a rectangle whose corner is above it; the face is above the middle."""
+    light = Rectangle(-200 * UP, np.eye(3), np.array([150.0, 60.0]))
+    a = 150 / 200
+    b = 60 / 200
+    over_a = a / math.hypot(1, a) * math.atan(b / math.hypot(1, a))
+    over_b = b / math.hypot(1, b) * math.atan(a / math.hypot(1, b))
+    share = 4 / (2 * math.pi) * (over_a + over_b)
+    assert of(light, (0, 0, 0), -UP, -UP) == pytest.approx(share, rel=0.01)
+    # it is dark behind
+    assert of(light, (0, 0, -400), UP, UP) == 0
 
 
 def test_a_ring_in_front_of_a_face():

@@ -9,7 +9,7 @@ from measured_plate import CAMERA, LAMP, POSES, TOP, fine_plate, measured_plan, 
 from part_images import Optics, PartImages
 from rendered_images import Lamp
 
-from planner import LampDome, measure
+from planner import Backlight, LampDome, measure
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.measuring.lit_edges import LEAST_REGISTERED, LitEdges, reads_of
@@ -88,6 +88,25 @@ def test_lamps_of_a_plan_show_what_is_read(solid, plan):
         for name in image.contrast:
             assert reads.of_target(POSES[0], CAMERA, plan.targets[name], 0.0).shown(lamps).all()
         assert reads.registered(POSES[0], CAMERA, lamps, 0.0).all()
+
+
+def test_a_light_with_an_area_is_asked_for_what_is_read(solid, plan, reads):
+    """Straight from above, a lower rim bounds the disc; the upper one is a few pixels from it and on metal shows, too.
+
+    The wall is r h / (d - h) wide on the lower plane, about 2 px: too near for one rim to be read without the other.
+    """
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    target = plan.targets["left"]
+    pose[:3, 3] = [*target.geometry[0].centre[:2], 300.0]
+    under = Backlight.under(solid)
+    text = reads.unread(pose, CAMERA, target, under)
+    assert re.match(r"only \d+ % of r\d shows 5 px apart from other lines, or too little", text)
+    away = pose.copy()
+    away[2, 3] = 30_000.0
+    assert "is too short" in reads.unread(away, CAMERA, target, under)
+    outline = plan.targets["width"]
+    pose[:3, 3] = [*np.mean(solid.bounds, axis=0)[:2], 330.0]
+    assert reads.unread(pose, CAMERA, outline, under) == ""
 
 
 def test_a_plan_of_lengths_is_not_asked(solid):

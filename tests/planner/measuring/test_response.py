@@ -2,9 +2,11 @@
 
 import dataclasses
 import io
+import math
 import struct
 import zlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from PIL import Image, ImageCms
 from scipy.special import ndtr
 
 from aspectgraph import read_solid
-from planner import Camera, MeasureOptions, Measurer, Registration, read_plan
+from planner import Backlight, Camera, MeasureOptions, Measurer, Registration, read_plan
 from planner.camera.response import LINEAR, SRGB, Response, of_profile, stated_in_file
 from planner.exceptions import CameraError
 from planner.measuring.images import FILE, Picture
@@ -30,6 +32,7 @@ from planner.measuring.response import (
     estimated_power,
     fitted_steps,
     is_clear,
+    judge_response,
 )
 from planner.measuring.samples import profiles_of
 
@@ -392,6 +395,17 @@ def test_a_statement_of_a_file_is_tested(measurer, images, tmp_path, linear):
 
 def reading(value, u):
     return Reading("a", "one", 0, value=value, standard_uncertainty=u, budget={"pose": u**2})
+
+
+def test_light_on_metal_tells_no_response():
+    """What edges show there is not asked: the images are measured as they are, and U allows for a gamma."""
+    model = SimpleNamespace(
+        edges=SimpleNamespace(area=Backlight((0, 0, 0), (9, 0, 0), (0, 9, 0), "", True))
+    )
+    judged = judge_response(model, {}, {}, 5.0)
+    assert judged.gamma == 1
+    assert not math.isfinite(judged.sd)
+    assert not judged.note
 
 
 def test_u_contains_what_other_responses_would_read():

@@ -7,6 +7,7 @@ import io
 import math
 import re
 import shutil
+import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -17,6 +18,7 @@ from browser import Browser, needs_browser
 from grid_box import EDGES, BoxSpace
 from PIL import Image
 from plan_examples import CAMERA, plan, setting
+from plotly.offline import get_plotlyjs
 from scipy.spatial.transform import Rotation
 
 import planner
@@ -102,6 +104,23 @@ def test_page_says_what_matters(page):
     assert "0.9500" in text
     for name in ("+z-y", "+z+x"):
         assert f">{name}</text>" in text
+
+
+@pytest.mark.parametrize(
+    ("generations", "sentence"),
+    [
+        ((0, 0), "No pose of this plan comes from the genetic algorithm."),
+        ((0, 12), "The poses of 1 setting come from the genetic algorithm and its refinement."),
+    ],
+)
+def test_page_says_which_poses_the_genetic_algorithm_found(generations, sentence):
+    given = box_plan()
+    settings = [
+        replace(pose, generations=n) for pose, n in zip(given.settings, generations, strict=True)
+    ]
+    text = report_html(replace(given, settings=tuple(settings)), SPACE)
+    assert sentence in text
+    assert text.count("the genetic algorithm") == 1
 
 
 def test_page_says_what_rendered_images_gave_for_the_class_of_its_edges(page):
@@ -260,7 +279,10 @@ def test_report_without_settings_or_simulation():
 
 
 def test_plotly_is_inlined_once(page):
-    assert page.count("plotly.js v") == 1
+    (packed,) = re.findall(r'id="plotly">([A-Za-z0-9+/=]+)<', page)
+    assert zlib.decompress(base64.b64decode(packed)).decode() == get_plotlyjs()
+    # a report is to be sent by mail
+    assert len(page) < 2_300_000
 
 
 def lines_from(position, target=(40.0, 25.0, 30.0)):
@@ -480,6 +502,30 @@ def click(page_report_page, selector):
 def test_it_asks_for_nothing_and_complains_of_nothing(page_report_page):
     assert page_report_page.requests == []
     assert page_report_page.complaints == []
+
+
+@needs_browser
+def test_a_lost_context_comes_back(browser, file):
+    """As when a computer sleeps: the canvas shows what it showed."""
+    shown = browser.page(file, 1000, 800)
+    shown.wait("document.body.dataset.ready === 'yes'")
+    plot = "plan3d._fullLayout.scene._scene.glplot"
+    drawn = f"""(() => {{
+      {plot}.redraw();
+      const gl = {plot}.gl, [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight], all = new Uint8Array(4 * w * h);
+      gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, all);
+      return all.filter((value, i) => i % 4 === 3 && value > 0).length;
+    }})()"""
+    before = shown.run(drawn)
+    shown.run(
+        f"window.old = {plot}; window.away = old.gl.getExtension('WEBGL_lose_context'); away.loseContext()"
+    )
+    shown.wait("old.gl.isContextLost()")
+    shown.run("away.restoreContext()")
+    shown.wait(f"{plot} !== old && !{plot}.gl.isContextLost()")
+    assert shown.run(drawn) == pytest.approx(before, rel=0.01)
+    assert before > 10_000
+    shown.close()
 
 
 @needs_browser

@@ -53,8 +53,8 @@ def test_the_permitted_error_is_a_share_of_the_tolerance():
 
 
 def test_what_is_accepted_is_the_tolerance_less_guard_bands_on_both_sides():
-    # 1.644854 u inside the limits 19.9 and 20.3
-    assert accepted(0.025) == "19.9411 and 20.2589\u00a0mm"
+    # 1.644854 u inside the limits 19.9 and 20.3: 19.9411 and 20.2589, inwards in the digits of U = 0.050
+    assert accepted(0.025) == "19.942\u00a0mm and 20.258\u00a0mm"
     assert "nothing" in accepted(0.25)
     assert accepted(0.05, tolerance=None) == "no tolerance stated"
 

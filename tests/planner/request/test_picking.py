@@ -1,18 +1,25 @@
 """Picking in a notebook: the widget's front end in a real browser, and what a plan takes of it."""
 
+import contextlib
 import json
 import sys
 import tomllib
+from itertools import permutations
 
+import numpy as np
 import pytest
 from browser import Browser, needs_browser
 from solids import prism, ring
 
 from aspectgraph import MissingExtraError, Solid
 from aspectgraph.plot.picker import picker_html
+from errors.exceptions import MeasurandError
+from errors.measurands.geometry import Circle, Line
+from errors.measurands.measurand import kinds, measurand
 from ground.templates import asset
 from planner import Dimension, pick
 from planner.request import dimension_files
+from planner.request.dimension_files import read_wanted
 from planner.request.resolve import resolve_wanted
 
 WIDTH_PX = 1000
@@ -85,8 +92,9 @@ def places(browser, part, tmp_path_factory):
     page = browser.page(path, width=WIDTH_PX - 2, height=HEIGHT_PX - 2)
     page.wait("state.codes !== null && !state.timer && !state.frame")
     seen = page.run("[...state.seen].map(([k, { x, y }]) => [items[k].id, x + 1, y + 1])")
+    two = page.run("(({ x, y }) => [x + 9, y + 9])($('two').getBoundingClientRect())")
     page.close()
-    return {name: (x, y) for name, x, y in seen}
+    return {"two": two} | {name: (x, y) for name, x, y in seen}
 
 
 def picked(page, n):
@@ -161,6 +169,79 @@ def test_the_record_says_what_the_file_says_and_is_taken_again(browser, part, tm
     assert dimensions["dimensions"][rims[0]]["tolerance"] == [-0.4, 0.4]
     assert page.complaints == []
     page.close()
+
+
+@needs_browser
+def test_what_lies_between_two_is_as_the_plan_has_it(browser, tmp_path):
+    """Every pair of a skew block with two bores: kinds and values of the page and of the plan."""
+    outline = [(-20, -10), (25, -10), (20, 10), (-20, 12)]
+    bores = [ring(4.0, 24, clockwise=True), ring(2.0, 24, (10.0, 3.0), clockwise=True)]
+    solid = prism(outline, 10, bores)
+    corners = {tuple(corner) for corner in outline}
+    rims = solid.rims()
+    # the edges of the block, without the chords of the bores
+    edges = [
+        edge.id
+        for edge in solid.straight_edges()
+        if all(tuple(point[:2]) in corners for point in solid.edge_points(edge.id))
+    ]
+    path = tmp_path / "page.html"
+    path.write_text(picker_html(solid, edges, [rim.id for rim in rims]), encoding="utf-8")
+    page = browser.page(path)
+    page.run(
+        "items.forEach((one, j) => items.slice(j + 1).forEach((other, k) =>"
+        " choice.add(betweenTwo(one, other).map((option) => choice.pair([j, j + 1 + k], option)))))"
+    )
+    page.run("$('kind-of-file').value = 'dimensions'; chosen()")
+    told = page.run("[...choice.names.keys()].map((k) => choice.items[k].size)")
+    wanted = read_wanted(saved_as(page, tmp_path), kinds())
+    shapes = {edge: Line(*solid.edge_points(edge)) for edge in edges}
+    shapes |= {rim.id: Circle(rim.centre, rim.axis, rim.radius_mm) for rim in rims}
+    values = [
+        measurand(item.kind, [shapes[one] for one in item.entities], item.direction).nominal
+        for item in wanted.values()
+    ]
+    assert values == pytest.approx(told, rel=1e-12)
+    # what the page does not offer, the plan refuses
+    asked = {(item.kind, frozenset(item.entities)) for item in wanted.values()}
+    defined = set()
+    for kind in ("distance", "angle", "centre_distance", "centre_to_edge"):
+        for pair in permutations(shapes, 2):
+            with contextlib.suppress(MeasurandError):
+                measurand(kind, [shapes[one] for one in pair])
+                defined.add((kind, frozenset(pair)))
+    assert asked == defined
+    assert {kind for kind, _ in asked} == {"distance", "angle", "centre_distance", "centre_to_edge"}
+    assert page.complaints == []
+    page.close()
+
+
+def saved_as(page, folder):
+    path = folder / "dimensions.toml"
+    path.write_text(page.run("$('toml').value"), encoding="utf-8")
+    return path
+
+
+@needs_browser
+def test_two_that_are_clicked_become_a_dimension(notebook, places, part):
+    # the frame shares no origin with the notebook, so its controls are clicked
+    notebook.click(*places["two"])
+    long = [
+        name
+        for name in places
+        if name.isdigit() and part.edge_length_mm(int(name)) == pytest.approx(40.0)
+    ]
+    notebook.click(*places[long[0]])
+    notebook.click(*places[long[1]])
+    # two of a cuboid's four parallel edges that are on one face, so there is one distance only
+    (only,) = picked(notebook, 1)["rows"]
+    assert "entity" not in only
+    assert only["asked"] == {"distance": [int(name) for name in long[:2]]}
+    entities, dimensions, fault = dimension_files._picked([only])
+    assert (entities, fault) == ({}, "")
+    _, (target,) = resolve_wanted(part, dimensions, 0.98)
+    ends = [part.edge_points(int(name)).mean(axis=0) for name in long[:2]]
+    assert target.nominal == pytest.approx(np.linalg.norm(ends[1] - ends[0]))
 
 
 def row(name, entity, kind, **more):

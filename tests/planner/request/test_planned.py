@@ -35,6 +35,10 @@ def test_the_permitted_error_is_a_share_of_the_tolerance_an_error_or_a_share_of_
         ),
         (lambda: Dimension.diameter("r3", tolerance_mm=(0.05,)), "must be two numbers"),
         (
+            lambda: Dimension.diameter("r3", tolerance_mm=-0.2),
+            r"Got -0\.2; write \[-0\.2, 0\.2\] for ±0\.2\.",
+        ),
+        (
             lambda: Dimension.diameter("r3", max_error_mm=0),
             "max_error must be a positive number. Got 0",
         ),

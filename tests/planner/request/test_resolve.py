@@ -463,7 +463,7 @@ def test_a_number_of_places_that_is_none_is_refused(tmp_path, value, said):
         ),
         (
             lambda: Dimension.any_of([width(), width(LEFT, [[80, 0, 10], [80, 50, 10]])]),
-            "'width': any must hold edges beside a place of the first ones. Got edges",
+            "'width': any must hold edges next to a position of the first ones. Got edges",
         ),
         (lambda: width(999, 1), "'width': an edge id must be in"),
     ],
@@ -475,7 +475,7 @@ def test_what_has_no_places_is_refused(make, said):
 
 
 def test_a_name_of_a_place_must_be_free():
-    with pytest.raises(RequestError, match=r"of a place of 'width' must be free"):
+    with pytest.raises(RequestError, match=r"of a position of 'width' must be free"):
         with_places(PLATE, {"width": width(), NAMES[1]: FRONT})
 
 

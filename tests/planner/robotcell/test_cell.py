@@ -382,9 +382,9 @@ def test_hand_eye_calibrations_that_are_none(x, message):
         ),
         (
             {"obstacles": {"table": TABLE}},
-            "obstacles must have names that no other body has. Got 'table'",
+            "obstacles must have names that no other object has. Got 'table'",
         ),
-        ({"obstacles": {"part": TABLE}}, "must have names that no other body has. Got 'part'"),
+        ({"obstacles": {"part": TABLE}}, "must have names that no other object has. Got 'part'"),
         ({"obstacles": {"post": "post.step"}}, "obstacle 'post' must be a mesh file"),
         ({"camera_body": ["lens.stl"]}, "camera_body must be a file that can be read"),
     ],

@@ -217,7 +217,7 @@ def test_a_cell_file_has_the_part_in_the_hand(tmp_path):
     [
         ({"fixturings": {}}, "fixturings must name at least one way the robot holds the part"),
         ({"fixturings": {"up": Fixturing(np.eye(4))}}, "fixturings must hold a Grip for 'up'"),
-        ({"obstacles": {"jaws": TABLE}}, "must have names that no other body has. Got 'jaws'"),
+        ({"obstacles": {"jaws": TABLE}}, "must have names that no other object has. Got 'jaws'"),
         ({"home": [0.0, 0.5, 0.0, 0.0, 0.0, 0.0]}, "home must be free of collisions in fix"),
     ],
 )
@@ -229,7 +229,7 @@ def test_cells_that_are_none(changes, message):
 def test_a_grip_needs_a_camera_that_stands_still():
     with pytest.raises(RobotError, match="a Grip needs a HeldPartCell"):
         made_cell(fixturings={"grip": Grip(PART2FLANGE)})
-    with pytest.raises(RobotError, match="cell must have the part lying in it"):
+    with pytest.raises(RobotError, match="cell must hold the part on a fixturing"):
         propose_placements(plan_of(reached_poses()), block(), held(), x=(0, 1), y=(0, 1))
 
 

@@ -225,7 +225,7 @@ def test_what_turns_must_not_hit_what_stands():
     # the range of the angles stops before
     given = {"axis": AXIS, "turning": clamp, "angles": [0.0, -1.0]}
     assert made_cell(fixturings={"up": Fixturing(PART2BASE, {"far": far}, **given)})
-    with pytest.raises(RobotError, match=r"must have names that no other body has. Got 'table'"):
+    with pytest.raises(RobotError, match=r"must have names that no other object has. Got 'table'"):
         made_cell(fixturings={"up": on_table(turning={"table": CAMERA_BODY[0]})})
 
 

@@ -4,12 +4,15 @@ import measured_plate as plate
 import numpy as np
 import pytest
 
+from aspectgraph import read_solid
 from errors.measurands import Localisation
-from planner import PlanFileError, PoseUncertainty
+from errors.measurands.geometry import DETECTOR_FLOOR_PX
+from planner import Camera, InspectionOptions, PlanFileError, PoseUncertainty, RequestError
 from planner.identity import restored_request
 from planner.report.wording import edges_text
 from planner.request.edge_state import EdgeState, value_sigma
 from planner.request.models import Means
+from planner.resolve_request import resolve_request
 from planner.verify.simulate_setting import displaced_poses, measured_errors
 
 N = 20_000
@@ -81,3 +84,26 @@ def test_a_request_keeps_breaks_and_an_earlier_one_has_none():
     assert restored_request(identity).edge_break_mm is None
     with pytest.raises(PlanFileError, match="edge_break_mm"):
         restored_request({**identity, "edge_break_mm": [0.3, 0.1]})
+
+
+def test_lengths_of_entities_count_breaks_and_whole_pixels_do_not_take_them():
+    block = read_solid("examples/two_pocket_block.off")
+    camera = Camera.named("basler-acA2440-20gm-8mm")
+
+    def request(**options):
+        return plan_of_length(block, camera, InspectionOptions(accuracy=0.95, **options))
+
+    target = request(edge_break_mm=(0.2, 0.2)).targets[0]
+    # each end is anywhere between the edge of the model and a break away
+    state = EdgeState(*request(edge_break_mm=(0.2, 0.2)).edge_break_mm, True)
+    assert value_sigma(target.measurand, state) == pytest.approx(np.sqrt(2) * 0.2 / np.sqrt(12))
+    assert request(edge_break_mm=(0.2, 0.2)).localisation.floor_px == DETECTOR_FLOOR_PX
+    assert request().localisation.model == "rounding"
+    with pytest.raises(RequestError, match="edge_break_mm must be given without the localisation"):
+        request(edge_break_mm=(0.2, 0.2), localisation=Localisation.rounding())
+
+
+def plan_of_length(block, camera, options):
+    """Return the request for the length of an edge of 60 mm."""
+    edge = {"long": [[0, 0, 0], [60, 0, 0]]}
+    return resolve_request(block, edge, camera, UNCERTAINTY, options).request

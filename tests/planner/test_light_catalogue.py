@@ -9,8 +9,8 @@ from plan_examples import CAMERA
 from planner import Lighting, light_names
 from planner.exceptions import RequestError
 from planner.light.area_lights import AREA_LIGHTS
-from planner.light.light_catalogue import light_facts, light_parts
 from planner.light.mounted_light import DiffuseDome
+from planner.light_catalogue import light_facts, light_parts
 
 
 def test_each_kind_has_three_lights_with_a_source_or_a_typical_size():
@@ -46,5 +46,7 @@ def test_unknown_names_are_refused_with_near_ones():
     with pytest.raises(RequestError) as error:
         Lighting("coaxial:typical-51").on_part(block(), CAMERA)
     text = str(error.value)
-    assert text.startswith("light must be a coaxial of the catalogue. Got 'typical-51'")
+    assert text.startswith(
+        "light must name a light of kind coaxial in the catalogue. Got 'typical-51'"
+    )
     assert "typical-50" in text

@@ -1,0 +1,233 @@
+"""Where the gap is: plans beside the smallest cover over a dense pool of poses, and beside the proven bound.
+
+``python benchmarks/planning/dense_optimum.py [--parts own-block ...] [--poses 200000] [--folder DIR] [--csv FILE]``
+
+A plan is a few settings, and its bound says that fewer than some number can never do. Which of the two is far from what
+is possible? For each request, many poses are judged: a quarter looks from anywhere at the part, a quarter has entities
+in focus, and the others are near the best known ones. Columns that displaced poses do not show are cut as in the
+search. Of all these columns and those of the plan, an integer program (HiGHS) chooses the fewest that inspect what the
+plan inspects. It also states how many are needed at least *of this pool*, and the relaxation's value.
+
+If the smallest cover is smaller than the plan, the plan is not the best one. If it is as large and far above the bound,
+the bound is weak there, or poses exist that no draw has met. The pool is optimistic: a plan counts everything over
+displaced poses before it states it, and the pool does not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import time
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from anytime import CASES, PROBABILITY, UNCERTAINTY, judge_of
+from scipy.optimize import Bounds, LinearConstraint, linprog, milp
+from scipy.sparse import csr_matrix
+
+from aspectgraph import compute_regions, read_solid
+from planner import Camera, Effort, InspectionPlan, PoseUncertainty
+from planner.camera.pose import look_at
+from planner.inspection import plan_inspection
+from planner.options import InspectionOptions
+from planner.request.camera_limits import default_workspace
+from planner.request.problem import Problem
+from planner.search.columns import ColumnPool, Judge, perturbed, poses_in_focus
+
+# a block of 14 faces, 30 x 20 x 15 mm, and ten of its edges
+BLOCK = "own-block"
+BLOCK_FILE = "own_block.step"
+BLOCK_EDGES = (2, 5, 10, 12, 13, 20, 28, 33, 34, 35)
+BLOCK_CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 11.0, 250.0)
+BLOCK_UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+PARTS = (BLOCK, "demo", "ctc01", "mfcad-default", "mfcad-narrow", "d2mi-default")
+# poses judged at a time; the columns kept of them are where the next ones are drawn
+_ROUND = 10_000
+
+
+@dataclass(frozen=True)
+class Gap:
+    """What is known of one request.
+
+    Attributes
+    ----------
+    part : str
+    targets : int
+        Targets that the plan inspects.
+    plan, bound : int
+        Settings of the plan, and its proven bound.
+    poses, columns : int
+        Poses judged for the pool, and its columns that no other one contains.
+    optimum : int
+        Columns of the smallest cover that the integer program found.
+    at_least : int
+        Columns that a cover of this pool needs.
+    relaxation : float
+        Value of the linear relaxation of the cover over this pool.
+    """
+
+    part: str
+    targets: int
+    plan: int
+    bound: int
+    poses: int
+    columns: int
+    optimum: int
+    at_least: int
+    relaxation: float
+
+
+def judge_and_plan(part: str, folder: Path, effort: Effort) -> tuple[Judge, InspectionPlan]:
+    """Return the judge of a request, and the plan."""
+    if part == BLOCK:
+        judge = block_judge(folder)
+        options = InspectionOptions(space=judge.space, effort=effort)
+        uncertainty = BLOCK_UNCERTAINTY
+    else:
+        judge, _ = judge_of(CASES[part], folder)
+        options = CASES[part].options(space=judge.space, effort=effort)
+        uncertainty = UNCERTAINTY
+    space = judge.space
+    plan = plan_inspection(
+        space.solid,
+        {name: space.entities[name] for name in space.entity_names},
+        judge.camera,
+        uncertainty,
+        options,
+        accuracy=judge.accuracy,
+        probability=PROBABILITY,
+    )
+    return judge, plan
+
+
+def block_judge(folder: Path) -> Judge:
+    """Return the judge of the block."""
+    solid = read_solid(folder / BLOCK_FILE)
+    wanted = {f"e{k}": k for k in BLOCK_EDGES}
+    workspace = default_workspace(solid, BLOCK_CAMERA)
+    space = compute_regions(solid, wanted, workspace=workspace)
+    options = InspectionOptions()
+    need = options.requirements(BLOCK_CAMERA, BLOCK_UNCERTAINTY)
+    return Judge(
+        Problem(
+            space,
+            space.entity_names,
+            BLOCK_CAMERA,
+            BLOCK_UNCERTAINTY,
+            options.accuracy,
+            PROBABILITY,
+            need,
+        )
+    )
+
+
+def anywhere(judge: Judge, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw poses (n, 4, 4) that look from anywhere, at any distance in focus, at points between two targets."""
+    middles = judge.ends.mean(axis=1)
+    one, other = middles[rng.integers(len(middles), size=(2, n))]
+    targets = one + rng.random((n, 1)) * (other - one)
+    nearest, farthest = judge.camera.depth_of_field_mm
+    away = rng.normal(size=(n, 3))
+    distance = rng.uniform(nearest, min(farthest, 10 * nearest), n)
+    away *= (distance / np.linalg.norm(away, axis=1))[:, None]
+    return look_at(targets + away, targets, roll=rng.uniform(-np.pi, np.pi, n))
+
+
+def dense_pool(judge: Judge, known: np.ndarray, n: int, seed: int) -> ColumnPool:
+    """Return the columns of n judged poses and of some known ones (m, 4, 4)."""
+    rng = np.random.default_rng(seed)
+    pool = ColumnPool(len(judge.names))
+    same_worth = np.ones(len(judge.names))
+    _join(judge, pool, known)
+    for k in range(-(-n // _ROUND)):
+        quarter = k * 4 * _ROUND // n
+        if quarter == 0:
+            poses = anywhere(judge, _ROUND, rng)
+        elif quarter == 1:
+            poses = poses_in_focus(judge, same_worth, _ROUND // 10, 10, rng)
+        else:
+            parents = np.concatenate([known, pool.poses])
+            parents = parents[rng.integers(len(parents), size=_ROUND)]
+            poses = perturbed(parents, judge.camera.focus_distance_mm, rng)
+        low, high = np.asarray(judge.space.workspace, dtype=float)
+        positions = poses[:, :3, 3]
+        _join(judge, pool, poses[((positions >= low) & (positions <= high)).all(axis=1)])
+    return pool
+
+
+def _join(judge: Judge, pool: ColumnPool, poses: np.ndarray) -> None:
+    judged = judge(poses)
+    pool.add(judged.inspects, poses, judged.probability, judge.steady)
+
+
+def smallest_cover(membership: np.ndarray, seconds: float) -> tuple[int, int, float]:
+    """Return the columns of a smallest cover found, how many are needed at least, and the relaxation's value."""
+    contains = csr_matrix(membership.T.astype(float))
+    cost = np.ones(len(membership))
+    relaxed = linprog(cost, A_ub=-contains, b_ub=-np.ones(contains.shape[0]))
+    whole = milp(
+        cost,
+        integrality=cost,
+        bounds=Bounds(0, 1),
+        constraints=LinearConstraint(contains, lb=1.0),
+        options={"time_limit": seconds},
+    )
+    at_least = int(np.ceil(max(whole.mip_dual_bound, relaxed.fun) - 1e-6))
+    return round(whole.fun), at_least, float(relaxed.fun)
+
+
+def gap(part: str, folder: Path, n_poses: int, effort: Effort, seconds: float) -> Gap:
+    """Measure one request."""
+    judge, plan = judge_and_plan(part, folder, effort)
+    known = np.array([setting.cam2world for setting in plan.settings])
+    pool = dense_pool(judge, known, n_poses, 0)
+    columns = pool.membership
+    # what the plan promises is a column, whatever the judge says without displaced poses
+    settings = [np.isin(judge.names, setting.entities) for setting in plan.settings]
+    columns = np.concatenate([columns, settings])[:, np.isin(judge.names, list(plan.inspected))]
+    optimum, at_least, relaxation = smallest_cover(columns, seconds)
+    return Gap(
+        part,
+        columns.shape[1],
+        len(plan.settings),
+        plan.lower_bound,
+        n_poses,
+        len(pool),
+        optimum,
+        at_least,
+        relaxation,
+    )
+
+
+def main() -> None:
+    """Print a row per request; write them to a file if one is named."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--poses", type=int, default=200_000)
+    parser.add_argument("--effort", default="quick", choices=("quick", "standard", "thorough"))
+    parser.add_argument("--seconds", type=float, default=60.0, help="for each integer program")
+    parser.add_argument("--folder", type=Path, default=Path(), help="of the parts")
+    parser.add_argument("--csv", default=os.devnull, help="write every row to this file")
+    given = parser.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    titles = [entry.name for entry in fields(Gap)]
+    with open(given.csv, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([*titles, "seconds"])
+        print("".join(f"{title:>14}" for title in titles), flush=True)
+        for part in given.parts:
+            start = time.process_time()
+            row = gap(part, given.folder, given.poses, Effort.named(given.effort), given.seconds)
+            seconds = time.process_time() - start
+            values = [f"{v:.2f}" if isinstance(v, float) else v for v in astuple(row)]
+            print("".join(f"{value:>14}" for value in values) + f"{seconds:10.1f} s", flush=True)
+            writer.writerow([*values, f"{seconds:.1f}"])
+            file.flush()
+
+
+if __name__ == "__main__":
+    main()

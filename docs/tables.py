@@ -1,0 +1,203 @@
+"""Tables of the documents that are filled with what the program prints: run without options to fill them anew.
+
+A table stands between two comments, `<!-- table NAME -->` and `<!-- end of table -->`. Its rows come from the program,
+or from a file in `docs/measured` where computing them takes long. That file states the command, the date, the program
+and the digests of its inputs. `--models FOLDER` reads the models in a folder again, and stores what it finds.
+`--example FOLDER` stores what `measure` wrote there of the images in `examples/measured`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+MEASURED = DOCS / "measured"
+_BLOCK = re.compile(r"(<!-- table ([\w-]+) -->\n\n).*?(\n<!-- end of table -->)", flags=re.DOTALL)
+MODELS = {
+    "CTC-01": "nist_ctc_01_ap242.stp",
+    "CTC-02": "nist_ctc_02_ap242.stp",
+    "CTC-03": "nist_ctc_03_ap242.stp",
+    "CTC-04": "nist_ctc_04_ap242.stp",
+    "CTC-05": "nist_ctc_05_ap242.stp",
+    "D2MI 827-9999-904": "nist_d2mi_827-9999-904.stp.gz",
+}
+
+COMMAND = (
+    "aspectgraph measure examples/measured/plan.json examples/measured/images "
+    "--part examples/nist_ctc_01_ap242.stp --out measured"
+)
+# of the part that the images of the example were rendered from
+TRUE = {"bore_25": "24.810", "bore_35": "34.984", "slot_width": "49.998", "bore_35_back": "34.859"}
+
+
+def stored(name: str) -> dict[str, Any]:
+    """Return what was measured and stored under a name."""
+    data: dict[str, Any] = json.loads((MEASURED / f"{name}.json").read_text(encoding="utf-8"))
+    return data
+
+
+def measure_models(folder: Path) -> None:
+    """Read the dimensions of all models of NIST, and store their counts."""
+    from aspectgraph import read_dimensions, read_solid
+    from ground.faces import project_version
+    from planner.files import timestamp
+
+    models = {}
+    for label, name in MODELS.items():
+        path = folder / name
+        stated = read_dimensions(path, read_solid(path))
+        usable = [dimension for dimension in stated if dimension.entities is not None]
+        zones = [
+            zone
+            for dimension in usable
+            for zone, reason in zip(dimension.surfaces, dimension.feature_reasons, strict=True)
+            if reason is None
+        ]
+        models[label] = {
+            "file": name,
+            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "dimensions": len(stated),
+            "with_tolerance": sum(dimension.tolerance is not None for dimension in stated),
+            "measurable": len(usable),
+            "characteristics": len(zones),
+            "zones": sorted((zone.tolerance, zone.width_mm) for zone in zones if zone is not None),
+        }
+    record = {
+        "command": "python docs/tables.py --models FOLDER",
+        "date": timestamp(),
+        "program": project_version(),
+        "models": models,
+    }
+    _store("models", record)
+
+
+def example_rows(folder: Path) -> list[list[str]]:
+    """Return what is printed of the values that `measure` wrote to a folder."""
+    from planner.measuring.results import decimals_of
+
+    rows = []
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"]
+    for result in results:
+        lower, upper = result["tolerance"]
+        assert lower == -upper
+        decimals = decimals_of(result["U"])
+        value = f"{result['value']:.{decimals}f}"
+        uncertainty = f"{result['U']:.{decimals}f}"
+        found = min(reading["found_share"] for reading in result["readings"])
+        nominal = f"{result['nominal']:g} {result['unit']} ±{upper:g}"
+        cells = (nominal, value, uncertainty, f"{100 * found:.0f} %", result["decision"])
+        rows.append([f"`{result['name']}`", *cells])
+    return rows
+
+
+def store_example(folder: Path) -> None:
+    """Store what was measured in the images of the example."""
+    source = json.loads((folder / "results.json").read_text(encoding="utf-8"))["source"]
+    record = {
+        "command": COMMAND,
+        **{key: source[key] for key in ("date", "program", "plan_digest", "images")},
+        "rows": example_rows(folder),
+    }
+    _store("example", record)
+
+
+def _store(name: str, record: dict[str, Any]) -> None:
+    MEASURED.mkdir(exist_ok=True)
+    text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
+    (MEASURED / f"{name}.json").write_text(text, encoding="utf-8")
+
+
+def _example() -> str:
+    heads = ("target", "nominal", "value", "U (k = 2)", "found", "decision", "true value")
+    rows = stored("example")["rows"]
+    return table(heads, ([*row, TRUE[row[0].strip("`")]] for row in rows))
+
+
+def _model_dimensions() -> str:
+    heads = ("part", "dimensions", "with a tolerance", "measurable", "characteristics")
+    keys = ("dimensions", "with_tolerance", "measurable", "characteristics")
+    models = stored("models")["models"]
+    return table(heads, ((label, *(model[key] for key in keys)) for label, model in models.items()))
+
+
+def _model_zones() -> str:
+    rows = []
+    for label, model in stored("models")["models"].items():
+        widths: dict[str, list[float]] = {}
+        for kind, width in model["zones"]:
+            widths.setdefault(kind, []).append(width)
+        texts = [f"{kind} {_listed(sorted(set(values)))} mm" for kind, values in widths.items()]
+        counts = (model["characteristics"], len(model["zones"]))
+        rows.append((label, *counts, ", ".join(texts)))
+    return table(("part", "characteristics", "with a zone", "zones"), rows)
+
+
+def _qif_statuses() -> str:
+    from planner.measuring.results import STATUSES
+
+    remarks = {"NOT_ANALYZED": ", with the reason as an attribute"}
+    rows = (
+        (decision.value, f"`{status}`{remarks.get(status, '')}")
+        for decision, status in STATUSES.items()
+    )
+    return table(("decision", "status"), rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "measured-example": _example,
+    "model-dimensions": _model_dimensions,
+    "model-zones": _model_zones,
+    "qif-statuses": _qif_statuses,
+}
+
+
+def _listed(values: Sequence[float]) -> str:
+    texts = [f"{value:g}" for value in values]
+    return " and ".join(filter(None, [", ".join(texts[:-1]), texts[-1]]))
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table in Markdown."""
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    for row in rows:
+        cells = " ".join(f"| {cell}" if str(cell) else "|" for cell in row)
+        lines.append(f"{cells} |")
+    return "\n".join(lines) + "\n"
+
+
+def filled(text: str) -> str:
+    """Return a page with its tables as they are now."""
+    return _BLOCK.sub(lambda match: match[1] + TABLES[match[2]]() + match[3], text)
+
+
+def pages() -> list[Path]:
+    """Return the pages that hold such tables."""
+    return [
+        path
+        for path in sorted(DOCS.rglob("*.md"))
+        if _BLOCK.search(path.read_text(encoding="utf-8"))
+    ]
+
+
+def main() -> None:
+    """Fill the tables of all pages."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--models", metavar="FOLDER", type=Path)
+    parser.add_argument("--example", metavar="FOLDER", type=Path)
+    options = parser.parse_args()
+    if options.models is not None:
+        measure_models(options.models)
+    if options.example is not None:
+        store_example(options.example)
+    for path in pages():
+        path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
