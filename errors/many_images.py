@@ -128,26 +128,26 @@ class Slope:
 
     Attributes
     ----------
-    own : dict of int to array (q,)
+    by_view : dict of int to array (q,)
         By those of views, by their number.
     shared : array (m,)
         By those that all share.
     """
 
-    own: dict[int, Array]
+    by_view: dict[int, Array]
     shared: Array
 
     def times(self, factor: float) -> Slope:
         """Return the slope of a multiple of the value."""
-        own = {number: factor * part for number, part in self.own.items()}
-        return Slope(own, factor * self.shared)
+        by_view = {number: factor * part for number, part in self.by_view.items()}
+        return Slope(by_view, factor * self.shared)
 
     def __add__(self, other: Slope) -> Slope:
         """Return the slope of the sum of two values."""
-        own = dict(self.own)
-        for number, part in other.own.items():
-            own[number] = own[number] + part if number in own else part
-        return Slope(own, self.shared + other.shared)
+        by_view = dict(self.by_view)
+        for number, part in other.by_view.items():
+            by_view[number] = by_view[number] + part if number in by_view else part
+        return Slope(by_view, self.shared + other.shared)
 
 
 class Eliminated(NamedTuple):
@@ -175,11 +175,12 @@ def eliminated(view: View, scale: Array) -> Eliminated:
     """Return a view without unknowns of its own, the shared ones in units of a scale (m,)."""
     size = len(view.prior)
     information, right = view.evidence
-    own = np.sqrt(np.diag(view.prior))
+    root = np.sqrt(np.diag(view.prior))
+    units = np.outer(root, root)
     # millimetres and radians are far apart: solved in units of the prior
-    inner = np.linalg.inv(view.prior / np.outer(own, own))
-    inner += information[:size, :size] * np.outer(own, own)
-    covariance = np.linalg.inv(inner) * np.outer(own, own)
+    inner = np.linalg.inv(view.prior / units)
+    inner += information[:size, :size] * units
+    covariance = np.linalg.inv(inner) * units
     covariance = (covariance + covariance.T) / 2
     across = information[:size, size:] * scale
     by_shared = -covariance @ across
@@ -204,6 +205,21 @@ class Prior:
 
     free: Places
     variances: Array
+
+
+class Estimate(NamedTuple):
+    """A value that is estimated, and what is known before.
+
+    Attributes
+    ----------
+    value : Slope
+        How it changes with unknowns.
+    prior : Prior
+        Of the shared unknowns.
+    """
+
+    value: Slope
+    prior: Prior
 
 
 class ManyImages:
@@ -283,22 +299,22 @@ class ManyImages:
         mean = self._mean + columns @ (middle @ self._mean[prior.free])
         total = float(self._alone(value) @ mean)
         return total + sum(
-            float(slope @ self._views[number].middle) for number, slope in value.own.items()
+            float(slope @ self._views[number].middle) for number, slope in value.by_view.items()
         )
 
-    def covariance(self, first: tuple[Slope, Prior], second: tuple[Slope, Prior]) -> float:
+    def covariance(self, first: Estimate, second: Estimate) -> float:
         """Return the covariance of the errors of two values, each estimated with its own prior.
 
         An unknown that only one of them frees has the precision of the freer prior: so the covariance matrix of many
         values has no negative eigenvalue, and its diagonal is the posterior's.
         """
         rays = [self._ray(*each) for each in (first, second)]
-        precision = np.minimum(*(self._precision(each[1]) for each in (first, second)))
+        precision = np.minimum(*(self._precision(prior) for _, prior in (first, second)))
         total = float(rays[0] @ self._told.information @ rays[1] + (rays[0] * precision) @ rays[1])
-        for number, slope in first[0].own.items():
-            if number in second[0].own:
-                inner = self._views[number].covariance
-                total += float(slope @ inner @ second[0].own[number])
+        others = second.value.by_view
+        for number, slope in first.value.by_view.items():
+            if number in others:
+                total += float(slope @ self._views[number].covariance @ others[number])
         return total
 
     def shared(self) -> tuple[Array, Array]:
@@ -321,11 +337,11 @@ class ManyImages:
         mean = self._mean + columns @ (middle @ self._mean[prior.free])
         view = self._views[number]
         across = view.by_shared @ shared
-        own = view.covariance + across @ view.by_shared.T
+        block = view.covariance + across @ view.by_shared.T
         scaled = across * self._scale
         covariance = np.block(
             [
-                [(own + own.T) / 2, scaled],
+                [(block + block.T) / 2, scaled],
                 [scaled.T, shared * np.outer(self._scale, self._scale)],
             ]
         )
@@ -334,7 +350,7 @@ class ManyImages:
     def _alone(self, value: Slope) -> Array:
         """Return the slope (m,) of a value by the shared unknowns alone, in units of the prior."""
         total = self._scale * value.shared
-        for number, slope in value.own.items():
+        for number, slope in value.by_view.items():
             total = total + self._views[number].by_shared.T @ slope
         return np.asarray(total)
 

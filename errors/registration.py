@@ -396,11 +396,11 @@ def find_known_poses(poses, prior, stretches, imaging, values, covariance, root,
         factor = information.copy()
         _factor(factor, 0)
         _pose_of(factor, scale, covariance[i], root[i])
-        own = np.empty((POSE, POSE))
+        scratch = np.empty((POSE, POSE))
         for t in range(first, last):
             state = poses[i], root[i], place, scale, count
             freed = _freed_factor(information, factor, stretches, values, t, place)
-            _pose_of(freed, scale, own, roots[t])
+            _pose_of(freed, scale, scratch, roots[t])
             _variance(freed, values, t, sigmas, state, variance[t])
         first = last
 

@@ -401,8 +401,8 @@ class Measurer:
         pictures = response.pictures
         if response.is_changed:
             registered, failed = self._all_registered(pictures, options)
-        known = self._joined(response.pictures, registered, options)
-        readings = self._readings(response, registered, known, options)
+        joint = self._joined(response.pictures, registered, options)
+        readings = self._readings(response, registered, joint, options)
         for shot in self.shots:
             if shot.name in failed:
                 for reading in _unregistered(shot, *failed[shot.name]):
@@ -410,7 +410,7 @@ class Measurer:
         results = {}
         for name, target_readings in readings.items():
             measured = [reading for reading in target_readings if reading.measured]
-            common = known.common(measured) if len(measured) > 1 else None
+            common = joint.common(measured) if len(measured) > 1 else None
             results[name] = merged(
                 name, self.plan.targets[name], target_readings, options.rule, common=common
             )
@@ -423,9 +423,9 @@ class Measurer:
             {name: with_advice(*both) for name, both in failed.items()},
             options.rule,
             serial,
-            self._correlation(results, known),
+            self._correlation(results, joint),
             self._source(image_set, operator),
-            (*image_set.notes, *response.notes(readings), *known.notes, *notes),
+            (*image_set.notes, *response.notes(readings), *joint.notes, *notes),
             pictures,
             response.records(),
             self._edges_text(list(results.values()), options),

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_rules import PARAMETERS
-from errors.many_images import Evidence, ManyImages, Prior, Slope, View
+from errors.many_images import Estimate, Evidence, ManyImages, Prior, Slope, View
 from errors.registration import LEARNT
 from planner.camera.camera import Camera
 from planner.measuring.reading import Reading
@@ -126,14 +126,14 @@ class PartPosterior:
         evidence = Evidence.nothing(size + shared)
         for k, image in enumerate(images):
             place = np.concatenate([POSE * k + np.arange(POSE), size + np.arange(shared)])
-            own = slice(POSE * k, POSE * (k + 1))
-            told = image.evidence
-            if told is None:
-                prior[own, own] = image.pose_covariance
+            block = slice(POSE * k, POSE * (k + 1))
+            evidence_of_image = image.evidence
+            if evidence_of_image is None:
+                prior[block, block] = image.pose_covariance
                 continue
-            evidence.information[np.ix_(place, place)] += told.told.information
-            evidence.right[place] += told.told.right
-            _tie(prior, told, k, len(images))
+            evidence.information[np.ix_(place, place)] += evidence_of_image.told.information
+            evidence.right[place] += evidence_of_image.told.right
+            _tie(prior, evidence_of_image, k, len(images))
         return View(prior, evidence)
 
     def _prior(self, target: str) -> Prior:
@@ -171,12 +171,14 @@ class PartPosterior:
         before[prior.free] = prior.variances
         stated = np.diag(np.concatenate([np.zeros(POSE), before]))
         stated[:POSE, :POSE] = registered.evidence.pose_prior + registered.evidence.apart
-        known = replace(registered, covariance=covariance[np.ix_(chosen, chosen)], prior=stated)
-        return KnownImage(known, mean[chosen] - registered.evidence.mean)
+        image_with_prior = replace(
+            registered, covariance=covariance[np.ix_(chosen, chosen)], prior=stated
+        )
+        return KnownImage(image_with_prior, mean[chosen] - registered.evidence.mean)
 
     def common(self, readings: Sequence[Reading]) -> Array:
         """Return the covariance (n, n) of readings by poses and surfaces, each with the prior of its target."""
-        values = [(self._slope(reading), self._prior(reading.name)) for reading in readings]
+        values = [Estimate(self._slope(reading), self._prior(reading.name)) for reading in readings]
         return self._covariances(values)
 
     def common_of_values(self, values: Sequence[tuple[Sequence[Reading], Array]]) -> Array:
@@ -192,10 +194,10 @@ class PartPosterior:
             total = Slope({}, np.zeros(self._model.n_unknowns - POSE))
             for reading, weight in zip(readings, weights, strict=True):
                 total = total + self._slope(reading).times(weight)
-            slopes.append((total, self._prior(readings[0].name)))
+            slopes.append(Estimate(total, self._prior(readings[0].name)))
         return self._covariances(slopes)
 
-    def _covariances(self, values: list[tuple[Slope, Prior]]) -> Array:
+    def _covariances(self, values: list[Estimate]) -> Array:
         covariance = np.zeros((len(values), len(values)))
         for i, first in enumerate(values):
             for j, second in enumerate(values[: i + 1]):
@@ -205,9 +207,9 @@ class PartPosterior:
 
     def _slope(self, reading: Reading) -> Slope:
         number, first = self._place[reading.image]
-        own = np.zeros(self._sizes[number])
-        own[first : first + POSE] = reading.gradient[:POSE]
-        return Slope({number: own}, reading.gradient[POSE:])
+        by_view = np.zeros(self._sizes[number])
+        by_view[first : first + POSE] = reading.gradient[:POSE]
+        return Slope({number: by_view}, reading.gradient[POSE:])
 
 
 def variances_shown(stated: Array, views: Sequence[View]) -> Array:
@@ -231,13 +233,13 @@ def variances_shown(stated: Array, views: Sequence[View]) -> Array:
         # an estimate has this share of its prior's variance if the prior is right
         learnt = 1 - after / variances
         # light moves edges, too, so that faces seem to be tilted a little
-        known = learnt > np.where(is_size, _LEAST_LEARNT, LEARNT)
-        if not known.any():
+        is_learnt = learnt > np.where(is_size, _LEAST_LEARNT, LEARNT)
+        if not is_learnt.any():
             break
-        learnt = np.where(known, learnt, 1.0)
-        square = np.where(known, mean**2 / (learnt * variances), 0.0)
+        learnt = np.where(is_learnt, learnt, 1.0)
+        square = np.where(is_learnt, mean**2 / (learnt * variances), 0.0)
         worst = int(np.argmax(square))
-        if square[worst] <= chi_squared.ppf(1 - (1 - CREDIBLE) / known.sum(), 1):
+        if square[worst] <= chi_squared.ppf(1 - (1 - CREDIBLE) / is_learnt.sum(), 1):
             break
         # where the images have it if nothing is assumed
         variances[worst] = max(variances[worst], float(mean[worst] / learnt[worst]) ** 2)
@@ -246,7 +248,7 @@ def variances_shown(stated: Array, views: Sequence[View]) -> Array:
 
 def _tie(prior: Array, told: ImageEvidence, number: int, count: int) -> None:
     """Write what is known before of how an image of a setting is displaced, alone and with the others."""
-    own = slice(POSE * number, POSE * (number + 1))
+    block = slice(POSE * number, POSE * (number + 1))
     for k in range(count):
-        prior[own, POSE * k : POSE * (k + 1)] = told.pose_prior
-    prior[own, own] += told.apart
+        prior[block, POSE * k : POSE * (k + 1)] = told.pose_prior
+    prior[block, block] += told.apart

@@ -305,10 +305,10 @@ def register(
         outcome = other if other[0].accepted else outcome
     attempt, lamps = outcome
     estimate, variance = _stated(attempt)
-    told = evidence_of(itertools.chain.from_iterable(attempt.rows), len(task.prior), variance)
+    rows = evidence_of(itertools.chain.from_iterable(attempt.rows), len(task.prior), variance)
     pose_prior = task.prior[:POSE, :POSE]
     evidence = ImageEvidence(
-        told, estimate.covariance @ told.right, pose_prior, np.zeros((POSE, POSE))
+        rows, estimate.covariance @ rows.right, pose_prior, np.zeros((POSE, POSE))
     )
     registered = replace(judged(attempt, estimate), lamps=lamps, evidence=evidence)
     if len(pictures) > 1:
@@ -370,8 +370,8 @@ def _of_images(
         own_x[pose] += estimate.mean[move]
         prior = task.prior.copy()
         prior[pose, pose] += around
-        told = evidence_of(rows[k], n, variance)
-        evidence = ImageEvidence(told, select @ estimate.mean, task.prior[pose, pose], around)
+        of_rows = evidence_of(rows[k], n, variance)
+        evidence = ImageEvidence(of_rows, select @ estimate.mean, task.prior[pose, pose], around)
         of_images[picture.name] = replace(
             registered,
             cam2world=task.places(own_x)[0],

@@ -105,10 +105,12 @@ def _with_prior(
     known: Covariance, before: NDArray[np.float64], now: NDArray[np.float64]
 ) -> Covariance:
     """Return a covariance (6, 6) after the image as it is if another one was known before."""
-    least = np.diag(LEAST_POSE**2)
-    root = np.sqrt(np.diag(now + least))
+    floor = np.diag(LEAST_POSE**2)
+    root = np.sqrt(np.diag(now + floor))
     units = np.outer(root, root)
-    old, new, after = (np.linalg.inv((one + least) / units) for one in (before, now, known))
+    old, new, after = (
+        np.linalg.inv((covariance + floor) / units) for covariance in (before, now, known)
+    )
     # what the image tells is not negative
     values, vectors = np.linalg.eigh(after - old)
     image = (vectors * np.maximum(values, 0.0)) @ vectors.T
