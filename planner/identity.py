@@ -75,11 +75,18 @@ def first_difference(
     str or None
         Such as ``seed was 5 and is now 6``.
     """
-    change = _first_change((), _by_name(now), _by_name(before), tolerance)
+    # what is measured of an edge follows from it, so it is named before the targets
+    edges_now = {_EDGES: now.get(_EDGES)}
+    change = _first_change((), edges_now, {_EDGES: before.get(_EDGES)}, tolerance)
+    if change is None:
+        change = _first_change((), _by_name(now), _by_name(before), tolerance)
     if change is not None:
         return _described(change, words)
     orders = [[target["name"] for target in one.get("targets") or ()] for one in (now, before)]
     return None if orders[0] == orders[1] else "the order of the targets changed"
+
+
+_EDGES = "edge_break_mm"
 
 
 class _Change(NamedTuple):

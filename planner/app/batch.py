@@ -66,6 +66,7 @@ from planner.report.plan_folder import PLAN_FILES, Written, folder_lock, with_so
 from planner.request.camera_limits import MOST_SEED
 from planner.request.constraints import limit_names
 from planner.resolve_request import ResolvedRequest, request_of_any_part, resolve_request
+from planner.sensor_setting import ReasonKind, kind_of
 from planner.verify.simulate_plan import simulate_in_time
 
 if TYPE_CHECKING:
@@ -572,7 +573,7 @@ def _described(
     blank: PartResult, plan: InspectionPlan, left_out: Mapping[str, str], folder: Path
 ) -> PartResult:
     """Return the result of a plan that is written."""
-    reasons = [f"{name}: {reason}" for name, reason in plan.uninspectable.items()]
+    reasons = _short_reasons(plan.uninspectable)
     simulation = plan.simulation
     if simulation is not None and not simulation.confirmed:
         reasons.append("the simulation contradicts the plan")
@@ -587,6 +588,20 @@ def _described(
         left_out_reasons="; ".join(f"{name}: {reason}" for name, reason in left_out.items()),
         plan_sha256=file_digest(folder / PLAN_FILE),
     )
+
+
+def _short_reasons(reasons: Mapping[str, str]) -> list[str]:
+    """Return why targets are not inspected: of several by one kind of reason, only the kind; plan.json has all."""
+    names: dict[ReasonKind, list[str]] = {}
+    for name, reason in reasons.items():
+        names.setdefault(kind_of(reason), []).append(name)
+    texts = []
+    for kind, of_kind in names.items():
+        if len(of_kind) == 1 or kind is ReasonKind.NOT_STATED:
+            texts += [f"{name}: {reasons[name]}" for name in of_kind]
+        else:
+            texts.append(f"{kind.words}: {', '.join(of_kind)}")
+    return texts
 
 
 # Workers of a Dask cluster as an executor.

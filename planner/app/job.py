@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -49,6 +50,7 @@ from planner.light.lighting import (
     check_lamps_given,
     check_step,
 )
+from planner.light.mounted_light import MOUNTED
 from planner.light_catalogue import light_facts
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
@@ -123,8 +125,8 @@ _FORMS = {
 }
 
 
-def read_lighting(options: Light) -> Lighting | None:
-    """Return what is asked of lamps; None if nothing is.
+def read_lighting(options: Light, of_cell: Any = None) -> Lighting | None:
+    """Return what is asked of lamps, or else of the light of a cell; None if there is none.
 
     Raises
     ------
@@ -138,6 +140,8 @@ def read_lighting(options: Light) -> Lighting | None:
         option_text = "no --light" if options.light is None else f"--light {options.light}"
         raise RequestError(f"--together needs lamps by --light at, box or dome. Got {option_text}.")
     lamps = _lamps(options.light)
+    if lamps is None:
+        lamps = of_cell
     if lamps is None:
         return None
     return Lighting(
@@ -175,18 +179,25 @@ def _lamps(text: str | None) -> Any:
             return LampDome((values[0], values[1], values[2]), *values[3:])
     elif Path(text).suffix.lower() == ".toml":
         return check_lamps_given(_from_file(Path(text)))
-    if (form := _FORMS.get(name)) is not None:
-        raise RequestError(f"--light must be {form}, in mm. Got {text!r}.")
-    raise RequestError(f"{_RULE} Got {text!r}.")
+    raise _light_error(text)
+
+
+def _light_error(text: str) -> RequestError:
+    """Return what is wrong with words for a light: the form of their kind, or all kinds and the one that is meant."""
+    kind = text.partition(":")[0]
+    if kind in _FORMS:
+        return RequestError(f"--light must be {_FORMS[kind]}, in mm. Got {text!r}.")
+    kinds = (BACKLIGHT, *MOUNTED, RING, *_FORMS)
+    near = difflib.get_close_matches(kind.lower(), kinds, n=1, cutoff=0.7)
+    meant = f"; {near[0]!r} may be meant" if near else ""
+    return RequestError(f"{_RULE} Got {text!r}{meant}.")
 
 
 def _numbers(text: str, whole: str) -> list[float]:
     try:
         return [float(number) for number in text.split(",")]
     except ValueError:
-        form = _FORMS.get(whole.partition(":")[0])
-        rule = _RULE if form is None else f"--light must be {form}, in mm."
-        raise RequestError(f"{rule} Got {whole!r}.") from None
+        raise _light_error(whole) from None
 
 
 def _from_file(path: Path) -> Any:
@@ -491,24 +502,12 @@ def read_job(options: Plan) -> Job:
 def _lighting(options: Plan, cell: Cell | None) -> Lighting | None:
     """Return what is asked of lamps, or of the light of a cell; an error names the option."""
     with named_by("light", vars(options)):
-        lighting = read_lighting(options)
-    light = light_of_cell(cell)
-    if lighting is not None:
-        return lighting
-    if light is not None:
-        return Lighting(
-            light,
-            options.contrast,
-            options.grey_step,
-            options.ground,
-            together=options.together,
-            material=options.material,
-        )
+        lighting = read_lighting(options, light_of_cell(cell))
     for name in OF_LIGHT:
-        if f"--{name}" in options.typed:
+        if lighting is None and f"--{name}" in options.typed:
             rule = "must be given with --light, or a cell that has a light"
             raise RequestError.of_rule(name, rule, "none")
-    return None
+    return lighting
 
 
 def inspection_options(options: Plan | Optics | Batch, **more: Any) -> InspectionOptions:

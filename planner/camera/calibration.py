@@ -296,11 +296,22 @@ class Distortion:
         return ideal
 
 
+# some ten times the coarsest pixels of cameras: more is a pitch in um
+_LARGEST_PITCH_MM = 0.5
 _NEEDED = ("pixel_pitch_mm", "f_number", "focus_distance_mm")
 # no lens for measuring enlarges more: a smaller distance is in metres
 _MOST_MAGNIFICATION = 4.0
 # what programs write calibrations to
 _OF_CALIBRATIONS = (".json", ".txt", ".xml", ".yaml", ".yml")
+
+
+def check_pitch(value: Any) -> float:
+    """Return a pixel pitch, or raise `CameraError` if it is rather in µm."""
+    pitch = check_positive("pixel_pitch_mm", value)
+    if pitch > _LARGEST_PITCH_MM:
+        rule = f"must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345"
+        raise CameraError.of_rule("pixel_pitch_mm", rule, f"{pitch:g}")
+    return pitch
 
 
 def opencv_fields(
@@ -330,7 +341,7 @@ def opencv_fields(
         if name not in lens:
             rule = "must be given: a calibration in pixels does not know it"
             raise CameraError.of_rule(name, rule, "none")
-    pitch = check_positive("pixel_pitch_mm", lens["pixel_pitch_mm"])
+    pitch = check_pitch(lens["pixel_pitch_mm"])
     focus = check_positive("focus_distance_mm", lens["focus_distance_mm"])
     distance = scale_x * pitch
     nearest = distance / _MOST_MAGNIFICATION

@@ -26,6 +26,7 @@ from planner.camera.calibration import (
     check_count,
     check_number,
     check_pair,
+    check_pitch,
     check_positive,
     check_white_level,
     line_of,
@@ -410,10 +411,6 @@ def _largest(a: _Interval) -> NDArray[np.float64]:
     return np.maximum(np.abs(a[0]), np.abs(a[1]))
 
 
-# some ten times the coarsest pixels of cameras: more is a pitch in um
-_LARGEST_PITCH_MM = 0.5
-
-
 Positive = Annotated[float, Meta(gt=0, title="must be finite and positive")]
 _PAIR = Meta(title="must be two numbers, across and down")
 _COUNT = Meta(ge=1, title="must be a positive integer")
@@ -500,13 +497,7 @@ class Camera:
     def __post_init__(self) -> None:
         for field in ("focal_length_mm", "f_number", "focus_distance_mm"):
             object.__setattr__(self, field, check_positive(field, getattr(self, field)))
-        pitch = tuple(
-            check_positive("pixel_pitch_mm", p)
-            for p in check_pair("pixel_pitch_mm", self.pixel_pitch_mm)
-        )
-        if max(pitch) > _LARGEST_PITCH_MM:
-            rule = f"must be at most {_LARGEST_PITCH_MM:g} mm; 3.45 um are 0.00345"
-            raise CameraError.of_rule("pixel_pitch_mm", rule, f"{max(pitch):g}")
+        pitch = tuple(check_pitch(p) for p in check_pair("pixel_pitch_mm", self.pixel_pitch_mm))
         object.__setattr__(self, "pixel_pitch_mm", pitch)
         counts = tuple(
             check_count("resolution", n) for n in check_pair("resolution", self.resolution)

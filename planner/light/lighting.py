@@ -445,9 +445,19 @@ class Readers:
         for number, pose in enumerate(self.settings):
             pairs = np.flatnonzero(self.setting == number)
             rows = np.flatnonzero(is_read[:, pairs].any(axis=1))
-            registered = self.reads.registered(*pose, places[rows], self.background)
-            is_read[np.ix_(rows[~registered], pairs)] = False
+            whites = self._whites(pairs, places[rows])
+            registered = self.reads.registered(*pose, places[rows], self.background, whites)
+            is_read[np.ix_(rows, pairs)] &= registered
         return is_read
+
+    def _whites(self, pairs: NDArray[np.int_], places: Array) -> Array:
+        """Return what is overexposed (n, p) under lamps (n, 3) in images for each of some pairs; inf of lengths."""
+        whites = np.full((len(places), len(pairs)), np.inf)
+        for column, pair in enumerate(pairs.tolist()):
+            target = self.targets[pair]
+            if target is not None:
+                whites[:, column] = target.white(places)
+        return whites
 
     def why_not(self, pair: int) -> str:
         """Say why a pair is not read under any lamp; empty if it may be."""

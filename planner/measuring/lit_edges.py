@@ -6,7 +6,8 @@ E   light on a place of a face, as a share of what falls on a face lit frontally
 s   step of an edge: the difference of E on both of its sides
 
 The samples are those of `measure`. One counts as found if nothing hides it, no other line is near, s is large enough,
-and no shadow ends near it. All of this is computed for the nominal part and the planned pose, and a reserve is kept.
+and no shadow ends near it. An image is exposed for its targets. Other edges beside which it is overexposed then
+register nothing. All of this is computed for the nominal part and the planned pose, and a reserve is kept.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from aspectgraph.light import DEFAULT_CONTRAST
 from planner.camera.camera import Camera
 from planner.detectability.image_check import COVERAGE_SHARE, SECTORS
 from planner.light.area_light import AreaLight, EdgePoints, Sight, StandingLight
+from planner.light.light_plan import WHITE_SHARE
 from planner.measuring.registered import Faces
 from planner.measuring.samples import (
     APART_PX,
@@ -107,17 +109,25 @@ class _Sides:
 
     def found(self, lamps: Array) -> Bools:
         """Return which samples (n, m) lamps (n, 3) show, with no shadow that ends beside them."""
-        is_found = np.empty((len(lamps), self.on_part.shape[-1]), dtype=np.bool_)
+        return self.seen(lamps)[0]
+
+    def seen(self, lamps: Array) -> tuple[Bools, Array]:
+        """Return `found`, and the larger irradiance (n, m) of the part beside each sample, 1/mm²."""
+        n_samples = self.on_part.shape[-1]
+        is_found = np.empty((len(lamps), n_samples), dtype=np.bool_)
+        brighter = np.empty((len(lamps), n_samples))
         block = max(1, _RAYS // self.on_part.size)
         for first in range(0, len(lamps), block):
             of_block = slice(first, first + block)
-            light, _ = self.faces.light(lamps[of_block, None, None, None])
+            light, length = self.faces.light(lamps[of_block, None, None, None])
+            of_part = np.where(self.on_part, light / length**2, 0.0)
+            brighter[of_block] = of_part[:, 0].max(axis=1)
             light = np.where(self.on_part, light, self.background)
             shows = np.abs(light[:, 0, 1] - light[:, 0, 0]) >= self.least_step
             is_lit = light > 0
             even = (is_lit == is_lit[:, :1]) | ~self.on_part
             is_found[of_block] = shows & even.all(axis=(1, 2))
-        return is_found
+        return is_found, brighter
 
 
 @dataclass(frozen=True)
@@ -179,6 +189,15 @@ class TargetLight:
                 is_found = entity.sides.found(lamps[rows]) & entity.usable
                 readable[rows] = entity.covers(is_found, RESERVE, LEAST_OF_SECTOR)
         return readable
+
+    def white(self, lamps: Array) -> Array:
+        """Return the irradiance (n,) that is overexposed if the image is exposed for the target, 1/mm²."""
+        brightest = np.zeros(len(lamps))
+        for entity in self.entities:
+            if entity.sides is not None:
+                _, beside = entity.sides.seen(lamps)
+                brightest = np.maximum(brightest, beside[:, entity.usable].max(axis=1, initial=0.0))
+        return brightest / WHITE_SHARE
 
 
 @dataclass
@@ -289,9 +308,9 @@ class LitEdges:
         return np.asarray(contrast[0] >= DEFAULT_CONTRAST)
 
     def registered(
-        self, cam2world: Array, camera: Camera, lamps: Array, background: float
+        self, cam2world: Array, camera: Camera, lamps: Array, background: float, whites: Array
     ) -> Bools:
-        """Return whether lamps (n, 3) show enough of the part's edges, so that an image can be registered.
+        """Return whether lamps show enough of the part's edges, so that an image can be registered.
 
         Parameters
         ----------
@@ -299,24 +318,34 @@ class LitEdges:
             As of `of_target`.
         lamps : array (n, 3)
             Lamps of which one is on, mm.
+        whites : array (n, p)
+            Irradiance that is overexposed if the image is exposed for each of p targets, 1/mm².
+
+        Returns
+        -------
+        array of bool (n, p)
+            For each of these exposures.
         """
         if not self.registers or not len(lamps):
-            return np.ones(len(lamps), dtype=np.bool_)
-        return self.shown_share(cam2world, camera, lamps, background) >= LEAST_REGISTERED
+            return np.ones(whites.shape, dtype=np.bool_)
+        shares = self.shown_share(cam2world, camera, lamps, background, whites)
+        return np.asarray(shares >= LEAST_REGISTERED)
 
     def shown_share(
-        self, cam2world: Array, camera: Camera, lamps: Array, background: float
+        self, cam2world: Array, camera: Camera, lamps: Array, background: float, whites: Array
     ) -> Array:
-        """Return the share (n,) of the part's visible edges that lamps (n, 3) show, see `registered`."""
+        """Return the share (n, p) of the part's visible edges that lamps (n, 3) show, see `registered`."""
         edges = self.model.edges.edges
         shown = self.model.shown(cam2world, camera)
         apart = shown.apart(edges, shown.samples.edge, shown.pixels)
         samples = _thinned(shown.samples.chosen(apart), _MOST_OF_ALL)
         if not len(samples.share):
-            return np.zeros(len(lamps))
+            return np.zeros(whites.shape)
         sampled = Sampled(self.model.edges.scene, camera, cam2world, edges, samples)
         sides = _Sides.of(sampled, _BESIDE_PX[:1], background, LEAST_EDGE_STEP)
-        return np.asarray(sides.found(lamps).mean(axis=1))
+        is_found, beside = sides.seen(lamps)
+        shares = [(is_found & (beside <= white[:, None])).mean(axis=1) for white in whites.T]
+        return np.stack(shares, axis=1) if shares else np.zeros(whites.shape)
 
 
 def _thinned(samples: Samples, most: int) -> Samples:

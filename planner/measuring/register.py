@@ -694,7 +694,7 @@ def check_lens(
     Raises
     ------
     NotRegisteredError
-        If the part fits much better without the distortion.
+        If the part fits much better without the distortion, and its faces deviate no more.
     """
     if pictures[0].camera.distortion is None:
         return
@@ -703,7 +703,9 @@ def check_lens(
     except NotRegisteredError:
         return
     better = other.misfit_px < BETTER_MISFIT * found.misfit_px
-    if better and other.used >= SIMILAR_USED * found.used:
+    # faces that deviate raise the misfit, too: then they must deviate even more to make up for the lens
+    is_likely = times_more(model, other, prior) <= times_more(model, found, prior)
+    if better and is_likely and other.used >= SIMILAR_USED * found.used:
         raise NotRegisteredError(_UNDISTORTED)
 
 

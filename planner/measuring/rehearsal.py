@@ -252,7 +252,8 @@ def _refined(model: PartModel) -> tuple[Array, NDArray[np.int64], list[set[int]]
         # a fan about the middle, as more than one side may be cut
         middle = len(points)
         points.append(np.mean([points[k] for k in corners], axis=0))
-        carried.append(set())
+        # it stays on the faces that all corners are on
+        carried.append(set.intersection(*(carried[k] for k in corners)))
         ends = (*outline[1:], outline[0])
         triangles += [(middle, a, b) for a, b in zip(outline, ends, strict=True)]
     return np.array(points), np.array(triangles, dtype=np.int64), carried

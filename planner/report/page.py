@@ -181,7 +181,7 @@ _SAMPLES = 9
 # a target is called out where at least this share of it is visible
 _VISIBLE = 0.5
 # larger side of the first picture and of the second one, pt
-_SIZES_PT = (800.0, 480.0)
+_SIZES_PT = (560.0, 400.0)
 # on a phone, whose page is 370 px wide
 _PHONE_PT = 266.0
 # smaller names on a phone are left out

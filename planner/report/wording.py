@@ -11,12 +11,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from errors.checks import percent_text
+from errors.measurands.measurand import COVERAGE
 from planner.detectability.image_check import MOST_PX
 from planner.progress import duration
 from planner.request.camera_limits import LEAST_SIGMAS, corner_margin_px
 from planner.request.constraints import limit_sentences
 from planner.request.dimension_files import SURFACES_MM
-from planner.request.edge_state import TYPICAL_BREAK_MM, UNSTATED_MM, EdgeState, largest_shift
+from planner.request.edge_state import TYPICAL_BREAK_MM, EdgeState, largest_shift, value_sigma
 from planner.request.targets import words_of
 from planner.rows import unshown_warning
 from planner.text_table import count
@@ -173,13 +174,12 @@ def unstated_edges_text(plan: InspectionPlan) -> str:
     if worst is None:
         return ""
     _, target, shift, expanded = worst
-    # standard deviation of a break between nothing and the limit, all edges alike
-    spread = shift / TYPICAL_BREAK_MM * UNSTATED_MM / math.sqrt(12.0)
-    measured = math.hypot(expanded, 2.0 * spread)
+    assumed = EdgeState()
+    measured = math.hypot(expanded, COVERAGE * value_sigma(target.measurand, assumed))
     return (
         f"planned as sharp; a break of {TYPICAL_BREAK_MM:g} mm would move {target.name} by up to {shift:.2g} "
-        f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {UNSTATED_MM:g} mm "
-        f"where none is stated (edge_break_mm or --edges), and then U is up to {measured:.2g} {target.unit}"
+        f"{target.unit}, its U is {expanded:.2g} {target.unit}. 'measure' assumes breaks of up to {assumed.high_mm:g} "
+        f"mm where none is stated (edge_break_mm or --edges), and then its U is about {measured:.2g} {target.unit}"
     )
 
 

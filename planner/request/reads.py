@@ -23,6 +23,9 @@ class TargetReads(Protocol):
     def shown(self, lamps: Array) -> NDArray[np.bool_]:
         """Return under which lamps (n, 3), of which one is on, enough of the target is found."""
 
+    def white(self, lamps: Array) -> Array:
+        """Return the irradiance (n,) that is overexposed if the image is exposed for the target, 1/mm²."""
+
 
 class Reads(Protocol):
     """What measuring will find in images of a part under lamps, so that a plan promises no more than is read."""
@@ -33,9 +36,9 @@ class Reads(Protocol):
         """Return what will be found of a target from a pose, before a background that is 0 or 1."""
 
     def registered(
-        self, cam2world: Array, camera: Camera, lamps: Array, background: float
+        self, cam2world: Array, camera: Camera, lamps: Array, background: float, whites: Array
     ) -> NDArray[np.bool_]:
-        """Return under which lamps (n, 3) an image from a pose can be registered."""
+        """Return under which lamps (n, 3), exposed so that irradiances (n, p) are white, an image can be registered."""
 
     def unread(self, cam2world: Array, camera: Camera, target: Target, area: Any) -> str:
         """Return why too little of a target is found under a light with an area; empty if enough is."""

@@ -167,7 +167,8 @@ def missing_corners(constraints: Constraints) -> dict[str, InfeasibleError]:
     for k, name in enumerate(constraints.names if "corner_deg" in constraints.shows else ()):
         end = constraints.image.without_corner(k)
         if end is not None:
-            place = ", ".join(f"{x:.6g}" for x in end)
+            # rounding of the model's own arithmetic is no place
+            place = ", ".join(f"{round(x, 6) + 0.0:.6g}" for x in end)
             required_deg = constraints.requirements.showing.min_corner_deg
             errors[name] = InfeasibleError(
                 f"corner_deg cannot be met for entity {name!r}: at ({place}) mm the edge ends in a tangent "

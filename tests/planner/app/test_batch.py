@@ -30,12 +30,20 @@ from planner import (
 )
 from planner.app import batch
 from planner.app import batch as scheduler
-from planner.app.batch import PLANNED, REFUSED, PartResult, dask_executor, write_tables
+from planner.app.batch import (
+    PLANNED,
+    REFUSED,
+    PartResult,
+    _short_reasons,
+    dask_executor,
+    write_tables,
+)
 from planner.app.main import main
 from planner.app.process import BAD_INPUT, INCOMPLETE
 from planner.files import file_digest
 from planner.plan import read_plan
 from planner.report.plan_folder import folder_lock
+from planner.sensor_setting import Reason, ReasonKind
 
 
 def result(part, status=PLANNED, reason=""):
@@ -573,3 +581,18 @@ def test_options_of_dimensions_need_dimensions(parts, tmp_path, capsys, words, m
     start = ["batch", str(parts), "--camera", "basler-acA2440-20gm-8mm"]
     assert main([*start, "--out", str(tmp_path / "out"), *words]) == BAD_INPUT
     assert message in capsys.readouterr().err
+
+
+def test_reasons_of_several_targets_are_told_once():
+    corner = Reason.of(ReasonKind.NO_CORNER, "at (1, 2, 3) mm the edge ends in an arc.")
+    reasons = {
+        "e0": corner,
+        "e2": corner,
+        "hole": Reason.of(ReasonKind.OUT_OF_REACH, "far."),
+        "x": "none",
+    }
+    assert _short_reasons(reasons) == [
+        "no corner to measure to: e0, e2",
+        "hole: out of reach: far.",
+        "x: none",
+    ]

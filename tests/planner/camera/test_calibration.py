@@ -213,6 +213,12 @@ def test_toml_holds_a_calibration(tmp_path):
         ({"image_size": 5}, "image_size must be two numbers"),
         ({"pixel_pitch_mm": (1, 2)}, "pixel_pitch_mm must be finite and positive"),
         ({"sharpness": 3}, "sharpness must be one of"),
+        # um: the focus is not to blame
+        (
+            {"pixel_pitch_mm": 3.45},
+            r"pixel_pitch_mm must be at most 0\.5 mm; 3\.45 um are 0\.00345",
+        ),
+        ({"focus_distance_mm": 250.0, "pixel_pitch_mm": 3.45}, r"pixel_pitch_mm must be at most"),
         # metres: the image is 8 mm from the lens
         (
             {"focus_distance_mm": 0.3},

@@ -10,6 +10,7 @@ from part_images import Optics, PartImages
 from rendered_images import Lamp
 
 from planner import Backlight, LampDome, measure
+from planner.light.light_plan import beside, irradiance
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.measuring.lit_edges import LEAST_REGISTERED, LitEdges, reads_of
@@ -45,8 +46,8 @@ def test_samples_are_found_where_the_lamp_shows_them(solid, plan, reads, lamp):
     """An image by a renderer of its own, at the planned pose. At the limits of steps, some samples differ."""
     results = measure(plan, solid, {1: image_of(lamp)})
     if results.failed:
-        share = reads.shown_share(POSES[0], CAMERA, lamp[None], 0.0)[0]
-        assert share < LEAST_REGISTERED
+        share = reads.shown_share(POSES[0], CAMERA, lamp[None], 0.0, np.full((1, 1), np.inf))
+        assert share[0, 0] < LEAST_REGISTERED
         return
     for result in results:
         light = reads.of_target(POSES[0], CAMERA, plan.targets[result.name], 0.0)
@@ -86,8 +87,10 @@ def test_lamps_of_a_plan_show_what_is_read(solid, plan):
     for image in light.images[0]:
         lamps = light.lamps[list(image.lamps)]
         for name in image.contrast:
-            assert reads.of_target(POSES[0], CAMERA, plan.targets[name], 0.0).shown(lamps).all()
-        assert reads.registered(POSES[0], CAMERA, lamps, 0.0).all()
+            target = reads.of_target(POSES[0], CAMERA, plan.targets[name], 0.0)
+            assert target.shown(lamps).all()
+            whites = target.white(lamps)[:, None]
+            assert reads.registered(POSES[0], CAMERA, lamps, 0.0, whites).all()
 
 
 def test_a_light_with_an_area_is_asked_for_what_is_read(solid, plan, reads):
@@ -119,3 +122,20 @@ def test_it_crosses_process_boundaries(solid, plan, reads):
     light = again.of_target(POSES[0], CAMERA, plan.targets["left"], 0.0)
     mine = reads.of_target(POSES[0], CAMERA, plan.targets["left"], 0.0)
     assert np.array_equal(light.shown(LAMPS), mine.shown(LAMPS))
+
+
+def test_what_is_overexposed_registers_nothing(plan, reads):
+    """Irradiances are those of the plan's exposures; edges in more light than white are lost, the others stay."""
+    lamp = LAMPS[0]
+    target = reads.of_target(POSES[0], CAMERA, plan.targets["left"], 0.0)
+    (white,) = target.white(lamp[None])
+    scene = reads.model.edges.scene
+    pixels = beside(CAMERA, POSES[0], plan.targets["left"].points)
+    light = irradiance(scene, POSES[0], CAMERA, pixels.reshape(-1, 2), lamp[None])
+    assert white == pytest.approx(light.max() / 0.8, rel=0.02)
+    whites = np.array([[np.inf, white, 0.5 * white, 0.0]])
+    (shares,) = reads.shown_share(POSES[0], CAMERA, lamp[None], 0.0, whites)
+    assert (np.diff(shares) <= 0).all()
+    assert shares[0] > LEAST_REGISTERED
+    # what shows is lit
+    assert shares[3] == 0.0

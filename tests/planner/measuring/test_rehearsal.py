@@ -49,6 +49,20 @@ def test_what_is_measured_is_what_is_shown(plate, plan, seed):
         assert abs(result.value - truth[result.name]) <= 3 * result.standard_uncertainty
 
 
+def test_flat_faces_stay_flat_around_holes(plate, plan):
+    """Also inside the triangles whose sides are cut into short chords, so that shading shows no fans."""
+    part = DeviatingPart(Measurer(plan, plate).model, 0.02, np.random.default_rng(3))
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(1, 79, 60), np.linspace(1, 49, 40)))
+    start = np.stack([x, y, np.full(len(x), TOP + 50.0)], axis=1)
+    height = TOP + 50.0 - part.scene.cast(start, np.tile([0.0, 0.0, -1.0], (len(x), 1)))["t_hit"]
+    top = height > TOP - 1.0
+    assert top.sum() > 1000
+    columns = np.stack([x, y, np.ones(len(x))], axis=1)[top]
+    fit, *_ = np.linalg.lstsq(columns, height[top], rcond=None)
+    assert np.abs(columns @ fit - height[top]).max() < 1e-4
+    assert np.abs(height[top] - TOP).max() > 0.005
+
+
 def test_true_values_are_those_of_the_part_that_rays_meet(plate, plan):
     model = Measurer(plan, plate).model
     part = DeviatingPart(model, 0.1, np.random.default_rng(5))
@@ -61,11 +75,11 @@ def test_true_values_are_those_of_the_part_that_rays_meet(plate, plan):
     assert np.mean(back - front) == pytest.approx(
         part.value("width", plan.targets["width"]), abs=0.01
     )
-    # the wall of a hole just below its rim
+    # the wall of a hole just below its rim, where chords of the wall are not yet seen
     circle = plan.targets["left"].geometry[0]
     angle = np.linspace(0.0, 2 * np.pi, 400, endpoint=False)
     ways = np.stack([np.cos(angle), np.sin(angle), np.zeros(400)], axis=1)
-    radii = part.scene.cast(circle.centre - [0, 0, 0.4], ways)["t_hit"]
+    radii = part.scene.cast(circle.centre - [0, 0, 0.1], ways)["t_hit"]
     assert 2 * radii.mean() == pytest.approx(part.value("left", plan.targets["left"]), abs=0.004)
 
 

@@ -9,7 +9,9 @@ import json
 import re
 import uuid
 import xml.etree.ElementTree as ET
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
@@ -41,6 +43,8 @@ from planner import (
     measure,
 )
 from planner.camera.camera import undistorted_px
+from planner.measuring import register
+from planner.measuring.images import Picture
 from planner.measuring.reading import Reading
 from planner.measuring.registered import displaced
 from planner.measuring.results import (
@@ -53,6 +57,7 @@ from planner.measuring.results import (
     qif_text,
     results_schema,
 )
+from planner.measuring.task import NotRegisteredError
 from planner.report.measured_report import measured_html
 
 SCHEMA = xmlschema.XMLSchema11(Path(__file__).with_name("qif_written.xsd"))
@@ -578,6 +583,24 @@ def test_undistorted_images_are_refused(solid, images, strength):
     assert set(results.failed) == {"setting_01", "setting_02"}
     for why in results.failed.values():
         assert "looks undistorted, and the plan's camera has lens distortion" in why
+
+
+@pytest.mark.parametrize(("times", "is_refused"), [(2.8, False), (1.0, True)])
+def test_faces_that_deviate_are_not_taken_for_a_lens(monkeypatch, times, is_refused):
+    """Misfits of a bracket with faces off by 0.05 mm: without the lens, they would have to be off 2.8 times as far."""
+    taken = SimpleNamespace(misfit_px=0.116, used=3972)
+    other = SimpleNamespace(misfit_px=0.054, used=4128)
+    monkeypatch.setattr(register, "register", lambda *_: other)
+    monkeypatch.setattr(
+        register, "times_more", lambda _model, found, _prior: times if found is other else 1.0
+    )
+    camera = dataclasses.replace(CAMERA, distortion=(-0.0612, 0.0811, 0.00021, -0.00013))
+    picture = Picture.of("one", np.zeros(CAMERA.resolution[::-1], dtype=np.uint8), camera)
+    expected = (
+        pytest.raises(NotRegisteredError, match="undistorted") if is_refused else nullcontext()
+    )
+    with expected:
+        register.check_lens(None, [picture], np.eye(4), np.eye(6), taken)
 
 
 def test_notes_on_exposure(solid, exact, images):

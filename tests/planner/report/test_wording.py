@@ -1,6 +1,7 @@
 """What is said of a plan is true: complete or not, empty, one entity or many, simulated or not, whatever came out."""
 
 import itertools
+import math
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,7 +12,7 @@ import pytest
 from grid_box import EDGES, BoxSpace
 from plan_examples import ENTITIES, changed, plan, setting
 
-from planner import Camera, LightPlan, LitImage, SimulationResult, SuccessRate
+from planner import Camera, LightPlan, LitImage, SimulationResult, SuccessRate, read_plan
 from planner.bound.lower_bound import _proof, _proof_of_clique
 from planner.report.page import report_html
 from planner.report.terminal_tables import print_graph, print_plan, print_simulation
@@ -22,6 +23,7 @@ from planner.report.wording import (
     incumbent_line,
     light_sentence,
     simulation_sentence,
+    unstated_edges_text,
     verdict,
 )
 from planner.verify.simulate_setting import (
@@ -332,3 +334,15 @@ def test_settings_that_take_several_images_are_counted_and_their_images():
     )
     none = replace(light, images=(light.images[1],) * 3)
     assert "image" not in light_sentence(replace(asked, light=none))
+
+
+def test_edges_planned_as_sharp_are_told_with_the_u_that_measuring_will_state():
+    """A diameter whose step is off by up to 2 c, for c up to 0.05 mm: mean 0.025 mm, mean square 4 c²/9."""
+    example = read_plan("examples/measured/plan.json")
+    text = unstated_edges_text(example)
+    sharp = 0.10819982  # U of bore_35_back in plan.json
+    assert "would move bore_35_back by up to 0.2 mm, its U is 0.11 mm" in text
+    broken = 2.0 * math.sqrt(4.0 * 0.05**2 / 9.0)
+    assert f"its U is about {math.hypot(sharp, broken):.2g} mm" in text
+    stated = replace(example, request=replace(example.request, edge_break_mm=(0.0, 0.1)))
+    assert unstated_edges_text(stated) == ""

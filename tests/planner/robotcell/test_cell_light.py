@@ -228,7 +228,7 @@ def test_cell_files_state_lights(tmp_path):
 
 WRONG = {
     "kind": (CARRIED.replace("ring-light", "lamp"), "", "light.name must be diffuse-dome or"),
-    "name": (CARRIED.replace("90", "91"), "", "light.name must be a ring-light of the catalogue"),
+    "name": (CARRIED.replace("90", "91"), "", "light.name must name a light of kind ring-light"),
     "no distance": (CARRIED.replace("distance_mm", "thickness_mm"), "", "light.distance_mm"),
     "negative": (CARRIED.replace("200.0", "-1.0"), "", "light.distance_mm must be .*Got -1"),
     "carried below": ("", BELOW.replace(BACK, "coaxial:typical-50"), "up.light.name must be backl"),
