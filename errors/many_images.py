@@ -244,12 +244,12 @@ class ManyImages:
     A number is stated to 1, and each of two views shows it to 1, if its own offset is known to 1:
 
     >>> import numpy as np
-    >>> from errors.many_images import Evidence, ManyImages, Prior, Slope, View
+    >>> from errors.many_images import Estimate, Evidence, ManyImages, Prior, Slope, View
     >>> view = View(np.eye(1), Evidence(np.ones((2, 2)), np.array([3.0, 3.0])))
     >>> both = ManyImages(np.ones(1), [view, view])
     >>> nothing_free = Prior(np.empty(0, int), np.empty(0))
-    >>> value = Slope({}, np.ones(1))
-    >>> both.mean(value, nothing_free), both.covariance((value, nothing_free), (value, nothing_free))
+    >>> number = Estimate(Slope({}, np.ones(1)), nothing_free)
+    >>> both.mean(*number), both.covariance(number, number)
     (1.5, 0.5)
     """
 

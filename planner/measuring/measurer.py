@@ -419,7 +419,7 @@ class Measurer:
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
-            registered,
+            {name: replace(image, evidence=None) for name, image in registered.items()},
             {name: with_advice(*both) for name, both in failed.items()},
             options.rule,
             serial,

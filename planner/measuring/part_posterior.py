@@ -1,8 +1,8 @@
 """One posterior over all images of a part: from it every value is read, whatever images show its entities.
 
-Each image is registered by itself first. About these estimates the rows of all images are linear, so that one step of
-Gauss and Newton leads to the joint estimate: poses are eliminated setting by setting, and surfaces are the same ones
-for all. See `errors.many_images`.
+Each image is registered by itself first. From there steps of Gauss and Newton lead to the joint estimate: poses are
+eliminated setting by setting, and surfaces are the same ones for all, see `errors.many_images`. In each step, the edges
+of all images are looked for again where it puts them.
 
 A target has a prior of its own: nothing is assumed of the surfaces that it measures, and of the others what is stated.
 """
@@ -19,10 +19,10 @@ from scipy.stats import chi2 as chi_squared
 
 from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.many_images import Estimate, Evidence, ManyImages, Prior, Slope, View
-from errors.registration import LEARNT
+from errors.registration import LEARNT, Posterior, bias_variance_of
 from planner.camera.camera import Camera
 from planner.measuring.reading import Reading
-from planner.measuring.registered import ImageEvidence, Registered, surface_variances
+from planner.measuring.registered import ImageEvidence, Registered, displaced, surface_variances
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.task import CREDIBLE
 
@@ -31,6 +31,11 @@ Array = NDArray[np.float64]
 # less of a variance is rounding; and so many surfaces are let deviate more than stated
 _LEAST_LEARNT = 1e-7
 _MOST_DEVIATING = 30
+# steps at most, the first of them whole ones; and standard deviations of a step after which none follows
+_ROUNDS = 6
+_FULL_STEPS = 2
+_STILL = 0.1
+_NOTHING_FREE = Prior(np.empty(0, dtype=np.int64), np.empty(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +45,7 @@ class KnownImage:
     Attributes
     ----------
     registered : Registered
-        The image with the joint covariance. Pose and deviations are those that it was registered with by itself.
+        The image with the joint covariance. Pose and deviations are those that its edges were last looked for at.
     shift : array (n,)
         How far the joint estimate is from them.
     """
@@ -80,6 +85,7 @@ class PartPosterior:
         self._model = model
         self._camera = camera
         self._free_of = free_of
+        self._settings = settings
         self._images = {name: image for images in settings for name, image in images.items()}
         self._place = {
             name: (number, POSE * k)
@@ -87,16 +93,63 @@ class PartPosterior:
             for k, name in enumerate(images)
         }
         self._sizes = [POSE * len(images) for images in settings]
-        self._views = [self._view(list(images.values())) for images in settings]
-        self._estimated = any(image.evidence for image in self._images.values())
+        self._evidence = {
+            name: image.evidence
+            for name, image in self._images.items()
+            if image.evidence is not None
+        }
+        self._views = self._all_views()
+        self._estimated = bool(self._evidence)
         self._surfaces_mm = max((image.surfaces_mm for image in self._images.values()), default=0.0)
         self._priors: dict[str, Prior] = {}
+        self._stated = surface_variances(self._model, self._surfaces_mm)
+        self._alone = len(self._images) == 1 and all(
+            free == model.free for free in free_of.values()
+        )
+        if self._estimated and not self._alone:
+            self._stated = self._settled()
 
-    @cached_property
-    def _stated(self) -> Array:
-        """Variances (3k,) of surfaces before; of those that deviate more, with what the images show."""
-        variances = surface_variances(self._model, self._surfaces_mm)
-        return variances_shown(variances, self._views) if self._estimated else variances
+    def _settled(self) -> Array:
+        """Return the variances (3k,) of surfaces before; of those that deviate more, with what the images show.
+
+        The rows of images are taken again where the joint estimate puts their edges, until it stays. Alone, an image
+        hardly tells surfaces that targets measure from its pose, and both lie far along a curved valley. Biases of
+        edges are enlarged to what all images show together.
+        """
+        stated = surface_variances(self._model, self._surfaces_mm)
+        for k in range(_ROUNDS):
+            variances = variances_shown(stated, self._views)
+            joint = ManyImages(variances, self._views)
+            farthest = 0.0
+            for name, evidence in self._evidence.items():
+                estimate = self._estimate_of(name, joint)
+                sigmas = np.sqrt(np.diag(estimate.covariance))
+                farthest = max(
+                    farthest, float(np.abs((estimate.mean - evidence.at) / sigmas).max())
+                )
+                shown = bias_variance_of(evidence.rows, estimate, evidence.bias_variance)
+                # edges that come and go must not swing the estimate
+                share = 1.0 if k < _FULL_STEPS else 0.5
+                moved = evidence.moved_to(evidence.at + share * (estimate.mean - evidence.at))
+                self._evidence[name] = moved.with_biases(max(shown, evidence.bias_variance))
+            self._views = self._all_views()
+            if farthest < _STILL:
+                break
+        return variances_shown(stated, self._views)
+
+    def _estimate_of(self, image: str, joint: ManyImages) -> Posterior:
+        """Return the joint estimate of an image's pose and the surfaces, if none is free."""
+        number, _ = self._place[image]
+        mean, covariance = joint.of_view(number, _NOTHING_FREE)
+        chosen = self._unknowns_of(image)
+        return Posterior(mean[chosen], covariance[np.ix_(chosen, chosen)])
+
+    def _unknowns_of(self, image: str) -> NDArray[np.int64]:
+        """Return where the pose of an image and the surfaces (n,) are among the unknowns of its view."""
+        number, first = self._place[image]
+        size = self._sizes[number]
+        shared = self._model.n_unknowns - POSE
+        return np.concatenate([first + np.arange(POSE), size + np.arange(shared)])
 
     @cached_property
     def _joint(self) -> ManyImages:
@@ -118,19 +171,22 @@ class PartPosterior:
             f"{self._surfaces_mm:.2g} mm as stated; U is computed with that",
         )
 
-    def _view(self, images: list[Registered]) -> View:
+    def _all_views(self) -> list[View]:
+        return [self._view(images) for images in self._settings]
+
+    def _view(self, images: Mapping[str, Registered]) -> View:
         """Return the images of one pose: each moves by itself and with the others."""
         shared = self._model.n_unknowns - POSE
         size = POSE * len(images)
         prior = np.zeros((size, size))
         evidence = Evidence.nothing(size + shared)
-        for k, image in enumerate(images):
+        for k, (name, image) in enumerate(images.items()):
             place = np.concatenate([POSE * k + np.arange(POSE), size + np.arange(shared)])
             block = slice(POSE * k, POSE * (k + 1))
-            evidence_of_image = image.evidence
-            if evidence_of_image is None:
+            if name not in self._evidence:
                 prior[block, block] = image.pose_covariance
                 continue
+            evidence_of_image = self._evidence[name]
             evidence.information[np.ix_(place, place)] += evidence_of_image.told.information
             evidence.right[place] += evidence_of_image.told.right
             _tie(prior, evidence_of_image, k, len(images))
@@ -159,22 +215,25 @@ class PartPosterior:
             Their names.
         """
         registered = self._images[image]
-        alone = len(self._images) == 1 and self._free_of[target] == self._model.free
-        if registered.evidence is None or alone:
+        if registered.evidence is None or self._alone:
             return KnownImage(registered, np.zeros(self._model.n_unknowns))
-        number, first = self._place[image]
+        number, _ = self._place[image]
         prior = self._prior(target)
         mean, covariance = self._joint.of_view(number, prior)
-        size = self._sizes[number]
-        chosen = np.concatenate([first + np.arange(POSE), np.arange(size, len(mean))])
+        chosen = self._unknowns_of(image)
         before = self._stated.copy()
         before[prior.free] = prior.variances
         stated = np.diag(np.concatenate([np.zeros(POSE), before]))
         stated[:POSE, :POSE] = registered.evidence.pose_prior + registered.evidence.apart
+        evidence = self._evidence[image]
         image_with_prior = replace(
-            registered, covariance=covariance[np.ix_(chosen, chosen)], prior=stated
+            registered,
+            cam2world=displaced(evidence.planned, evidence.at[:POSE])[0],
+            deviations=evidence.at[POSE:],
+            covariance=covariance[np.ix_(chosen, chosen)],
+            prior=stated,
         )
-        return KnownImage(image_with_prior, mean[chosen] - registered.evidence.mean)
+        return KnownImage(image_with_prior, mean[chosen] - evidence.at)
 
     def common(self, readings: Sequence[Reading]) -> Array:
         """Return the covariance (n, n) of readings by poses and surfaces, each with the prior of its target."""

@@ -14,7 +14,9 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +25,6 @@ from scipy.linalg import block_diag
 
 from aspectgraph.entities.entity_rules import PARAMETERS
 from errors.checks import chi_squared_quantile
-from errors.many_images import evidence_of
 from errors.registration import Posterior, Rows, bias_variance_of, posterior, surprise
 from ground.decorators import njit
 from planner.camera.pose import PoseUncertainty
@@ -41,6 +42,7 @@ from planner.measuring.task import (
     cost_of,
     noise_of,
     registration_task,
+    rows_at,
     solved,
     with_breaks,
 )
@@ -305,10 +307,14 @@ def register(
         outcome = other if other[0].accepted else outcome
     attempt, lamps = outcome
     estimate, variance = _stated(attempt)
-    rows = evidence_of(itertools.chain.from_iterable(attempt.rows), len(task.prior), variance)
-    pose_prior = task.prior[:POSE, :POSE]
-    evidence = ImageEvidence(
-        rows, estimate.covariance @ rows.right, pose_prior, np.zeros((POSE, POSE))
+    evidence = ImageEvidence.of(
+        itertools.chain.from_iterable(attempt.rows),
+        variance,
+        estimate.mean,
+        partial(_rows_found, attempt, range(len(pictures))),
+        planned=task.planned,
+        pose_prior=task.prior[:POSE, :POSE],
+        apart=np.zeros((POSE, POSE)),
     )
     registered = replace(judged(attempt, estimate), lamps=lamps, evidence=evidence)
     if len(pictures) > 1:
@@ -333,6 +339,7 @@ def _of_images(
     repeatability = with_breaks(repeatability, task.break_mm)
     alike = task.samples.edge
     rows = list(attempt.rows)
+    sources = [(attempt, [k]) for k in range(len(rows))]
     compared: dict[int, list[Rows]] = {}
     for k, picture in enumerate(attempt.pictures):
         alone = _attempted(task, [picture], SearchStart(attempt.scan.x, attempt.lead), alike)
@@ -346,6 +353,7 @@ def _of_images(
         if np.median(away) > _FAR_PX:
             # nearby, rows of all images are about the same unknowns
             rows[k] = alone.rows[0]
+            sources[k] = alone, [0]
     n = len(task.prior)
     if len(compared) > 1:
         between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(compared) - 1)
@@ -370,8 +378,15 @@ def _of_images(
         own_x[pose] += estimate.mean[move]
         prior = task.prior.copy()
         prior[pose, pose] += around
-        of_rows = evidence_of(rows[k], n, variance)
-        evidence = ImageEvidence(of_rows, select @ estimate.mean, task.prior[pose, pose], around)
+        evidence = ImageEvidence.of(
+            rows[k],
+            variance,
+            own_x,
+            partial(_rows_found, *sources[k]),
+            planned=task.planned,
+            pose_prior=task.prior[pose, pose],
+            apart=around,
+        )
         of_images[picture.name] = replace(
             registered,
             cam2world=task.places(own_x)[0],
@@ -380,6 +395,13 @@ def _of_images(
             evidence=evidence,
         )
     return of_images
+
+
+def _rows_found(attempt: Attempt, images: Sequence[int], x: Array) -> list[Rows]:
+    """Return the rows of what is found in some images of an attempt at unknowns (n,)."""
+    _, across = attempt.task.predicted(x)
+    rows = rows_at(attempt.task, x, across, attempt.found_at(x))
+    return list(itertools.chain.from_iterable(rows[k] for k in images))
 
 
 def _moved_too(rows: list[Rows], first: int) -> list[Rows]:

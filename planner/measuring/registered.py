@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.entity_rules import PARAMETERS
 from aspectgraph.solid.solid import RayScene
-from errors.many_images import Evidence
+from errors.many_images import Evidence, evidence_of
+from errors.registration import Rows
 from ground.convert import NOT_STORED, Meta, NullIs, Shape
 from ground.short_repr import short_repr
 from planner.camera.camera import Camera
@@ -253,8 +254,16 @@ class ImageEvidence:
     ----------
     told : Evidence
         Of pose and surfaces (n).
-    mean : array (n,)
-        The estimate to first order: with what was known before, and with the other images of the setting.
+    rows : tuple of Rows
+        What it is from: the found points of each edge, by pose and surfaces.
+    bias_variance : float
+        Variance of the biases of edges that it counts with, px².
+    at : array (n,)
+        The unknowns that it is registered with: what is found near them.
+    rows_at : callable
+        Returns the rows of what is found at other unknowns (n,).
+    planned : array (4, 4)
+        The pose that the unknowns displace.
     pose_prior : array (6, 6)
         Covariance of the displacement that all images of the setting have in common, before.
     apart : array (6, 6)
@@ -262,9 +271,41 @@ class ImageEvidence:
     """
 
     told: Evidence
-    mean: Array
+    rows: tuple[Rows, ...]
+    bias_variance: float
+    at: Array
+    rows_at: Callable[[Array], list[Rows]]
+    planned: Array
     pose_prior: Array
     apart: Array
+
+    @classmethod
+    def of(
+        cls,
+        rows: Iterable[Rows],
+        bias_variance: float,
+        at: Array,
+        rows_at: Callable[[Array], list[Rows]],
+        *,
+        planned: Array,
+        pose_prior: Array,
+        apart: Array,
+    ) -> ImageEvidence:
+        """Return what rows tell."""
+        kept = tuple(rows)
+        told = evidence_of(kept, len(at), bias_variance)
+        return cls(told, kept, bias_variance, at, rows_at, planned, pose_prior, apart)
+
+    def with_biases(self, bias_variance: float) -> ImageEvidence:
+        """Return what the same rows tell if edges have biases of another variance, px²."""
+        told = evidence_of(self.rows, len(self.at), bias_variance)
+        return replace(self, told=told, bias_variance=bias_variance)
+
+    def moved_to(self, x: Array) -> ImageEvidence:
+        """Return what the image tells at other unknowns (n,)."""
+        rows = tuple(self.rows_at(x))
+        told = evidence_of(rows, len(x), self.bias_variance)
+        return replace(self, told=told, rows=rows, at=x)
 
 
 SAMPLE = np.dtype(

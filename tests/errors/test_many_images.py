@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from errors.exceptions import CovarianceError, InvalidShapeError
 from errors.many_images import (
+    Estimate,
     Evidence,
     ManyImages,
     Prior,
@@ -16,6 +17,12 @@ from errors.many_images import (
     evidence_of,
 )
 from errors.registration import Rows, posterior
+
+
+def covariance_of(joint, first, second):
+    """Covariance of two values that are pairs of slope and prior."""
+    return joint.covariance(Estimate(*first), Estimate(*second))
+
 
 NONE = Prior(np.empty(0, dtype=np.int64), np.empty(0))
 SHARED = 7
@@ -72,7 +79,7 @@ def dense(variances, priors, rows, prior):
 
 def gradient_of(value, views):
     total = np.zeros(OWN * views + SHARED)
-    for k, part in value.own.items():
+    for k, part in value.by_view.items():
         total[OWN * k : OWN * (k + 1)] += part
     total[OWN * views :] = value.shared
     return total
@@ -97,7 +104,7 @@ def test_elimination_and_freeing_give_the_posterior_of_one_large_matrix(seed):
         exact = dense(variances, priors, rows, prior)
         slope = gradient_of(value, 3)
         assert joint.mean(value, prior) == pytest.approx(slope @ exact.mean, rel=1e-8, abs=1e-10)
-        variance = joint.covariance((value, prior), (value, prior))
+        variance = covariance_of(joint, (value, prior), (value, prior))
         assert variance == pytest.approx(slope @ exact.covariance @ slope, rel=1e-8)
         mean, covariance = joint.of_view(1, prior)
         at = np.concatenate([OWN + np.arange(OWN), 3 * OWN + np.arange(SHARED)])
@@ -112,11 +119,11 @@ def test_the_order_of_images_does_not_matter(seed):
     joint = joined(variances, priors, rows)
     turned = joined(variances, priors[::-1], rows[::-1])
     for value, prior in values_of(rng):
-        other = Slope({2 - k: part for k, part in value.own.items()}, value.shared)
+        other = Slope({2 - k: part for k, part in value.by_view.items()}, value.shared)
         assert turned.mean(other, prior) == pytest.approx(joint.mean(value, prior), rel=1e-9)
         pair = (other, prior), (other, prior)
-        before = joint.covariance((value, prior), (value, prior))
-        assert turned.covariance(*pair) == pytest.approx(before, rel=1e-9)
+        before = covariance_of(joint, (value, prior), (value, prior))
+        assert covariance_of(turned, *pair) == pytest.approx(before, rel=1e-9)
 
 
 @settings(max_examples=20, deadline=None)
@@ -130,11 +137,11 @@ def test_more_images_and_rows_never_make_a_value_less_sure(seed):
     fewer = joined(variances, priors[:2], rows[:2])
     more = joined(variances, priors, rows)
     for value, prior in values:
-        u = [one.covariance((value, prior), (value, prior)) for one in (before, fewer, more)]
+        u = [covariance_of(one, (value, prior), (value, prior)) for one in (before, fewer, more)]
         stated = variances.copy()
         stated[prior.free] = prior.variances
         exact = (value.shared**2 * stated).sum()
-        exact += sum(part @ priors[k] @ part for k, part in value.own.items())
+        exact += sum(part @ priors[k] @ part for k, part in value.by_view.items())
         assert u[0] == pytest.approx(exact, rel=1e-9)
         assert u[2] <= u[1] * (1 + 1e-9) <= u[0] * (1 + 1e-8)
 
@@ -145,7 +152,7 @@ def test_covariances_of_many_values_have_no_negative_eigenvalue(seed):
     variances, priors, rows, rng = drawn(seed)
     joint = joined(variances, priors, rows)
     values = values_of(rng) + values_of(rng)
-    matrix = np.array([[joint.covariance(a, b) for b in values] for a in values])
+    matrix = np.array([[covariance_of(joint, a, b) for b in values] for a in values])
     np.testing.assert_allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12)
     assert np.linalg.eigvalsh(matrix).min() > -1e-9 * matrix.max()
 
@@ -176,9 +183,9 @@ def test_covariance_of_two_values_with_one_prior_is_what_draws_show():
         joint = joined(variances, priors, made)
         for j, (value, _) in enumerate(values):
             exact = value.shared @ shared
-            exact += sum(part @ true[k][:OWN] for k, part in value.own.items())
+            exact += sum(part @ true[k][:OWN] for k, part in value.by_view.items())
             errors[i, j] = joint.mean(value, prior) - exact
-    stated_covariance = [[joint.covariance(a, b) for b in values] for a in values]
+    stated_covariance = [[covariance_of(joint, a, b) for b in values] for a in values]
     scale = np.sqrt(np.diag(stated_covariance))
     # a standard deviation of 3,000 draws is known to 1.3 %
     np.testing.assert_allclose(errors.std(axis=0) / scale, 1.0, atol=0.06)
@@ -199,10 +206,10 @@ def test_two_images_of_a_rim_halve_what_is_independent():
     nothing = Evidence.nothing(2)
     joint = ManyImages(np.array([0.02**2]), [View(np.array([[0.05**2]]), nothing)] * 2)
     each = [Slope({k: np.ones(1)}, np.ones(1)) for k in range(2)]
-    alone = joint.covariance((each[0], NONE), (each[0], NONE))
+    alone = covariance_of(joint, (each[0], NONE), (each[0], NONE))
     assert alone == pytest.approx(0.05**2 + 0.02**2)
     mean = each[0].times(0.5) + each[1].times(0.5)
-    both = joint.covariance((mean, NONE), (mean, NONE))
+    both = covariance_of(joint, (mean, NONE), (mean, NONE))
     assert both == pytest.approx(0.05**2 / 2 + 0.02**2)
 
 
@@ -214,7 +221,7 @@ def test_distance_of_two_rims_in_two_images(parallel, expected):
     lift = 1.0 if parallel else -1.0
     ends = [Slope({0: np.ones(1)}, np.ones(1)), Slope({1: np.ones(1)}, np.array([lift]))]
     distance = ends[0] + ends[1].times(-1.0)
-    assert joint.covariance((distance, NONE), (distance, NONE)) == pytest.approx(expected**2)
+    assert covariance_of(joint, (distance, NONE), (distance, NONE)) == pytest.approx(expected**2)
 
 
 def test_an_image_that_shows_nothing_of_the_surfaces_changes_nothing():
@@ -229,7 +236,7 @@ def test_an_image_that_shows_nothing_of_the_surfaces_changes_nothing():
     for value, prior in values_of(rng):
         assert more.mean(value, prior) == joint.mean(value, prior)
         pair = (value, prior), (value, prior)
-        assert more.covariance(*pair) == joint.covariance(*pair)
+        assert covariance_of(more, *pair) == covariance_of(joint, *pair)
 
 
 def test_an_unknown_that_a_value_measures_itself_is_not_pulled():
@@ -240,7 +247,7 @@ def test_an_unknown_that_a_value_measures_itself_is_not_pulled():
     assert joint.mean(value, NONE) == pytest.approx(1 / 101)
     free = Prior(np.zeros(1, dtype=np.int64), np.array([1e4]))
     assert joint.mean(value, free) == pytest.approx(1.0, abs=1e-5)
-    assert joint.covariance((value, free), (value, free)) == pytest.approx(0.01, rel=1e-5)
+    assert covariance_of(joint, (value, free), (value, free)) == pytest.approx(0.01, rel=1e-5)
 
 
 def test_best_weights_are_those_of_least_squares():
