@@ -187,8 +187,8 @@ class PartPosterior:
                 prior[block, block] = image.pose_covariance
                 continue
             evidence_of_image = self._evidence[name]
-            evidence.information[np.ix_(place, place)] += evidence_of_image.told.information
-            evidence.right[place] += evidence_of_image.told.right
+            evidence.information[np.ix_(place, place)] += evidence_of_image.evidence.information
+            evidence.right[place] += evidence_of_image.evidence.right
             _tie(prior, evidence_of_image, k, len(images))
         return View(prior, evidence)
 
@@ -305,9 +305,9 @@ def variances_shown(stated: Array, views: Sequence[View]) -> Array:
     return variances
 
 
-def _tie(prior: Array, told: ImageEvidence, number: int, count: int) -> None:
+def _tie(prior: Array, image: ImageEvidence, number: int, count: int) -> None:
     """Write what is known before of how an image of a setting is displaced, alone and with the others."""
     block = slice(POSE * number, POSE * (number + 1))
     for k in range(count):
-        prior[block, POSE * k : POSE * (k + 1)] = told.pose_prior
-    prior[block, block] += told.apart
+        prior[block, POSE * k : POSE * (k + 1)] = image.pose_prior
+    prior[block, block] += image.apart

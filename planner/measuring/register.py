@@ -337,23 +337,8 @@ def _of_images(
     """
     task = attempt.task
     repeatability = with_breaks(repeatability, task.break_mm)
-    alike = task.samples.edge
-    rows = list(attempt.rows)
-    sources = [(attempt, [k]) for k in range(len(rows))]
-    compared: dict[int, list[Rows]] = {}
-    for k, picture in enumerate(attempt.pictures):
-        alone = _attempted(task, [picture], SearchStart(attempt.scan.x, attempt.lead), alike)
-        if not alone.convincing:
-            # farther off than edges are searched
-            alone = _attempted(task, [picture], _coarse(task, [picture]), alike)
-        if not alone.convincing:
-            continue
-        compared[k] = alone.rows[0]
-        away = np.linalg.norm(alone.scan.centres - attempt.scan.centres, axis=1)
-        if np.median(away) > _FAR_PX:
-            # nearby, rows of all images are about the same unknowns
-            rows[k] = alone.rows[0]
-            sources[k] = alone, [0]
+    compared, sources = _each_alone(attempt)
+    rows = [[*source.rows[k]] for source, k in sources]
     n = len(task.prior)
     if len(compared) > 1:
         between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(compared) - 1)
@@ -382,7 +367,7 @@ def _of_images(
             rows[k],
             variance,
             own_x,
-            partial(_rows_found, *sources[k]),
+            partial(_rows_found, sources[k][0], [sources[k][1]]),
             planned=task.planned,
             pose_prior=task.prior[pose, pose],
             apart=around,
@@ -395,6 +380,30 @@ def _of_images(
             evidence=evidence,
         )
     return of_images
+
+
+def _each_alone(attempt: Attempt) -> tuple[dict[int, list[Rows]], list[tuple[Attempt, int]]]:
+    """Return the rows of images that are registered alone, by number, and the attempt that the rows of each are from.
+
+    With each attempt stands the number of the image in it.
+    """
+    task = attempt.task
+    alike = task.samples.edge
+    sources = [(attempt, k) for k in range(len(attempt.pictures))]
+    compared: dict[int, list[Rows]] = {}
+    for k, picture in enumerate(attempt.pictures):
+        alone = _attempted(task, [picture], SearchStart(attempt.scan.x, attempt.lead), alike)
+        if not alone.convincing:
+            # farther off than edges are searched
+            alone = _attempted(task, [picture], _coarse(task, [picture]), alike)
+        if not alone.convincing:
+            continue
+        compared[k] = alone.rows[0]
+        away = np.linalg.norm(alone.scan.centres - attempt.scan.centres, axis=1)
+        if np.median(away) > _FAR_PX:
+            # nearby, rows of all images are about the same unknowns
+            sources[k] = alone, 0
+    return compared, sources
 
 
 def _rows_found(attempt: Attempt, images: Sequence[int], x: Array) -> list[Rows]:

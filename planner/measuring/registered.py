@@ -252,7 +252,7 @@ class ImageEvidence:
 
     Attributes
     ----------
-    told : Evidence
+    evidence : Evidence
         Of pose and surfaces (n).
     rows : tuple of Rows
         What it is from: the found points of each edge, by pose and surfaces.
@@ -270,7 +270,7 @@ class ImageEvidence:
         Covariance of that which each has besides.
     """
 
-    told: Evidence
+    evidence: Evidence
     rows: tuple[Rows, ...]
     bias_variance: float
     at: Array
@@ -292,20 +292,20 @@ class ImageEvidence:
         apart: Array,
     ) -> ImageEvidence:
         """Return what rows tell."""
-        kept = tuple(rows)
-        told = evidence_of(kept, len(at), bias_variance)
-        return cls(told, kept, bias_variance, at, rows_at, planned, pose_prior, apart)
+        of_edges = tuple(rows)
+        evidence = evidence_of(of_edges, len(at), bias_variance)
+        return cls(evidence, of_edges, bias_variance, at, rows_at, planned, pose_prior, apart)
 
     def with_biases(self, bias_variance: float) -> ImageEvidence:
         """Return what the same rows tell if edges have biases of another variance, px²."""
-        told = evidence_of(self.rows, len(self.at), bias_variance)
-        return replace(self, told=told, bias_variance=bias_variance)
+        evidence = evidence_of(self.rows, len(self.at), bias_variance)
+        return replace(self, evidence=evidence, bias_variance=bias_variance)
 
     def moved_to(self, x: Array) -> ImageEvidence:
         """Return what the image tells at other unknowns (n,)."""
         rows = tuple(self.rows_at(x))
-        told = evidence_of(rows, len(x), self.bias_variance)
-        return replace(self, told=told, rows=rows, at=x)
+        evidence = evidence_of(rows, len(x), self.bias_variance)
+        return replace(self, evidence=evidence, rows=rows, at=x)
 
 
 SAMPLE = np.dtype(
