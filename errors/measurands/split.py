@@ -177,7 +177,7 @@ class SplitModel:
         middles = (edges[1:] + edges[:-1]) / 2
         shares = second.between(poses[1], np.stack([edges[:-1], edges[1:]], axis=1))
         within = first.between(poses[0], np.stack([-error - middles, error - middles], axis=1))
-        return float(min(shares @ within, 1.0))
+        return min(float(shares @ within), 1.0)
 
     def standard_uncertainty(self, world_to_camera: ArrayLike) -> float:
         """Return the standard deviation of the error, in the unit of the value; infinite without an image.
