@@ -720,6 +720,11 @@ class Cell:
         return tuple(self._fittings.obstacles)
 
     @property
+    def bodies_around(self) -> dict[str, Body]:
+        """What stands in the cell in every fixturing, by name, in the base frame, mm."""
+        return dict(self._fittings.obstacles)
+
+    @property
     def near_by_mount(self) -> tuple[str, ...]:
         """What the mount leaves less than the clearance, in words: there, only touching is refused."""
         bodies = self._arm.bodies
