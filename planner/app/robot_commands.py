@@ -389,7 +389,7 @@ def _laying_rows(proposal: LaidPart, plan: InspectionPlan) -> list[tuple[str, ..
         f"{proposal.singular_value:.2f}",
         f"{np.degrees(proposal.to_limit_rad):.0f}°",
     )
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for place, (name, laying) in enumerate(proposal.layings.items()):
         x, y = laying.foot_mm
         lies = (
