@@ -281,7 +281,11 @@ def model_notes(cell: Cell) -> list[str]:
     """Return what a reader of a table must know of the cell's model, in sentences."""
     unchecked = cell.robot.unchecked
     warnings = [f"warning: {unchecked}"] if unchecked else []
-    return [*warnings, *(f"note: {text}" for text in (*cell.robot.notes, *cell.near_by_mount))]
+    constant = [cell.constant_clearance(name) for name in cell.fixturings]
+    nearest = min(constant, key=lambda pair: pair.mm)
+    always = f"{nearest.first} is always {nearest.mm:.0f} mm from {nearest.second}"
+    notes = [*cell.robot.notes, *cell.near_by_mount, *([always] if nearest.first else [])]
+    return [*warnings, *(f"note: {text}" for text in notes)]
 
 
 def _print_first_flange(reachability: Reachability, cell: Cell) -> None:
