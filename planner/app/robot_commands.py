@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -168,6 +168,8 @@ _ROWS = 5
 # positions that are tried, of the part as it lies and on all its sides
 _PLACES = 300
 _WAYS = 1500
+# of the best ways, those whose program is made
+_PROGRAMMED = 4
 # of the longest reach of the arm, where a part is looked for
 _NEAREST = 0.35
 _SIDEWAYS = 0.5
@@ -336,6 +338,13 @@ def _write_cell_file(options: Reach, content: Mapping[str, Any], head: str) -> N
         print(visible(str(out)))
 
 
+class _Way(NamedTuple):
+    """A way to lay the part, and its program; None if that was not tried."""
+
+    laid: LaidPart
+    program: RobotProgram | None
+
+
 def _laid(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
     """Print ways to lay the part on a table."""
     heights = POST_HEIGHTS_MM if options.post_heights is None else tuple(options.post_heights)
@@ -343,22 +352,56 @@ def _laid(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         search = LayingSearch(plan, solid, cell, str(options.table), posts)
         proposals = search.run(options.draws or _WAYS, options.seed, options.ways, progress)
+        ways = _with_programs(proposals, plan, solid, cell)
     if options.json:
-        print_json([proposal.to_dict() for proposal in proposals])
+        print_json([_way_record(way) for way in ways])
     else:
-        _print_layings(proposals, search.sides, plan, cell)
-    if options.cell_out is not None and proposals:
+        _print_layings(ways, search.sides, plan, cell)
+    if options.cell_out is not None and ways:
         out = Path(str(options.cell_out))
-        content = laid_cell(options.cell, proposals[0].fixturings, out.parent)
+        content = laid_cell(options.cell, ways[0].laid.fixturings, out.parent)
         _write_cell_file(options, content, f"laid anew on {options.table!r}")
-    return DONE if proposals and proposals[0].n_reached == len(plan.settings) else INCOMPLETE
+    return DONE if ways and _is_complete(ways[0], plan) else INCOMPLETE
+
+
+def _is_complete(way: _Way, plan: InspectionPlan) -> bool:
+    """Return whether all settings are reached, on free ways where a program was made."""
+    if way.program is not None:
+        return way.program.complete
+    return way.laid.n_reached == len(plan.settings)
+
+
+def _with_programs(
+    proposals: Sequence[LaidPart], plan: InspectionPlan, solid: Solid, cell: Cell
+) -> list[_Way]:
+    """Return ways with the program of the first ones: a setting that is reached may have no free way to it.
+
+    The first complete one comes first, otherwise that whose program takes most images. A cell without home has none.
+    """
+    ways = [_Way(laid, None) for laid in proposals]
+    if cell.home is None:
+        return ways
+    for k, laid in enumerate(proposals[:_PROGRAMMED]):
+        made = robot_program(plan, solid, cell.with_fixturings(laid.fixturings))
+        ways[k] = _Way(laid, made)
+        if made.complete:
+            break
+    return sorted(ways, key=lambda way: 0 if way.program is None else -way.program.n_stops)
+
+
+def _way_record(way: _Way) -> dict[str, Any]:
+    """Return a way as plain values, with what its program does."""
+    record = way.laid.to_dict()
+    if way.program is not None:
+        record["program"] = {"images": way.program.n_stops, "seconds": way.program.seconds}
+    return record
 
 
 def _print_layings(
-    proposals: Sequence[LaidPart], sides: Sequence[Side], plan: InspectionPlan, cell: Cell
+    ways: Sequence[_Way], sides: Sequence[Side], plan: InspectionPlan, cell: Cell
 ) -> None:
     """Print the best ways to lay the part, and what must be known of them."""
-    if not proposals:
+    if not ways:
         print_text("no way was found: each puts the part or its posts through something")
         return
     columns = (
@@ -367,42 +410,46 @@ def _print_layings(
         Column("middle at (mm)"),
         Column("tips at", right=True),
         Column("reached", right=True),
+        Column("program", right=True),
         Column("singular value", right=True),
-        Column("to limit", right=True),
     )
-    rows = [row for proposal in proposals[:_ROWS] for row in _laying_rows(proposal, plan)]
-    print_table(columns, rows)
-    number = next(iter(proposals[0].layings.values())).side
+    print_table(columns, [row for way in ways[:_ROWS] for row in _laying_rows(way, plan)])
+    best = ways[0].laid
+    number = next(iter(best.layings.values())).side
     down = " ".join(f"{x:.2f}" for x in np.round(-sides[number - 1].rotation[2], 2) + 0.0)
     print_text(
         f"side {number} has the outward normal ({down}) in the part's frame. Tips at: the tilt of the table at "
         "which the part falls over, unless it is clamped. Clamps are not computed"
     )
-    missing = np.flatnonzero(~proposals[0].reachability.reached.any(axis=1))
-    for k in missing:
-        reasons = [poses[k].why for poses in proposals[0].reachability.poses.values()]
+    if ways[0].program is None:
+        print_text("program: not tried, since the cell file states no home_deg")
+    else:
+        print_text(
+            "program: images that the robot takes without a collision on its way, and the time of its moves"
+        )
+    for k in np.flatnonzero(~best.reachability.reached.any(axis=1)):
+        reasons = [poses[k].why for poses in best.reachability.poses.values()]
         print_text(f"setting {k + 1} is not reached in the first row: {'; '.join(reasons)}")
-    for text in model_notes(cell):
+    for text in model_notes(cell.with_fixturings(best.fixturings)):
         print_text(text)
 
 
-def _laying_rows(proposal: LaidPart, plan: InspectionPlan) -> list[tuple[str, ...]]:
-    """Return a row for each way of a proposal; the first one says what is reached together."""
+def _laying_rows(way: _Way, plan: InspectionPlan) -> list[tuple[str, ...]]:
+    """Return a row for each fixturing of a way; the first one says what is reached together."""
+    count = len(plan.settings)
+    made = way.program
     together = (
-        f"{proposal.n_reached} of {len(plan.settings)}",
-        f"{proposal.singular_value:.2f}",
-        f"{np.degrees(proposal.to_limit_rad):.0f}°",
+        f"{way.laid.n_reached} of {count}",
+        "not tried" if made is None else f"{made.n_stops} of {count}, {made.seconds:.0f} s",
+        f"{way.laid.singular_value:.2f}",
     )
     rows: list[tuple[str, ...]] = []
-    for place, (name, laying) in enumerate(proposal.layings.items()):
+    for place, (name, laying) in enumerate(way.laid.layings.items()):
         x, y = laying.foot_mm
-        lies = (
-            name if place == 0 else f"and {name}",
-            f"{laying.turn_deg:.0f}°",
-            f"{x:.0f} {y:.0f}",
-        )
-        outcome = together if place == 0 else ("", "", "")
-        rows.append((*lies, f"{laying.tips_at_deg:.0f}°", *outcome))
+        lies = name if place == 0 else f"and {name}"
+        outcome = together if place == 0 else ("",) * len(together)
+        turned = f"{laying.turn_deg:.0f}°"
+        rows.append((lies, turned, f"{x:.0f} {y:.0f}", f"{laying.tips_at_deg:.0f}°", *outcome))
     return rows
 
 
