@@ -302,9 +302,8 @@ class Reacher:
             for column, (number, _, both) in enumerate(group.pairs)
             if not both and bodies[number].segment == 1
         ]
-        lower, upper = self._robot.lower, self._robot.upper
         q = np.tile(self._near_joints, (_FIRST_ANGLES, 1))
-        q[:, 0] = np.linspace(lower[0], upper[0], _FIRST_ANGLES)
+        q[:, 0] = np.linspace(self._robot.lower[0], self._robot.upper[0], _FIRST_ANGLES)
         every = self._robot.chain.frames(q) if first else []
         result = {}
         for column in first:
