@@ -197,7 +197,8 @@ def propose_layings(
     The part lies on a flat side of its convex hull that its centre of mass is above, at most on the six largest. It is
     turned about the vertical, and lies on the table, on three square posts around its centre of mass, or on one below
     it. Half of the draws vary the best ways of the other half. Of equal numbers of settings, the fewest fixturings come
-    first, then parts that tip over at 15° or more, then those whose worst setting is farthest from singular joints.
+    first, then parts that tip over at 15° or more. Then those come whose worst setting is farthest from singular
+    joints.
 
     Parameters
     ----------

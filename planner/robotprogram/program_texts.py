@@ -65,6 +65,11 @@ LEAST_RATE = 1e-4
 _LEAST_S = 0.001
 _MOST_S = {"settle_s": 3600.0, "pulse_s": 2000.0, "timeout_s": 3600.0}
 
+# how often controllers look at the camera's answer, s
+_POLL_S = 0.012
+_STILL_READY = "The camera still says that an image is taken."
+_SILENT = "The camera does not answer."
+
 NO_HOME_CHECK = "This file does not check where the robot stands: whoever drives it must."
 
 CAUTION = "Run at reduced speed first. Checked against the model of the cell only."
@@ -112,6 +117,25 @@ class CameraSignals:
                 check_number(name, seconds, _from_to(_LEAST_S, longest, name == "settle_s"))
         for name in ("trigger_output", "ready_input"):
             check_count(name, getattr(self, name), 0, 4096)
+
+    @property
+    def longest_s(self) -> float:
+        """How long an answer is waited for from the start of the trigger, s: never less than the trigger lasts."""
+        return max(self.timeout_s, self.pulse_s)
+
+    def words(self) -> str:
+        """Return what a driver does at each image, for programs that leave it to one.
+
+        Returns
+        -------
+        str
+            In sentences.
+        """
+        return (
+            f"At each image: wait {time_text(self.settle_s)} s. Wait until input {self.ready_input} is low, then "
+            f"raise output {self.trigger_output} for {time_text(self.pulse_s)} s. Wait until the input rises, for at "
+            f"most {time_text(self.longest_s)} s. If it does not, stop."
+        )
 
 
 def _from_to(least: float, most: float, or_zero: bool) -> NumberRule:
@@ -340,7 +364,7 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     program : RobotProgram
         The program.
     signals : CameraSignals
-        Trigger and answer of the camera; KRL waits for the answer without an end.
+        Trigger and answer of the camera.
     made : date
         The day, for the head.
     """
@@ -356,8 +380,8 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     if program.turns:
         lines.append("; E1 is the turntable, in degrees; 0 is where the part is put on it.")
     for tour in program.tours:
-        lines += _round(tour, program, signals, percent)
-    return "\n".join([*lines, "END"]) + "\n"
+        lines += _round(tour, program, percent)
+    return "\n".join([*lines, "END", "", *_krl_image(signals)]) + "\n"
 
 
 def _axes(joints: np.ndarray) -> str:
@@ -381,9 +405,7 @@ def _speeds(percent: int, turns: bool) -> list[str]:
     return [*lines, f"$VEL_EXTAX[1]={percent}", f"$ACC_EXTAX[1]={percent}"] if turns else lines
 
 
-def _round(
-    tour: FixturedTour, program: RobotProgram, signals: CameraSignals, percent: int
-) -> list[str]:
+def _round(tour: FixturedTour, program: RobotProgram, percent: int) -> list[str]:
     home = program.controller.of(program.home_of(tour))
     lines = [
         f"; Put the part in fixturing {plain(tour.fixturing, 40)}, then start again.",
@@ -397,15 +419,53 @@ def _round(
         if isinstance(step, Drive):
             lines.append(f"PTP {_axes(step.axes)}")
         else:
-            lines += [
-                f"; {step.image}",
-                f"WAIT SEC {time_text(signals.settle_s)}",
-                f"$OUT[{signals.trigger_output}]=TRUE",
-                f"WAIT SEC {time_text(signals.pulse_s)}",
-                f"$OUT[{signals.trigger_output}]=FALSE",
-                f"WAIT FOR $IN[{signals.ready_input}]",
-            ]
+            lines += [f"; {step.image}", "take_image( )"]
     return lines
+
+
+def _krl_image(signals: CameraSignals) -> list[str]:
+    """Return a subprogram that takes an image; times are in milliseconds."""
+    camera = f"$IN[{signals.ready_input}]"
+    trigger = f"$OUT[{signals.trigger_output}]"
+    step = round(1000 * _POLL_S)
+    pulse = round(1000 * signals.pulse_s)
+    return [
+        "DEF take_image( )",
+        "INT waited",
+        "BOOL is_taken",
+        f"WAIT SEC {time_text(signals.settle_s)}",
+        "is_taken=FALSE",
+        "WHILE NOT is_taken",
+        "  waited=0",
+        f"  WHILE {camera}",
+        f"    IF waited>{round(1000 * signals.timeout_s)} THEN",
+        f"      ; {_STILL_READY} Start again to try once more.",
+        "      HALT",
+        "      waited=0",
+        "    ENDIF",
+        f"    WAIT SEC {time_text(_POLL_S)}",
+        f"    waited=waited+{step}",
+        "  ENDWHILE",
+        f"  {trigger}=TRUE",
+        "  waited=0",
+        f"  WHILE (waited<={round(1000 * signals.longest_s)}) AND (NOT is_taken OR (waited<{pulse}))",
+        f"    IF waited>={pulse} THEN",
+        f"      {trigger}=FALSE",
+        "    ENDIF",
+        f"    IF {camera} THEN",
+        "      is_taken=TRUE",
+        "    ENDIF",
+        f"    WAIT SEC {time_text(_POLL_S)}",
+        f"    waited=waited+{step}",
+        "  ENDWHILE",
+        f"  {trigger}=FALSE",
+        "  IF NOT is_taken THEN",
+        f"    ; {_SILENT} Start again to try once more.",
+        "    HALT",
+        "  ENDIF",
+        "ENDWHILE",
+        "END",
+    ]
 
 
 def _home_check(home: np.ndarray, tolerance: str) -> list[str]:
@@ -528,13 +588,32 @@ def _go_home(program: RobotProgram) -> list[str]:
 
 
 def _take_image(signals: CameraSignals) -> list[str]:
-    """Return how an image is taken."""
+    """Return how an image is taken; the pulse runs while the answer is waited for."""
+    timeout = time_text(signals.timeout_s)
     return [
         "  PROC TakeImage(string name)",
+        "    VAR bool isLate:=TRUE;",
+        "    VAR bool wasReady:=FALSE;",
+        "    VAR btnres answer;",
         f"    WaitTime\\InPos,{time_text(signals.settle_s)};",
         "    TPWrite name;",
-        f"    PulseDO\\PLength:={time_text(signals.pulse_s)},doCamera;",
-        f"    WaitDI diCamera,1\\MaxTime:={time_text(signals.timeout_s)};",
+        "    WHILE isLate DO",
+        f"      WaitDI diCamera,0\\MaxTime:={timeout}\\TimeFlag:=wasReady;",
+        "      IF NOT wasReady THEN",
+        f"        PulseDO\\PLength:={time_text(signals.pulse_s)},doCamera;",
+        f"        WaitDI diCamera,1\\MaxTime:={time_text(signals.longest_s)}\\TimeFlag:=isLate;",
+        "      ENDIF",
+        "      IF wasReady THEN",
+        f'        UIMsgBox\\Header:=name,"{_STILL_READY}"'
+        "\\Buttons:=btnRetryCancel\\Icon:=iconError\\Result:=answer;",
+        "      ELSEIF isLate THEN",
+        f'        UIMsgBox\\Header:=name,"{_SILENT}"'
+        "\\Buttons:=btnRetryCancel\\Icon:=iconError\\Result:=answer;",
+        "      ENDIF",
+        "      IF isLate AND answer=resCancel THEN",
+        "        EXIT;",
+        "      ENDIF",
+        "    ENDWHILE",
         "  ENDPROC",
     ]
 
@@ -558,7 +637,12 @@ def ros_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         The day, for the head.
     """
     data = {
-        "about": [*head_lines(program, made), NO_HOME_CHECK, *_driver_lines(program)],
+        "about": [
+            *head_lines(program, made),
+            NO_HOME_CHECK,
+            signals.words(),
+            *_driver_lines(program),
+        ],
         "joint_names": list(program.joint_names),
         "start_at": _start_at(program.home, program),
         "rounds": [
@@ -611,9 +695,11 @@ def _driver_lines(program: RobotProgram) -> list[str]:
 def _image(picture: ImageStep, signals: CameraSignals) -> dict[str, Any]:
     return {
         "settle_s": signals.settle_s,
+        "ready_must_be_low_within_s": signals.timeout_s,
         "trigger": picture.label,
+        "trigger_s": signals.pulse_s,
         "image": picture.image,
-        "wait_for_camera_s": signals.timeout_s,
+        "wait_for_camera_s": signals.longest_s,
     }
 
 
@@ -689,7 +775,7 @@ def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     head = [
         *head_lines(program, made),
         NO_HOME_CHECK,
-        f"Wait {time_text(signals.settle_s)} s before each image.",
+        signals.words(),
     ]
     return table_text(heading, table, head, "\n")
 
@@ -774,24 +860,45 @@ def _home_function(program: RobotProgram) -> list[str]:
 
 
 def _functions(signals: CameraSignals) -> list[str]:
-    """Return the local functions: a stop, and an image."""
+    """Return the local function that takes an image."""
+    camera = f"get_standard_digital_in({signals.ready_input})"
+    trigger = f"set_standard_digital_out({signals.trigger_output}"
+    pulse = time_text(signals.pulse_s)
+    step = time_text(_POLL_S)
+
+    def ask(words: str) -> str:
+        return f'popup("{words} Continue: try once more.", title="inspection", error=True, blocking=True)'
+
     return [
-        "  def stop_with(reason):",
-        '    popup(reason, title="inspection", error=True, blocking=True)',
-        "    halt",
-        "  end",
         "  def take_image(name):",
         f"    sleep({time_text(signals.settle_s)})",
         "    textmsg(name)",
-        f"    set_standard_digital_out({signals.trigger_output}, True)",
-        f"    sleep({time_text(signals.pulse_s)})",
-        f"    set_standard_digital_out({signals.trigger_output}, False)",
-        "    waited = 0",
-        f"    while not get_standard_digital_in({signals.ready_input}):",
-        "      sleep(0.01)",
-        "      waited = waited + 0.01",
-        f"      if waited > {time_text(signals.timeout_s)}:",
-        '        stop_with("The camera does not answer.")',
+        "    is_taken = False",
+        "    while not is_taken:",
+        "      waited = 0",
+        f"      while {camera}:",
+        f"        if waited > {time_text(signals.timeout_s)}:",
+        f"          {ask(_STILL_READY)}",
+        "          waited = 0",
+        "        end",
+        f"        sleep({step})",
+        f"        waited = waited + {step}",
+        "      end",
+        f"      {trigger}, True)",
+        "      waited = 0",
+        f"      while waited <= {time_text(signals.longest_s)} and (not is_taken or waited < {pulse}):",
+        f"        if waited >= {pulse}:",
+        f"          {trigger}, False)",
+        "        end",
+        f"        if {camera}:",
+        "          is_taken = True",
+        "        end",
+        f"        sleep({step})",
+        f"        waited = waited + {step}",
+        "      end",
+        f"      {trigger}, False)",
+        "      if not is_taken:",
+        f"        {ask(_SILENT)}",
         "      end",
         "    end",
         "  end",
