@@ -685,6 +685,8 @@ class _ProgramMaker:
             coverage=choice.coverage,
             digests=self._digests(),
             start=self._start(driven),
+            home_flange=self._cell.robot.forward(self._home),
+            pendant=self._cell.robot.pendant,
             coupled=self._cell.robot.controller.coupled,
             axis_limits=self._cell.robot.controller.limits,
             warnings=self._warnings(driven),

@@ -19,6 +19,7 @@ from controllers import (
 )
 from robot_cells import CAM2FLANGE
 from robot_programs import FIXTURINGS, HOME, cell, plan_of, program, reached_poses
+from scipy.spatial.transform import Rotation
 
 from planner import CameraSignals, OutputError, RequestError, program_text, write_program
 from planner.robotprogram.program import JointRates, move_times
@@ -27,7 +28,7 @@ from planner.robotprogram.program_texts import FORMATS, plain
 DAY = date(2026, 3, 1)
 SIGNALS = CameraSignals(settle_s=0.7, trigger_output=3, ready_input=5, pulse_s=0.2, timeout_s=4.0)
 LANGUAGES = ("urscript", "rapid", "krl", "ros", "csv")
-_NUMBER = r"-?\d+(?:\.\d+)?"
+N = r"-?\d+(?:\.\d+)?"
 
 
 def text(language):
@@ -35,7 +36,7 @@ def text(language):
 
 
 def numbers(words):
-    return np.array([float(word) for word in re.findall(_NUMBER, words)])
+    return np.array([float(word) for word in re.findall(N, words)])
 
 
 def from_urscript(script):
@@ -45,7 +46,9 @@ def from_urscript(script):
             yield "joints", numbers(match[1])
         elif match := re.match(r'\s*take_image\("(.*)"\)', line):
             yield "image", match[1]
-        elif match := re.match(r'\s*popup\("Part in fixturing (.*)\?"', line):
+        elif match := re.match(
+            r'\s*popup\("Part in fixturing (.*?)\? At home the pendant shows ', line
+        ):
             yield "fixturing", match[1]
 
 
@@ -60,7 +63,7 @@ def from_rapid(module):
             yield "joints", targets[match[1]]
         elif match := re.match(r'\s*TakeImage "(.*)";', line):
             yield "image", match[1]
-        elif match := re.match(r'\s*UIMsgBox "Part in fixturing (.*)\?";', line):
+        elif match := re.match(r'\s*UIMsgBox "Part in fixturing (.*?)\?"\\MsgLine2:=', line):
             yield "fixturing", match[1]
 
 
@@ -340,6 +343,66 @@ def test_what_a_driver_does_at_each_image(language, wanted):
 
 def test_an_answer_is_waited_for_at_least_as_long_as_the_trigger_lasts():
     assert CameraSignals(pulse_s=5.0, timeout_s=2.0).longest_s == 5.0
+
+
+SHOWN = {
+    "urscript": (rf"X ({N}), Y ({N}), Z ({N}) mm, RX ({N}), RY ({N}), RZ ({N}) rad", "vector"),
+    "krl": (rf"X ({N}), Y ({N}), Z ({N}) mm, A ({N}), B ({N}), C ({N}) degrees", "euler"),
+    "rapid": (rf"x ({N}), y ({N}), z ({N}) mm, quaternion w ({N}), x ({N}), y ({N}), z ({N})", ""),
+    "csv": (rf"x ({N}), y ({N}), z ({N}) mm, quaternion w ({N}), x ({N}), y ({N}), z ({N})", ""),
+}
+
+
+def shown_poses(language, made):
+    """Return the poses that the head names: home, and the first setting."""
+    pattern, kind = SHOWN[language]
+    head = program_text(made, language, signals=SIGNALS, made=DAY)
+    for match in list(re.finditer(rf"(?:home|setting \d+): {pattern}", head)):
+        values = [float(word) for word in match.groups()]
+        if kind == "vector":
+            turn = Rotation.from_rotvec(values[3:])
+        elif kind == "euler":
+            a, b, c = np.radians(values[3:])
+            about_z = Rotation.from_rotvec([0, 0, a])
+            turn = about_z * Rotation.from_rotvec([0, b, 0]) * Rotation.from_rotvec([c, 0, 0])
+        else:
+            turn = Rotation.from_quat([*values[4:], values[3]])
+        result = np.eye(4)
+        result[:3, :3] = turn.as_matrix()
+        result[:3, 3] = values[:3]
+        yield result
+
+
+@pytest.mark.parametrize("language", SHOWN)
+def test_the_head_names_poses_as_the_pendant_shows_them(language):
+    """Home and the first setting; where the URDF has a link ``base``, in its frame."""
+    robot = cell().robot
+    first = program().tours[0].stops[0].joints
+    expected = [robot.forward(HOME), robot.forward(first)]
+    turned = np.diag([-1.0, -1.0, 1.0, 1.0])
+    turned[:3, 3] = [0.0, 0.0, 12.0]
+    for made, frame in (
+        (program(), np.eye(4)),
+        (replace(program(), pendant=turned), np.linalg.inv(turned)),
+    ):
+        poses = list(shown_poses(language, made))
+        assert len(poses) == 2
+        for pose, told in zip(expected, poses, strict=True):
+            np.testing.assert_allclose(told[:3, 3], (frame @ pose)[:3, 3], atol=0.006)
+            np.testing.assert_allclose(told[:3, :3], (frame @ pose)[:3, :3], atol=1e-4)
+
+
+def test_who_starts_a_round_is_told_what_the_pendant_shows_at_home():
+    x, y, z = cell().robot.forward(HOME)[:3, 3]
+    words = f"X {x:.2f}, Y {y:.2f}, Z {z:.2f} mm, RX"
+    (told, *_) = re.findall(r'popup\("Part in fixturing .*?", title', text("urscript"))
+    assert f"At home the pendant shows {words}" in told
+    assert f"; At home the pendant shows {words[:-4]}" in text("krl")
+    lines = re.findall(r'\\MsgLine\d:="(.*?)"', text("rapid"))
+    # what FlexPendant shows of a line
+    assert all(len(line) <= 55 for line in lines)
+    silent = replace(program(), home_flange=None)
+    assert "At home" not in program_text(silent, "rapid", signals=SIGNALS, made=DAY)
 
 
 def test_ros_points_are_those_of_cubic_splines():
