@@ -304,10 +304,10 @@ class Reacher:
         ]
         q = np.tile(self._near_joints, (_FIRST_ANGLES, 1))
         q[:, 0] = np.linspace(self._robot.lower[0], self._robot.upper[0], _FIRST_ANGLES)
-        every = self._robot.chain.frames(q) if first else []
+        frames = self._robot.chain.frames(q)
         result = {}
         for column in first:
-            apart = [group.distance(column, frames) for frames in every]
+            apart = [group.distance(column, placed) for placed in frames]
             if max(apart) - min(apart) <= CONSTANT_MM:
                 result[column] = min(apart)
         return result
