@@ -652,7 +652,7 @@ class ImageCheck:
             return everything
         entity = np.unique(pairs[:, 1])
         line = np.unique(looked.line[entity])
-        spans = looked.of_entity[entity] if looked.of_line is None else looked.of_line[line]
+        spans = looked.spans[line if looked.by_line else entity]
         if len(spans) > _MOST_SPANS:
             return everything
         angle = reach * self._stretches[0] / float(np.abs(self._scale[:2]).min())
@@ -770,8 +770,8 @@ class ImageCheck:
             np.ascontiguousarray(ends),
             self._line_of_arm[seen.arm[arms]],
             self._lines,
-            None,
             self._line_ends,
+            by_line=True,
         )
         each = np.column_stack([pairs[seen.of[arms] // 2, 0], np.arange(len(arms))])
         return ~self._has_near(cam2world, each, looked, self.showing.separation_px)[inverse]
@@ -840,14 +840,14 @@ class _ImageLines(NamedTuple):
 class _Looked(NamedTuple):
     """What is asked how near other lines come: ends (k, 2, 3), the number (k,) of what they belong to, and these.
 
-    All of it is in segments (k, 2, 3) of each, or (r, 2, 3) of what they belong to.
+    All of it is in segments: of each (k, 2, 3), or of what they belong to (r, 2, 3).
     """
 
     ends: Array
     line: NDArray[np.int64]
     lines: _ImageLines
-    of_entity: Array | None
-    of_line: Array | None = None
+    spans: Array
+    by_line: bool = False
 
 
 def edges_of(space: Any, name: str) -> tuple[int, ...] | None:
