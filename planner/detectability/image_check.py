@@ -648,7 +648,7 @@ class ImageCheck:
         """
         part = self._part
         everything = (part.compiled, part.bulges), (looked.ends, looked.line, *looked.lines)
-        if len(cam2world) < _MANY_NEAR or not len(pairs):
+        if min(len(cam2world), len(pairs)) < _MANY_NEAR:
             return everything
         entity = np.unique(pairs[:, 1])
         line = np.unique(looked.line[entity])
