@@ -15,7 +15,7 @@ from ground.convert import Meta
 from ground.short_repr import short_repr
 from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera, camera_parts, check_bodies
-from planner.camera.pose import PoseUncertainty, look_at, world_to_cam
+from planner.camera.pose import GivenPose, PoseUncertainty, look_at, world_to_cam
 from planner.detectability.conditions import USUAL
 from planner.effort import NORMAL
 from planner.exceptions import RequestError
@@ -23,21 +23,21 @@ from planner.light.area_lights import AREA_LIGHTS, area_of_word
 from planner.light.lighting import LampDome, Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.light.reflection import Material
+from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions
 from planner.plan_file import Reasons
-from planner.progress import Progress, labelled
+from planner.progress import Progress, labelled, report
 from planner.request.camera_limits import position_margin_mm
 from planner.request.constraints import RESOLUTION, Constraints, Lens, Requirements, image_slacks
 from planner.request.dimension_files import surfaces_or_default
 from planner.request.edge_state import EdgeState
 from planner.request.models import Means
-from planner.request.problem import Problem
+from planner.request.problem import Problem, why_missed
 from planner.request.reach import Space, TargetSpace
-from planner.request.registration import OWN_EDGES
 from planner.request.targets import Target
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
 from planner.text_table import Column, Table
-from planner.verify.simulate_setting import DisplacedChecks
+from planner.verify.simulate_setting import MOST_REQUIRED, DisplacedChecks
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -90,7 +90,11 @@ class PosePrediction:
         constraint. It is nan if a point of the target is behind the camera.
     missed : dict of str to float
         Every constraint that fails and the amount, in the unit its name ends with. The amount is 1
-        for a constraint without a unit, such as "visibility". Empty if all are met.
+        for a constraint without a unit, such as "visibility". The worst is first. Empty if all are
+        met.
+    worst_share : float
+        How far the worst constraint is missed, as a share of a natural size; 0 if all are met. It
+        orders misses.
     """
 
     nominal: float
@@ -105,6 +109,7 @@ class PosePrediction:
     conditional_probability: float
     missed: dict[str, float]
     p_all: float = math.nan
+    worst_share: float = field(default=0.0, repr=False)
 
     __repr__ = short_repr
 
@@ -112,6 +117,24 @@ class PosePrediction:
     def inspected(self) -> bool:
         """Whether the target is observable as a whole and every constraint is met."""
         return self.observable and not self.missed
+
+    def is_sure(self, required: float) -> bool:
+        """Return whether the target is inspected with a required P_all."""
+        return self.inspected and self.p_all >= min(required, MOST_REQUIRED)
+
+    def reason(self, required: float) -> str:
+        """Return in words why the pose does not inspect the target as surely as required; empty if it does."""
+        if self.is_sure(required):
+            return ""
+        if math.isnan(self.conditional_probability):
+            return "behind the camera"
+        if self.missed:
+            return ", ".join(why_missed(name, amount) for name, amount in self.missed.items())
+        if not self.observable:
+            return "outside the workspace"
+        if self.probability < required:
+            return f"P is {self.probability:.4f}, below the required {required:g}"
+        return f"P_all is {self.p_all:.4f}, below the required {required:g}"
 
 
 def predict(
@@ -182,6 +205,116 @@ def predict(
     >>> found.inspected, found.probability, {name: round(mm, 2) for name, mm in found.missed.items()}
     (False, nan, {'resolution_mm': 0.49})
     """
+    poses = np.asarray(cam2world, dtype=np.float64)
+    if poses.shape != (4, 4):
+        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(poses.shape))
+    given = [GivenPose("pose", poses)]
+    predicted = predict_poses(
+        solid,
+        wanted,
+        given,
+        camera,
+        pose_uncertainty,
+        accuracy=accuracy,
+        localisation=localisation,
+        options=options,
+    )
+    return predicted.predictions[0]
+
+
+@dataclass(frozen=True, eq=False)
+class PosesPrediction:
+    """What each of some poses measures, how surely, and what no pose measures.
+
+    Attributes
+    ----------
+    poses : tuple of GivenPose
+        The poses, in their order.
+    predictions : tuple of dict of str to PosePrediction
+        Of each pose, every target by name.
+    required : float
+        The required probability.
+    """
+
+    poses: tuple[GivenPose, ...]
+    predictions: tuple[dict[str, PosePrediction], ...]
+    required: float
+
+    __repr__ = short_repr
+
+    def inspecting(self, name: str) -> tuple[str, ...]:
+        """Return the names of the poses that inspect a target as surely as required."""
+        return tuple(
+            pose.name
+            for pose, predicted in zip(self.poses, self.predictions, strict=True)
+            if predicted[name].is_sure(self.required)
+        )
+
+    @property
+    def missed(self) -> dict[str, str]:
+        """By target that no pose inspects, the nearest miss: the pose, and why it does not."""
+        names = self.predictions[0] if self.predictions else {}
+        return {name: self._nearest(name) for name in names if not self.inspecting(name)}
+
+    def _nearest(self, name: str) -> str:
+        near = [predicted[name] for predicted in self.predictions]
+        order = sorted(
+            range(len(near)), key=lambda k: (near[k].worst_share, -_or_zero(near[k].p_all))
+        )
+        best = order[0]
+        return f"{self.poses[best].name} is nearest: {near[best].reason(self.required)}"
+
+
+def _or_zero(value: float) -> float:
+    return 0.0 if math.isnan(value) else value
+
+
+def predict_poses(
+    solid: Solid,
+    wanted: Mapping[str, Any],
+    poses: Sequence[GivenPose],
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    *,
+    accuracy: float = 0.98,
+    localisation: Localisation | None = None,
+    options: InspectionOptions | None = None,
+) -> PosesPrediction:
+    """Predict how accurately each target is measured from each of some poses, such as those of a file.
+
+    With registration in the options, P and U are those of values that are read from registered
+    images, as in a plan.
+
+    Parameters
+    ----------
+    solid, wanted, camera, pose_uncertainty, accuracy, localisation, options
+        As `predict` takes them.
+    poses : sequence of GivenPose
+        The poses, such as `read_poses` returns them.
+
+    Returns
+    -------
+    PosesPrediction
+        Of every pose and target.
+
+    Raises
+    ------
+    RequestError, EntityError
+        As `predict`.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Camera, PoseUncertainty, predict_poses, read_poses
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> poses = read_poses("examples/two_pocket_block_plan.json").poses
+    >>> wanted = {"rim": [[60, 20, 10], [60, 40, 10]]}
+    >>> predicted = predict_poses(block, wanted, poses, camera, uncertainty, accuracy=0.95)
+    >>> predicted.inspecting("rim"), predicted.missed
+    (('setting_01',), {})
+    """
     from aspectgraph import compute_regions
 
     check_kinds(
@@ -193,68 +326,71 @@ def predict(
     check_fraction("accuracy", accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
-    pose = np.asarray(cam2world, dtype=np.float64)
-    if pose.shape != (4, 4):
-        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     settings = replace(options or InspectionOptions(), accuracy=accuracy)
     if localisation is not None:
         settings = replace(settings, localisation=localisation)
-    registered = _registered(settings)
     resolved = resolve_request(solid, wanted, camera, pose_uncertainty, settings)
-    posed = resolved.request
+    request = resolved.request
     regions = settings.space or compute_regions(
-        solid, resolved.entities, workspace=posed.workspace, executor=settings.executor
+        solid,
+        resolved.entities,
+        workspace=request.workspace,
+        executor=settings.executor,
+        progress=labelled(settings.progress, "visible regions"),
     )
-    request = problem_on(posed, regions, posed.targets, registered)
-    seen = _observable(request.space, pose[:3, 3])
-    return {
-        target.name: _prediction(request, target, pose, bool(observable))
-        for target, observable in zip(request.targets, seen, strict=True)
-    }
+    problem = registered_problem(
+        problem_on(request, regions, request.targets), request.registration
+    )
+    predictions = []
+    for k, pose in enumerate(poses):
+        predictions.append(_predictions(problem, pose.cam2world))
+        report(settings.progress, k + 1, len(poses), "poses")
+    return PosesPrediction(tuple(poses), tuple(predictions), request.probability)
 
 
-def _registered(options: InspectionOptions) -> PoseUncertainty | None:
-    """Return how well the pose is known when values are read, if registration says so."""
-    record = options.registration_record
-    if record is not None and record.method == OWN_EDGES:
-        rule = "must be a PoseUncertainty for one pose"
-        raise RequestError.of_rule("registration", rule, "Registration.own_edges()")
-    return None if record is None else record.pose_uncertainty
-
-
-def _prediction(
-    request: Problem, target: Target, cam2world: np.ndarray, observable: bool
-) -> PosePrediction:
-    """Say how sure a target is measured, and what keeps it from being measured."""
-    request = request.at_pose(cam2world, [target.name])
-    (target,) = request.targets
-    described = target.description(request.means).describe(np.linalg.inv(cam2world))
-    constraints = request.constraints
+def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePrediction]:
+    """Say how sure each target is measured from a pose, and what keeps it from being measured."""
+    seen = _observable(problem.space, cam2world[:3, 3])
+    # a request without a choice keeps what it has made
+    here = problem.at_pose(cam2world, problem.names) if problem.has_choice else problem
+    count = len(here.names)
     margins = {
-        name: float(margin.min()) for name, margin in constraints.margins(cam2world[None]).items()
+        name: np.broadcast_to(margin[0], (count,))
+        for name, margin in here.constraints.margins(cam2world[None]).items()
     }
-    missed = {name: -margin for name, margin in margins.items() if margin < 0}
-    # as the plan's settings state it: of a bare edge, by the density of its image's length
-    if_found = float(request.objective.probability(cam2world[None])[0, 0])
-    probability = if_found if observable and not missed else math.nan
-    p_all = math.nan
-    if not math.isnan(probability):
-        counts = DisplacedChecks(request, [target.name]).count(cam2world, _POSES, seed=0)
-        p_all = min(counts.lower[target.name], probability)
-    return PosePrediction(
-        nominal=described.nominal,
-        unit=target.measurand.unit,
-        permitted_error=described.permitted_error,
-        observable=observable,
-        probability=probability,
-        standard_uncertainty=described.standard_uncertainty,
-        expanded_uncertainty=described.expanded_uncertainty,
-        budget=described.budget,
-        margins=margins,
-        conditional_probability=_if_found(if_found, target, cam2world),
-        missed=missed,
-        p_all=p_all,
-    )
+    if_found = here.objective.probability(cam2world[None])[0]
+    met = np.all([margin >= 0 for margin in margins.values()], axis=0) & seen
+    names = [name for name, is_met in zip(here.names, met, strict=True) if is_met]
+    p_all: dict[str, float] = {}
+    if names:
+        p_all = dict(DisplacedChecks(here, names).count(cam2world, _POSES, seed=0).lower)
+    scales = {name: here.constraints.scale(name) for name in margins}
+    predictions = {}
+    for k, target in enumerate(here.targets):
+        probability = float(if_found[k])
+        known = here.known_at(cam2world, [target.name])
+        means = here.means if known is None else known.of_target(here.means, target.name)
+        described = target.description(means).describe(np.linalg.inv(cam2world))
+        own = {name: float(margin[k]) for name, margin in margins.items()}
+        short = sorted(own, key=lambda name, own=own: own[name] / scales[name])  # type: ignore[misc]
+        missed = {name: -own[name] for name in short if own[name] < 0}
+        shares = [amount / scales[name] for name, amount in missed.items()]
+        predictions[target.name] = PosePrediction(
+            nominal=described.nominal,
+            unit=target.measurand.unit,
+            permitted_error=described.permitted_error,
+            observable=bool(seen[k]),
+            probability=probability if met[k] else math.nan,
+            standard_uncertainty=described.standard_uncertainty,
+            expanded_uncertainty=described.expanded_uncertainty,
+            budget=described.budget,
+            margins=own,
+            conditional_probability=_if_found(probability, target, cam2world),
+            missed=missed,
+            p_all=min(p_all[target.name], probability) if met[k] else math.nan,
+            worst_share=max(shares, default=0.0 if seen[k] else 1.0),
+        )
+    return predictions
 
 
 def _if_found(probability: float, target: Target, cam2world: np.ndarray) -> float:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from ground.convert import Meta, Shape, to_plain
 from planner.exceptions import UncertaintyError
+from planner.plan_file import Pose
 
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
 
@@ -168,6 +169,27 @@ MAX_SIGMA_RAD = 1.0
 
 Covariance = Annotated[NDArray[np.float64], Shape(6, 6), Meta(ge=-1e9, le=1e9)]
 """Over the camera's displacement (dx, dy, dz) and rotation (phi_x, phi_y, phi_z) in its own axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class GivenPose:
+    """A camera pose that exists, such as one that a robot was taught.
+
+    Attributes
+    ----------
+    name : str
+        What it is called where it comes from.
+    cam2world : array (4, 4)
+        Pose in OpenCV axes (x right, y down, z forward), mm, in the part's frame.
+    """
+
+    name: str
+    cam2world: Pose
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        place = ", ".join(f"{c:.1f}" for c in self.cam2world[:3, 3])
+        return f"<GivenPose {self.name!r} from ({place}) mm>"
 
 
 @dataclass(frozen=True, eq=False)

@@ -113,8 +113,33 @@ _WHY = {
     "field_of_view_mm": "outside the image",
     "separation_px": "another line is too near",
     "corner_deg": "no corner at an end",
+    "workspace_mm": "outside the workspace",
+    "clearance_mm": "too close to the part",
+    "reach": "out of reach",
 }
 _OTHER = "a constraint is not met"
+_SIGNS = ("visibility", "reach")
+
+
+def why_missed(name: str, amount: float) -> str:
+    """Return in words what it says of a target that a constraint is not met.
+
+    Parameters
+    ----------
+    name : str
+        The constraint, as in the keys of `SensorSetting.margins`.
+    amount : float
+        By how much it is missed, in the unit that its name ends with.
+
+    Returns
+    -------
+    str
+        Such as "out of focus by 3.2 mm".
+    """
+    unit = name.rpartition("_")[2]
+    if name in _SIGNS or unit not in ("mm", "px", "deg"):
+        return _WHY.get(name, _OTHER)
+    return f"{_WHY.get(name, _OTHER)} by {amount:.3g} {unit}"
 
 
 class Witnesses(NamedTuple):
