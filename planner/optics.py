@@ -32,7 +32,7 @@ from planner.request.constraints import RESOLUTION, Constraints, Lens, Requireme
 from planner.request.dimension_files import surfaces_or_default
 from planner.request.edge_state import EdgeState
 from planner.request.models import Means
-from planner.request.problem import Problem, why_missed
+from planner.request.problem import OF_SHOWING, Problem, why_missed
 from planner.request.reach import Space, TargetSpace
 from planner.request.targets import Target
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
@@ -129,7 +129,13 @@ class PosePrediction:
         if math.isnan(self.conditional_probability):
             return "behind the camera"
         if self.missed:
-            return ", ".join(why_missed(name, amount) for name, amount in self.missed.items())
+            # the image of what is hidden says nothing
+            said = [
+                name
+                for name in self.missed
+                if "visibility" not in self.missed or name not in OF_SHOWING
+            ]
+            return ", ".join(why_missed(name, self.missed[name]) for name in said)
         if not self.observable:
             return "outside the workspace"
         if self.probability < required:

@@ -83,6 +83,11 @@ def bound_sentence(
     if not plan.complete:
         these = "them" if inspected > 1 else "it"
         scope = f" for the {count(inspected, f'inspected {nouns[0]}', f'inspected {nouns[1]}')}"
+    if plan.request.poses is not None:
+        given = count(len(plan.request.poses), "given pose")
+        if plan.minimal:
+            return f"Proven minimal{scope}: of the {given}, no fewer inspect {these}. Other poses may do with fewer."
+        return f"Proven lower bound{scope}: {bound} of the {given}. Other poses may do with fewer."
     if plan.minimal:
         proof = f"no plan that inspects {these} under this request has fewer {place}s"
         return f"Proven minimal{scope}: {proof}."
