@@ -34,7 +34,7 @@ from planner.request.edge_state import EdgeState
 from planner.request.models import Means
 from planner.request.problem import OF_SHOWING, Problem, why_missed
 from planner.request.reach import Space, TargetSpace
-from planner.request.targets import Target
+from planner.request.targets import Target, knowledge_of
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
 from planner.text_table import Column, Table
 from planner.verify.simulate_setting import MOST_REQUIRED, DisplacedChecks
@@ -640,7 +640,7 @@ def propose_optics(
     distances_mm : sequence of float
         Working distances to try, mm, from the front nodal point to the middle of a target.
     options : InspectionOptions, optional
-        Constraints, workspace, localisation and surfaces, as in `plan_inspection`.
+        Constraints, workspace, localisation, surfaces and registration, as in `plan_inspection`.
 
     Returns
     -------
@@ -691,7 +691,7 @@ def propose_optics(
         camera = _set(body, lens, distance)
         if camera is None:
             continue
-        proposal = _judged((body, lens), camera, views, pose_uncertainty, options)
+        proposal = _judged((body, lens), camera, views, pose_uncertainty, options, space)
         if (body, lens) not in best or _rank(proposal) < _rank(best[body, lens]):
             best[body, lens] = proposal
     return tuple(sorted(best.values(), key=_rank))
@@ -823,6 +823,7 @@ def _judged(
     views: Sequence[_View],
     pose_uncertainty: PoseUncertainty,
     options: InspectionOptions,
+    space: TargetSpace,
 ) -> OpticsProposal:
     required = options.probability
     near, far = camera.depth_of_field_mm
@@ -840,39 +841,68 @@ def _judged(
         need.focus_margin_mm,
         reserve,
     )
-    means = Means(
-        camera,
-        pose_uncertainty,
-        options.accuracy,
-        localisation=options.localisation,
-        surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
-        edges=EdgeState.planned(options.edge_break_mm),
-    )
+    seen = {view.target.name: _in_image(view, lens, camera) for view in views}
+    means = None
     probability = {}
     share = {}
     poses = {}
     for view in views:
         name = view.target.name
-        best = _best(view, lens, means)
+        best = None
+        if len(seen[name]):
+            # what registration will tell takes longest, so it is asked where some pose needs it
+            means = means or _means(camera, views, pose_uncertainty, options, space)
+            best = _best(view, seen[name], means)
         probability[name] = 0.0 if best is None else best[0]
         if best is not None:
             _, share[name], poses[name] = best
     return OpticsProposal(*names, camera, required, probability, share, poses)
 
 
-def _best(view: _View, lens: Lens, means: Means) -> tuple[float, float, NDArray[np.float64]] | None:
-    """Return the probability, U over the permitted error and the pose of what sees an item best; None if none does."""
-    tried = view.poses[means.camera.focus_distance_mm]
+def _in_image(view: _View, lens: Lens, camera: Camera) -> NDArray[np.float64]:
+    """Return the poses (n, 4, 4) whose image holds what must be in the picture."""
+    tried = view.poses[camera.focus_distance_mm]
     slacks = image_slacks(lens, world_to_cam(view.constraints.segments, tried))
     slacks[:, ~view.constraints.resolved, RESOLUTION] = np.inf
-    poses = tried[slacks.min(axis=(1, 2), initial=np.inf) >= 0]
-    if not len(poses):
-        return None
-    model = view.target.description(means)
-    inverse = np.linalg.inv(poses)
+    return tried[slacks.min(axis=(1, 2), initial=np.inf) >= 0]
+
+
+def _means(
+    camera: Camera,
+    views: Sequence[_View],
+    pose_uncertainty: PoseUncertainty,
+    options: InspectionOptions,
+    space: TargetSpace,
+) -> Means:
+    """Return what a camera measures targets with, and how its images will be registered."""
+    targets = tuple(view.target for view in views)
+    problem = Problem(
+        space,
+        tuple(target.name for target in targets),
+        camera,
+        pose_uncertainty,
+        options.accuracy,
+        options.probability,
+        targets=targets,
+        localisation=options.localisation,
+        surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
+        edges=EdgeState.planned(options.edge_break_mm),
+    )
+    return registered_problem(problem, options.registration_record).means
+
+
+def _best(
+    view: _View, poses: NDArray[np.float64], means: Means
+) -> tuple[float, float, NDArray[np.float64]]:
+    """Return the probability, U over the permitted error and the pose of what measures an item best."""
     probability = view.target.probability(poses, means)
     best = int(np.argmax(probability))
-    described = model.describe(inverse[best])
+    known = means
+    if means.own_edges is not None:
+        # as a setting of a plan states it
+        knowledge = knowledge_of([view.target], means, poses[best])
+        known = knowledge.of_target(means, view.target.name)
+    described = view.target.description(known).describe(np.linalg.inv(poses[best]))
     return (
         float(probability[best]),
         described.expanded_uncertainty / described.permitted_error,

@@ -414,7 +414,9 @@ class GivenPoses:
     """
 
     poses: File = None
-    pose_units: Annotated[str | None, _named("UNIT")] = None
+    pose_units: Annotated[
+        Literal["mm", "cm", "m", "um", "in", "inch", "ft"] | None, _named("UNIT")
+    ] = None
 
 
 @dataclass(kw_only=True)
@@ -625,7 +627,7 @@ class OpticsPromise(Promise):
 
 
 @dataclass(kw_only=True)
-class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, PartFile):
+class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, ImageRegistration, PartFile):
     """Rank camera bodies, lenses, distances and apertures by how well they measure a part.
 
     Attributes
@@ -989,6 +991,7 @@ class Batch(
     SearchEffort,
     Limits,
     Showing,
+    ImageRegistration,
     Units,
     Messages,
 ):

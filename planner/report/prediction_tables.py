@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from errors.checks import probability_text
-from ground.convert import to_plain
 from planner.optics import PosePrediction, PosesPrediction
 from planner.request.problem import why_missed
 from planner.text_table import Column, count, listed, print_table, print_text, words
@@ -46,7 +45,7 @@ def prediction_record(
     for pose, targets in zip(predicted.poses, predicted.predictions, strict=True):
         told = {
             name: {
-                **to_plain(target),
+                **_without_nan(vars(target)),
                 "inspected": target.is_sure(required),
                 "reason": target.reason(required) or None,
             }
@@ -60,6 +59,14 @@ def prediction_record(
         "poses": poses,
         "not_inspected": predicted.missed,
         "not_planned": dict(left_out),
+    }
+
+
+def _without_nan(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a prediction with None for what is no number."""
+    return {
+        name: None if isinstance(value, float) and np.isnan(value) else value
+        for name, value in values.items()
     }
 
 

@@ -19,6 +19,7 @@ from planner.report.wording import (
     edges_text,
     features_cell,
     features_sentence,
+    given_text,
     lamps_named,
     margin_texts,
     names_by_reason,
@@ -233,6 +234,8 @@ def _notes(plan: InspectionPlan) -> list[str]:
         unlit = {} if plan.light is None else plan.light.unlit[k]
         unshown = [f"not shown: {name}: {reason}" for name, reason in unlit.items()]
         texts += [f"setting {k + 1}: {text}" for text in [*unshown_texts(images, k), *unshown]]
+    if text := given_text(plan):
+        texts.append(text)
     if text := near_lines_text(plan):
         texts.append(text)
     if text := edges_text(plan):

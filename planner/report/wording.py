@@ -97,6 +97,18 @@ def bound_sentence(
     return f"Proven lower bound{scope}: {bound}. {proof}."
 
 
+def given_text(plan: InspectionPlan) -> str:
+    """Say which given pose each setting is; empty of a plan whose poses were searched."""
+    if plan.request.poses is None:
+        return ""
+    names = {pose.cam2world.tobytes(): pose.name for pose in plan.request.poses}
+    told = [
+        f"setting {k} is {names.get(setting.cam2world.tobytes(), 'another pose')}"
+        for k, setting in enumerate(plan.settings, 1)
+    ]
+    return f"given poses: {', '.join(told)}" if told else ""
+
+
 def incumbent_line(plan: InspectionPlan, seconds: float) -> str:
     """Say in a line of a log how good a plan is, and when that was."""
     settings = count(len(plan.settings), "setting")

@@ -55,7 +55,7 @@ class GivenColumns:
         self.reached: dict[str, float] = {}
         self.settings = as_simulated(run, self._candidates())
         self.membership = np.array(
-            [np.isin(run.names, setting.entities) for setting in self.settings]
+            [np.isin(run.names, setting.entities) for setting in self.settings], dtype=bool
         ).reshape(-1, len(run.names))
 
     def _candidates(self) -> list[SensorSetting]:
