@@ -37,7 +37,7 @@ from planner.request.reach import Space, TargetSpace
 from planner.request.targets import Target, knowledge_of
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
 from planner.text_table import Column, Table
-from planner.verify.simulate_setting import MOST_REQUIRED, DisplacedChecks
+from planner.verify.simulate_setting import MOST_REQUIRED, DisplacedChecks, poses_needed
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -48,8 +48,9 @@ if TYPE_CHECKING:
 # How sure is it from here? What a given pose inspects, without planning.
 
 
-# displaced poses for P_all
+# displaced poses for P_all, and those where these do not decide
 _POSES = 2000
+_SURE_POSES = 20_000
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class PosePrediction:
     p_all : float
         Probability that the displaced camera has the target in the picture, in focus, unhidden and
         apart from other lines, and that the error is at most the permitted one. It is a lower bound
-        with 99.9 % confidence over 2000 displaced poses, see `planner.verify.simulate_setting`, and nan if the
+        with 99.9 % confidence over 2000 displaced poses or more, see `planner.verify.simulate_setting`, and nan if the
         target is not ``inspected``.
     conditional_probability : float
         P(error at most the permitted one) for a target found in the image, even if it breaks a
@@ -119,11 +120,33 @@ class PosePrediction:
         return self.observable and not self.missed
 
     def is_sure(self, required: float) -> bool:
-        """Return whether the target is inspected with a required P_all."""
+        """Return whether the target is inspected with a required P_all.
+
+        Parameters
+        ----------
+        required : float
+            The probability.
+
+        Returns
+        -------
+        bool
+            Whether `p_all` is at least as large.
+        """
         return self.inspected and self.p_all >= min(required, MOST_REQUIRED)
 
     def reason(self, required: float) -> str:
-        """Return in words why the pose does not inspect the target as surely as required; empty if it does."""
+        """Return why the pose does not inspect the target as surely as required.
+
+        Parameters
+        ----------
+        required : float
+            Required P_all.
+
+        Returns
+        -------
+        str
+            In words, the worst first; empty if the pose inspects the target.
+        """
         if self.is_sure(required):
             return ""
         if math.isnan(self.conditional_probability):
@@ -211,14 +234,18 @@ def predict(
     >>> found.inspected, found.probability, {name: round(mm, 2) for name, mm in found.missed.items()}
     (False, nan, {'resolution_mm': 0.49})
     """
-    poses = np.asarray(cam2world, dtype=np.float64)
-    if poses.shape != (4, 4):
-        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(poses.shape))
-    given = [GivenPose("pose", poses)]
+    check_kinds(solid=(solid, "Solid"), wanted=(wanted, MAPPING))
+    check_kinds(camera=(camera, "Camera"), pose_uncertainty=(pose_uncertainty, "PoseUncertainty"))
+    check_fraction("accuracy", accuracy)
+    if not wanted:
+        raise RequestError.of_rule("wanted", "must hold at least one item", "none")
+    pose = np.asarray(cam2world, dtype=np.float64)
+    if pose.shape != (4, 4):
+        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     predicted = predict_poses(
         solid,
         wanted,
-        given,
+        [GivenPose("pose", pose)],
         camera,
         pose_uncertainty,
         accuracy=accuracy,
@@ -230,7 +257,7 @@ def predict(
 
 @dataclass(frozen=True, eq=False)
 class PosesPrediction:
-    """What each of some poses measures, how surely, and what no pose measures.
+    """What each pose measures and how surely, and which targets none of them inspects.
 
     Attributes
     ----------
@@ -240,6 +267,12 @@ class PosesPrediction:
         Of each pose, every target by name.
     required : float
         The required probability.
+
+    Examples
+    --------
+    >>> from planner import PosesPrediction
+    >>> PosesPrediction((), (), 0.9).missed
+    {}
     """
 
     poses: tuple[GivenPose, ...]
@@ -249,7 +282,18 @@ class PosesPrediction:
     __repr__ = short_repr
 
     def inspecting(self, name: str) -> tuple[str, ...]:
-        """Return the names of the poses that inspect a target as surely as required."""
+        """Return the poses that inspect a target as surely as required.
+
+        Parameters
+        ----------
+        name : str
+            The target.
+
+        Returns
+        -------
+        tuple of str
+            Names of poses, in their order.
+        """
         return tuple(
             pose.name
             for pose, predicted in zip(self.poses, self.predictions, strict=True)
@@ -293,10 +337,22 @@ def predict_poses(
 
     Parameters
     ----------
-    solid, wanted, camera, pose_uncertainty, accuracy, localisation, options
-        As `predict` takes them.
+    solid : Solid
+        The part.
+    wanted : mapping
+        Name to `Dimension`, or to an edge, rim or arc, as `predict` takes it.
     poses : sequence of GivenPose
         The poses, such as `read_poses` returns them.
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        Uncertainty of its real pose about each of the poses.
+    accuracy : float
+        Required accuracy A in (0, 1) of targets without a requirement of their own.
+    localisation : Localisation, optional
+        Model of the errors of image points, see `predict`.
+    options : InspectionOptions, optional
+        Constraints, workspace, registration and effort, as in `plan_inspection`.
 
     Returns
     -------
@@ -305,8 +361,10 @@ def predict_poses(
 
     Raises
     ------
-    RequestError, EntityError
-        As `predict`.
+    RequestError
+        If an argument breaks its rule.
+    EntityError
+        If an entity is not one of the part's.
 
     Examples
     --------
@@ -369,17 +427,21 @@ def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePredi
     names = [name for name, is_met in zip(here.names, met, strict=True) if is_met]
     p_all: dict[str, float] = {}
     if names:
-        p_all = dict(DisplacedChecks(here, names).count(cam2world, _POSES, seed=0).lower)
+        p_all = _counted(here, names, cam2world)
     scales = {name: here.constraints.scale(name) for name in margins}
     predictions = {}
     for k, target in enumerate(here.targets):
         probability = float(if_found[k])
-        known = here.known_at(cam2world, [target.name])
-        means = here.means if known is None else known.of_target(here.means, target.name)
+        knowledge = here.known_at(cam2world, [target.name])
+        means = here.means if knowledge is None else knowledge.of_target(here.means, target.name)
         described = target.description(means).describe(np.linalg.inv(cam2world))
-        own = {name: float(margin[k]) for name, margin in margins.items()}
-        short = sorted(own, key=lambda name, own=own: own[name] / scales[name])  # type: ignore[misc]
-        missed = {name: -own[name] for name in short if own[name] < 0}
+        own_margins = {name: float(margin[k]) for name, margin in margins.items()}
+        relative = {name: margin / scales[name] for name, margin in own_margins.items()}
+        missed = {
+            name: -own_margins[name]
+            for name in sorted(relative, key=relative.__getitem__)
+            if own_margins[name] < 0
+        }
         shares = [amount / scales[name] for name, amount in missed.items()]
         predictions[target.name] = PosePrediction(
             nominal=described.nominal,
@@ -390,13 +452,32 @@ def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePredi
             standard_uncertainty=described.standard_uncertainty,
             expanded_uncertainty=described.expanded_uncertainty,
             budget=described.budget,
-            margins=own,
+            margins=own_margins,
             conditional_probability=_if_found(probability, target, cam2world),
             missed=missed,
             p_all=min(p_all[target.name], probability) if met[k] else math.nan,
             worst_share=max(shares, default=0.0 if seen[k] else 1.0),
         )
     return predictions
+
+
+def _counted(here: Problem, names: Sequence[str], cam2world: np.ndarray) -> dict[str, float]:
+    """Return lower bounds of P_all; over more displaced poses where few do not decide whether it is enough."""
+    required = min(here.probability, MOST_REQUIRED)
+    bounds: dict[str, float] = {}
+    undecided = list(names)
+    for at_least in (_POSES, _SURE_POSES):
+        n = poses_needed(required, at_least)
+        counts = DisplacedChecks(here, undecided).count(cam2world, n, seed=0)
+        bounds.update(counts.lower)
+        undecided = [
+            name
+            for name, hits in zip(counts.names, counts.successes, strict=True)
+            if hits >= required * counts.n and bounds[name] < required
+        ]
+        if not undecided:
+            break
+    return bounds
 
 
 def _if_found(probability: float, target: Target, cam2world: np.ndarray) -> float:
@@ -897,12 +978,11 @@ def _best(
     """Return the probability, U over the permitted error and the pose of what measures an item best."""
     probability = view.target.probability(poses, means)
     best = int(np.argmax(probability))
-    known = means
     if means.own_edges is not None:
         # as a setting of a plan states it
         knowledge = knowledge_of([view.target], means, poses[best])
-        known = knowledge.of_target(means, view.target.name)
-    described = view.target.description(known).describe(np.linalg.inv(poses[best]))
+        means = knowledge.of_target(means, view.target.name)
+    described = view.target.description(means).describe(np.linalg.inv(poses[best]))
     return (
         float(probability[best]),
         described.expanded_uncertainty / described.permitted_error,

@@ -1,17 +1,16 @@
 """Camera poses that exist, from files: plans, OpenCV, ROS, robot programs and tables.
 
-What a file holds is decided by its content. What it leaves open is asked for, and not guessed: its
-unit of length, which of two names of a view holds, the frame of poses. An error names file, line,
-field, rule and value.
+What a file holds is decided by its content. What it leaves open, such as
+its unit of length, must be given: nothing is guessed. An error names file, line, field, rule and value.
 
 ============= =================================== ================== ==========================
 file          what it holds                       pose               length
 ============= =================================== ================== ==========================
 plan          settings of a plan                  camera to part     mm
-OpenCV        rvec and tvec, or R and t           part to camera     that of the board: asked for
+OpenCV        rvec and tvec, or R and t           part to camera     that of the board: given
 ROS           position, orientation (x y z w)     camera to part     metres (REP 103)
 robot program stops at which images are taken     joints             by the cell
-table         x y z, and qx qy qz qw or rx ry rz  camera to part     in its header, or asked for
+table         x y z, and qx qy qz qw or rx ry rz  camera to part     in its header, or given
 ============= =================================== ================== ==========================
 
 The axes of the camera are x right, y down, z forward everywhere: those of OpenCV and of the optical
@@ -74,6 +73,12 @@ class PoseFile:
         What the file holds, and how it was understood, in words.
     frame : str
         Name of the frame that the file gives the poses in; empty if it names none.
+
+    Examples
+    --------
+    >>> from planner import read_poses
+    >>> read_poses("examples/two_pocket_block_poses.yaml").frame
+    'part'
     """
 
     poses: tuple[GivenPose, ...]
@@ -91,9 +96,9 @@ def read_poses(
     Parameters
     ----------
     path : path
-        A plan or its folder; views of OpenCV's FileStorage (YAML, JSON, XML); messages of ROS (YAML,
-        JSON): Pose, PoseStamped, PoseArray, Path, or several of them; a program that `write_program`
-        wrote; or a table (CSV) with a header.
+        A plan or its folder. Views of OpenCV's FileStorage (YAML, JSON, XML). Messages of ROS (YAML,
+        JSON): Pose, PoseStamped, PoseArray, Path, or several of them. A program that `write_program`
+        wrote. A table (CSV) with a header.
     units : str, optional
         Unit of lengths: mm, cm, m, um, in, inch or ft. Default: what the file states. Messages of
         ROS are in metres.
@@ -117,8 +122,8 @@ def read_poses(
     Examples
     --------
     >>> from planner import read_poses
-    >>> found = read_poses("examples/two_pocket_block_plan.json")
-    >>> found.poses[0].name, found.source
+    >>> of_plan = read_poses("examples/two_pocket_block_plan.json")
+    >>> of_plan.poses[0].name, of_plan.source
     ('setting_01', 'settings of a plan')
     """
     path = Path(path)
@@ -135,13 +140,13 @@ def read_poses(
         return _of_plan(path)
     if suffix in SUFFIXES or is_program(text, data):
         poses = read_stops(path, text, data, cell)
-        found = PoseFile(poses, "stops of a robot program, by the kinematics of the cell")
+        result = PoseFile(poses, "stops of a robot program, by the kinematics of the cell")
     elif suffix in (".csv", ".tsv", ".txt"):
-        found = _of_table(path, text, units)
+        result = _of_table(path, text, units)
     else:
-        found = _of_tree(path, text, units)
-    _check_names(path, found.poses)
-    return found
+        result = _of_tree(path, text, units)
+    _check_names(path, result.poses)
+    return result
 
 
 def _of_plan(path: Path) -> PoseFile:
@@ -485,7 +490,7 @@ def _unit_of_views(root: _Field, units: str | None) -> tuple[float, str]:
         raise PoseFileError.of_rule("units", rule, units)
     unit = word or units
     assert unit is not None
-    return UNITS_MM[unit], f"{unit}, {'as stated' if word else 'as asked for'}"
+    return UNITS_MM[unit], f"{unit}, {'as stated' if word else 'as given'}"
 
 
 def _unit(field: _Field, word: str) -> str:
@@ -521,12 +526,12 @@ def _of_messages(
             message.refuse(rule, _kind(message.value))
         poses.append(GivenPose(_name_of(item, k), _from_message(place, turn, scale)))
     if len(frames) > 1:
-        (first, *_), (*_, last) = frames, frames.values()
-        last.refuse(f"must be that of all poses, {first!r}", repr(last.value))
-    how = f"{units}, as asked for" if units else "metres (REP 103)"
+        first, second = list(frames.values())[:2]
+        second.refuse(f"must be that of all poses, {first.value!r}", repr(second.value))
+    lengths = f"{units}, as given" if units else "metres (REP 103)"
     frame_name = next(iter(frames), "")
     return PoseFile(
-        tuple(poses), f"poses of ROS, optical frame (z forward) to part, {how}", frame_name
+        tuple(poses), f"poses of ROS, optical frame (z forward) to part, {lengths}", frame_name
     )
 
 
@@ -564,8 +569,8 @@ def _inverse(
     off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if off > _OFF_ROTATION or np.linalg.det(rotation) < 0:
         field.refuse("must hold a rotation", f"a matrix that is off one by {off:.2g}")
-    left, _, right = np.linalg.svd(rotation)
-    exact = rotation if off < 1e-12 else left @ right
+    first, _, last = np.linalg.svd(rotation)
+    exact = rotation if off < 1e-12 else first @ last
     cam2world = np.eye(4)
     cam2world[:3, :3] = exact.T
     cam2world[:3, 3] = -exact.T @ shift
@@ -721,7 +726,7 @@ def _columns(
     by_name = {plain(cell): k for k, cell in enumerate(cells)}
     usual = ("setting",) if of_plan else _ROW_NAMES
     name = next((by_name[word] for word in usual if word in by_name), None)
-    words = f"{unit}, {'as stated' if word else 'as asked for'}"
+    words = f"{unit}, {'as stated' if word else 'as given'}"
     return _Columns(at, name, UNITS_MM[unit], float(angle), words, of_plan)
 
 

@@ -514,14 +514,14 @@ def read_job(options: Plan) -> Job:
     solid = read_part(options.part, options)
     targets = read_request(options, solid)
     box = workspace_of(options)
-    given = read_given(options, cell)
+    pose_file = read_given(options, cell)
     plan_options = inspection_options(
         options,
         lamps=lighting,
         localisation=targets.localisation,
         workspace=default_workspace(solid, camera) if box is None else box,
         cell=cell,
-        poses=None if given is None else given.poses,
+        poses=None if pose_file is None else pose_file.poses,
     )
     request, entities = resolve_request(solid, targets.items, camera, uncertainty, plan_options)
     if options.give_up is not None:

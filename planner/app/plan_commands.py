@@ -95,7 +95,6 @@ from planner.report.plan_folder import (
     rescue,
     write_graph,
 )
-from planner.report.prediction_tables import prediction_record, print_prediction
 from planner.report.terminal_tables import (
     graph_record,
     plan_record,
@@ -717,8 +716,8 @@ def optics(options: Optics) -> int:
 def predict(options: Predict) -> int:
     """Print what each of some poses measures, and what none of them does."""
     camera = read_camera(options.camera)
-    given = read_given(options, read_cell(options.cell))
-    assert given is not None
+    pose_file = read_given(options, read_cell(options.cell))
+    assert pose_file is not None
     solid = read_part(options.part, options)
     targets = read_request(options, solid)
     box = workspace_of(options)
@@ -736,16 +735,20 @@ def predict(options: Predict) -> int:
         predicted = predict_poses(
             solid,
             targets.items,
-            given.poses,
+            pose_file.poses,
             camera,
             uncertainty,
             accuracy=options.accuracy,
             options=replace(predict_options, progress=progress),
         )
     if options.json:
-        print_json(prediction_record(predicted, given.source, given.frame, targets.left_out))
+        print_json(
+            terminal_tables.prediction_record(
+                predicted, pose_file.source, pose_file.frame, targets.left_out
+            )
+        )
     else:
-        print_prediction(predicted, given.source, given.frame)
+        terminal_tables.print_prediction(predicted, pose_file.source, pose_file.frame)
         print_unit(options.part, options.units)
         _print_left_out(targets)
         if text := localisation_text(options, targets.items):

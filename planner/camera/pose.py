@@ -181,6 +181,12 @@ class GivenPose:
         What it is called where it comes from.
     cam2world : array (4, 4)
         Pose in OpenCV axes (x right, y down, z forward), mm, in the part's frame.
+
+    Examples
+    --------
+    >>> from planner import GivenPose, look_at
+    >>> GivenPose("taught", look_at([[0, 0, 300]], [0, 0, 0])[0])
+    <GivenPose 'taught' from (0.0, 0.0, 300.0) mm>
     """
 
     name: str
@@ -204,16 +210,16 @@ def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
     poses : sequence of GivenPose, or array_like (n, 4, 4)
         An array gets the names pose_01, pose_02, and so on.
     """
-    given = list(poses)
-    if not given:
+    items = list(poses)
+    if not items:
         raise RequestError.of_rule("poses", "must hold at least one pose", "none")
-    if not all(isinstance(pose, GivenPose) for pose in given):
-        given = [
+    if not all(isinstance(pose, GivenPose) for pose in items):
+        items = [
             GivenPose(f"pose_{k:02d}", np.array(pose, dtype=np.float64))
-            for k, pose in enumerate(given, 1)
+            for k, pose in enumerate(items, 1)
         ]
-    names = [pose.name for pose in given]
-    for pose in given:
+    names = [pose.name for pose in items]
+    for pose in items:
         if pose.cam2world.shape != (4, 4):
             rule = "must have the shape (n, 4, 4)"
             raise RequestError.of_rule("poses", rule, f"{pose.cam2world.shape} in one")
@@ -223,7 +229,7 @@ def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
             raise RequestError.of_rule("poses", "must be rigid", f"{pose.name!r}, which is not")
         if names.count(pose.name) > 1:
             raise RequestError.of_rule("poses", "must have different names", f"{pose.name!r} twice")
-    return tuple(given)
+    return tuple(items)
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,9 +85,10 @@ def bound_sentence(
         scope = f" for the {count(inspected, f'inspected {nouns[0]}', f'inspected {nouns[1]}')}"
     if plan.request.poses is not None:
         given = count(len(plan.request.poses), "given pose")
+        others = " Other poses may do with fewer." if n > 1 else ""
         if plan.minimal:
-            return f"Proven minimal{scope}: of the {given}, no fewer inspect {these}. Other poses may do with fewer."
-        return f"Proven lower bound{scope}: {bound} of the {given}. Other poses may do with fewer."
+            return f"Proven minimal{scope}: of the {given}, no fewer inspect {these}.{others}"
+        return f"Proven lower bound{scope}: {bound} of the {given}.{others}"
     if plan.minimal:
         proof = f"no plan that inspects {these} under this request has fewer {place}s"
         return f"Proven minimal{scope}: {proof}."

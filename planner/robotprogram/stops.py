@@ -112,9 +112,12 @@ def _holds_axes(path: Path, data: Any) -> bool:
 def _pose_of(path: Path, stop: _Stop, cell: Cell, holds_axes: bool) -> GivenPose:
     names = [name for name in cell.fixturings if plain(name, 40) == stop.fixturing]
     if len(names) != 1:
-        known = ", ".join(map(repr, cell.fixturings))
+        fixturings = ", ".join(map(repr, cell.fixturings))
         _refuse(
-            path, stop.line, f"fixturing must be one of the cell: {known}", repr(stop.fixturing)
+            path,
+            stop.line,
+            f"fixturing must be one of the cell: {fixturings}",
+            repr(stop.fixturing),
         )
     angles = np.array(stop.angles)
     if holds_axes:

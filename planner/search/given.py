@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,8 +61,8 @@ class GivenColumns:
 
     def _candidates(self) -> list[SensorSetting]:
         run = self._run
-        given = poses_of(run)
-        judged = run.judge(np.array([pose.cam2world for pose in given]))
+        poses = poses_of(run)
+        judged = run.judge(np.array([pose.cam2world for pose in poses]))
         candidates = [
             setting_at(
                 run.problem,
@@ -70,7 +71,7 @@ class GivenColumns:
                 f"given pose {pose.name}",
                 seed=derive_seed(run.seed, names),
             )
-            for pose, inspects in zip(given, judged.inspects, strict=True)
+            for pose, inspects in zip(poses, judged.inspects, strict=True)
             if (names := run.names_of(inspects))
         ]
         for k, _ in enumerate(run.simulate(candidates), 1):
@@ -169,13 +170,13 @@ def _assembled(
 ) -> InspectionPlan:
     inspected = {name for setting in settings for name in setting.entities}
     missing = [name for name in run.names if name not in inspected]
-    given = poses_of(run)
+    poses = poses_of(run)
     tangent = without_corners(run.judge)
     run.state.uninspectable = {
-        name: tangent.get(name) or reason_of(run.problem, given, name, columns.reached.get(name))
+        name: tangent.get(name) or reason_of(run.problem, poses, name, columns.reached.get(name))
         for name in missing
     }
-    n = len(given)
+    n = len(poses)
     proof = (
         f"An integer program over the {n} given poses, with what each inspects: no fewer of them inspect "
         "the same targets. Other poses were not searched."
@@ -204,24 +205,67 @@ def reason_of(
     reached : float, optional
         The largest P_all that was counted, if it was.
     """
+    nearest = nearest_miss(problem, poses, name)
+    required = problem.probability
+    if nearest.share > 0.0:
+        kind = MEANING.get(nearest.constraint, ReasonKind.NO_FEASIBLE_VIEW)
+        if kind is ReasonKind.UNOBSERVABLE:
+            # other poses may see it
+            kind = ReasonKind.IN_VIEW_FROM_NO_POSE_TRIED
+        why = why_missed(nearest.constraint, nearest.amount)
+        text = f"no given pose meets all constraints; {nearest.pose} is nearest: {why}."
+        return Reason.of(kind, text)
+    value = f"P = {nearest.probability:.4f}"
+    if reached is not None:
+        value = f"P_all = {reached:.4f}"
+    text = f"the best given pose, {nearest.pose}, reaches {value}, below the required {required:g}."
+    return Reason.of(ReasonKind.PROBABILITY_TOO_LOW, text)
+
+
+class NearestMiss(NamedTuple):
+    """The pose that comes nearest to inspecting a target, and what it misses.
+
+    Attributes
+    ----------
+    pose : str
+        Its name.
+    share : float
+        How far the worst constraint is missed, as a share of its scale; 0 if all are met.
+    probability : float
+        P where all are met, else 0.
+    constraint : str
+        The worst constraint.
+    amount : float
+        By how much it is missed, in its unit.
+    """
+
+    pose: str
+    share: float
+    probability: float
+    constraint: str
+    amount: float
+
+
+def nearest_miss(problem: Problem, poses: Sequence[GivenPose], name: str) -> NearestMiss:
+    """Return the pose that misses a target by least; of those that meet all constraints the surest.
+
+    Parameters
+    ----------
+    problem, poses, name
+        As `reason_of` takes them.
+    """
     witnesses = problem.restricted_to([name]).witnesses
-    nearest: tuple[float, float, str, str, float] | None = None
+    misses = []
     for pose in poses:
         states = witness_states(witnesses, pose.cam2world)
         best = int(np.lexsort((-states.probability, states.missed))[0])
-        miss = float(states.missed[best])
-        key = (miss, -float(states.probability[best]))
-        if nearest is None or key < nearest[:2]:
-            worst = states.worst[best]
-            nearest = (*key, pose.name, worst, float(states.amount[best]))
-    assert nearest is not None
-    missed, minus_p, pose_name, worst, amount = nearest
-    if missed > 0.0:
-        kind = MEANING.get(worst, ReasonKind.NO_FEASIBLE_VIEW)
-        if kind is ReasonKind.UNOBSERVABLE:
-            kind = ReasonKind.IN_VIEW_FROM_NO_POSE_TRIED
-        text = f"no given pose meets all constraints; {pose_name} is nearest: {why_missed(worst, amount)}."
-        return Reason.of(kind, text)
-    value = f"P_all = {reached:.4f}" if reached is not None else f"P = {-minus_p:.4f}"
-    text = f"the best given pose, {pose_name}, reaches {value}, and {problem.probability:g} is required."
-    return Reason.of(ReasonKind.PROBABILITY_TOO_LOW, text)
+        misses.append(
+            NearestMiss(
+                pose.name,
+                float(states.missed[best]),
+                float(states.probability[best]),
+                states.worst[best],
+                float(states.amount[best]),
+            )
+        )
+    return min(misses, key=lambda miss: (miss.share, -miss.probability))
