@@ -711,7 +711,7 @@ def _columns(
         word = next((m[1].lower() for comment in comments if (m := _STATED.search(comment))), "")
     if word and units and UNITS_MM.get(word) != UNITS_MM[units]:
         raise PoseFileError.of_rule("units", f"must be {word}, as the file states", units)
-    unit = word or units
+    unit = word or units or ""
     if not unit or unit not in UNITS_MM:
         place = f"{path}:{line}: header"
         rule = "must state the unit of x, y, z, such as x_mm"

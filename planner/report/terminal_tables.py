@@ -508,9 +508,7 @@ def _predicted_row(pose: str, name: str, target: PosePrediction) -> tuple[str, .
     )
 
 
-def _grouped(
-    short: Mapping[str, PosePrediction], required: float
-) -> list[tuple[str, Sequence[str]]]:
+def _grouped(short: Mapping[str, PosePrediction], required: float) -> list[tuple[str, list[str]]]:
     """Return targets by their worst reason, each with the range of its amounts."""
     groups: dict[str, list[str]] = {}
     for name, target in short.items():
