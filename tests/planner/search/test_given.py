@@ -263,4 +263,6 @@ def test_plan_takes_the_fewest_of_given_poses(ros_file, tmp_path, capsys):
     told = capsys.readouterr().out
     assert "Proven minimal: of the 9 given poses, no fewer inspect" in told
     assert "given poses: setting 1 is pose_0" in told
-    assert "given pose" in (out / "report.html").read_text()
+    page = (out / "report.html").read_text()
+    assert "Given poses: setting 1 is pose_0" in page
+    assert "It searched and moved\nno pose: the request gives 9 camera poses" in page
