@@ -166,7 +166,7 @@ def _of_rapid(path: Path, lines: _Text) -> Iterator[_Stop]:
             external = [word for word in match[3].split(",") if word.strip().upper() != "9E9"]
             degrees = _numbers(path, line, [*match[2].split(","), *external])
             targets[match[1]] = tuple(np.radians(degrees).tolist())
-        elif match := re.match(r'\s*UIMsgBox "Part in fixturing (.*)\?";', text):
+        elif match := re.match(r'\s*UIMsgBox "Part in fixturing (.*?)\?"', text):
             fixturing = match[1]
         elif match := re.match(r"\s*MoveAbsJ (\w+)", text):
             if match[1] not in targets and match[1] != "jHome":
