@@ -230,6 +230,11 @@ class InspectionPlan(PlanTables):
         return 1.0 - self.lower_bound / len(self.settings) if self.settings else 0.0
 
     @property
+    def n_evolved(self) -> int:
+        """Number of settings whose pose comes from the genetic algorithm."""
+        return sum(setting.generations > 0 for setting in self.settings)
+
+    @property
     def inspected(self) -> dict[str, float]:
         """Name to the best promise, in the order of ``targets``: P_all, or P if it was not counted."""
         best = {

@@ -18,6 +18,7 @@ from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
     edges_text,
+    evolved_sentence,
     features_cell,
     features_sentence,
     given_text,
@@ -80,9 +81,15 @@ def plan_record(
 ) -> dict[str, Any]:
     """Return a plan as in its file, the files written, and what could not be planned, with the reason.
 
-    ``plan.features`` counts the characteristics, and those that are not planned.
+    ``plan.features`` counts the characteristics, and those that are not planned. ``from_genetic_algorithm`` counts the
+    settings whose pose comes from it.
     """
-    return {"plan": plan.to_dict(), "files": list(files), "not_planned": dict(not_planned)}
+    return {
+        "plan": plan.to_dict(),
+        "files": list(files),
+        "not_planned": dict(not_planned),
+        "from_genetic_algorithm": plan.n_evolved,
+    }
 
 
 _MOST_ROWS = 60
@@ -242,6 +249,8 @@ def _notes(plan: InspectionPlan) -> list[str]:
         texts.append(text)
     if text := edges_text(plan):
         texts.append(f"edges: {text}")
+    if text := evolved_sentence(plan):
+        texts.append(text)
     return texts
 
 
