@@ -80,6 +80,16 @@ _FEWEST = 5
 _FEWEST_LEVELS = 2
 
 
+def _unplanned(plan: InspectionPlan) -> list[str]:
+    """Say what the CAD model requires and the plan leaves out, so that nobody thinks that it was measured."""
+    names: dict[str, list[str]] = {}
+    for name, reason in plan.not_planned.items():
+        names.setdefault(reason, []).append(name)
+    return [
+        f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()
+    ]
+
+
 def image_notes(
     plan: InspectionPlan,
     scene: RayScene,
@@ -414,7 +424,7 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(image_set, operator),
-            (*image_set.notes, *response.notes(readings), *notes),
+            (*image_set.notes, *response.notes(readings), *notes, *_unplanned(self.plan)),
             pictures,
             response.records(),
             self._edges_text(list(results.values()), options),

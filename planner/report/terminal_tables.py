@@ -33,7 +33,7 @@ from planner.report.wording import (
     window_text,
 )
 from planner.request.targets import targets_of, words_of
-from planner.request.words import tolerance_text
+from planner.request.words import requirements_text, tolerance_text
 from planner.text_table import (
     Cell,
     Column,
@@ -47,6 +47,7 @@ from planner.text_table import (
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
+    from aspectgraph import GeometricTolerance, ModelDimension, ModelRequirements
     from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
@@ -116,8 +117,44 @@ def print_graph(graph: EntityAspectGraph) -> None:
         print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
 
 
-def print_dimensions(dimensions: Sequence[Any]) -> None:
-    """Print the dimensions of a model: values, and the entities that measure them or why none do."""
+def print_requirements(stated: ModelRequirements) -> None:
+    """Print the requirements of a model: values, and the entities that measure them or why none do."""
+    print_text(requirements_text(stated))
+    if stated.dimensions:
+        _print_dimensions(stated.dimensions)
+    if stated.tolerances:
+        print()
+        _print_tolerances(stated.tolerances)
+    for text in stated.disagreements:
+        print_text(f"note: {text}")
+
+
+def _print_tolerances(tolerances: Sequence[GeometricTolerance]) -> None:
+    """Print geometric tolerances, each with the reason why edges do not show it."""
+    columns = (
+        Column("name"),
+        Column("kind"),
+        Column("zone and datums"),
+        Column("features", right=True),
+        Column("reason"),
+    )
+    rows = [
+        (
+            tolerance.name,
+            tolerance.kind,
+            tolerance.frame,
+            tolerance.n_features,
+            words(tolerance.reason),
+        )
+        for tolerance in tolerances
+    ]
+    print_table(columns, rows)
+    for tolerance in tolerances:
+        if tolerance.note:
+            print_text(words(f"note: {tolerance.name}: {tolerance.note}", [f"{tolerance.name}:"]))
+
+
+def _print_dimensions(dimensions: Sequence[ModelDimension]) -> None:
     able = [dimension for dimension in dimensions if dimension.entities is not None]
     n_stated = sum(dimension.tolerance is not None for dimension in dimensions)
     n_characteristics = sum(bool(ways) for dimension in able for ways in dimension.features)

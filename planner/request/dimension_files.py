@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aspectgraph.dimensions.features import unique_names
+from aspectgraph.dimensions.geometric import GeometricTolerance
 from aspectgraph.entities.entity_rules import parse_names
 from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
@@ -416,7 +417,7 @@ ROLE_REASONS = {
 
 
 def dimensions_to_plan(
-    stated: Iterable[ModelDimension],
+    stated: Iterable[ModelDimension | GeometricTolerance],
     *,
     share: float = QUARTER,
     one_per_pattern: bool = False,
@@ -431,8 +432,9 @@ def dimensions_to_plan(
 
     Parameters
     ----------
-    stated : iterable of ModelDimension
-        The dimensions, as `aspectgraph.read_dimensions` returns them.
+    stated : iterable of ModelDimension or GeometricTolerance
+        The dimensions, as `aspectgraph.read_dimensions` returns them, or all requirements, as
+        `aspectgraph.read_requirements` does.
     share : float
         Permitted error as a share of half the tolerance's width, in (0, 1].
     one_per_pattern : bool
@@ -454,7 +456,7 @@ def dimensions_to_plan(
     Raises
     ------
     RequestError
-        If a tolerance or the share breaks its rule, or an item is no ModelDimension.
+        If a tolerance or the share breaks its rule, or an item is no requirement of a model.
 
     Examples
     --------
@@ -489,9 +491,14 @@ def dimensions_to_plan(
 
 
 def _items(
-    stated: ModelDimension, share: float, one_per_pattern: bool, omitted: Sequence[str]
+    stated: ModelDimension | GeometricTolerance,
+    share: float,
+    one_per_pattern: bool,
+    omitted: Sequence[str],
 ) -> list[tuple[str, Dimension | str]]:
     """Return the name of each characteristic, with its request or the reason why it has none."""
+    if isinstance(stated, GeometricTolerance):
+        return [(stated.name, stated.reason)]
     check_kinds(stated=(stated, "ModelDimension"))
     if stated.role is not None and stated.role in omitted:
         return [(stated.name, ROLE_REASONS[stated.role])]
