@@ -7,6 +7,14 @@ part, where lines and circles are fitted; a displaced pose moves all of it toget
 
 import errors.measurands.kinds  # noqa: F401  registers them
 from errors.exceptions import MeasurandError
+from errors.measurands.disc import (
+    Bonus,
+    decide_position,
+    deviation_interval,
+    disc_probability,
+    position_conformance,
+    quadratic_disc_probability,
+)
 from errors.measurands.geometry import Circle, Geometry, Line, Localisation
 from errors.measurands.measurand import (
     Decision,
@@ -25,6 +33,7 @@ from errors.measurands.measurand import (
 )
 
 __all__ = [
+    "Bonus",
     "Circle",
     "Decision",
     "DecisionRule",
@@ -38,9 +47,14 @@ __all__ = [
     "acceptance_limits",
     "conformance_probability",
     "decide",
+    "decide_position",
+    "deviation_interval",
+    "disc_probability",
     "guard_band",
     "kind",
     "kinds",
     "measurand",
+    "position_conformance",
+    "quadratic_disc_probability",
     "uncertainty_ratio",
 ]
