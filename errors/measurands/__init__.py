@@ -31,6 +31,7 @@ from errors.measurands.measurand import (
     measurand,
     uncertainty_ratio,
 )
+from errors.measurands.position import PositionFrame, PositionModel, PositionPrediction
 
 __all__ = [
     "Bonus",
@@ -43,6 +44,9 @@ __all__ = [
     "Measurand",
     "MeasurandError",
     "MeasurandModel",
+    "PositionFrame",
+    "PositionModel",
+    "PositionPrediction",
     "Prediction",
     "acceptance_limits",
     "conformance_probability",

@@ -256,7 +256,7 @@ def position_conformance(
     if bonus.u_mm == 0.0:
         return disc_probability(covariance, 0.5 * (zone_mm + max(0.0, bonus.surplus_mm)), m)
     lean = np.asarray(bonus.covariance_mm2, dtype=np.float64) / bonus.u_mm**2
-    rest = np.asarray(covariance, dtype=np.float64) - np.outer(lean, lean) * bonus.u_mm**2
+    remaining = np.asarray(covariance, dtype=np.float64) - np.outer(lean, lean) * bonus.u_mm**2
     low = bonus.surplus_mm - _FAR * bonus.u_mm
     high = bonus.surplus_mm + _FAR * bonus.u_mm
     # the zone has a kink where the bonus begins
@@ -270,7 +270,7 @@ def position_conformance(
             density = math.exp(-0.5 * (offset / bonus.u_mm) ** 2) / bonus.u_mm
             if start < end and density * bonus.u_mm > 1e-16:
                 radius = 0.5 * (zone_mm + max(0.0, size))
-                p = disc_probability(rest, radius, m + lean * offset)
+                p = disc_probability(remaining, radius, m + lean * offset)
                 total += 0.5 * (end - start) * weight * density * p
     return min(1.0, total / math.sqrt(2.0 * math.pi))
 
