@@ -31,7 +31,7 @@ from errors.measurands.measurand import (
     measurand,
     uncertainty_ratio,
 )
-from errors.measurands.position import PositionFrame, PositionModel, PositionPrediction
+from errors.measurands.position import Position, PositionFrame, PositionModel
 
 __all__ = [
     "Bonus",
@@ -44,9 +44,9 @@ __all__ = [
     "Measurand",
     "MeasurandError",
     "MeasurandModel",
+    "Position",
     "PositionFrame",
     "PositionModel",
-    "PositionPrediction",
     "Prediction",
     "acceptance_limits",
     "conformance_probability",

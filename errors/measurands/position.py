@@ -15,22 +15,26 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from errors.checks import (
-    check_covariance,
-    check_not_negative,
-    check_pixel_pitch,
-    check_positive,
-    covariance_root,
+from errors.exceptions import MeasurandError
+from errors.measurands.disc import quadratic_disc_probability
+from errors.measurands.geometry import Circle, FittedEntities, Frame, Geometry, Line
+from errors.measurands.measurand import (
+    BREAKS_WIDER,
+    COVERAGE,
+    SOURCES,
+    Expansion,
+    Measurand,
+    MeasurandModel,
+    Prediction,
+    kind,
 )
-from errors.exceptions import InvalidShapeError, MeasurandError
-from errors.measurands.disc import disc_probability, quadratic_disc_probability
-from errors.measurands.geometry import Circle, FittedEntities, Frame, Geometry, Line, Localisation
 from errors.model import quadratic_probability
+from errors.registration import KnownPoses
 
 Floats = NDArray[np.float64]
 
@@ -231,8 +235,10 @@ class PositionFrame:
         start = 0
         for shape, frame in zip(self.geometry, self.frames, strict=True):
             at = self._flat(frame.origin - self.origin)
-            x, y = self._flat(frame.x), self._flat(frame.y)
-            p, q = variables[start], variables[start + 1]
+            x = self._flat(frame.x)
+            y = self._flat(frame.y)
+            p = variables[start]
+            q = variables[start + 1]
             if isinstance(shape, Line):
                 point = (p * y[0] + at[0], p * y[1] + at[1])
                 along = (q * y[0] + x[0], q * y[1] + x[1])
@@ -340,15 +346,15 @@ class PositionFrame:
     def _across(self, rows: list[Jet], normals: list[Floats]) -> tuple[Jet, ...]:
         """Return the deviation of a mid-line across it."""
         self.components = 1
-        wanted = np.array([0.0, 1.0])
+        across_slot = np.array([0.0, 1.0])
         if len(rows) == 2:
-            shares = np.linalg.solve(np.stack(normals).T, wanted)
+            shares = np.linalg.solve(np.stack(normals).T, across_slot)
             return (rows[0] * float(shares[0]) + rows[1] * float(shares[1]),)
-        if abs(_cross(normals[0], wanted)) > PARALLEL_RAD:
+        if abs(_cross(normals[0], across_slot)) > PARALLEL_RAD:
             raise MeasurandError(
                 "a datum must fix the translation across the slot. Got one that is free."
             )
-        return (rows[0] * float(normals[0] @ wanted),)
+        return (rows[0] * float(normals[0] @ across_slot),)
 
     def _radial(self, fixed: _Free, place: Point, nominal: Floats) -> tuple[Jet, ...]:
         """Return the deviation of the distance from the datum's centre: about it the rotation is free."""
@@ -387,85 +393,113 @@ class PositionFrame:
         )
 
 
-@dataclass(frozen=True)
-class PositionPrediction:
-    """How sure a position is measured from one pose.
+@kind("position")
+class Position(Measurand):
+    """Position 2‖e‖ of a rim, mm, against datums in their order: edges of planes across, rims of holes or pins."""
 
-    Attributes
-    ----------
-    probability : float
-        P(‖e‖ at most the permitted error); 0 without an image.
-    covariance : array (c, c)
-        Of the components of e, mm².
-    bias : array (c,)
-        Their mean errors, of second order, mm.
-    """
+    takes = (Circle,)
+    and_more = True
 
-    probability: float
-    covariance: Floats
-    bias: Floats
-
-
-class PositionModel:
-    """The joint second-order model of a position's error in one image.
-
-    Parameters
-    ----------
-    frame : PositionFrame
-        Rim and datums.
-    image_distance_mm : float
-        From the lens to the image plane, mm.
-    pixel_pitch_mm : array_like (2,)
-        Pixel pitch, mm.
-    pose_covariance : array_like (6, 6)
-        As `errors.measurands.MeasurandModel` takes it.
-    localisation : Localisation
-        How well points are found.
-    permitted_error : float
-        Largest ‖e‖ that counts as accurate, mm.
-    surfaces_mm : float
-        Standard deviation of a face's position along its normal, mm.
-
-    Raises
-    ------
-    InvalidParameterError, InvalidShapeError
-        A number breaks its rule.
-    """
-
-    def __init__(
-        self,
-        frame: PositionFrame,
-        *,
-        image_distance_mm: float,
-        pixel_pitch_mm: ArrayLike,
-        pose_covariance: ArrayLike,
-        localisation: Localisation,
-        permitted_error: float,
-        surfaces_mm: float = 0.0,
-    ):
-        self.frame = frame
-        pitch = check_pixel_pitch(pixel_pitch_mm)
-        self.pitch_mm = (float(pitch[0]), float(pitch[1]))
-        self.image_distance_mm = check_positive(image_distance_mm, "image_distance_mm")
-        covariance = check_covariance(pose_covariance)
-        if covariance.shape != (6, 6):
-            raise InvalidShapeError.of_rule(
-                "pose_covariance", "must have shape (6, 6)", f"shape {covariance.shape}"
-            )
-        self._root = covariance_root(covariance)
-        self.localisation = localisation
-        self.permitted_error = check_positive(permitted_error, "permitted_error")
-        self.surfaces_mm = check_not_negative(surfaces_mm, "surfaces_mm")
-        jets = list(frame.errors)
+    def __init__(self, geometry: tuple[Geometry, ...], direction: Any = None):
+        rim, *datums = geometry
+        if not isinstance(rim, Circle):
+            raise MeasurandError("a position must have a rim first. Got a straight edge.")
+        self.frame = PositionFrame(rim, datums)
+        super().__init__(geometry, direction)
+        jets = list(self.frame.errors)
         if len(jets) == 2:
             # variances of the sum tell the covariances
             jets.append(jets[0] + jets[1])
-        self._entities = [
-            FittedEntities(frame.geometry, frame.frames, jet.gradient, jet.hessian) for jet in jets
+        self.components = [
+            FittedEntities(geometry, self.frames, jet.gradient, jet.hessian) for jet in jets
         ]
 
-    def describe(self, world_to_camera: ArrayLike) -> PositionPrediction:
-        """Return how sure the position is measured from one pose.
+    def describe(self) -> tuple[float, tuple[Frame, ...], Floats, Floats]:
+        """Return nominal value, frames, and the derivatives of the first component of e."""
+        jet = self.frame.errors[0]
+        return 0.0, self.frame.frames, jet.gradient, jet.hessian
+
+    def error(self, fitted: list[Floats]) -> Floats:
+        """Return e (n, c) by what is fitted, in the axes of the frame."""
+        parts = []
+        for shape, values in zip(self.geometry, fitted, strict=True):
+            nominal = np.zeros(values.shape[1])
+            if isinstance(shape, Circle):
+                nominal[2] = shape.radius_mm
+            parts.append(values - nominal)
+        d = np.concatenate(parts, axis=1)
+        columns = [
+            jet.value + d @ jet.gradient + 0.5 * np.einsum("ni,ij,nj->n", d, jet.hessian, d)
+            for jet in self.frame.errors
+        ]
+        return np.stack(columns, axis=1)
+
+    def value(self, fitted: list[Floats]) -> Floats:
+        """Return positions (n,) by what is fitted."""
+        return np.asarray(2.0 * np.linalg.norm(self.error(fitted), axis=1))
+
+    def model(self, **means: Any) -> PositionModel:
+        """Return how surely it is measured, see `MeasurandModel`."""
+        return PositionModel(self, **means)
+
+
+class PositionModel(MeasurandModel):
+    """The joint second-order model of a position's error e in one image.
+
+    It takes what `MeasurandModel` takes. The value is 2‖e‖, so e must stay within half of the permitted error.
+
+    Attributes
+    ----------
+    measurand : Position
+        The position.
+    """
+
+    measurand: Position
+
+    def probability(self, world_to_camera: ArrayLike) -> Floats:
+        """Return the probability that ‖e‖ is at most half the permitted error.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (n, 4, 4)
+            Planned poses.
+
+        Returns
+        -------
+        array (n,)
+            In [0, 1]; 0 without an image.
+        """
+        poses = np.asarray(world_to_camera, dtype=np.float64)
+        return self._probabilities(poses, np.broadcast_to(self._root, (len(poses), 6, 6)))
+
+    def probability_at(
+        self, world_to_camera: ArrayLike, poses: KnownPoses, excess: Floats
+    ) -> Floats:
+        """Return the same with a covariance of each pose.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (n, 4, 4)
+            Planned poses.
+        poses : KnownPoses
+            Their covariances, with roots.
+        excess : array (n,)
+            Does not count here: the surfaces are those of the request, whatever the registration tells of them.
+
+        Returns
+        -------
+        array (n,)
+            In [0, 1].
+        """
+        return self._probabilities(np.asarray(world_to_camera, dtype=np.float64), poses.root)
+
+    def scale(self, world_to_camera: ArrayLike) -> float:
+        """Return 1; 0 without an image."""
+        seen, _, _, _ = self._expand(np.asarray(world_to_camera, dtype=np.float64))
+        return float(seen[0])
+
+    def covariance_at(self, world_to_camera: ArrayLike) -> Floats:
+        """Return the covariance of e at one pose.
 
         Parameters
         ----------
@@ -474,45 +508,86 @@ class PositionModel:
 
         Returns
         -------
-        PositionPrediction
-            Probability, covariance and bias.
+        array (c, c)
+            mm²; infinite without an image.
         """
-        pose = np.asarray(world_to_camera, dtype=np.float64)
-        if pose.shape != (4, 4):
-            raise InvalidShapeError.of_rule(
-                "world_to_camera", "must have shape (4, 4)", str(pose.shape)
-            )
-        n = self.frame.components
+        pose = np.asarray(world_to_camera, dtype=np.float64)[None]
+        seen, gradient, hessian, noise = self._expand(pose)
+        if not seen[0]:
+            return np.full(noise.shape[2:], math.inf)
+        g = gradient[0] @ self._root
+        h = np.einsum("ji,ajk,kl->ail", self._root, hessian[0], self._root)
+        return np.asarray(g @ g.T + noise[0].sum(axis=0) + 0.5 * np.einsum("aij,bji->ab", h, h))
+
+    def describe(self, world_to_camera: ArrayLike) -> Prediction:
+        """Return how sure the position is measured from one pose, along the axis in which e is largest.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (4, 4)
+            Planned pose.
+
+        Returns
+        -------
+        Prediction
+            Uncertainty and budget are those of 2‖e‖ where e lies along that axis.
+        """
+        pose = np.asarray(world_to_camera, dtype=np.float64)[None]
+        seen, gradient, hessian, noise = self._expand(pose)
+        if not seen[0]:
+            nothing = dict.fromkeys(SOURCES, math.inf)
+            return Prediction(0.0, self.permitted_error, 0.0, math.inf, math.inf, math.nan, nothing)
+        _, axes = np.linalg.eigh(self.covariance_at(pose[0]))
+        axis = 2.0 * axes[:, -1]
+        expansion = Expansion(
+            seen,
+            np.einsum("a,nai->ni", axis, gradient),
+            np.einsum("a,naij->nij", axis, hessian),
+            np.einsum("a,nsab,b->ns", axis, noise, axis),
+            np.zeros((1, 2)),
+            np.ones(1),
+        )
+        budget, bias = self._budget(expansion)
+        u = math.sqrt(math.fsum(budget.values()))
+        probability = float(self.probability(pose)[0])
+        return Prediction(0.0, self.permitted_error, probability, u, COVERAGE * u, bias, budget)
+
+    def _expand(self, poses: Floats) -> tuple[NDArray[np.bool_], Floats, Floats, Floats]:
+        """Return where there is an image (n,), derivatives of e (n, c, 6) and (n, c, 6, 6), and noise (n, 3, c, c)."""
+        surfaces_mm = self.surfaces_mm
         rows = [
             entities.expand(
-                pose[None],
-                self.image_distance_mm,
-                self.pitch_mm,
-                self.localisation,
-                self.surfaces_mm,
+                poses, self.image.distance_mm, self.image.pitch_mm, self.localisation, surfaces_mm
             )
-            for entities in self._entities
+            for entities in self.measurand.components
         ]
-        if not all(seen[0] for seen, _, _, _ in rows):
-            nothing = np.full((n, n), math.inf)
-            return PositionPrediction(0.0, nothing, np.full(n, math.nan))
-        gradient = np.stack([g[0] @ self._root for _, g, _, _ in rows[:n]])
-        hessian = np.stack([self._root.T @ h[0] @ self._root for _, _, h, _ in rows[:n]])
-        noise = np.diag([float(v[0].sum()) for _, _, _, v in rows[:n]])
+        n = len(self.measurand.frame.errors)
+        gradient = np.stack([g for _, g, _, _ in rows[:n]], axis=1)
+        hessian = np.stack([h for _, _, h, _ in rows[:n]], axis=1)
+        noise = np.zeros((len(poses), 3, n, n))
+        for k in range(n):
+            noise[:, :, k, k] = rows[k][3]
         if n == 2:
-            both = float(rows[2][3][0].sum())
-            noise[0, 1] = noise[1, 0] = 0.5 * (both - noise[0, 0] - noise[1, 1])
-        covariance = gradient @ gradient.T + noise
-        covariance = covariance + 0.5 * np.einsum("aij,bji->ab", hessian, hessian)
-        bias = 0.5 * np.einsum("aii->a", hessian)
-        return PositionPrediction(self._probability(gradient, hessian, noise), covariance, bias)
+            both = 0.5 * (rows[2][3] - rows[0][3] - rows[1][3])
+            noise[:, :, 0, 1] = both
+            noise[:, :, 1, 0] = both
+        return rows[0][0], gradient, hessian, noise
 
-    def _probability(self, gradient: Floats, hessian: Floats, noise: Floats) -> float:
-        radius = self.permitted_error
-        if self.frame.components == 2:
-            if not hessian.any():
-                return disc_probability(gradient @ gradient.T + noise, radius)
-            return quadratic_disc_probability(gradient, hessian, noise, radius)
-        parts = np.array([[0.0, 0.0, noise[0, 0]]])
-        limits = np.array([[-radius, radius]])
-        return float(quadratic_probability(gradient, hessian, np.eye(6), parts, limits)[0])
+    def _probabilities(self, poses: Floats, roots: Floats) -> Floats:
+        seen, gradient, hessian, noise = self._expand(poses)
+        radius = 0.5 * self.permitted_error
+        n = gradient.shape[1]
+        # of 2‖e‖, along both axes
+        broken = (0.5 * BREAKS_WIDER * self.by_edges) ** 2 * np.eye(n)
+        result = np.zeros(len(poses))
+        for i in np.flatnonzero(seen):
+            g = gradient[i] @ roots[i]
+            h = np.einsum("ji,ajk,kl->ail", roots[i], hessian[i], roots[i])
+            extra = noise[i].sum(axis=0) + broken
+            if n == 2:
+                result[i] = quadratic_disc_probability(g, h, extra, radius)
+                continue
+            parts = np.array([[0.0, 0.0, extra[0, 0]]])
+            limits = np.array([[-radius, radius]])
+            result[i] = quadratic_probability(g, h, np.eye(6), parts, limits)[0]
+        return result

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from errors.exceptions import MeasurandError
 from errors.measurands import Circle, Line, Localisation, disc_probability
-from errors.measurands.position import PositionFrame, PositionModel
+from errors.measurands.position import Position, PositionFrame, PositionModel
 
 Z = np.array([0.0, 0.0, 1.0])
 HOLE = Circle((80, 30, 0), Z, 5)
@@ -193,30 +193,34 @@ def test_the_probability_of_a_position_is_that_of_drawn_measurements(sigma_mm, s
     e -= [80, 30]
     median = float(np.median(np.hypot(*e.T)))
     model = PositionModel(
-        PositionFrame(HOLE, [EDGE_B, EDGE_C]),
+        Position((HOLE, EDGE_B, EDGE_C)),
         image_distance_mm=25.0,
         pixel_pitch_mm=(0.00345, 0.00345),
         pose_covariance=np.diag(np.repeat([sigma_mm, sigma_rad], 3) ** 2),
         localisation=Localisation.gaussian(0.1, floor_px=0.0),
-        permitted_error=2 * median,
+        permitted_error=4 * median,
     )
     drawn = np.mean(np.hypot(*e.T) <= 2 * median)
     assert model.describe(pose).probability == pytest.approx(drawn, abs=0.01)
+    prediction = model.describe(pose)
+    # twice the error along the axis in which it is largest
+    assert prediction.standard_uncertainty == pytest.approx(
+        2 * math.sqrt(np.linalg.eigvalsh(np.cov(e.T))[1]), rel=0.03
+    )
     of_drawn = np.sort(np.linalg.eigvalsh(np.cov(e.T)))
-    assert np.linalg.eigvalsh(model.describe(pose).covariance) == pytest.approx(of_drawn, rel=0.05)
+    assert np.linalg.eigvalsh(model.covariance_at(pose)) == pytest.approx(of_drawn, rel=0.05)
 
 
 def test_a_camera_that_turns_about_the_normal_measures_no_error():
-    frame = PositionFrame(HOLE, [EDGE_B, EDGE_C])
     pose = np.eye(4)
     pose[:3, :3] = np.diag([1.0, -1.0, -1.0])
     pose[:3, 3] = (-60.0, 30.0, 300.0)
     model = PositionModel(
-        frame,
+        Position((HOLE, EDGE_B, EDGE_C)),
         image_distance_mm=25.0,
         pixel_pitch_mm=(0.00345, 0.00345),
         pose_covariance=np.diag([0, 0, 0, 0, 0, 1e-4]),
         localisation=Localisation.gaussian(0.0, floor_px=0.0),
         permitted_error=0.01,
     )
-    assert np.abs(model.describe(pose).covariance).max() < 1e-15
+    assert np.abs(model.covariance_at(pose)).max() < 1e-15
