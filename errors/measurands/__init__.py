@@ -9,6 +9,7 @@ import errors.measurands.kinds  # noqa: F401  registers them
 from errors.exceptions import MeasurandError
 from errors.measurands.disc import (
     Bonus,
+    decide_deviation,
     decide_position,
     deviation_interval,
     disc_probability,
@@ -51,6 +52,7 @@ __all__ = [
     "acceptance_limits",
     "conformance_probability",
     "decide",
+    "decide_deviation",
     "decide_position",
     "deviation_interval",
     "disc_probability",

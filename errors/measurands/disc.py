@@ -20,7 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from errors.checks import check_finite, check_not_negative, check_positive
 from errors.exceptions import CovarianceError, InvalidParameterError, InvalidShapeError
-from errors.measurands.measurand import Decision, DecisionRule
+from errors.measurands.measurand import (
+    Decision,
+    DecisionRule,
+    conformance_probability,
+    decide,
+)
 
 Floats = NDArray[np.float64]
 
@@ -304,6 +309,43 @@ def decide_position(p_conforms: float, rule: DecisionRule) -> Decision:
     if 1.0 - p_conforms >= level:
         return Decision.DOES_NOT_CONFORM
     return Decision.UNDECIDED
+
+
+def decide_deviation(
+    measured: ArrayLike, covariance: ArrayLike, zone_mm: float, rule: DecisionRule
+) -> tuple[Decision, float]:
+    """Return the decision of a measured deviation of one or two components, and the probability that it conforms.
+
+    Parameters
+    ----------
+    measured : array (c,)
+        Deviation from the true position, mm.
+    covariance : array (c, c)
+        Of the measurement, mm².
+    zone_mm : float
+        Width or diameter of the zone, positive.
+    rule : DecisionRule
+        How it is decided; one with guard bands of U counts the standard deviation along the deviation.
+
+    Returns
+    -------
+    (Decision, float)
+        The decision and the probability.
+    """
+    m = check_finite(measured, "measured")
+    matrix = check_finite(covariance, "covariance")
+    distance = float(np.linalg.norm(m))
+    if len(m) == 1:
+        half = 0.5 * check_positive(zone_mm, "zone_mm")
+        p = conformance_probability(float(m[0]), math.sqrt(max(matrix[0, 0], 0.0)), (-half, half))
+    else:
+        p = position_conformance(m, matrix, zone_mm)
+    if rule.name != "guard U":
+        return decide_position(p, rule), p
+    variance = float(np.linalg.eigvalsh(matrix)[-1])
+    if distance > 0.0:
+        variance = float(m @ matrix @ m) / distance**2
+    return decide(distance, math.sqrt(max(variance, 0.0)), (-math.inf, 0.5 * zone_mm), rule), p
 
 
 def deviation_interval(

@@ -196,13 +196,23 @@ class PositionFrame:
     def _plane(self) -> tuple[Floats, Floats]:
         """Return origin and axes (2, 3) of the plane of the rim; of a slot, the plane of both edges."""
         if isinstance(self.rim, Circle):
-            return self.rim.centre, np.stack(self.rim.basis)
+            return self.rim.centre, self._axes_about(self.rim)
         first, second = self.rim
         apart = second.middle - first.middle
         across = apart - (apart @ first.direction) * first.direction
         return 0.5 * (first.middle + second.middle), np.stack(
             [first.direction, across / np.linalg.norm(across)]
         )
+
+    def _axes_about(self, rim: Circle) -> Floats:
+        """Return axes in the plane of a rim: x along the first edge among the datums, if there is one."""
+        for datum in self.datums:
+            if isinstance(datum, Line):
+                along = datum.direction - (datum.direction @ rim.axis) * rim.axis
+                if float(np.linalg.norm(along)) > PARALLEL_RAD:
+                    x = along / np.linalg.norm(along)
+                    return np.stack([x, np.cross(rim.axis, x)])
+        return np.stack(rim.basis)
 
     def _frame(self, shape: Geometry) -> Frame:
         """Return the plane in which an entity is fitted; all are parallel to that of the rim."""
@@ -434,6 +444,16 @@ class Position(Measurand):
         ]
         return np.stack(columns, axis=1)
 
+    def along(self, shares: Sequence[float]) -> PositionComponent:
+        """Return a sum of components of e, which is a number that is nearly linear in what is fitted.
+
+        Parameters
+        ----------
+        shares : sequence of float (c,)
+            Of each component.
+        """
+        return PositionComponent(self, np.asarray(shares, dtype=np.float64))
+
     def value(self, fitted: list[Floats]) -> Floats:
         """Return positions (n,) by what is fitted."""
         return np.asarray(2.0 * np.linalg.norm(self.error(fitted), axis=1))
@@ -441,6 +461,36 @@ class Position(Measurand):
     def model(self, **means: Any) -> PositionModel:
         """Return how surely it is measured, see `MeasurandModel`."""
         return PositionModel(self, **means)
+
+
+class PositionComponent(Measurand):
+    """A sum of components of a position's error e, mm.
+
+    Parameters
+    ----------
+    position : Position
+        The position.
+    shares : array (c,)
+        Of each component.
+    """
+
+    kind = "position"
+
+    def __init__(self, position: Position, shares: Floats):
+        self.position = position
+        self.shares = shares
+        super().__init__(position.geometry)
+
+    def describe(self) -> tuple[float, tuple[Frame, ...], Floats, Floats]:
+        """Return nominal value, frames, and the derivatives by what is fitted, see `Measurand`."""
+        jets = self.position.frame.errors
+        gradient = sum(share * jet.gradient for share, jet in zip(self.shares, jets, strict=True))
+        hessian = sum(share * jet.hessian for share, jet in zip(self.shares, jets, strict=True))
+        return 0.0, self.position.frames, np.asarray(gradient), np.asarray(hessian)
+
+    def value(self, fitted: list[Floats]) -> Floats:
+        """Return the sums (n,) by what is fitted."""
+        return np.asarray(self.position.error(fitted) @ self.shares)
 
 
 class PositionModel(MeasurandModel):
