@@ -5,19 +5,28 @@ Reference: ISO 1101 and ASME Y14.5 for the characteristics; ISO 2692 for materia
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
+
+import numpy as np
 
 from aspectgraph.dimensions.features import (
     Attachments,
     Axis,
+    EntityId,
     Feature,
     ModelDimension,
     Plane,
+    Sight,
+    Way,
+    arc_order,
     describe_shape,
+    parallel,
+    perpendicular,
     unique_names,
 )
+from aspectgraph.solid.rims import Arc
 
 _SURFACE = "needs the surface, not its edges"
 _FORM = "edges do not show it"
@@ -37,7 +46,11 @@ _REASONS = {
 _ORIENTATIONS = ("angularity", "parallelism", "perpendicularity")
 """Characteristics that say how a face or axis is turned to a datum."""
 
-_NO_FRAME = "measuring against a datum reference frame is not available"
+_NO_FRAME = "only positions of holes and pins are measured against datums"
+_NO_CYLINDER = "position: the file states no cylindrical zone"
+
+_MOST_RIMS = 4
+"""Rims of a hole that are offered for its position."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +77,15 @@ class GeometricTolerance:
         The elements of the model that it refers to.
     n_features : int
         Number of features: each hole of a pattern is one.
-    reason : str
-        Why edges do not show it.
+    reason : str or None
+        Why edges do not show it. None if they do.
+    entities : tuple or None
+        Ids of the solid's entities that measure it in one image: of a position its rim, then what shows its datums.
+        None if nothing does.
+    features : tuple of tuple of tuple
+        For each feature all entities that measure it there, best first.
+    feature_reasons : tuple of str or None
+        For each feature why it is not measured; None where it is.
     note : str
         Sentence on what could not be read; empty if there is none.
 
@@ -89,7 +109,10 @@ class GeometricTolerance:
     projected_mm: float | None
     attached: tuple[str, ...]
     n_features: int
-    reason: str
+    reason: str | None
+    entities: Way | None = None
+    features: tuple[tuple[Way, ...], ...] = ()
+    feature_reasons: tuple[str | None, ...] = ()
     note: str = ""
 
     @property
@@ -109,12 +132,15 @@ class GeometricTolerance:
         Returns
         -------
         dict
-            The attributes in their order, then ``entities``, which is null, and ``unit``.
+            The attributes in their order, then ``unit``.
         """
         values = asdict(self)
-        for key in ("datums", "attached"):
+        for key in ("datums", "attached", "feature_reasons"):
             values[key] = list(values[key])
-        return {**values, "entities": None, "unit": "mm"}
+        values["features"] = [[list(way) for way in ways] for ways in self.features]
+        if self.entities is not None:
+            values["entities"] = list(self.entities)
+        return {**values, "unit": "mm"}
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -161,11 +187,14 @@ class ModelRequirements:
     @property
     def n_measurable(self) -> int:
         """Number of requirements that edges show."""
-        return sum(dimension.entities is not None for dimension in self.dimensions)
+        return sum(requirement.entities is not None for requirement in self)
 
 
 def list_tolerances(
-    attachments: Attachments, rows: Sequence[dict[str, Any]]
+    attachments: Attachments,
+    sight: Sight,
+    rows: Sequence[dict[str, Any]],
+    datums: Mapping[str, Sequence[Any]],
 ) -> tuple[GeometricTolerance, ...]:
     """Return the geometric tolerances of a file in its order.
 
@@ -173,13 +202,33 @@ def list_tolerances(
     ----------
     attachments : Attachments
         Finds the features of shapes.
+    sight : Sight
+        From where their entities are seen.
     rows : sequence of dict
         See `semantic_dimensions.describe_tolerances`.
+    datums : mapping of str to sequence of dict
+        The shapes of each datum, by its letter.
     """
+    of_datums = {letter: attachments.features(shapes) for letter, shapes in datums.items()}
     titles = [row["name"] or f"{row['characteristic']} {k}" for k, row in enumerate(rows, 1)]
     tolerances = []
     for row, name in zip(rows, unique_names(titles), strict=True):
         features = attachments.features(row["shapes"])
+        reason: str | None = _reason(row, features)
+        ways: list[list[Way]] = []
+        reasons: list[str | None] = []
+        if reason is None:
+            for feature in features:
+                assert isinstance(feature, Axis), "only positions of axes have no reason"
+                try:
+                    ways.append(_position_ways(sight, feature, row["datums"], of_datums))
+                    reasons.append(None)
+                except _NotShownError as error:
+                    ways.append([])
+                    reasons.append(f"position: {error}")
+            if not any(ways):
+                reason = reasons[0]
+        measured = reason is None
         tolerances.append(
             GeometricTolerance(
                 name,
@@ -191,15 +240,109 @@ def list_tolerances(
                 row["projected_mm"],
                 tuple(dict.fromkeys(describe_shape(shape) for shape in row["shapes"])),
                 max(1, len(features)),
-                _reason(row, features),
+                reason,
+                next((found_ways[0] for found_ways in ways if found_ways), None),
+                tuple(map(tuple, ways)) if measured else (),
+                tuple(reasons) if measured else (),
                 _note(row),
             )
         )
     return tuple(tolerances)
 
 
-def _reason(row: dict[str, Any], features: Sequence[Feature]) -> str:
-    """Return why edges do not show a tolerance."""
+class _NotShownError(Exception):
+    """No rim or edge shows a position or one of its datums; the text says which."""
+
+
+def _position_ways(
+    sight: Sight,
+    hole: Axis,
+    letters: Sequence[str],
+    of_datums: Mapping[str, Sequence[Feature]],
+) -> list[Way]:
+    """Return sets of a rim and the entities that show the datums in their order, best first.
+
+    Raises
+    ------
+    _NotShownError
+        If there is none.
+    """
+    rims = sorted(hole.circles, key=lambda arc: arc_order(sight, arc))
+    if not rims:
+        raise _NotShownError("no sharp circular edge bounds this feature")
+    ways = []
+    fault = _NotShownError("no edges show its datums")
+    for rim in rims[:_MOST_RIMS]:
+        try:
+            ways.append(_with_datums(sight, rim, letters, of_datums))
+        except _NotShownError as error:
+            fault = error
+    if not ways:
+        raise fault
+    return ways
+
+
+def _with_datums(
+    sight: Sight,
+    rim: Arc,
+    letters: Sequence[str],
+    of_datums: Mapping[str, Sequence[Feature]],
+) -> Way:
+    """Return a rim with the entities that show its datums."""
+    way: list[EntityId] = [rim.id]
+    fixed_turn = False
+    n_shifts = 0
+    for letter in letters:
+        features = of_datums.get(letter.partition("(")[0], ())
+        if len(features) != 1:
+            raise _NotShownError(f"datum {letter} is {len(features)} features, not one")
+        (datum,) = features
+        if isinstance(datum, Plane) and parallel(datum.normal, rim.axis):
+            # it fixes nothing in the plane of the rim
+            continue
+        if n_shifts == 2 and fixed_turn:
+            break
+        if isinstance(datum, Axis) and parallel(datum.along, rim.axis):
+            way.append(_rim_of_datum(rim, datum, letter))
+            fixed_turn = fixed_turn or n_shifts == 2
+            n_shifts = 2
+        elif isinstance(datum, Plane) and perpendicular(datum.normal, rim.axis):
+            way.append(_edge_of_datum(sight, rim, datum, letter))
+            fixed_turn = True
+            n_shifts = min(2, n_shifts + 1)
+        else:
+            raise _NotShownError(f"the rim is inclined to datum {letter}")
+    if n_shifts < 2 or not fixed_turn:
+        raise _NotShownError("its datums leave a rotation or translation free")
+    if not sight.together(rim, *(entity for entity in way[1:] if isinstance(entity, int))):
+        raise _NotShownError("no direction shows its rim and the edges of its datums together")
+    return tuple(way)
+
+
+def _rim_of_datum(rim: Arc, datum: Axis, letter: str) -> EntityId:
+    """Return the rim of a datum hole that is nearest to the plane of a rim and looks the same way."""
+    circles = [arc for arc in datum.circles if float(arc.axis @ rim.axis) > 0.0 and arc is not rim]
+    if not circles:
+        raise _NotShownError(f"no rim on the same side shows datum {letter}")
+    return min(circles, key=lambda arc: abs(float((arc.centre - rim.centre) @ rim.axis))).id
+
+
+def _edge_of_datum(sight: Sight, rim: Arc, datum: Plane, letter: str) -> EntityId:
+    """Return the edge of a datum plane that lies nearest to the plane of a rim, and is longest there."""
+    edges = []
+    for edge_id in datum.edges:
+        ends = sight.solid.edge_points(edge_id)
+        along = ends[1] - ends[0]
+        if perpendicular(along / np.linalg.norm(along), rim.axis) and sight.together(edge_id, rim):
+            depth = round(abs(float((ends[0] - rim.centre) @ rim.axis)), 3)
+            edges.append((depth, -sight.length_mm(edge_id), edge_id))
+    if not edges:
+        raise _NotShownError(f"no edge that is seen with the rim shows datum {letter}")
+    return min(edges)[2]
+
+
+def _reason(row: dict[str, Any], features: Sequence[Feature]) -> str | None:
+    """Return why edges do not show a tolerance; None of a position of holes or pins."""
     kind = row["characteristic"]
     if kind in _REASONS:
         return _REASONS[kind]
@@ -214,6 +357,8 @@ def _reason(row: dict[str, Any], features: Sequence[Feature]) -> str:
         return "projected zone: a rim does not show the axis outside the part"
     if not features:
         return f"{kind}: it is attached to no plane, edge or axis"
+    if kind == "position" and around_axes:
+        return None if row["diametral"] and row["zone_mm"] else _NO_CYLINDER
     if any(isinstance(feature, Plane) for feature in features) and len(features) != 2:
         return f"{kind} of faces: {_SURFACE}"
     return f"{kind}: {_NO_FRAME}"
@@ -226,6 +371,10 @@ def _note(row: dict[str, Any]) -> str:
     if row["unread"]:
         items = "1 item" if row["unread"] == 1 else f"{row['unread']} items"
         return f"{items} that it is attached to could not be read"
+    if row["material"]:
+        return (
+            f"({row['material']}) widens its zone by a bonus, which is not used: this is stricter"
+        )
     if row["per_unit"]:
         return "it holds for each unit of length or area"
     return ""

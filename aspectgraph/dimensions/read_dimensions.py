@@ -167,7 +167,9 @@ def read_requirements(
     reader = _Reader(solid, agreement_mm, agreement_deg)
     return ModelRequirements(
         _listed_dimensions(reader, answer),
-        list_tolerances(reader.attachments, answer["tolerances"]),
+        list_tolerances(
+            reader.attachments, reader.measurer.sight, answer["tolerances"], answer["datums"]
+        ),
         tuple(answer["disagreements"]),
     )
 

@@ -136,7 +136,7 @@ def _print_tolerances(tolerances: Sequence[GeometricTolerance]) -> None:
         Column("kind"),
         Column("zone and datums"),
         Column("features", right=True),
-        Column("reason"),
+        Column("entities or reason"),
     )
     rows = [
         (
@@ -144,7 +144,7 @@ def _print_tolerances(tolerances: Sequence[GeometricTolerance]) -> None:
             tolerance.kind,
             tolerance.frame,
             tolerance.n_features,
-            words(tolerance.reason),
+            _entities_or_reason(tolerance),
         )
         for tolerance in tolerances
     ]
@@ -178,6 +178,13 @@ def _print_dimensions(dimensions: Sequence[ModelDimension]) -> None:
             print_text(words(f"note: {dimension.name}: {dimension.note}", [f"{dimension.name}:"]))
 
 
+def _entities_or_reason(requirement: ModelDimension | GeometricTolerance) -> Any:
+    """Return the entities that measure a requirement, or why none do."""
+    if requirement.entities is None:
+        return words(requirement.reason or "")
+    return listed(map(str, requirement.entities))
+
+
 def _dimension_row(dimension: Any) -> tuple[Any, ...]:
     nominal = "" if dimension.nominal is None else f"{dimension.nominal:.6g} {dimension.unit}"
     tolerance = ""
@@ -187,11 +194,7 @@ def _dimension_row(dimension: Any) -> tuple[Any, ...]:
         tolerance = f"{dimension.tolerance_class} {tolerance}".rstrip()
     if dimension.role is not None:
         tolerance = f"{tolerance} {dimension.role}".lstrip()
-    entities = (
-        words(dimension.reason or "")
-        if dimension.entities is None
-        else listed(map(str, dimension.entities))
-    )
+    entities = _entities_or_reason(dimension)
     kind = dimension.kind.replace("_", " ")
     return (dimension.name, kind, nominal, tolerance, dimension.n_features, entities)
 

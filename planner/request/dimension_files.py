@@ -539,7 +539,7 @@ def _items(
 ) -> list[tuple[str, Dimension | str]]:
     """Return the name of each characteristic, with its request or the reason why it has none."""
     if isinstance(stated, GeometricTolerance):
-        return [(stated.name, stated.reason)]
+        return _positions(stated, share, one_per_pattern)
     check_kinds(stated=(stated, "ModelDimension"))
     if stated.role is not None and stated.role in omitted:
         return [(stated.name, ROLE_REASONS[stated.role])]
@@ -561,6 +561,28 @@ def _items(
             _dimension_of_model_dimensions(stated, ways, share, zones[k]) if ways else reason or ""
         )
         result.append((characteristic_name(stated.name, k + 1, n), item))
+    return result
+
+
+def _positions(
+    stated: GeometricTolerance, share: float, one_per_pattern: bool
+) -> list[tuple[str, Dimension | str]]:
+    """Return the positions that a tolerance asks for, each on its feature, or the reason why it is not measured."""
+    if stated.reason is not None or stated.zone_mm is None:
+        return [(stated.name, stated.reason or "its zone could not be read")]
+    result: list[tuple[str, Dimension | str]] = []
+    n = len(stated.features)
+    for k, (ways, reason) in enumerate(
+        zip(stated.features, stated.feature_reasons, strict=True), start=1
+    ):
+        name = stated.name if n == 1 else characteristic_name(stated.name, k, n)
+        if not ways:
+            result.append((name, reason or ""))
+            continue
+        choices = [Dimension.position(way[0], way[1:], stated.zone_mm, share=share) for way in ways]
+        result.append((name, Dimension.any_of(choices)))
+    if one_per_pattern:
+        return [item for item in result if isinstance(item[1], Dimension)][:1] or result[:1]
     return result
 
 

@@ -113,6 +113,31 @@ def list_stated_tolerances(
     return tolerances
 
 
+def list_datum_features(
+    entities: dict[int, StepEntity], texts: Mapping[int, tuple[str, ...]]
+) -> dict[str, list[int]]:
+    """Return the aspects that are features of each datum, by its letter.
+
+    Parameters
+    ----------
+    entities : dict
+        See `text.parse_entities`.
+    texts : mapping
+        Those of the datums.
+    """
+    features: dict[str, list[int]] = {}
+    for entity in entities.values():
+        if "SHAPE_ASPECT_RELATIONSHIP" not in entity.kinds:
+            continue
+        ends = known_references(entities, entity)
+        datums = [number for number in ends if "DATUM" in entities[number].kinds]
+        aspects = [number for number in ends if "DATUM_FEATURE" in entities[number].kinds]
+        for number in datums:
+            letter = "".join(texts.get(number, ())[-1:]).strip()
+            features.setdefault(letter, []).extend(aspects)
+    return features
+
+
 def disagreements(
     stated: Sequence[StatedTolerance], kernel: Sequence[tuple[str, float]]
 ) -> list[str]:

@@ -152,6 +152,7 @@ class StepPart:
             "found": read.dimensions,
             "surfaces": read.surfaces,
             "tolerances": read.tolerances,
+            "datums": read.datums,
             "disagreements": read.disagreements,
             "stated": [asdict(stated) for stated in list_dimensions(entities, texts)],
         }, {}

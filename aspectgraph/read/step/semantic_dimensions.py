@@ -40,6 +40,7 @@ from aspectgraph.exceptions import ReadError
 from aspectgraph.read.step.geometric_tolerances import (
     StatedTolerance,
     disagreements,
+    list_datum_features,
     list_stated_tolerances,
 )
 from aspectgraph.read.step.solids import (
@@ -186,6 +187,8 @@ class Semantic:
         The faces with a flatness or profile tolerance.
     tolerances : list of dict
         All geometric tolerances, see `describe_tolerances`.
+    datums : dict of str to list of dict
+        The faces and edges of each datum, by its letter.
     disagreements : list of str
         What text and kernel say differently of these.
     """
@@ -193,6 +196,7 @@ class Semantic:
     dimensions: list[dict[str, Any]] = field(default_factory=list)
     surfaces: list[dict[str, Any]] = field(default_factory=list)
     tolerances: list[dict[str, Any]] = field(default_factory=list)
+    datums: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     disagreements: list[str] = field(default_factory=list)
 
 
@@ -807,7 +811,19 @@ def read_semantic_dimensions(
         for row, face in place_surface_tolerances(entities, attached, instances)
     ]
     described = describe_tolerances(entities, tolerances, attached, instances)
-    return Semantic(dimensions, surfaces, described, disagreements(tolerances, of_kernel))
+    below = list_items_below(entities)
+    datums = {
+        letter: [
+            describe(place)
+            for aspect in aspects
+            for item in below(aspect)
+            for shape in attached.made_from(item)
+            for place in _places(shape, instances)
+        ]
+        for letter, aspects in list_datum_features(entities, texts).items()
+    }
+    differences = disagreements(tolerances, of_kernel)
+    return Semantic(dimensions, surfaces, described, datums, differences)
 
 
 def _instances(
