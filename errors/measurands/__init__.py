@@ -33,12 +33,14 @@ from errors.measurands.measurand import (
     uncertainty_ratio,
 )
 from errors.measurands.position import Position, PositionFrame, PositionModel
+from errors.measurands.split import End, SplitModel
 
 __all__ = [
     "Bonus",
     "Circle",
     "Decision",
     "DecisionRule",
+    "End",
     "Geometry",
     "Line",
     "Localisation",
@@ -49,6 +51,7 @@ __all__ = [
     "PositionFrame",
     "PositionModel",
     "Prediction",
+    "SplitModel",
     "acceptance_limits",
     "conformance_probability",
     "decide",

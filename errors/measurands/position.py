@@ -444,12 +444,12 @@ class Position(Measurand):
         ]
         return np.stack(columns, axis=1)
 
-    def along(self, shares: Sequence[float]) -> PositionComponent:
+    def along(self, shares: ArrayLike) -> PositionComponent:
         """Return a sum of components of e, which is a number that is nearly linear in what is fitted.
 
         Parameters
         ----------
-        shares : sequence of float (c,)
+        shares : array_like (c,)
             Of each component.
         """
         return PositionComponent(self, np.asarray(shares, dtype=np.float64))

@@ -18,7 +18,6 @@ from errors.measurands import (
     Geometry,
     Line,
     Measurand,
-    Position,
 )
 from errors.measurands.geometry import Frame
 from errors.measurands.measurand import COVERAGE
@@ -645,6 +644,8 @@ class Reading:
         Of a position its deviation e from the true one, in the axes of the datum reference frame; otherwise empty.
     covariance_mm2 : tuple of tuple of float
         Covariance of these; otherwise empty.
+    entity : str
+        The entity, if the value is what it would be if only this one of several was off; otherwise empty.
     """
 
     name: Annotated[str, NOT_STORED]
@@ -668,6 +669,7 @@ class Reading:
     moved: Annotated[bool, NOT_STORED] = False
     deviation_mm: tuple[float, ...] = ()
     covariance_mm2: tuple[tuple[float, ...], ...] = ()
+    entity: str = ""
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -716,9 +718,6 @@ def read_value(
     camera : Camera
         The camera.
     """
-    if isinstance(measurand, Position):
-        rest = (scans, registered, model, floor_px, camera)
-        return _read_position(where, measurand, lambda value: read_value(where, value, *rest))
     counts = counts_of(scans)
     share = min(scan.found_share for scan in scans)
     points = tuple(scan.points for scan in scans)
@@ -768,32 +767,6 @@ def read_value(
         drawn_uncertainty=drawn,
         notes=_notes(COVERAGE * u, drawn, gradient, registered),
         edge_shift=broken.by_mm,
-    )
-
-
-def _read_position(
-    where: tuple[str, str, int], position: Position, read: Callable[[Measurand], Reading]
-) -> Reading:
-    """Return the reading of a position: both components, their covariance, and 2‖e‖ with its error along e."""
-    n = len(position.frame.errors)
-    components = [read(position.along(np.eye(n)[k])) for k in range(n)]
-    if not components[0].measured:
-        return components[0]
-    e = np.array([component.value for component in components])
-    covariance = np.diag([component.standard_uncertainty**2 for component in components])
-    if n == 2:
-        both = read(position.along(np.ones(2))).standard_uncertainty ** 2
-        covariance[0, 1] = covariance[1, 0] = 0.5 * (both - np.trace(covariance))
-    axis = np.linalg.eigh(covariance)[1][:, -1]
-    distance = float(np.linalg.norm(e))
-    if distance > 0.0:
-        axis = e / distance
-    reading = read(position.along(2.0 * axis))
-    return replace(
-        reading,
-        value=2.0 * distance,
-        deviation_mm=tuple(e.tolist()),
-        covariance_mm2=tuple(map(tuple, covariance.tolist())),
     )
 
 

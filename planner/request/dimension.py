@@ -417,8 +417,8 @@ class Dimension:
         rim : Target
             The rim, or its id (``"r3"``).
         datums : sequence of Target
-            Entities that show the datums, in the order of the drawing, without a datum that is parallel to the plane
-            of the rim: an edge shows a plane across, a rim a hole or pin.
+            Entities that show the datums, in the order of the drawing. An edge shows a plane across, a rim a hole or
+            pin. Leave out a datum that is parallel to the plane of the rim.
         zone_mm : float
             Diameter of the zone, mm.
         **requirement

@@ -272,8 +272,8 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     units = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
     if unit not in units:
         raise RequestError.of_rule("unit", f"must be one of {', '.join(units)}", repr(unit))
-    left = ("unit", "any", "zone", "datums")
-    options = {key: value[key] for key in _OPTIONS if key in value and key not in left}
+    apart = ("unit", "any", "zone", "datums")
+    options = {key: value[key] for key in _OPTIONS if key in value and key not in apart}
     factor = _UNITS[unit]
     if kind == POSITION:
         return _position(entities, value, options, factor)

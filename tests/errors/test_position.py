@@ -29,7 +29,8 @@ def error_of(frame, **moved):
     x = frame.frames[0].x[:2]
     y = frame.frames[0].y[:2]
     hole = np.array(moved.get("hole", (0.0, 0.0)))
-    d[:2] = hole @ x, hole @ y
+    d[0] = hole @ x
+    d[1] = hole @ y
     d[3:5] = moved.get("b", (0.0, 0.0))
     d[5:7] = moved.get("c", (0.0, 0.0))
     # x along B, y across it
@@ -97,7 +98,8 @@ def test_a_hole_as_the_only_datum_leaves_the_rotation_free():
 
 def test_a_second_hole_fixes_the_rotation():
     frame = PositionFrame(HOLE, [Circle((0, 0, 0), Z, 4), Circle((100, 0, 0), Z, 4)])
-    x, y = frame.frames[2].x[:2], frame.frames[2].y[:2]
+    x = frame.frames[2].x[:2]
+    y = frame.frames[2].y[:2]
     # the second hole goes up by 0.1 in 100: the true position turns with it
     moved = np.array([0.0, 0.1])
     e = frame.error([zeros()[:3], zeros()[:3], (moved @ x, moved @ y, 0)])

@@ -689,6 +689,26 @@ def describe_tolerances(
     return rows
 
 
+def _describe_datums(
+    entities: dict[int, StepEntity],
+    features: Mapping[str, Sequence[int]],
+    attached: AttachedShapes,
+    instances: Instances,
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the faces and edges of each datum, by its letter."""
+    below = list_items_below(entities)
+    return {
+        letter: [
+            describe(place)
+            for aspect in aspects
+            for item in below(aspect)
+            for shape in attached.made_from(item)
+            for place in _places(shape, instances)
+        ]
+        for letter, aspects in features.items()
+    }
+
+
 def _places(shape: Any, instances: Instances) -> list[Any]:
     """Return a shape in each of its places in the assembly; none if these are not known."""
     try:
@@ -811,17 +831,8 @@ def read_semantic_dimensions(
         for row, face in place_surface_tolerances(entities, attached, instances)
     ]
     described = describe_tolerances(entities, tolerances, attached, instances)
-    below = list_items_below(entities)
-    datums = {
-        letter: [
-            describe(place)
-            for aspect in aspects
-            for item in below(aspect)
-            for shape in attached.made_from(item)
-            for place in _places(shape, instances)
-        ]
-        for letter, aspects in list_datum_features(entities, texts).items()
-    }
+    features = list_datum_features(entities, texts)
+    datums = _describe_datums(entities, features, attached, instances)
     differences = disagreements(tolerances, of_kernel)
     return Semantic(dimensions, surfaces, described, datums, differences)
 
