@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -41,7 +41,14 @@ from planner.measuring.register import bias_of, check_lens, looks_like, register
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
 from planner.measuring.response import JudgedResponse, judge_response
-from planner.measuring.results import MeasurementResults, Result, Source, edges_text, merged
+from planner.measuring.results import (
+    MeasurementResults,
+    Result,
+    Source,
+    break_shifts,
+    edges_text,
+    merged,
+)
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
 from planner.measuring.task import (
     REPEATABILITY,
@@ -406,6 +413,8 @@ class Measurer:
         results |= self._not_planned(options.rule)
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
+        states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
+        measured = list(results.values())
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             registered,
@@ -417,7 +426,8 @@ class Measurer:
             (*image_set.notes, *response.notes(readings), *notes),
             pictures,
             response.records(),
-            self._edges_text(list(results.values()), options),
+            edges_text(measured, states),
+            break_shifts(measured, states),
         )
 
     def _camera(self, options: MeasureOptions) -> Camera:
@@ -719,11 +729,6 @@ class Measurer:
         """
         of_target = getattr(target, "edge_break_mm", None)
         return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
-
-    def _edges_text(self, results: Sequence[Result], options: MeasureOptions) -> str:
-        """Say by how much edges are taken to be broken."""
-        states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        return edges_text(results, states)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

@@ -309,23 +309,36 @@ def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> st
         texts = [str(common[0])]
     else:
         texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
-    unstated = [result for result in results if result.name in states]
-    shifts = {
-        result.name: (TYPICAL_BREAK_MM * shift, result)
-        for result in unstated
-        if not states[result.name].stated
-        and result.measured
-        and (shift := _largest_shift(result)) > 0
-    }
     if not all(state.stated for state in states.values()) and len(common) > 1:
         texts.append(f"others: {EdgeState()}")
-    if shifts:
-        shift, worst = max(shifts.values(), key=lambda pair: pair[0] / pair[1].expanded_uncertainty)
+    shifts = break_shifts(results, states)
+    affected = [result for result in results if result.name in shifts]
+    if affected:
+        worst = max(affected, key=lambda result: shifts[result.name] / result.expanded_uncertainty)
         texts.append(
-            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shift:.2g} {worst.unit}, "
-            f"its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm or --edges)"
+            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shifts[worst.name]:.2g} "
+            f"{worst.unit}, its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm "
+            "or --edges)"
         )
     return "; ".join(texts)
+
+
+def break_shifts(results: Sequence[Result], states: Mapping[str, EdgeState]) -> dict[str, float]:
+    """Return how far a usual break of 0.1 mm would move each value whose edges are not stated, in its unit.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        What was measured.
+    states : mapping of str to EdgeState
+        By target.
+    """
+    shifts = {
+        result.name: TYPICAL_BREAK_MM * _largest_shift(result)
+        for result in results
+        if result.measured and result.name in states and not states[result.name].stated
+    }
+    return {name: shift for name, shift in shifts.items() if shift > 0}
 
 
 def _largest_shift(result: Result) -> float:
@@ -636,6 +649,8 @@ class MeasurementResults(ShownInNotebook):
         How much light their grey values stand for, and what says so.
     edges : str
         By how much edges are taken to be broken.
+    break_shifts : dict of str to float
+        How far a break of 0.1 mm would move each value whose edges are not stated, in its unit.
     """
 
     results: Mapping[str, Result]
@@ -649,6 +664,7 @@ class MeasurementResults(ShownInNotebook):
     pictures: Mapping[str, Picture] = field(default_factory=dict)
     responses: Mapping[str, ResponseRecord] = field(default_factory=dict)
     edges: str = ""
+    break_shifts: Mapping[str, float] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Result]:
         """Go through the results in the plan's order."""

@@ -297,8 +297,8 @@ def dimensions_table(plan: InspectionPlan) -> Table | None:
         Column("Setting", kind="settings"),
         Column(promise_name(plan), kind="lines"),
         Column("u"),
-        Column("Budget of the variance", kind="shares"),
-        Column("Accept between", kind="lines"),
+        Column("Budget of u²", kind="budget"),
+        Column("Accepted from, to", kind="lines"),
         Column("Binding"),
     ]
     order = list(plan.entities)
@@ -429,11 +429,65 @@ def _probability(plan: InspectionPlan, k: int, name: str) -> list[CellLine]:
     return lines
 
 
-def _budget(dimension: PlannedDimension, measurement: Measurement) -> str | list[Share]:
+def budgets_table(plan: InspectionPlan) -> Table | None:
+    """Return the share of each source in u² per dimension and setting; nothing for a plan without dimensions.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    pairs = [
+        (name, k, measurement)
+        for k, setting in enumerate(plan.settings)
+        for name, measurement in measurements(plan, setting).items()
+        if not _is_short(plan, k, name)
+    ]
+    order = list(plan.entities)
+    pairs.sort(key=lambda pair: order.index(pair[0]))
+    sources = [
+        source
+        for source in COLOURS
+        if any(measurement.budget.get(source) for _, _, measurement in pairs)
+    ]
+    if not sources:
+        return None
+    columns = [
+        Column("Dimension"),
+        Column("Setting", kind="settings"),
+        *(Column(source_text(source).capitalize(), right=True, unit="%") for source in sources),
+    ]
+    rows = []
+    for name, k, measurement in pairs:
+        percents = budget_percents(measurement.budget)
+        rows.append([name, [k + 1], *(_percent_text(percents.get(s, 0.0)) for s in sources)])
+    notes = []
+    if len(pairs) < sum(len(measurements(plan, setting)) for setting in plan.settings):
+        notes.append("Short arcs have quantiles instead of a variance, and so no budget.")
+    return Table(columns, rows, "budgets", "stack", notes=notes)
+
+
+def _percent_text(percent: float) -> str:
+    """Return a share; nothing of a source that does not count."""
+    return f"{percent:.1f}" if percent else ""
+
+
+def _is_short(plan: InspectionPlan, k: int, name: str) -> bool:
+    """Whether a setting measures a dimension by a short arc, whose quantiles are no variance."""
+    chosen = plan.settings[k].witness.get(name, 0)
+    return any(map(is_short, plan.dimensions[name].choosing(chosen).geometry))
+
+
+def _budget(dimension: PlannedDimension, measurement: Measurement) -> list[Share]:
+    """Return the shares of the sources that count; none of a short arc, whose quantiles are no variance."""
     if any(map(is_short, dimension.geometry)):
-        return "short arc: quantiles, no variance"
+        return []
     percents = budget_percents(measurement.budget)
-    return [Share(source_text(key), value, COLOURS[key]) for key, value in percents.items()]
+    return [
+        Share(source_text(source), percent, COLOURS[source])
+        for source, percent in percents.items()
+        if percent
+    ]
 
 
 def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[CellLine]:
@@ -453,7 +507,7 @@ def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[Cel
     if math.isinf(high):
         return [CellLine(f"from {lower}")]
     upper = _rounded(math.floor(high / step) * step, decimals, dimension)
-    return [CellLine(f"{lower} and {upper}")]
+    return [CellLine(f"{lower} to {upper}")]
 
 
 def _rounded(value: float, decimals: int, dimension: PlannedDimension) -> str:
