@@ -16,7 +16,7 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.entities.entity_rules import csv_text
+from aspectgraph.entities.entity_rules import table_text
 from errors.checks import chi_squared_quantile
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
@@ -608,8 +608,8 @@ COLUMNS = (
     *(
         "decision",
         "P_conforms",
-        "accept_lower",
-        "accept_upper",
+        "accepted_from",
+        "accepted_to",
         "images",
         "found",
         "rms_px",
@@ -619,6 +619,12 @@ COLUMNS = (
     *("reason", "advice"),
 )
 """Columns of the table."""
+
+_WITH_UNIT = frozenset(
+    ("nominal", "lower", "upper", "value", "deviation", "u", "U", "accepted_from", "accepted_to")
+)
+# shares and pixels
+_DECIMALS_OF = {"P_conforms": 6, "found": 3, "rms_px": 4, "overexposed": 4}
 
 
 @dataclass(frozen=True, eq=False)
@@ -816,10 +822,17 @@ class MeasurementResults(ShownInNotebook):
         Returns
         -------
         str
-            With a heading; lines end with CR LF. Text that a spreadsheet would run begins with an
-            apostrophe.
+            With a heading that states units; lines end with CR LF. Values have the digits of their U, as
+            in the report, and parts of u one more. What is accepted is rounded inwards. Text that a
+            spreadsheet would run begins with an apostrophe.
         """
-        return csv_text(COLUMNS, self.rows())
+        units = " or ".join(sorted({result.unit for result in self}))
+        heading = [
+            f"{name} ({units})" if name in _WITH_UNIT or name.startswith("u_") else name
+            for name in COLUMNS
+        ]
+        rows = [list(_rounded_row(row).values()) for row in self.rows()]
+        return table_text(heading, rows)
 
     def write_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the table as CSV.
@@ -926,6 +939,43 @@ def results_schema() -> dict[str, Any]:
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row of the table with the digits that its values are known to."""
+    decimals = decimals_of(row["U"]) if row["U"] else 6
+    rounded = dict(row)
+    for name, value in row.items():
+        if not isinstance(value, float):
+            continue
+        if name in ("value", "deviation", "u", "U"):
+            rounded[name] = round(value, decimals + (name == "u"))
+        elif name.startswith("u_"):
+            rounded[name] = round(value, decimals + 1)
+        elif name in _DECIMALS_OF:
+            rounded[name] = round(value, _DECIMALS_OF[name])
+    if row["P_conforms"] is not None:
+        # near 1 it is a bound
+        rounded["P_conforms"] = min(rounded["P_conforms"], 0.999999)
+    if row["accepted_from"] is not None:
+        rounded["accepted_from"] = rounded_up(row["accepted_from"], decimals)
+    if row["accepted_to"] is not None:
+        rounded["accepted_to"] = -rounded_up(-row["accepted_to"], decimals)
+    return rounded
+
+
+def rounded_up(value: float, decimals: int) -> float:
+    """Return the smallest decimal number with so many decimals that is not below a value.
+
+    Parameters
+    ----------
+    value : float
+        The value.
+    decimals : int
+        Digits behind the point.
+    """
+    # noise of a double is no reason for another step
+    return math.ceil(value * 10**decimals - 1e-9) / 10**decimals
 
 
 def _row(one: Result) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from planner.measuring.results import (
     decimals_of,
     nominal_text,
     number_text,
+    rounded_up,
     value_texts,
     verdict,
 )
@@ -506,9 +507,9 @@ def _accepted_text(result: Result) -> str:
     texts = []
     # inwards, so that no value is said to be accepted that is not
     if math.isfinite(lower):
-        texts.append(f"{math.ceil(lower * 10**decimals) / 10**decimals:+.{decimals}f}")
+        texts.append(f"{rounded_up(lower, decimals):+.{decimals}f}")
     if math.isfinite(upper):
-        texts.append(f"{math.floor(upper * 10**decimals) / 10**decimals:+.{decimals}f}")
+        texts.append(f"{-rounded_up(-upper, decimals):+.{decimals}f}")
     texts = [_minus(text) for text in texts]
     if len(texts) == 2:
         return " .. ".join(texts)

@@ -13,7 +13,7 @@ from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
-from planner.measuring.results import decimals_of
+from planner.measuring.results import decimals_of, rounded_up
 from planner.progress import TimeLeft, report
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
@@ -499,14 +499,13 @@ def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[Cel
         return [CellLine("nothing: u is too large for the tolerance", "bad")]
     # two digits of U, rounded inwards: no value is said to be accepted that is not
     decimals = decimals_of(2.0 * measurement.standard_uncertainty)
-    step = 10.0**-decimals
     low, high = (dimension.nominal + limit for limit in limits)
     if math.isinf(low):
-        return [CellLine(f"up to {_rounded(math.floor(high / step) * step, decimals, dimension)}")]
-    lower = _rounded(math.ceil(low / step) * step, decimals, dimension)
+        return [CellLine(f"up to {_rounded(-rounded_up(-high, decimals), decimals, dimension)}")]
+    lower = _rounded(rounded_up(low, decimals), decimals, dimension)
     if math.isinf(high):
         return [CellLine(f"from {lower}")]
-    upper = _rounded(math.floor(high / step) * step, decimals, dimension)
+    upper = _rounded(-rounded_up(-high, decimals), decimals, dimension)
     return [CellLine(f"{lower} to {upper}")]
 
 
