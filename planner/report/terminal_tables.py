@@ -47,6 +47,7 @@ from planner.text_table import (
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
+    from planner.light.light_plan import Exposure
     from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
@@ -200,10 +201,11 @@ def _print_lamps(plan: InspectionPlan) -> None:
         return
     columns = (
         Column("setting", right=True),
-        Column("light"),
-        Column("at", right=True, unit="mm", spec="z.1f"),
-        Column("shows", right=True),
+        Column("lamp on"),
+        Column("lamp at", right=True, unit="mm", spec="z.1f"),
+        Column("targets", right=True),
         Column("least contrast"),
+        Column("expose so that"),
     )
     rows = []
     for number, images in enumerate(plan.light.images, start=1):
@@ -218,11 +220,20 @@ def _print_lamps(plan: InspectionPlan) -> None:
                     places[0] if len(places) == 1 else None,
                     len(image.contrast),
                     words(f"{name} {contrast:.2f}{silhouette}", [name]),
+                    _exposed(image.expose_for),
                 )
             )
     if rows:
         print()
         print_table(columns, rows)
+
+
+def _exposed(exposure: Exposure | None) -> str:
+    """Say which place of an image must be how bright; nothing of plans that do not state it."""
+    if exposure is None:
+        return ""
+    column, row = exposure.pixel
+    return f"({column}, {row}) is at {100 * exposure.share:.2g} % of white"
 
 
 def _notes(plan: InspectionPlan) -> list[str]:

@@ -196,7 +196,7 @@ def test_every_hole_is_planned_in_one_image_of_all(planned):
 def test_every_output_counts_characteristics(planned):
     text = "4 of 4 characteristics"
     assert text in verdict(planned)
-    assert text in _more(planned)
+    assert text in _lead(planned) + _more(planned)
     assert ("4 / 4", "characteristics inspected") in _figures(planned)
     assert planned.features_text == ""
     assert "not planned" not in repr(planned)
