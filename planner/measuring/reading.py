@@ -907,12 +907,6 @@ def fits_after(
     return fit_entities(scan.edge.geometry, flat, scan.px_per_mm**2)[0]
 
 
-def covariance_of(readings: Mapping[str, Reading], covariance: Array) -> Array:
-    """Return the covariance (n, n) of readings of one image by what they have in common: pose and surfaces."""
-    gradients = np.array([reading.gradient for reading in readings.values()])
-    return np.asarray(gradients @ covariance @ gradients.T)
-
-
 # The length of an edge in an image: its line and a line that leaves each of its ends, intersected
 # at the corners.
 #

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from aspectgraph.entities.entity_rules import table_text
 from errors.checks import chi_squared_quantile
+from errors.many_images import best_weights
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands import acceptance_limits, conformance_probability, decide
@@ -41,8 +42,10 @@ from planner.request.words import tolerance_text
 CONSISTENT = 0.99
 """Readings of one target that differ more than with this probability are said to disagree."""
 
-# errors that readings from several images have in common
-_COMMON = ("surfaces", "localisation floor", "response", "edge state")
+
+_LEAST_VARIANCE = 1e-24
+# errors that readings from several images have in common beside poses and surfaces
+_ALIKE = ("localisation floor", "response", "edge state")
 
 
 _Limits = tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]]
@@ -217,11 +220,14 @@ def merged(
     readings: Sequence[Reading],
     rule: DecisionRule,
     missing: str = "",
+    *,
+    common: NDArray[np.float64] | None = None,
 ) -> Result:
     """Return the result of a target.
 
-    Readings are weighted by their variances. What pose and single points do is independent between images. The
-    deviations of surfaces and the floor of the localisation are common, and do not average out.
+    Readings have the weights that make the variance least, see `errors.many_images.best_weights`. Single points are
+    independent between images. The floor of the localisation, the response and broken edges are common, and do not
+    average out.
 
     Parameters
     ----------
@@ -235,6 +241,8 @@ def merged(
         How it is decided.
     missing : str
         Why there is no reading at all.
+    common : array (n, n), optional
+        Covariance of the measured readings by poses and surfaces. Default: poses are independent, and surfaces common.
     """
     target_fields = (name, target.kind, target.unit, target.nominal, target.tolerance)
     good = [reading for reading in readings if reading.measured]
@@ -248,7 +256,7 @@ def merged(
         advice = advised[0].advice if advised else ""
         reason = reason or "no image shows it"
         return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
-    value, u, notes = _weighted(good)
+    value, u, notes = _weighted(good, common)
     notes += tuple(dict.fromkeys(note for reading in good for note in reading.notes))
     deviation = value - target.nominal
     decision = decide(deviation, u, target.tolerance, rule)
@@ -263,25 +271,51 @@ def merged(
     )
 
 
-def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...]]:
+def weights_of(
+    readings: Sequence[Reading], common: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Return the weights of measured readings of one target, see `merged`."""
+    if len(readings) == 1:
+        return np.ones(1)
+    return best_weights(_apart(readings, common) + _alike(readings))
+
+
+def _apart(readings: Sequence[Reading], common: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Return the covariance (n, n) of measured readings but for what moves those of all images alike."""
+    if common is not None:
+        return common + np.diag([reading.budget["localisation"] for reading in readings])
+    surfaces = np.sqrt([reading.budget["surfaces"] for reading in readings])
+    covariance = np.outer(surfaces, surfaces)
+    each = [
+        reading.standard_uncertainty**2 - math.fsum(reading.budget[source] for source in _ALIKE)
+        for reading in readings
+    ]
+    np.fill_diagonal(covariance, np.maximum(each, _LEAST_VARIANCE))
+    return covariance
+
+
+def _alike(readings: Sequence[Reading]) -> NDArray[np.float64]:
+    """Return the covariance (n, n) of readings by what moves those of all images alike."""
+    sigmas = [np.sqrt([reading.budget[source] for reading in readings]) for source in _ALIKE]
+    return np.sum([np.outer(sigma, sigma) for sigma in sigmas], axis=0)
+
+
+def _weighted(
+    readings: Sequence[Reading], common: NDArray[np.float64] | None
+) -> tuple[float, float, tuple[str, ...]]:
     """Return the weighted mean of readings, its standard uncertainty, and notes."""
     if len(readings) == 1:
         return readings[0].value, readings[0].standard_uncertainty, ()
-    inverse = [1 / max(reading.standard_uncertainty, 1e-12) ** 2 for reading in readings]
-    weights = [weight / math.fsum(inverse) for weight in inverse]
-    value = math.fsum(w * reading.value for w, reading in zip(weights, readings, strict=True))
-    common = math.fsum(
-        w * math.sqrt(math.fsum(reading.budget[source] for source in _COMMON))
-        for w, reading in zip(weights, readings, strict=True)
-    )
-    variance = math.fsum(
-        w**2 * (reading.standard_uncertainty**2 - math.fsum(reading.budget[s] for s in _COMMON))
-        for w, reading in zip(weights, readings, strict=True)
-    )
-    u = math.sqrt(max(common**2 + variance, 0.0))
-    spread = math.fsum(
-        (reading.value - value) ** 2 * i for reading, i in zip(readings, inverse, strict=True)
-    )
+    apart = _apart(readings, common)
+    alike = _alike(readings)
+    weights = best_weights(apart + alike)
+    values = np.array([reading.value for reading in readings])
+    value = float(weights @ values)
+    u = math.sqrt(max(float(weights @ (apart + alike) @ weights), 0.0))
+    # what readings may have in common, they need not have: they may differ by it
+    inverse = np.linalg.inv(apart + np.diag(np.diag(alike)))
+    off = values - (inverse @ values).sum() / inverse.sum()
+    spread = float(off @ inverse @ off)
     freedoms = len(readings) - 1
     if spread <= chi_squared_quantile(CONSISTENT, freedoms):
         return value, u, ()
