@@ -102,8 +102,8 @@ print(f"U by drawing: {reading.drawn_uncertainty * 1000:.1f} µm")
 # %% [markdown]
 # ## What the registration is worth
 #
-# With the planned poses, values are less certain by far. Targets that the search window of a poor
-# robot does not separate from others have no value, but a reason.
+# With the planned poses, values are far less certain. Some targets lie closer to other lines than
+# the search window of a poor robot. They get a reason instead of a value.
 
 # %%
 planned = measure(plan, solid, examples / "measured/images", registration=Registration.none())
