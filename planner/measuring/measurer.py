@@ -419,7 +419,7 @@ class Measurer:
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        measured = list(results.values())
+        outcomes = tuple(results.values())
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
@@ -431,8 +431,8 @@ class Measurer:
             (*image_set.notes, *response.notes(readings), *joint.notes, *notes),
             pictures,
             response.records(),
-            edges_text(measured, states),
-            break_shifts(measured, states),
+            edges_text(outcomes, states),
+            break_shifts(outcomes, states),
         )
 
     def _camera(self, options: MeasureOptions) -> Camera:
