@@ -233,7 +233,8 @@ def _exposed(exposure: Exposure | None) -> str:
     if exposure is None:
         return ""
     column, row = exposure.pixel
-    return f"({column}, {row}) is at {100 * exposure.share:.2g} % of white"
+    place = f"the mean within {exposure.radius_px} px of pixel" if exposure.radius_px else "pixel"
+    return f"{place} ({column}, {row}) has {100 * exposure.share:.2g} % of white"
 
 
 def _notes(plan: InspectionPlan) -> list[str]:
