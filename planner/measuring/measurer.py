@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
+from errors.measurands.split import End
 from ground.blas import with_one_thread
 from ground.faces import project_version
 from ground.short_repr import short_repr
 from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
 from planner.camera.camera import Camera
-from planner.camera.pose import PoseUncertainty
+from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.camera.response import check_response
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
@@ -47,10 +48,11 @@ from planner.measuring.results import (
     Source,
     break_shifts,
     edges_text,
+    joined_ends,
     merged,
     weights_of,
 )
-from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
+from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -295,6 +297,44 @@ def _unregistered(shot: Shot, why: str, advice: str) -> list[Reading]:
     ]
 
 
+class MeasuredEnd:
+    """One entity of a target, which an image may show without the others.
+
+    Parameters
+    ----------
+    target : str
+        Name of the target.
+    value : End
+        What the entity has in the value.
+    edge : PartEdge
+        The entity.
+    model : PartModel
+        The part.
+
+    Attributes
+    ----------
+    free : set of int
+        Surfaces whose deviation the entity measures itself.
+    """
+
+    def __init__(self, target: str, value: End, edge: PartEdge, model: PartModel) -> None:
+        self.target = target
+        self.value = value
+        self.edge = edge
+        self.free = model.free_surfaces(value, (edge,))
+        self._model = model
+
+    def is_shown(self, image: Registered, camera: Camera, coverage: float) -> bool:
+        """Return whether an image may show enough of the entity in focus and apart from other lines."""
+        samples = entity_samples(self._model, [self.edge], image, camera, NEAR_PX)
+        if not len(samples.points):
+            return False
+        depth = world_to_cam(samples.points, image.cam2world)[:, 2]
+        nearest, farthest = camera.depth_of_field_mm
+        in_focus = (depth >= nearest) & (depth <= farthest)
+        return float(np.mean(samples.usable & in_focus)) >= coverage
+
+
 def witness_key(setting: SensorSetting, name: str) -> str:
     """Return a name for a target as a setting measures it."""
     k = setting.witness.get(name, 0)
@@ -349,6 +389,7 @@ class Measurer:
         }
         area = None if plan.light is None else plan.light.area
         self.model = PartModel(solid, self._by_witness, area)
+        self._ends = self._ends_of_others()
 
     @with_one_thread
     def measure(
@@ -416,6 +457,7 @@ class Measurer:
                 name, self.plan.targets[name], target_readings, options.rule, common=common
             )
         results |= self._not_planned(options.rule)
+        results |= self._of_several_images(response, registered, joint, options)
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
@@ -518,6 +560,8 @@ class Measurer:
         for setting in self.plan.settings:
             for name in setting.entities:
                 free_of[name] |= self.model.free_of[witness_key(setting, name)]
+        for name, ends in self._ends.items():
+            free_of[name] = set().union(*(end.free for end in ends))
         return PartPosterior(self.model, self.plan.camera, [g for g in groups if g], free_of)
 
     def _edges_half_px(self, registered: Mapping[str, Registered]) -> float:
@@ -705,6 +749,94 @@ class Measurer:
         return read_value(
             place, target.measurand, scans, registered, self.model, floor_px, picture.camera
         )
+
+    def _ends_of_others(self) -> dict[str, list[MeasuredEnd]]:
+        """Return the entities of targets that the plan inspects in no image, where each has its share of the value."""
+        ends = {}
+        for name in self.plan.uninspectable:
+            value = self.plan.targets[name].measurand
+            if value.in_image or value.unit != "mm" or len(value.geometry) != 2:
+                continue
+            ends[name] = [
+                MeasuredEnd(name, End(value, k), self.model.entity(shape, name), self.model)
+                for k, shape in enumerate(value.geometry)
+            ]
+        return ends
+
+    def _of_several_images(
+        self,
+        response: JudgedResponse,
+        registered: Mapping[str, Registered],
+        known: PartPosterior,
+        options: MeasureOptions,
+    ) -> dict[str, Result]:
+        """Return results of targets that the plan does not inspect, and whose entities are in different images."""
+        best: dict[str, dict[int, Reading]] = {name: {} for name in self._ends}
+        for shot in self.shots:
+            image = registered.get(shot.name)
+            if image is None or image.method != OWN_EDGES:
+                continue
+            for name, ends in self._ends.items():
+                for k, end in enumerate(ends):
+                    if not end.is_shown(image, self.plan.camera, options.coverage):
+                        continue
+                    pictures = [response.pictures, *response.others]
+                    reading, *others = [
+                        self._read_end(shot, end, picture[shot.name], known, options)
+                        for picture in pictures
+                    ]
+                    reading = response.counted(reading, others)
+                    worse = best[name].get(k)
+                    if reading.measured and (
+                        worse is None or reading.standard_uncertainty < worse.standard_uncertainty
+                    ):
+                        best[name][k] = reading
+        return {
+            name: joined_ends(
+                name,
+                self.plan.targets[name],
+                [readings[k] for k in sorted(readings)],
+                options.rule,
+                known.common([readings[k] for k in sorted(readings)]),
+            )
+            for name, readings in best.items()
+            if len(readings) == len(self._ends[name])
+        }
+
+    def _read_end(
+        self,
+        shot: Shot,
+        end: MeasuredEnd,
+        picture: Picture,
+        known: PartPosterior,
+        options: MeasureOptions,
+    ) -> Reading:
+        """Return the reading of one entity of a target in an image."""
+        image = known.known(end.target, shot.name)
+        target = self.plan.targets[end.target]
+        edge_state = self.edge_state(options, target)
+        samples = entity_samples(self.model, [end.edge], image.registered, picture.camera, NEAR_PX)
+        scan = scan_entity(
+            self.model,
+            end.edge,
+            end.value.frames[0],
+            samples.of(0),
+            picture,
+            image.registered,
+            half_px=NEAR_PX,
+            coverage=options.coverage,
+            edge_state=edge_state,
+        )
+        reading = read_value(
+            (end.target, shot.name, shot.setting),
+            end.value,
+            [scan],
+            image.registered,
+            self.model,
+            self._floor_px(target.localisation, options),
+            picture.camera,
+        )
+        return replace(image.corrected(reading), entity=end.edge.name)
 
     def _half_px(self, shot: Shot, registered: Registered) -> dict[str, float]:
         """Return how far from its prediction each target is searched, px."""

@@ -640,6 +640,8 @@ class Reading:
         What to change in the shop if it was not measured; empty if nothing is known.
     moved : bool
         Whether no edge is where the model has one, though the light would show it.
+    entity : str
+        The entity, if the value is what it would be if only this one of several was off; otherwise empty.
     """
 
     name: Annotated[str, NOT_STORED]
@@ -661,6 +663,7 @@ class Reading:
     edge_shift: Annotated[NumberOrNull, Key("by_mm_of_break")] = math.nan
     advice: str = ""
     moved: Annotated[bool, NOT_STORED] = False
+    entity: str = ""
 
     def __repr__(self) -> str:
         """Return a one-line summary."""

@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,10 +184,15 @@ class Result(ShownInNotebook):
 
     @property
     def budget(self) -> dict[str, float]:
-        """Variance by source of the reading with the smallest uncertainty; empty if none was measured."""
+        """Variance by source of the reading with the smallest uncertainty; empty if none was measured.
+
+        Of a value whose entities are in different images, that of both.
+        """
         measured = [reading for reading in self.readings if reading.measured]
         if not measured:
             return {}
+        if measured[0].entity:
+            return _budget_of_ends(measured, self.standard_uncertainty)
         return min(measured, key=lambda one: one.standard_uncertainty).budget
 
     def __repr__(self) -> str:
@@ -256,8 +261,91 @@ def merged(
         advice = advised[0].advice if advised else ""
         reason = reason or "no image shows it"
         return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
-    value, u, notes = _weighted(good, common)
-    notes += tuple(dict.fromkeys(note for reading in good for note in reading.notes))
+    return _measured(name, target, readings, _weighted(good, common), rule)
+
+
+def joined_ends(
+    name: str,
+    target: Target,
+    ends: Sequence[Reading],
+    rule: DecisionRule,
+    common: NDArray[np.float64],
+) -> Result:
+    """Return the result of a target whose entities are read in different images.
+
+    The deviation is the sum of those by each entity. Localisation and its floor are errors of each entity. Response and
+    broken edges may move both alike, so their standard deviations are added up.
+
+    Parameters
+    ----------
+    name : str
+        The target's name.
+    target : Target
+        The target.
+    ends : sequence of Reading (n,)
+        The reading of each entity.
+    rule : DecisionRule
+        How it is decided.
+    common : array (n, n)
+        Covariance of the readings by poses and surfaces.
+    """
+    value = target.nominal + math.fsum(end.value - target.nominal for end in ends)
+    variance = float(common.sum()) + math.fsum(_of_points(ends).values())
+    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    notes = (f"no image shows all of it: {where}",)
+    combined = _Combined(value, math.sqrt(variance), notes)
+    return _measured(name, target, ends, combined, rule)
+
+
+def _of_points(ends: Sequence[Reading]) -> dict[str, float]:
+    """Return the variance of the sum of readings of different entities by each source but poses and surfaces."""
+    variances = {
+        source: math.fsum(end.budget[source] for end in ends)
+        for source in ("localisation", "localisation floor")
+    }
+    for source in ("response", "edge state"):
+        variances[source] = math.fsum(math.sqrt(end.budget[source]) for end in ends) ** 2
+    return variances
+
+
+def _budget_of_ends(ends: Sequence[Reading], u: float) -> dict[str, float]:
+    """Return variance by source of a value whose entities are read in different images.
+
+    What poses and surfaces have in common is divided among them as the readings have it.
+    """
+    of_points = _of_points(ends)
+    parts = {
+        source: math.fsum(end.budget[source] for end in ends)
+        for source in SOURCES
+        if source not in of_points
+    }
+    total = math.fsum(parts.values())
+    rest = max(u**2 - math.fsum(of_points.values()), 0.0)
+    share = rest / total if total > 0 else 0.0
+    return {
+        source: of_points[source] if source in of_points else share * parts[source]
+        for source in SOURCES
+    }
+
+
+class _Combined(NamedTuple):
+    """The value of several readings, its standard uncertainty, and what the user should know."""
+
+    value: float
+    u: float
+    notes: tuple[str, ...] = ()
+
+
+def _measured(
+    name: str,
+    target: Target,
+    readings: Sequence[Reading],
+    combined: _Combined,
+    rule: DecisionRule,
+) -> Result:
+    """Return the result of a target that has a value."""
+    value, u, notes = combined
+    notes += tuple(dict.fromkeys(note for r in readings if r.measured for note in r.notes))
     deviation = value - target.nominal
     decision = decide(deviation, u, target.tolerance, rule)
     probability = math.nan
@@ -266,7 +354,8 @@ def merged(
         probability = conformance_probability(deviation, u, target.tolerance)
         accepted = acceptance_limits(target.tolerance, u, rule)
     return Result(
-        *(*target_fields, value, u, decision, probability),
+        *(name, target.kind, target.unit, target.nominal, target.tolerance),
+        *(value, u, decision, probability),
         *("", tuple(readings), notes, accepted),
     )
 
@@ -274,9 +363,9 @@ def merged(
 def weights_of(
     readings: Sequence[Reading], common: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
-    """Return the weights of measured readings of one target, see `merged`."""
-    if len(readings) == 1:
-        return np.ones(1)
+    """Return the weights of measured readings of one target, see `merged` and `joined_ends`."""
+    if len(readings) == 1 or readings[0].entity:
+        return np.ones(len(readings))
     return best_weights(_apart(readings, common) + _alike(readings))
 
 
@@ -300,12 +389,10 @@ def _alike(readings: Sequence[Reading]) -> NDArray[np.float64]:
     return np.sum([np.outer(sigma, sigma) for sigma in sigmas], axis=0)
 
 
-def _weighted(
-    readings: Sequence[Reading], common: NDArray[np.float64] | None
-) -> tuple[float, float, tuple[str, ...]]:
+def _weighted(readings: Sequence[Reading], common: NDArray[np.float64] | None) -> _Combined:
     """Return the weighted mean of readings, its standard uncertainty, and notes."""
     if len(readings) == 1:
-        return readings[0].value, readings[0].standard_uncertainty, ()
+        return _Combined(readings[0].value, readings[0].standard_uncertainty)
     apart = _apart(readings, common)
     alike = _alike(readings)
     weights = best_weights(apart + alike)
@@ -318,9 +405,9 @@ def _weighted(
     spread = float(off @ inverse @ off)
     freedoms = len(readings) - 1
     if spread <= chi_squared_quantile(CONSISTENT, freedoms):
-        return value, u, ()
+        return _Combined(value, u)
     note = f"{len(readings)} readings disagree: u is enlarged by their spread"
-    return value, u * math.sqrt(spread / freedoms), (note,)
+    return _Combined(value, u * math.sqrt(spread / freedoms), (note,))
 
 
 def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> str:

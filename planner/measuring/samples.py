@@ -17,7 +17,7 @@ from scipy.special import erf
 from aspectgraph.entities.entity_rules import PARAMETERS, Carriers
 from aspectgraph.light import DEFAULT_CONTRAST
 from aspectgraph.solid.solid import RayScene
-from errors.measurands import Circle, Geometry, Line
+from errors.measurands import Circle, Geometry, Line, Measurand
 from ground.decorators import njit
 from planner.camera.camera import Camera, image_of
 from planner.camera.pose import world_to_cam
@@ -770,7 +770,7 @@ class PartModel:
             for name, target in targets.items()
         }
         self.free_of = {
-            name: self._free_surfaces(target, self.measured[name])
+            name: self.free_surfaces(target.measurand, self.measured[name])
             for name, target in targets.items()
         }
         self.free = set().union(*self.free_of.values())
@@ -862,11 +862,12 @@ class PartModel:
             "part", "must be the one that was planned", f"one without the rim or arc of {target!r}"
         )
 
-    def _free_surfaces(self, target: Target, edges: tuple[PartEdge, ...]) -> set[int]:
-        if target.measurand.in_image:
+    def free_surfaces(self, value: Measurand, edges: tuple[PartEdge, ...]) -> set[int]:
+        """Return the surfaces whose deviation a value measures itself, given its entities."""
+        if value.in_image:
             return self._free_ends(edges[0])
         free = set()
-        for edge, frame in zip(edges, target.measurand.frames, strict=True):
+        for edge, frame in zip(edges, value.frames, strict=True):
             pair = self.carried_by[edge.name]
             if isinstance(edge.geometry, Line):
                 for k in pair:
