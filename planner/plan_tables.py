@@ -294,7 +294,7 @@ def _column(key: str, units: str) -> Column:
     if key.startswith("variance_"):
         return Column(key, unit=" or ".join(f"{unit}²" for unit in units.split(" or ")), spec=".3g")
     if key in ("p_all", "probability"):
-        return Column(key, spec=".6f", most=0.999999)
+        return Column(key, spec=".6f", ceiling=0.999999)
     return Column(key, spec=".6f" if key.startswith("simulated") else ".4g")
 
 

@@ -41,7 +41,7 @@ class Column:
         Format of its numbers, such as ``".3f"``.
     kind : str
         What a page makes of its values: a macro of ``table.html``.
-    most : float
+    ceiling : float
         Rounding for CSV goes no higher, such as 0.999999 for a probability: no model proves certainty.
     """
 
@@ -50,7 +50,7 @@ class Column:
     unit: str = ""
     spec: str = ""
     kind: str = "text"
-    most: float = math.inf
+    ceiling: float = math.inf
 
     @property
     def heading(self) -> str:
@@ -71,7 +71,7 @@ class Column:
         """Return a float with the digits of the format; other values as they are."""
         if not self.spec or not isinstance(value, float):
             return value
-        return min(float(format(value, self.spec)), self.most)
+        return min(float(format(value, self.spec)), self.ceiling)
 
 
 class WholePieces(NamedTuple):
