@@ -60,6 +60,7 @@ from planner.report.wording import (
     calibration_rows,
     edges_text,
     features_sentence,
+    given_text,
     light_sentence,
     percent,
     promise_sentence,
@@ -788,7 +789,9 @@ def _more(plan: InspectionPlan) -> str:
     """Say what stands behind the first sentences: characteristics that are not planned, simulation and light."""
     if not plan.settings:
         return ""
-    sentences = [features_sentence(plan), *simulated_sentences(plan), light_sentence(plan)]
+    poses = given_text(plan)
+    named = f"{poses[0].upper()}{poses[1:]}." if poses else ""
+    sentences = [named, features_sentence(plan), *simulated_sentences(plan), light_sentence(plan)]
     return " ".join(filter(None, sentences))
 
 
