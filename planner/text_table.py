@@ -208,10 +208,7 @@ class Table:
         """Return its values as CSV with a heading (RFC 4180); floats have the digits of their column's format."""
         from aspectgraph.entities.entity_rules import table_text
 
-        rows = [
-            [column.rounded(value) for column, value in zip(self.columns, row, strict=True)]
-            for row in self.rows
-        ]
+        rows = [list(map(Column.rounded, self.columns, row)) for row in self.rows]
         return table_text([column.heading for column in self.columns], rows)
 
     def html(self) -> Markup:

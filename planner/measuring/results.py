@@ -454,12 +454,14 @@ def break_shifts(results: Sequence[Result], states: Mapping[str, EdgeState]) -> 
     states : mapping of str to EdgeState
         By target.
     """
-    shifts = {
-        result.name: TYPICAL_BREAK_MM * _largest_shift(result)
-        for result in results
-        if result.measured and result.name in states and not states[result.name].stated
-    }
-    return {name: shift for name, shift in shifts.items() if shift > 0}
+    shifts = {}
+    for result in results:
+        if not result.measured or result.name not in states or states[result.name].stated:
+            continue
+        shift = TYPICAL_BREAK_MM * _largest_shift(result)
+        if shift > 0:
+            shifts[result.name] = shift
+    return shifts
 
 
 def _largest_shift(result: Result) -> float:
