@@ -147,10 +147,20 @@ def _digests(folder: Path) -> Iterator[tuple[str, str]]:
 
 def _of_plan(name: str, out: Path) -> Iterator[tuple[str, str]]:
     yield f"{name}/plan.json", _of_json((out / "plan.json").read_text(encoding="utf-8"), ASKED)
-    for file in ("graph.graphml", "measurements.csv", "transforms.json"):
+    yield f"{name}/measurements.csv", _digest(_all_digits(out / "plan.json").encode())
+    for file in ("graph.graphml", "transforms.json"):
         path = out / file
         if path.exists():
             yield f"{name}/{file}", _digest(path.read_bytes())
+
+
+def _all_digits(path: Path) -> str:
+    """Return the rows of a plan with all their digits, which its CSV file does not have."""
+    from aspectgraph.entities.entity_rules import csv_text
+    from planner import read_plan
+
+    rows = read_plan(path).rows()
+    return csv_text(list(rows[0]), rows)
 
 
 def _of_programs(name: str, out: Path, options: list[str]) -> Iterator[tuple[str, str]]:

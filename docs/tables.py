@@ -9,8 +9,10 @@ and the digests of its inputs. `--models FOLDER` reads the models in a folder ag
 from __future__ import annotations
 
 import argparse
+import csv
 import hashlib
 import json
+import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -149,7 +151,78 @@ def _qif_statuses() -> str:
     return table(("decision", "status"), rows)
 
 
+# plans whose rendered images were measured: the name on the page, and which classes are a row
+IMAGED = {
+    "conditions, CTC-01": ("example of CTC-01", (("clean",),)),
+    "conditions, MFCAD": ("all edges of mfcad_4-5-5-6-9-23, A = .98", (("clean",), ("not lit",))),
+    "conditions, D2MI": ("all edges of D2MI, A = .98", (("clean",), ("not lit",))),
+    "paper's, CTC-01": ("CTC-01, the paper's constraints", (("no corner",), ("clean", "border"))),
+}
+METHODS = ("measured", "rounded", "corner", "canny")
+ACCURACIES = ("0.98", "0.99", "0.995")
+
+
+def _edge_images() -> str:
+    with (DOCS.parent / "notebooks/edge_images.csv").open(encoding="utf-8", newline="") as file:
+        measured = list(csv.DictReader(file))
+    lines = []
+    for plan, (label, classes) in IMAGED.items():
+        for kinds in classes:
+            rows = [row for row in measured if row["plan"] == plan and row["kind"] in kinds]
+            total = sum(int(row["n"]) for row in rows)
+            name = kinds[0] if len(kinds) == 1 else "others"
+            cells = [label, name, len(rows), f"{total:,}", _stated(rows, total)]
+            cells += [_counted(rows, total, method) for method in METHODS]
+            lines.append(cells)
+            label = ""
+    heads = (
+        "plan",
+        "class",
+        "measurements",
+        "images",
+        "stated",
+        "fit",
+        "rounded",
+        "corner",
+        "Canny",
+    )
+    return table(heads, lines)
+
+
+def _sums(rows: Sequence[dict[str, str]], method: str) -> list[float]:
+    """Return how many images a method is accurate in, or is stated to be, at each accuracy."""
+    return [sum(int(row["n"]) * float(row[f"{method} {a}"]) for row in rows) for a in ACCURACIES]
+
+
+def _stated(rows: Sequence[dict[str, str]], total: int) -> str:
+    """Return stated probabilities, rounded down."""
+    shares = [expected / total for expected in _sums(rows, "promised")]
+    texts = [
+        "> .9999" if share > 0.9999 else f"{math.floor(1000 * share) / 1000:.3f}".lstrip("0")
+        for share in shares
+    ]
+    return " / ".join(texts)
+
+
+def thousandths(count: int, total: int) -> int:
+    """Return a share in thousandths, halves rounded up."""
+    return (2000 * count + total) // (2 * total)
+
+
+def _counted(rows: Sequence[dict[str, str]], total: int, method: str) -> str:
+    """Return shares of images; counts of all and of none."""
+    counts = [round(value) for value in _sums(rows, method)]
+    texts = [
+        f"{count} of {total}" if count in (0, total) else f".{thousandths(count, total):03d}"
+        for count in counts
+    ]
+    if len(set(counts)) == 1 and counts[0] in (0, total):
+        return f"{texts[0]}, all three"
+    return " / ".join(texts)
+
+
 TABLES: dict[str, Callable[[], str]] = {
+    "edge-images": _edge_images,
     "measured-example": _example,
     "model-dimensions": _model_dimensions,
     "model-zones": _model_zones,

@@ -16,9 +16,10 @@
 # %% [markdown]
 # # On a cluster with Dask
 #
-# A plan can be divided among machines: the visible regions of the entities, the search for poses, the proof of the
-# bound, the simulation. Anything with the interface of `concurrent.futures.Executor` will do; Dask has one. Here
-# scheduler and workers run on this machine; on a cluster, give `Client` the address of the scheduler.
+# A plan can be divided among machines: the visible regions of the entities, the search for poses,
+# the proof of the bound, the simulation. Any `concurrent.futures.Executor` works, and Dask has one.
+# Here, scheduler and workers run on this machine. On a cluster, give `Client` the address of the
+# scheduler.
 
 # %%
 import time
@@ -53,8 +54,8 @@ alone
 # %% [markdown]
 # ## Together
 #
-# Each worker loads the compiled code first, which takes seconds, so that such a small request gains nothing. Parts with
-# dozens of entities do.
+# Each worker first loads the compiled code, which takes seconds. So this small request gains
+# nothing, but parts with dozens of entities do.
 
 # %%
 with (
@@ -124,4 +125,4 @@ assert together.to_dict() == alone.to_dict()
 #
 # * Every worker needs the same version of the program, and of numpy.
 # * `NUMBA_CACHE_DIR` on a shared disk lets workers compile once.
-# * `state=` (or `--resume`) keeps results on disk: a plan goes on after a cluster went away.
+# * `state=` (or `--resume`) keeps results on disk. A plan continues after the cluster has stopped.

@@ -16,8 +16,8 @@
 # %% [markdown]
 # # Comparisons: other optimisers, other planners
 #
-# How good is the pose that `plan_setting` finds, and how good are the plans of `plan_inspection`? This notebook shows
-# stored runs; each file is written by one command:
+# How good is the pose that `plan_setting` finds, and how good are the plans of `plan_inspection`?
+# This notebook shows stored runs. One command writes each file:
 #
 # * `python benchmarks/planning/optimisers.py --csv notebooks/optimisers.csv`
 # * `python benchmarks/planning/optimisers.py --optimum --csv notebooks/optimum.csv`
@@ -137,9 +137,9 @@ for (case,), runs in grouped(equal, "case").items():
 # is 0 to four digits, and so is that of CMA-ES. On some sets of the blocks, CMA-ES and differential
 # evolution are ahead by some ten-thousandths of a per cent: they settle, while the refinement stops
 # when it no longer gains. With two nearly equal optima, on either side of the straight view
-# (`boss_top_left`, `boss_top_right`, `web_back`), both mostly end on the wrong side; turned and
-# mirrored views are the planner's remedy for that. A random search is within half a per cent on
-# five of the six sets.
+# (`boss_top_left`, `boss_top_right`, `web_back`), both mostly end on the wrong side. The planner
+# therefore also tries turned and mirrored views. A random search is within half a per cent on five
+# of the six sets.
 
 # %% [markdown]
 # ## Is the optimum real?
@@ -175,8 +175,8 @@ plt.show()
 
 # %% [markdown]
 # No rival is ahead by more than a twentieth of a per cent, with twenty times the evaluations. If
-# one is ahead, it is nearly always in digits beyond the end of the refinement. On the last set
-# random draws never fit, with no end of trying: the planner repairs the least violating ones.
+# one is ahead, it is nearly always in digits beyond the end of the refinement. On the last set,
+# random draws never fit, however many are tried. The planner repairs those that violate least.
 #
 # The stored runs are repeatable: one of them again.
 
@@ -233,9 +233,9 @@ for method in ("genetic algorithm", "memetic algorithm", "column generation"):
 # %% [markdown]
 # ## Planners
 #
-# All the entities of a part, each with P of at least 0.9. "left out" are entities no setting inspects, and "worst P" is
-# over the inspected ones, each in its best setting. Ranges are over the seeds. The domes need no chance: their rows are
-# the same for each.
+# All the entities of a part, each with P of at least 0.9. "Left out" are entities that no setting
+# inspects. "Worst P" is the smallest over the inspected ones, each in its best setting. Ranges are
+# over the seeds. The domes draw no random numbers, so their rows are the same for each seed.
 
 # %%
 planners = load("planners.csv")
@@ -301,18 +301,18 @@ plt.show()
 # %% [markdown]
 # ## Settings against time
 #
-# How soon is there a plan that can be used, and how soon a better one? `plan_inspection` reports
-# every better plan and every better bound (`on_incumbent=`). A rival has one plan, at its end. All
-# begin when the visible regions are there. *narrow*: a lens of 25 mm at f/8 with little depth of
-# field, focused at 120 mm (mfcad) and 250 mm (mtc). Stored by `python
-# benchmarks/planning/anytime.py --folder PARTS --limit 200 --csv notebooks/anytime.csv`. Seconds
-# are processor time, threads added up; plans were ended after 200 s of wall time.
+# How soon is there a usable plan, and how soon a better one? `plan_inspection` reports every better
+# plan and every better bound (`on_incumbent=`). A rival has one plan, at its end. All begin when
+# the visible regions are there. *narrow*: a lens of 25 mm at f/8 with little depth of field,
+# focused at 120 mm (mfcad) and 250 mm (mtc). Stored by `python benchmarks/planning/anytime.py
+# --folder PARTS --limit 200 --csv notebooks/anytime.csv`. Seconds are processor time, summed over
+# threads. Plans were stopped after 200 s of wall time.
 #
-# A plan that `plan_inspection` reports promises that everything holds from displaced poses, and leaves
-# out what does not. The rivals count nothing. *Supported* are the entities of a plan that have the
-# required probability over 2,000 other displaced poses of each setting. The last two requests have
-# the conditions that `plan_inspection` asks by default; the others are without separation, corners
-# and surroundings, as in the paper.
+# A plan that `plan_inspection` reports promises that everything holds from displaced poses, and
+# leaves out what does not. The rivals do not count this. *Supported* are the entities of a plan
+# that have the required probability over 2,000 other displaced poses of each setting. The last two
+# requests have the conditions that `plan_inspection` asks by default. The others are without
+# separation, corners and surroundings, as in the paper.
 
 # %%
 anytime = grouped(load("anytime.csv"), "part")

@@ -108,7 +108,7 @@ for name, reason in plan.uninspectable.items():
 # %% [markdown]
 # ## How sure
 #
-# P is the probability that the *error of the measurement* is permitted; it is not the probability
+# P is the probability that the *error of the measurement* is permitted. It is not the probability
 # that a part conforms. U is the expanded uncertainty (k = 2), T the whole width of the tolerance. A
 # part is proven to conform only if the measured value stays away from the limits by U (ISO
 # 14253-1).

@@ -429,5 +429,6 @@ for low, high in ((0.3, 1), (1, 2), (2, 8)):
 # also has a larger error on oblique edges than eq. 3 says, because its errors along u and v go
 # together.
 #
-# So plan with a tolerance, (1 − A) times the image length, of at least two pixels. A lens or a distance that gives
-# less needs a subpixel detector, and then a smaller effective pixel pitch in the prediction.
+# So plan with a tolerance of at least two pixels. The tolerance is (1 − A) times the image length.
+# A lens or a distance that gives less needs a subpixel detector, and a smaller effective pixel
+# pitch in the prediction.

@@ -24,7 +24,6 @@
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 from aspectgraph import read_solid
 from planner import Registration, measure, read_plan
@@ -90,20 +89,20 @@ figure.tight_layout()
 # %% [markdown]
 # ## Where the uncertainty comes from
 #
-# The budget holds variances. The error that all points of a rim have in common is the largest part
-# here: a pixel is half a millimetre.
+# The budget holds variances, here printed as standard deviations. The largest part is the response:
+# nothing states how the camera turns light into grey values, and a pixel is half a millimetre.
 
 # %%
 for source, variance in reading.budget.items():
-    print(f"{source:20} {np.sign(variance) * abs(variance) ** 0.5 * 1000:6.1f} µm")
+    print(f"{source:20} {variance**0.5 * 1000:6.1f} µm")
 print(f"{'u':20} {reading.standard_uncertainty * 1000:6.1f} µm")
 print(f"U by drawing: {reading.drawn_uncertainty * 1000:.1f} µm")
 
 # %% [markdown]
 # ## What the registration is worth
 #
-# With the planned poses, values are less certain by far. Targets that the search window of a poor
-# robot does not separate from others have no value, but a reason.
+# With the planned poses, values are far less certain. Some targets lie closer to other lines than
+# the search window of a poor robot. They get a reason instead of a value.
 
 # %%
 planned = measure(plan, solid, examples / "measured/images", registration=Registration.none())

@@ -69,9 +69,11 @@ SVG(predicted_image(solid, camera, setting.cam2world, plan.entities))
 
 # %%
 rows = plan.rows()
+print(", ".join(rows[0]))
 for row in rows[:3]:
     print(
-        {key: round(value, 4) if isinstance(value, float) else value for key, value in row.items()}
+        f"\n{row['name']}: {row['kind']} {row['nominal']:.2f} mm, u = {row['standard_uncertainty']:.3f} mm, "
+        f"P = {row['probability']:.4f}, search within ±{row['search_window_px']:.1f} px"
     )
 assert len(rows) == len(edges)
 

@@ -14,8 +14,9 @@
 # %% [markdown]
 # # A robot that reaches every setting
 #
-# A plan says where the camera is. This notebook plans for a robot that has to bring it there: NIST's test part CTC-01
-# on a table, an arm of six joints with the camera at its flange, and two edges, one on top of the part and one below.
+# A plan says where the camera is. This notebook plans for the robot that carries it. NIST's test
+# part CTC-01 lies on a table, an arm of six joints has the camera at its flange, and two edges are
+# measured: one on top of the part and one below.
 
 # %%
 from pathlib import Path

@@ -77,9 +77,9 @@ assert light.complete
 # %% [markdown]
 # ## The same view under three lamps
 #
-# At the camera, at an unplanned position, and at the planned position. Circles: where a line fit
-# finds a grey step of five levels of 255 or more along the edges that this setting measures;
-# crosses: where it does not.
+# At the camera, at an unplanned position, and at the planned position. Circles show where a line
+# fit finds a grey step of five levels of 255 or more along the measured edges. Crosses show where
+# it does not.
 
 # %%
 setting = max(plan.settings, key=lambda one: len(one.entities))
@@ -138,8 +138,8 @@ assert min(steps["planned"]) >= 5
 # %% [markdown]
 # ## A displaced camera
 #
-# The image moves by pixels. Lines are fitted to the points found along the edge and along the line that leaves each of
-# its ends; where they cross, the edge ends.
+# The image moves by pixels. Lines are fitted to the points found along the edge and along the line
+# that leaves each of its ends. The edge ends where they cross.
 
 # %%
 rng, lamp = np.random.default_rng(3), Lamp(lamps["planned"])

@@ -168,10 +168,11 @@ plt.show()
 # %% [markdown]
 # ### What agrees, what does not
 #
-# **Agrees: the probability at the paper's best rates.** At $P_c$ = 0.9, $P_m$ = 0.1 the paper has 0.95 for every N. So
-# have we, if the mean of the last population is meant; the best pose of a run reaches 0.98. As in the paper, N hardly
-# matters for it. That is no merit of the search: poses drawn from the covering domains have a mean of 0.96 already
-# (table below), and the plain algorithm mutates its population back to there and below.
+# **Agrees: the probability at the paper's best rates.** At $P_c$ = 0.9, $P_m$ = 0.1 the paper has
+# 0.95 for every N. Our mean of the last population has the same. The best pose of a run reaches
+# 0.98. As in the paper, N hardly matters for it. That is no merit of the search: poses drawn from
+# the covering domains have a mean of 0.96 already (table below), and the plain algorithm mutates
+# its population back to there and below.
 #
 # **Agrees: the generations, in trend.** Up to $P_m$ = 0.5 fewer individuals take more generations.
 # And over $P_m$ the curves rise to the middle and fall again: the paper's 189, 579, 927, 366, 135

@@ -121,7 +121,9 @@ class PlanTables(ShownInNotebook):
         for name, reason in self.uninspectable.items():
             rows.append({"setting": None, **self._target_values(name), "reason": reason})
         keys = list(dict.fromkeys(key for row in rows for key in row)) or ["setting", "name"]
-        return Table(list(map(Column, keys)), [[row.get(key) for key in keys] for row in rows])
+        units = " or ".join(sorted({row["unit"] for row in rows}))
+        columns = [_column(key, units) for key in keys]
+        return Table(columns, [[row.get(key) for key in keys] for row in rows])
 
     def to_dataframe(self) -> Any:
         """Return `rows` as a data frame of pandas.
@@ -197,9 +199,10 @@ class PlanTables(ShownInNotebook):
         Returns
         -------
         str
-            The text. None becomes an empty cell, and numbers are written without loss. Text that a
-            spreadsheet would run, such as the name ``=1+1``, begins with an apostrophe.
-            `read_entities` removes it again.
+            The text. Headings are the keys of `rows`, with the unit in brackets where the key does not
+            state it. None becomes an empty cell. Floats have six digits or fewer, as many as they are
+            known to; `rows` has them all. Text that a spreadsheet would run, such as the name
+            ``=1+1``, begins with an apostrophe. `read_entities` removes it again.
 
         Raises
         ------
@@ -274,6 +277,25 @@ class PlanTables(ShownInNotebook):
             "unit": target.unit,
             "n_features": target.n_features,
         }
+
+
+def _column(key: str, units: str) -> Column:
+    """Return a column of the table: its unit where the key does not end with one, and the digits of its floats."""
+    if key in ("x", "y", "z"):
+        return Column(key, unit="mm", spec=".4f")
+    if key in ("rx", "ry", "rz"):
+        return Column(key, unit="deg", spec=".5f")
+    if key == "nominal":
+        return Column(key, unit=units, spec=".9g")
+    if key == "permitted_error":
+        return Column(key, unit=units, spec=".6g")
+    if key == "standard_uncertainty":
+        return Column(key, unit=units, spec=".3g")
+    if key.startswith("variance_"):
+        return Column(key, unit=" or ".join(f"{unit}²" for unit in units.split(" or ")), spec=".3g")
+    if key in ("p_all", "probability"):
+        return Column(key, spec=".6f", ceiling=0.999999)
+    return Column(key, spec=".6f" if key.startswith("simulated") else ".4g")
 
 
 def _values(row: Row, n_features: int) -> dict[str, Any]:

@@ -392,7 +392,7 @@ AHEAD = "compiling loops, once"
 # between two lines about it
 _AHEAD_S = 10.0
 # what usually ends before its total
-_AT_MOST = ("column generation", "lower bound")
+_AT_MOST = ("combining targets", "lower bound")
 
 
 def duration(seconds: float) -> str:

@@ -6,6 +6,7 @@ is not enough, the first column, which holds names, gets lines of its own; at la
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import sys
@@ -40,6 +41,8 @@ class Column:
         Format of its numbers, such as ``".3f"``.
     kind : str
         What a page makes of its values: a macro of ``table.html``.
+    ceiling : float
+        Rounding for CSV goes no higher, such as 0.999999 for a probability: no model proves certainty.
     """
 
     title: str
@@ -47,6 +50,7 @@ class Column:
     unit: str = ""
     spec: str = ""
     kind: str = "text"
+    ceiling: float = math.inf
 
     @property
     def heading(self) -> str:
@@ -62,6 +66,12 @@ class Column:
         if isinstance(value, Iterable):
             return " ".join(format(number, self.spec) for number in value)
         return format(value, self.spec)
+
+    def rounded(self, value: Any) -> Any:
+        """Return a float with the digits of the format; other values as they are."""
+        if not self.spec or not isinstance(value, float):
+            return value
+        return min(float(format(value, self.spec)), self.ceiling)
 
 
 class WholePieces(NamedTuple):
@@ -195,10 +205,11 @@ class Table:
         return [dict(zip(titles, row, strict=True)) for row in self.rows]
 
     def csv(self) -> str:
-        """Return its values as CSV with a heading (RFC 4180), without loss."""
+        """Return its values as CSV with a heading (RFC 4180); floats have the digits of their column's format."""
         from aspectgraph.entities.entity_rules import table_text
 
-        return table_text([column.title for column in self.columns], self.rows)
+        rows = [list(map(Column.rounded, self.columns, row)) for row in self.rows]
+        return table_text([column.heading for column in self.columns], rows)
 
     def html(self) -> Markup:
         """Return it as a part of a page."""

@@ -23,6 +23,7 @@ from aspectgraph import (
     domain_path,
     plot_graph,
     plot_section,
+    read_solid,
     stability,
 )
 from errors import simulate_success
@@ -263,3 +264,16 @@ def test_every_value_is_one_short_line(eag, plan):
     assert repr(left) == f"<Result 'left': {value}, {left.decision.value}>"
     assert repr(left.readings[0]).startswith("<Reading of 'left' in 'setting_01': 16.")
     assert repr(UNCERTAINTY) == "<PoseUncertainty: 0.05, 0.05, 0.05 mm, 0.001, 0.001, 0.001 rad>"
+
+
+def test_a_printed_part_says_what_can_be_measured_of_it():
+    """Its edges are those of the model, as `info` lists them, and not those of its facets."""
+    assert str(BOX) == "box: 40 x 30 x 20 mm, 12 straight edges"
+    part = read_solid("examples/nist_ctc_01_ap242.stp")
+    counts = {kind: int(n) for n, kind in re.findall(r"(\d+) (straight edge|rim|arc)s?", str(part))}
+    assert counts == {
+        "straight edge": len(part.straight_edges()),
+        "rim": len(part.rims()),
+        "arc": len(part.arcs()),
+    }
+    assert len(part.edges) > sum(counts.values())

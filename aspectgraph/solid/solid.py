@@ -317,6 +317,8 @@ class Solid(ShownInNotebook):
 
     >>> box
     <Solid 'box': 8 vertices, 12 edges, 6 faces>
+    >>> print(box)
+    box: 40 x 30 x 20 mm, 12 straight edges
     >>> round(box.volume)
     24000
     >>> box.edges[1].vertices, box.edge_length_mm(1)
@@ -624,6 +626,17 @@ class Solid(ShownInNotebook):
     def __repr__(self) -> str:
         """Return a one-line summary."""
         return f"<Solid {self.name!r}: {len(self.vertices)} vertices, {len(self.edges)} edges, {len(self.faces)} faces>"
+
+    def __str__(self) -> str:
+        """Return its size and what can be measured of it, as `info` lists it."""
+        size = " x ".join(f"{length:.5g}" for length in np.ptp(self.bounds, axis=0))
+        kinds = {
+            "straight edge": len(self.straight_edges()),
+            "rim": len(self.rims()),
+            "arc": len(self.arcs()),
+        }
+        counts = ", ".join(f"{n} {kind}{'s' * (n != 1)}" for kind, n in kinds.items() if n)
+        return f"{self.name or 'solid'}: {size} mm, {counts or 'no sharp edges'}"
 
     def _views(self) -> dict[str, Callable[[], Any]]:
         return {PLOTLY: self._notebook_figure, **super()._views()}

@@ -37,7 +37,7 @@ from planner.robotprogram.robot_program import (
     robot_program_with_other_poses,
 )
 from planner.sensor_setting import image_name
-from planner.text_table import Column, print_table, print_text
+from planner.text_table import Column, count, print_table, print_text
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -108,7 +108,12 @@ def _isotropic(name: str, sigmas: tuple[float, float] | None) -> PoseUncertainty
 
 
 def _print_program(made: RobotProgram) -> None:
-    """Print the rounds, what is not reached, and what to look at."""
+    """Print how many settings the program visits, its rounds, and what to look at."""
+    total = made.n_stops + len(made.unreached)
+    head = f"the program visits {made.n_stops} of {count(total, 'setting')}"
+    print_text(f"warning: {head}" if made.unreached else head)
+    for k, why in made.unreached.items():
+        print_text(f"setting {k + 1} is left out, because the robot does not reach it: {why}")
     states_p = any(stop.probability for tour in made.tours for stop in tour.stops)
     columns = [
         Column("part lies"),
@@ -136,8 +141,6 @@ def _print_program(made: RobotProgram) -> None:
         print_text(f"settings reached by the number of fixturings: {', '.join(counts)}")
     for k, text in made.replaced.items():
         print_text(f"setting {k + 1} has another pose that inspects the same: {text}")
-    for k, why in made.unreached.items():
-        print_text(f"setting {k + 1} is not reached: {why}")
     for text in made.warnings:
         print_text(f"warning: {text}")
 
@@ -247,6 +250,11 @@ def _other_poses(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell)
         print_text(f"setting {k + 1} is reached from another pose that inspects the same: {text}")
     for k in outcome.unreached:
         print_text(f"setting {k + 1} is reached from no other pose that was tried")
+    if outcome.unreached and not plan.cell:
+        print_text(
+            f"plan for this robot: add --cell {options.cell} to the command plan. It then chooses only poses that the "
+            "robot reaches"
+        )
     if options.plan_out is None:
         if outcome.replaced:
             print_text("--plan-out FILE writes the plan with these poses")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -46,6 +46,7 @@ from planner.measuring.results import (
     MeasurementResults,
     Result,
     Source,
+    break_shifts,
     edges_text,
     joined_ends,
     merged,
@@ -508,6 +509,8 @@ class Measurer:
         results |= self._of_several_images(response, registered, joint, options)
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
+        states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
+        outcomes = tuple(results.values())
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
@@ -525,7 +528,8 @@ class Measurer:
             ),
             pictures,
             response.records(),
-            self._edges_text(list(results.values()), options),
+            edges_text(outcomes, states),
+            break_shifts(outcomes, states),
         )
 
     def _camera(self, options: MeasureOptions) -> Camera:
@@ -937,11 +941,6 @@ class Measurer:
         """
         of_target = getattr(target, "edge_break_mm", None)
         return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
-
-    def _edges_text(self, results: Sequence[Result], options: MeasureOptions) -> str:
-        """Say by how much edges are taken to be broken."""
-        states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        return edges_text(results, states)
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from aspectgraph.entities.entity_rules import csv_text
+from aspectgraph.entities.entity_rules import table_text
 from errors.checks import chi_squared_quantile
 from errors.many_images import best_weights
 from errors.measurands import Decision as Decision
@@ -464,23 +464,38 @@ def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> st
         texts = [str(common[0])]
     else:
         texts = [f"{name}: {state}" for name, state in states.items() if state.stated]
-    unstated = [result for result in results if result.name in states]
-    shifts = {
-        result.name: (TYPICAL_BREAK_MM * shift, result)
-        for result in unstated
-        if not states[result.name].stated
-        and result.measured
-        and (shift := _largest_shift(result)) > 0
-    }
     if not all(state.stated for state in states.values()) and len(common) > 1:
         texts.append(f"others: {EdgeState()}")
-    if shifts:
-        shift, worst = max(shifts.values(), key=lambda pair: pair[0] / pair[1].expanded_uncertainty)
+    shifts = break_shifts(results, states)
+    affected = [result for result in results if result.name in shifts]
+    if affected:
+        worst = max(affected, key=lambda result: shifts[result.name] / result.expanded_uncertainty)
         texts.append(
-            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shift:.2g} {worst.unit}, "
-            f"its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm or --edges)"
+            f"a break of {TYPICAL_BREAK_MM:g} mm would move {worst.name} by up to {shifts[worst.name]:.2g} "
+            f"{worst.unit}, its U is {worst.expanded_uncertainty:.2g} {worst.unit} (state it with edge_break_mm "
+            "or --edges)"
         )
     return "; ".join(texts)
+
+
+def break_shifts(results: Sequence[Result], states: Mapping[str, EdgeState]) -> dict[str, float]:
+    """Return how far a usual break of 0.1 mm would move each value whose edges are not stated, in its unit.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        What was measured.
+    states : mapping of str to EdgeState
+        By target.
+    """
+    shifts = {}
+    for result in results:
+        if not result.measured or result.name not in states or states[result.name].stated:
+            continue
+        shift = TYPICAL_BREAK_MM * _largest_shift(result)
+        if shift > 0:
+            shifts[result.name] = shift
+    return shifts
 
 
 def _largest_shift(result: Result) -> float:
@@ -759,8 +774,8 @@ COLUMNS = (
     *(
         "decision",
         "P_conforms",
-        "accept_lower",
-        "accept_upper",
+        "accepted_from",
+        "accepted_to",
         "images",
         "found",
         "rms_px",
@@ -770,6 +785,12 @@ COLUMNS = (
     *("reason", "advice"),
 )
 """Columns of the table."""
+
+_WITH_UNIT = frozenset(
+    ("nominal", "lower", "upper", "value", "deviation", "u", "U", "accepted_from", "accepted_to")
+)
+# shares and pixels
+_DECIMALS_OF = {"P_conforms": 6, "found": 3, "rms_px": 4, "overexposed": 4}
 
 
 @dataclass(frozen=True, eq=False)
@@ -800,6 +821,8 @@ class MeasurementResults(ShownInNotebook):
         How much light their grey values stand for, and what says so.
     edges : str
         By how much edges are taken to be broken.
+    break_shifts : dict of str to float
+        How far a break of 0.1 mm would move each value whose edges are not stated, in its unit.
     """
 
     results: Mapping[str, Result]
@@ -813,6 +836,7 @@ class MeasurementResults(ShownInNotebook):
     pictures: Mapping[str, Picture] = field(default_factory=dict)
     responses: Mapping[str, ResponseRecord] = field(default_factory=dict)
     edges: str = ""
+    break_shifts: Mapping[str, float] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Result]:
         """Go through the results in the plan's order."""
@@ -964,10 +988,17 @@ class MeasurementResults(ShownInNotebook):
         Returns
         -------
         str
-            With a heading; lines end with CR LF. Text that a spreadsheet would run begins with an
-            apostrophe.
+            With a heading that states units; lines end with CR LF. Values have the digits of their U, as
+            in the report, and parts of u one more. What is accepted is rounded inwards. Text that a
+            spreadsheet would run begins with an apostrophe.
         """
-        return csv_text(COLUMNS, self.rows())
+        units = " or ".join(sorted({result.unit for result in self}))
+        heading = [
+            f"{name} ({units})" if name in _WITH_UNIT or name.startswith("u_") else name
+            for name in COLUMNS
+        ]
+        rows = [list(_rounded_row(row).values()) for row in self.rows()]
+        return table_text(heading, rows)
 
     def write_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the table as CSV.
@@ -1074,6 +1105,43 @@ def results_schema() -> dict[str, Any]:
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+def _rounded_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row of the table with the digits that its values are known to."""
+    decimals = decimals_of(row["U"]) if row["U"] else 6
+    rounded = dict(row)
+    for name, value in row.items():
+        if not isinstance(value, float):
+            continue
+        if name in ("value", "deviation", "u", "U"):
+            rounded[name] = round(value, decimals + (name == "u"))
+        elif name.startswith("u_"):
+            rounded[name] = round(value, decimals + 1)
+        elif name in _DECIMALS_OF:
+            rounded[name] = round(value, _DECIMALS_OF[name])
+    if row["P_conforms"] is not None:
+        # near 1 it is a bound
+        rounded["P_conforms"] = min(rounded["P_conforms"], 0.999999)
+    if row["accepted_from"] is not None:
+        rounded["accepted_from"] = rounded_up(row["accepted_from"], decimals)
+    if row["accepted_to"] is not None:
+        rounded["accepted_to"] = -rounded_up(-row["accepted_to"], decimals)
+    return rounded
+
+
+def rounded_up(value: float, decimals: int) -> float:
+    """Return the smallest decimal number with so many decimals that is not below a value.
+
+    Parameters
+    ----------
+    value : float
+        The value.
+    decimals : int
+        Digits behind the point.
+    """
+    # noise of a double is no reason for another step
+    return math.ceil(value * 10**decimals - 1e-9) / 10**decimals
 
 
 def _row(one: Result) -> dict[str, Any]:

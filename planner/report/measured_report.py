@@ -25,12 +25,13 @@ from planner.measuring.results import (
     decimals_of,
     nominal_text,
     number_text,
+    rounded_up,
     value_texts,
     verdict,
 )
 from planner.measuring.samples import STATE_TEXTS, State
-from planner.report.setting_report import budget_percents
 from planner.report.tables import CellLine
+from planner.request.edge_state import TYPICAL_BREAK_MM
 from planner.text_table import Column, Table, print_table, print_text, words
 
 # The table of measured values for the terminal.
@@ -372,6 +373,7 @@ def measured_html(results: MeasurementResults) -> str:
         whisker=f"{WHISKER:g}",
         values=_values(ordered, results),
         targets=[_target(result, results) for result in ordered],
+        budgets=_budgets(ordered),
         images=[_image(name, results) for name in results.pictures],
     )
     return str(page)
@@ -431,18 +433,34 @@ def _explanation(results: MeasurementResults) -> str:
         f"Rule: {results.rule}. Values in mm, angles in degrees. U is the expanded uncertainty of two "
         "standard uncertainties: pose, surfaces, localisation, response of the camera and broken edges. It does not "
         "count the calibration of the lens and the temperature of the part."
+        f"{_break_explanation(results)}"
+    )
+
+
+def _break_explanation(results: MeasurementResults) -> str:
+    if not results.break_shifts:
+        return ""
+    return (
+        f" No break of the edges is stated: the table says how far one of {TYPICAL_BREAK_MM:g} mm would move each "
+        "value, in red where that is more than U."
     )
 
 
 def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
     """Return the values, each with a picture of its tolerance or the reason why there is none."""
+    is_open = bool(results.break_shifts)
     columns = (
         Column("target", kind="link"),
-        Column("nominal", right=True),
+        Column("nominal, tolerance", right=True),
         Column("value", right=True),
         Column("deviation", right=True),
         Column("U (k = 2)", right=True),
-        Column("accepted", right=True),
+        Column("accepted deviation", right=True),
+        *(
+            [Column(f"a {TYPICAL_BREAK_MM:g} mm break moves it", right=True, kind="lines")]
+            if is_open
+            else []
+        ),
         Column("tolerance, guard bands, value ± U", kind="lines"),
         Column("decision", kind="lines"),
     )
@@ -456,8 +474,18 @@ def _values(ordered: Sequence[Result], results: MeasurementResults) -> Table:
         link = (_anchor(result, results), result.name)
         value, uncertainty = value_texts(result)
         texts = (nominal_text(result), value, _deviation_text(result), uncertainty)
-        rows.append((link, *texts, _accepted_text(result), lines, [decision]))
+        moved = [_break_line(result, results)] if is_open else []
+        rows.append((link, *texts, _accepted_text(result), *moved, lines, [decision]))
     return Table(columns, rows, style="stack")
+
+
+def _break_line(result: Result, results: MeasurementResults) -> list[CellLine]:
+    """Return how far a usual break of edges would move a value; marked where that is more than its U."""
+    shift = results.break_shifts.get(result.name)
+    if shift is None:
+        return []
+    is_large = shift > result.expanded_uncertainty
+    return [CellLine(f"≤ {shift:.2g}", "bad" if is_large else "")]
 
 
 def _deviation_text(result: Result) -> str:
@@ -479,9 +507,9 @@ def _accepted_text(result: Result) -> str:
     texts = []
     # inwards, so that no value is said to be accepted that is not
     if math.isfinite(lower):
-        texts.append(f"{math.ceil(lower * 10**decimals) / 10**decimals:+.{decimals}f}")
+        texts.append(f"{rounded_up(lower, decimals):+.{decimals}f}")
     if math.isfinite(upper):
-        texts.append(f"{math.floor(upper * 10**decimals) / 10**decimals:+.{decimals}f}")
+        texts.append(f"{-rounded_up(-upper, decimals):+.{decimals}f}")
     texts = [_minus(text) for text in texts]
     if len(texts) == 2:
         return " .. ".join(texts)
@@ -522,7 +550,9 @@ def _sentence(result: Result) -> str:
     )
     if math.isfinite(result.conformance_probability):
         probability = probability_text(result.conformance_probability)
-        sign = "" if probability.startswith(">") else "= "
+        if not float(probability.removeprefix("> ")):
+            probability = "< 0.0001"
+        sign = "" if probability[0] in "<>" else "= "
         text += f" It is within its tolerance with P {sign}{probability}."
     return text
 
@@ -547,7 +577,6 @@ def _reading(
             for k, points in entities.items()
         ],
         "states": _legend(state for points in entities.values() for state in points["state"]),
-        "budget": _budget(reading, result.unit),
     }
 
 
@@ -562,20 +591,38 @@ def _reading_words(reading: Reading, unit: str) -> str:
     )
 
 
-def _budget(reading: Reading, unit: str) -> Table | None:
-    """Return the parts of u, in thousandths of the unit, and their shares of its square."""
-    if not reading.measured:
-        return None
-    small = "µm" if unit == "mm" else "mdeg"
-    parts = {source: reading.budget[source] for source in SOURCES if reading.budget[source]}
-    percents = budget_percents(parts)
-    rows = [
-        (source, f"{1000 * math.sqrt(part):.1f} {small}", f"{percents[source]:.1f} %")
-        for source, part in parts.items()
+def _budgets(ordered: Sequence[Result]) -> Table | None:
+    """Return the parts of u of each reading, in thousandths of its unit; None without readings."""
+    readings = [
+        (result, reading) for result in ordered for reading in result.readings if reading.measured
     ]
-    rows.append(("u", f"{1000 * reading.standard_uncertainty:.1f} {small}", "100 %"))
-    columns = (Column("part of u"), Column("size", right=True), Column("share of u²", right=True))
-    return Table(columns, rows)
+    sources = [
+        source for source in SOURCES if any(reading.budget[source] for _, reading in readings)
+    ]
+    if not readings:
+        return None
+    columns = (
+        Column("target"),
+        Column("image"),
+        *(Column(source, right=True, kind="lines") for source in sources),
+        Column("u", right=True),
+    )
+    rows = []
+    for result, reading in readings:
+        largest = max(sources, key=lambda source: reading.budget[source])
+        parts = [
+            [CellLine(_thousandths(reading.budget[source]), "strong" if source == largest else "")]
+            for source in sources
+        ]
+        small = "µm" if result.unit == "mm" else "mdeg"
+        total = f"{1000 * reading.standard_uncertainty:.1f} {small}"
+        rows.append((result.name, reading.image, *parts, total))
+    return Table(columns, rows, style="stack")
+
+
+def _thousandths(variance: float) -> str:
+    """Return a part of u in thousandths of its unit; nothing of one that has none."""
+    return f"{1000 * math.sqrt(variance):.1f}" if variance else ""
 
 
 def _image(name: str, results: MeasurementResults) -> dict[str, Any]:

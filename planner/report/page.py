@@ -37,6 +37,7 @@ from planner.report.figure import (
 from planner.report.predicted_image import PictureMaker, png_data
 from planner.report.setting_report import (
     SettingSection,
+    budgets_table,
     dimensions_table,
     localisation_text,
     setting_sections,
@@ -120,12 +121,19 @@ def facts(plan: InspectionPlan, date: str | None = None) -> dict[str, str]:
         "Digest of the part": _digest(plan),
         "Camera": camera_text(plan.camera),
         "Camera pose": sigma_text(plan.pose_uncertainty.sigmas),
-        "Edges": edges_text(plan),
+        "Edges": _edges(plan),
         "Program": f"aspectgraph {project_version()}",
         "Date": date or "",
         "Operator": "" if plan.made is None else plan.made.operator,
     }
     return {name: value for name, value in rows.items() if value}
+
+
+def _edges(plan: InspectionPlan) -> str:
+    """Return the state of edges; what breaks would do stands among the notices."""
+    text = edges_text(plan)
+    unstated = unstated_edges_text(plan)
+    return text.replace(unstated, "planned as sharp") if unstated else text
 
 
 def camera_text(camera: Camera) -> str:
@@ -720,14 +728,16 @@ def make_report(
     only_dimensions = dimensions and len(plan.dimensions) == len(plan.entities)
     values = {
         "lead": _lead(plan),
+        "more": _more(plan),
         "figures": _figures(plan),
         "facts": facts(plan, date),
         "overview": overview(plan, space.solid),
         "scene": figure_html(figure, "plan3d", "100%", scrollZoom=True),
         "not_inspected": not_inspected(plan.uninspectable, nouns[0]),
         "not_planned": not_planned(plan.not_planned),
-        "notices": [*attention(rows, unsharp), *_edge_notices(plan)],
+        "notices": [*attention(rows, unsharp), *_run_notices(plan), *_edge_notices(plan)],
         "dimensions": dimensions,
+        "budgets": budgets_table(plan),
         "results": None if only_dimensions else results(plan, rows, nouns[0]),
         "sources": {source_text(source): color for source, color in COLOURS.items()},
         "csv": base64.b64encode(plan.to_csv().encode()).decode(),
@@ -765,25 +775,34 @@ def _nouns(plan: InspectionPlan) -> tuple[str, str]:
 
 
 def _lead(plan: InspectionPlan) -> str:
-    """Say what the plan does, what is proven, and how the simulation agrees."""
+    """Say in at most three sentences what the plan does, and what is proven."""
     n = len(plan.settings)
     inspected = len(plan.inspected)
     n_targets = count(len(plan.entities), *_nouns(plan))
     features = features_sentence(plan)
     if not n:
-        return (
-            f"{inspected} of {n_targets} inspected: the plan has no camera poses. {features}"
-        ).rstrip()
+        return f"{inspected} of {n_targets} inspected: the plan has no camera poses. {features}".rstrip()
     verb = "is" if inspected == 1 else "are"
-    simulated = " ".join(simulated_sentences(plan)).rstrip()
-    poses = given_text(plan)
-    named = f"{poses[0].upper()}{poses[1:]}. " if poses else ""
     return (
-        f"{inspected} of {n_targets} {verb} measured from {count(n, _POSE)} "
-        f"({_numbers(n)}). {named}{features}{' ' if features else ''}"
-        f"{bound_sentence(plan, _nouns(plan), _POSE)} {simulated} {unfinished_sentence(plan)} {light_sentence(plan)} "
-        f"{unlit_sentence(plan)}"
-    ).rstrip()
+        f"{inspected} of {n_targets} {verb} measured from {count(n, _POSE)} ({_numbers(n)}). "
+        f"{bound_sentence(plan, _nouns(plan), _POSE)}"
+    )
+
+
+def _more(plan: InspectionPlan) -> str:
+    """Say what stands behind the first sentences: characteristics that are not planned, simulation and light."""
+    if not plan.settings:
+        return ""
+    poses = given_text(plan)
+    named = f"{poses[0].upper()}{poses[1:]}." if poses else ""
+    sentences = [named, features_sentence(plan), *simulated_sentences(plan), light_sentence(plan)]
+    return " ".join(filter(None, sentences))
+
+
+def _run_notices(plan: InspectionPlan) -> list[Notice]:
+    """Return what the plan does not promise, because of how it was made."""
+    texts = {"Planning": unfinished_sentence(plan), "Light": unlit_sentence(plan)}
+    return [Notice(head, [(f": {text}", ())]) for head, text in texts.items() if text]
 
 
 def _numbers(n: int) -> str:

@@ -13,7 +13,7 @@ from errors.checks import interval_text, probability_text
 from errors.measurands import DecisionRule, Localisation, acceptance_limits, uncertainty_ratio
 from errors.measurands.geometry import is_short
 from planner.light.light_plan import WHITE_SHARE, Exposure, exposure_of
-from planner.measuring.results import decimals_of
+from planner.measuring.results import decimals_of, rounded_up
 from planner.progress import TimeLeft, report
 from planner.report.figure import color_of, drawn
 from planner.report.predicted_image import PictureMaker
@@ -297,8 +297,8 @@ def dimensions_table(plan: InspectionPlan) -> Table | None:
         Column("Setting", kind="settings"),
         Column(promise_name(plan), kind="lines"),
         Column("u"),
-        Column("Budget of the variance", kind="shares"),
-        Column("Accept between", kind="lines"),
+        Column("Budget of u²", kind="budget"),
+        Column("Accepted from, to", kind="lines"),
         Column("Binding"),
     ]
     order = list(plan.entities)
@@ -429,11 +429,65 @@ def _probability(plan: InspectionPlan, k: int, name: str) -> list[CellLine]:
     return lines
 
 
-def _budget(dimension: PlannedDimension, measurement: Measurement) -> str | list[Share]:
+def budgets_table(plan: InspectionPlan) -> Table | None:
+    """Return the share of each source in u² per dimension and setting; nothing for a plan without dimensions.
+
+    Parameters
+    ----------
+    plan : InspectionPlan
+        The plan.
+    """
+    pairs = [
+        (name, k, measurement)
+        for k, setting in enumerate(plan.settings)
+        for name, measurement in measurements(plan, setting).items()
+        if not _is_short(plan, k, name)
+    ]
+    order = list(plan.entities)
+    pairs.sort(key=lambda pair: order.index(pair[0]))
+    sources = [
+        source
+        for source in COLOURS
+        if any(measurement.budget.get(source) for _, _, measurement in pairs)
+    ]
+    if not sources:
+        return None
+    columns = [
+        Column("Dimension"),
+        Column("Setting", kind="settings"),
+        *(Column(source_text(source).capitalize(), right=True, unit="%") for source in sources),
+    ]
+    rows = []
+    for name, k, measurement in pairs:
+        percents = budget_percents(measurement.budget)
+        rows.append([name, [k + 1], *(_percent_text(percents.get(s, 0.0)) for s in sources)])
+    notes = []
+    if len(pairs) < sum(len(measurements(plan, setting)) for setting in plan.settings):
+        notes.append("Short arcs have quantiles instead of a variance, and so no budget.")
+    return Table(columns, rows, "budgets", "stack", notes=notes)
+
+
+def _percent_text(percent: float) -> str:
+    """Return a share; nothing of a source that does not count."""
+    return f"{percent:.1f}" if percent else ""
+
+
+def _is_short(plan: InspectionPlan, k: int, name: str) -> bool:
+    """Whether a setting measures a dimension by a short arc, whose quantiles are no variance."""
+    chosen = plan.settings[k].witness.get(name, 0)
+    return any(map(is_short, plan.dimensions[name].choosing(chosen).geometry))
+
+
+def _budget(dimension: PlannedDimension, measurement: Measurement) -> list[Share]:
+    """Return the shares of the sources that count; none of a short arc, whose quantiles are no variance."""
     if any(map(is_short, dimension.geometry)):
-        return "short arc: quantiles, no variance"
+        return []
     percents = budget_percents(measurement.budget)
-    return [Share(source_text(key), value, COLOURS[key]) for key, value in percents.items()]
+    return [
+        Share(source_text(source), percent, COLOURS[source])
+        for source, percent in percents.items()
+        if percent
+    ]
 
 
 def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[CellLine]:
@@ -445,15 +499,14 @@ def _accepted(dimension: PlannedDimension, measurement: Measurement) -> list[Cel
         return [CellLine("nothing: u is too large for the tolerance", "bad")]
     # two digits of U, rounded inwards: no value is said to be accepted that is not
     decimals = decimals_of(2.0 * measurement.standard_uncertainty)
-    step = 10.0**-decimals
     low, high = (dimension.nominal + limit for limit in limits)
     if math.isinf(low):
-        return [CellLine(f"up to {_rounded(math.floor(high / step) * step, decimals, dimension)}")]
-    lower = _rounded(math.ceil(low / step) * step, decimals, dimension)
+        return [CellLine(f"up to {_rounded(-rounded_up(-high, decimals), decimals, dimension)}")]
+    lower = _rounded(rounded_up(low, decimals), decimals, dimension)
     if math.isinf(high):
         return [CellLine(f"from {lower}")]
-    upper = _rounded(math.floor(high / step) * step, decimals, dimension)
-    return [CellLine(f"{lower} and {upper}")]
+    upper = _rounded(-rounded_up(-high, decimals), decimals, dimension)
+    return [CellLine(f"{lower} to {upper}")]
 
 
 def _rounded(value: float, decimals: int, dimension: PlannedDimension) -> str:

@@ -228,6 +228,7 @@ def budget_shares(row: Row) -> list[Share]:
     return [
         Share(source_text(source), 100 * row.budget.get(source, 0.0) / total, COLOURS[source])
         for source in SOURCES
+        if row.budget.get(source)
     ]
 
 

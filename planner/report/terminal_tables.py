@@ -52,6 +52,7 @@ from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
     from aspectgraph import GeometricTolerance, ModelDimension, ModelRequirements
+    from planner.light.light_plan import Exposure
     from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
@@ -250,10 +251,11 @@ def _print_lamps(plan: InspectionPlan) -> None:
         return
     columns = (
         Column("setting", right=True),
-        Column("light"),
-        Column("at", right=True, unit="mm", spec="z.1f"),
-        Column("shows", right=True),
+        Column("lamp on"),
+        Column("lamp at", right=True, unit="mm", spec="z.1f"),
+        Column("targets", right=True),
         Column("least contrast"),
+        Column("expose so that"),
     )
     rows = []
     for number, images in enumerate(plan.light.images, start=1):
@@ -268,11 +270,21 @@ def _print_lamps(plan: InspectionPlan) -> None:
                     places[0] if len(places) == 1 else None,
                     len(image.contrast),
                     words(f"{name} {contrast:.2f}{silhouette}", [name]),
+                    _exposed(image.expose_for),
                 )
             )
     if rows:
         print()
         print_table(columns, rows)
+
+
+def _exposed(exposure: Exposure | None) -> str:
+    """Say which place of an image must be how bright; nothing of plans that do not state it."""
+    if exposure is None:
+        return ""
+    column, row = exposure.pixel
+    place = f"the mean within {exposure.radius_px} px of pixel" if exposure.radius_px else "pixel"
+    return f"{place} ({column}, {row}) has {100 * exposure.share:.2g} % of white"
 
 
 def _notes(plan: InspectionPlan) -> list[str]:

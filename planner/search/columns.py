@@ -860,8 +860,8 @@ def price_poses(
             "covered": covered,
         }
         checkpoint.put("pricing", {**so_far, "rng": rng.bit_generator.state})
-        callbacks.report(done + 1, rounds, "column generation")
-    callbacks.report(rounds, rounds, "column generation")
+        callbacks.report(done + 1, rounds, "combining targets")
+    callbacks.report(rounds, rounds, "combining targets")
 
 
 def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:

@@ -276,7 +276,7 @@ class SearchRun:
         ):
             self.memo.put(names, outcome)
             done += 1
-            self.callbacks.report(done, self._begun, "genetic algorithm")
+            self.callbacks.report(done, self._begun, "improving poses")
         outcomes = (self.memo.get(names) for names in sets)
         return [outcome for outcome in outcomes if outcome is not None]
 

@@ -433,7 +433,7 @@ def centre_all(
     for setting in in_order(run.executor, centre_setting, tasks, check):
         moved.append(setting)
         # where the time is up already, it is not asked again
-        report(run.callbacks.progress, len(moved), len(settings), "margins")
+        report(run.callbacks.progress, len(moved), len(settings), "widening margins")
     return moved
 
 

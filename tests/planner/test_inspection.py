@@ -100,7 +100,7 @@ def test_interrupted_plan_resumes_to_the_same_plan(space, plan, tmp_path):
     state = tmp_path / "state.json"
 
     def stop(done, total, label):
-        if label == "genetic algorithm" and done == 1:
+        if label == "improving poses" and done == 1:
             raise Cancelled
 
     with pytest.raises(Cancelled):
@@ -114,7 +114,7 @@ def test_interrupted_plan_resumes_to_the_same_plan(space, plan, tmp_path):
         progress=lambda done, total, label: runs.append((label, done, total)),
     )
     assert resumed == plan
-    assert [total for label, _, total in runs if label == "genetic algorithm"] == [1]
+    assert [total for label, _, total in runs if label == "improving poses"] == [1]
 
 
 def test_a_resumed_plan_takes_in_the_poses_that_the_proof_came_across(space, tmp_path, monkeypatch):
@@ -219,10 +219,10 @@ def test_progress_names_every_stage(space):
     )
     assert list(seen) == [
         "candidate poses",
-        "column generation",
+        "combining targets",
         "lower bound",
-        "genetic algorithm",
-        "margins",
+        "improving poses",
+        "widening margins",
     ]
     assert all(reports[-1][0] == reports[-1][1] for reports in seen.values())
 

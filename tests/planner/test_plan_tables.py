@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def test_simulated_frequencies_stand_beside_what_is_stated():
     assert [row["simulated"] for row in plan().rows()] == [None] * 4
 
 
-def test_csv_reads_back_without_loss(tmp_path):
+def test_csv_has_units_and_the_digits_that_are_known(tmp_path):
     name = 'a "quoted", name'
     found = plan(
         settings=[setting((40.0, -180.0, 620.0), [name])],
@@ -57,9 +58,14 @@ def test_csv_reads_back_without_loss(tmp_path):
     assert (tmp_path / "rows.csv").read_bytes().decode() == text
     (row,) = csv.DictReader(io.StringIO(text))
     assert row["name"] == name
-    assert float(row["nominal"]) == 1 / 3
+    assert row["nominal (mm)"] == "0.333333333"
     assert row["simulated"] == row["reason"] == ""
-    assert float(row["x"]) == 40.0
+    assert row["x (mm)"] == "40.0"
+    exact = found.rows()[0]
+    assert exact["nominal"] == 1 / 3
+    u = exact["standard_uncertainty"]
+    assert float(row["standard_uncertainty (mm)"]) == pytest.approx(u, rel=5e-3)
+    assert not re.search(r"\d{10}", text)
 
 
 @pytest.mark.parametrize("name", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "\t=1", "\r=1", "'=1"])
@@ -72,7 +78,7 @@ def test_no_spreadsheet_runs_a_name(name):
     (row,) = csv.DictReader(io.StringIO(found.to_csv(), newline=""))
     assert row["name"] == "'" + name
     # numbers are no text
-    assert row["x"] == "-40.0"
+    assert row["x (mm)"] == "-40.0"
     assert found.rows()[0]["name"] == name
 
 

@@ -69,7 +69,7 @@ def test_a_table_is_the_same_for_every_reader():
     ]
     assert table.records()[0] == {"name": "<b>=1", "place": (1.25, -2.0), "P": 1 / 3}
     assert table.csv().splitlines()[2] == "c,,"
-    assert table.csv().splitlines()[1].endswith(f",{1 / 3!r}")
+    assert table.csv().splitlines()[1].endswith(",0.333")
     html = table.html()
     assert '<td class="n" data-label="place (mm)">1.2 -2.0</td>' in html
     assert '<td data-label="">&lt;b&gt;=1</td>' in html

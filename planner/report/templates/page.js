@@ -92,10 +92,11 @@
   const frame = scene.closest(".scene").style;
   addEventListener("beforeprint", () => {
     const { width, height } = scene._fullLayout;
+    frame.width = width + "px";
     frame.height = height + "px";
-    frame.zoom = Math.min(1, 680 / width);
+    frame.zoom = Math.min(1, 400 / width);
   });
-  addEventListener("afterprint", () => { frame.zoom = frame.height = ""; });
+  addEventListener("afterprint", () => { frame.zoom = frame.height = frame.width = ""; });
   // the picture was drawn before the graph beside it took its share of the width; below it the legend takes none
   const below = { orientation: "h", x: 0, xanchor: "left", y: -0.01, yanchor: "top", maxheight: 0.4 };
   Plotly.Plots.resize(scene).then(() => Plotly.relayout(scene, { legend: { ...scene.layout.legend, ...below } })).then(() => show("everything"))

@@ -56,8 +56,11 @@ def test_lamps_to_be_placed_are_written_and_told(folder, capsys):
     light = ["--light", "box:-600,-400,200,600,400,700"]
     assert main([*PLAN, *light]) == DONE
     told = " ".join(capsys.readouterr().out.split())
-    assert "setting light at (mm) shows least contrast" in told
+    assert "setting lamp on lamp at (mm) targets least contrast expose so that" in told
     assert " 1 lamp 1 " in told
+    exposure = read_plan(folder / "out" / "plan.json").light.images[0][0].expose_for
+    column, row = exposure.pixel
+    assert f"pixel ({column}, {row}) has {100 * exposure.share:.2g} % of white" in told
     assert "1 lamp position gives every measurement a contrast of at least 0.1" in told
     found = read_plan(folder / "out" / "plan.json")
     assert found.light.minimal

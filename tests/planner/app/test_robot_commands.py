@@ -29,6 +29,7 @@ def test_a_program_is_written_and_its_rounds_are_printed(capsys):
     assert main(["program", *GIVEN, *words]) == 0
     out = capsys.readouterr().out
     assert "setting_01.png" in out
+    assert re.match(r"the program visits (\d+) of \1 settings?\n", out)
     assert "25 % of the joints' speeds" in out
     assert "smallest P" in out
     assert out.splitlines()[-1] == "inspection.src"
@@ -173,6 +174,7 @@ def test_a_plan_that_is_not(tmp_path, capsys):
     )
     printed = capsys.readouterr().out
     assert "'up' reaches nothing; most often: beyond the arm's reach" in printed
+    assert "add --cell" in printed
 
 
 def test_records_for_other_programs(tmp_path, capsys):

@@ -3,8 +3,10 @@
 The schema is `qif_written.xsd`, which states requirements of QIF 3.0 for what is written, and is stricter.
 """
 
+import csv
 import dataclasses
 import hashlib
+import io
 import json
 import re
 import uuid
@@ -54,8 +56,10 @@ from planner.measuring.results import (
     MeasurementResults,
     Result,
     Source,
+    decimals_of,
     qif_text,
     results_schema,
+    value_texts,
 )
 from planner.measuring.task import NotRegisteredError
 from planner.report.measured_report import measured_html
@@ -478,10 +482,26 @@ def test_results_are_valid_and_written_whole(results, tmp_path):
     data = json.loads(path.read_text())
     jsonschema.Draft202012Validator(results_schema()).validate(data)
     rows = results.write_csv(tmp_path / "results.csv").read_text().splitlines()
-    assert rows[0].split(",") == list(COLUMNS)
+    heading = rows[0].split(",")
+    assert [name.partition(" ")[0] for name in heading] == list(COLUMNS)
+    assert {"value (mm)", "accepted_from (mm)", "u_pose (mm)", "rms_px"} <= set(heading)
     assert len(rows) == 1 + len(results)
     matrix = np.array(data["correlation"])
     assert np.linalg.eigvalsh((matrix + matrix.T) / 2).min() > -1e-9
+
+
+def test_the_table_has_the_digits_of_the_report(results):
+    """Values with two digits of U; what is accepted is rounded inwards."""
+    rows = csv.DictReader(io.StringIO(results.to_csv()))
+    for row, result in zip(rows, results, strict=True):
+        assert float(row["value (mm)"]) == float(value_texts(result)[0])
+        assert float(row["U (mm)"]) == float(value_texts(result)[1])
+        low, high = result.accepted
+        step = 10.0 ** -decimals_of(result.expanded_uncertainty)
+        assert low <= float(row["accepted_from (mm)"]) < low + step
+        assert high - step < float(row["accepted_to (mm)"]) <= high
+        assert max(len(value) for key, value in row.items() if "(mm)" in key) <= 9
+        assert float(row["P_conforms"]) < 1
 
 
 def test_the_same_images_give_the_same_bytes(solid, images, exact, results):

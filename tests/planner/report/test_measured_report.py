@@ -1,11 +1,14 @@
 """The report of a measurement shows what was measured: counted in its own text."""
 
+import base64
 import re
+import shutil
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import Browser, needs_browser
 from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_plate
 
 from planner import Registration, measure, measured_html
@@ -107,3 +110,50 @@ def test_no_name_smuggles_markup(results):
     assert page.count("<script") == 1
     assert "</title><script" not in page
     assert page.count("&lt;script&gt;alert(1)") > 8
+
+
+def test_budgets_stand_in_one_table_and_sum_to_u(page, results):
+    (table,) = re.findall(r'<h2 id="budgets">.*?(<table.*?</table>)', page, re.S)
+    rows = re.findall(r"<tr>(.*?)</tr>", table, re.S)
+    assert len(rows) == 1 + sum(len(one.readings) for one in results)
+    for row in rows[1:]:
+        cells = re.findall(r"<td[^>]*>(.*?)</td>", row)
+        *parts, total = [re.sub(r"<[^>]*>| µm", "", cell) for cell in cells[2:]]
+        squares = sum(float(part or 0) ** 2 for part in parts)
+        # every part is rounded to 0.1 µm
+        assert squares**0.5 == pytest.approx(float(total), abs=0.2)
+    assert table.count('class="strong"') == len(rows) - 1
+
+
+def test_a_break_is_marked_where_it_moves_the_value_by_more_than_u(results):
+    shifts = {
+        one.name: scale * one.expanded_uncertainty
+        for one, scale in zip(results, (0.5, 2), strict=True)
+    }
+    page = measured_html(replace(results, break_shifts=shifts))
+    assert re.findall(r'<span class="(\w*)">≤ ', page) == ["bad"]
+    assert page.count("≤ ") == 2
+    assert "a 0.1 mm break moves it" not in measured_html(replace(results, break_shifts={}))
+
+
+def test_a_value_far_outside_conforms_with_less_than_any_number(results):
+    far = replace(results["left"], conformance_probability=1e-9)
+    page = measured_html(replace(results, results={"left": far}))
+    assert "within its tolerance with P &lt; 0.0001." in page
+
+
+@needs_browser
+def test_ten_targets_fit_on_six_pages(results, tmp_path):
+    ten = {f"target {k}": replace(results["left"], name=f"target {k}") for k in range(10)}
+    shifts = dict.fromkeys(ten, 0.2)
+    path = tmp_path / "report.html"
+    path.write_text(measured_html(replace(results, results=ten, break_shifts=shifts)), "utf-8")
+    folder = tmp_path / "profile"
+    browser = Browser(folder)
+    try:
+        pdf = browser.page(path).call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)
+    finally:
+        browser.close()
+        shutil.rmtree(folder, ignore_errors=True)
+    n_pages = len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(pdf["data"])))
+    assert 2 <= n_pages <= 6

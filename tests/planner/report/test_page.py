@@ -163,7 +163,18 @@ def test_what_deserves_a_look_comes_first():
     assert "under two pixels" in text
     # all that its first setting measures is well in focus
     first = replace(box_plan(), settings=box_plan().settings[:1])
-    assert "Worth a look" not in report_html(first, SPACE)
+    notices = re.findall(r"<li><b>([^<]*)</b>", report_html(first, SPACE))
+    assert notices == ["Light"]
+
+
+def test_the_head_has_three_sentences_at_most(page):
+    (lead,) = re.findall(r'<p class="lead">(.*?)</p>', page)
+    assert 1 <= len(re.findall(r"[.:](?: |$)", lead)) <= 4
+    assert len(re.findall(r"\.(?: |$)", lead)) <= 3
+    # simulation and light stand behind the fold
+    (more,) = re.findall(r"<details>(.*?)</details>", page, re.S)
+    assert "simulation" in more
+    assert "simulation" not in lead
 
 
 def test_the_head_says_where_the_plan_comes_from():
@@ -692,6 +703,8 @@ def test_on_paper_nothing_is_wider_than_the_page(page_report_page):
         for part in ("querySelector('svg')", "closest('.scene')")
     )
     assert page_report_page.run(f"{inside}({svg}, {frame})")
+    # beside it is room for the graph
+    assert page_report_page.run(f"{frame}.width") < 450
     page_report_page.run("dispatchEvent(new Event('afterprint'))")
     page_report_page.call("Emulation.setEmulatedMedia", media="")
     page_report_page.call(

@@ -54,7 +54,7 @@ def test_the_permitted_error_is_a_share_of_the_tolerance():
 
 def test_what_is_accepted_is_the_tolerance_less_guard_bands_on_both_sides():
     # 1.644854 u inside the limits 19.9 and 20.3: 19.9411 and 20.2589, inwards in the digits of U = 0.050
-    assert accepted(0.025) == "19.942\u00a0mm and 20.258\u00a0mm"
+    assert accepted(0.025) == "19.942\u00a0mm to 20.258\u00a0mm"
     assert "nothing" in accepted(0.25)
     assert accepted(0.05, tolerance=None) == "no tolerance stated"
 
@@ -83,10 +83,13 @@ def test_a_report_says_what_does_not_average_out_and_where_that_comes_from():
 
 def test_a_short_arc_has_no_budget():
     arc = Circle((0, 0, 0), (0, 0, 1), 5.0, (1, 0, 0), 0.3)
-    assert (
-        _budget(dimension(geometry=(arc,)), SimpleNamespace(budget={}))
-        == "short arc: quantiles, no variance"
-    )
+    assert _budget(dimension(geometry=(arc,)), SimpleNamespace(budget={"rotation": 1.0})) == []
+
+
+def test_a_source_that_does_not_count_has_no_share():
+    budget = {"rotation": 1.0, "edge_state": 0.0}
+    shares = _budget(dimension(geometry=()), SimpleNamespace(budget=budget))
+    assert [(share.source, share.percent) for share in shares] == [("rotation", 100.0)]
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ from planner import (
     read_plan,
 )
 from planner.report import terminal_tables
-from planner.report.page import _figures, _lead
+from planner.report.page import _figures, _lead, _more
 from planner.report.wording import features_cell, verdict
 from planner.request.targets import words_of
 from planner.request.words import (
@@ -196,7 +196,7 @@ def test_every_hole_is_planned_in_one_image_of_all(planned):
 def test_every_output_counts_characteristics(planned):
     text = "4 of 4 characteristics"
     assert text in verdict(planned)
-    assert text in _lead(planned)
+    assert text in _lead(planned) + _more(planned)
     assert ("4 / 4", "characteristics inspected") in _figures(planned)
     assert planned.features_text == ""
     assert "not planned" not in repr(planned)
@@ -300,7 +300,7 @@ def test_tables_and_report_name_the_pattern(patterns, capsys):
     assert "1 of 30 features" in " ".join(printed.split())
     terminal_tables.print_simulation(patterns, patterns.simulate(20))
     assert TEXT in capsys.readouterr().out
-    assert TEXT in _lead(patterns)
+    assert TEXT in _more(patterns)
     assert ("2 / 32", "characteristics inspected") in _figures(patterns)
     assert features_cell(patterns.dimensions["top front"]) == "1 of 30 features"
     assert features_cell(patterns.dimensions["bottom"]) == ""

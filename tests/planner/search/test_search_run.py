@@ -544,7 +544,7 @@ def searched():
         runs = []
 
         def progress(done, total, label):
-            if label == "genetic algorithm":
+            if label == "improving poses":
                 runs.append(done)
 
         found = plan_inspection(
