@@ -284,7 +284,41 @@ def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Sett
     def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
         return centre_all(run, some, centring)
 
-    return _without_short(run, centre(settings), centre)
+    settled = _without_short(run, centre(settings), centre)
+    return settled._replace(settings=without_spare(run, settled.settings, centre))
+
+
+def without_spare(
+    run: SearchRun, settings: Sequence[SensorSetting], centre: Centre
+) -> list[SensorSetting]:
+    """Return settings without those whose targets the others measure, too, from where their poses are now.
+
+    The columns that the cover was chosen from are of other poses: a search for better ones, and the moves off their
+    limits, may bring more targets into a setting. They join it only if they have the required P_all there.
+
+    Parameters
+    ----------
+    run : SearchRun
+        Its request says what is asked.
+    settings : sequence of SensorSetting
+        Those of fewest targets are tried first.
+    centre : callable
+        Moves settings off their limits; none is moved here.
+    """
+    if not settings:
+        return []
+    inspects = run.judge(np.array([setting.cam2world for setting in settings])).inspects
+    kept = dict(enumerate(settings))
+    for k in sorted(kept, key=lambda index: len(settings[index].entities)):
+        others = [index for index in kept if index != k]
+        names = kept[k].entities
+        if not inspects[others][:, np.isin(run.names, names)].any(axis=0).all():
+            continue
+        tried = ShortTargets(run, [kept[i] for i in others], dict.fromkeys(names, 0.0), centre)
+        tried.join_settings()
+        if not tried.reached:
+            kept = dict(zip(others, tried.settings, strict=True))
+    return list(kept.values())
 
 
 def _supported(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
