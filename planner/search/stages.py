@@ -311,10 +311,11 @@ def without_spare(
     kept = dict(enumerate(settings))
     for k in sorted(kept, key=lambda index: len(settings[index].entities)):
         others = [index for index in kept if index != k]
-        names = kept[k].entities
-        if not inspects[others][:, np.isin(run.names, names)].any(axis=0).all():
+        measured = {name for index in others for name in kept[index].entities}
+        alone = [name for name in kept[k].entities if name not in measured]
+        if not others or not inspects[others][:, np.isin(run.names, alone)].any(axis=0).all():
             continue
-        tried = ShortTargets(run, [kept[i] for i in others], dict.fromkeys(names, 0.0), centre)
+        tried = ShortTargets(run, [kept[i] for i in others], dict.fromkeys(alone, 0.0), centre)
         tried.join_settings()
         if not tried.reached:
             kept = dict(zip(others, tried.settings, strict=True))

@@ -420,6 +420,12 @@ def test_a_setting_is_spared_where_another_one_measures_its_targets():
     assert min(only.p_all.values()) >= 0.9
 
 
+def test_what_two_settings_state_already_joins_neither():
+    run = run_of()
+    both = stated(run, ABOVE, {BACK: 0.99, FRONT: 0.99})
+    assert without_spare(run, [stated(run, BEFORE, {FRONT: 0.99}), both], never) == [both]
+
+
 def test_no_setting_is_spared_where_the_counts_forbid_it(monkeypatch):
     run = run_of()
     given = [stated(run, ABOVE, {BACK: 0.99}), stated(run, BEFORE, {FRONT: 0.99})]
