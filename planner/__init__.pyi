@@ -82,6 +82,7 @@ from .robotcell import HeldPartCell as HeldPartCell
 from .robotcell import LightBox as LightBox
 from .robotcell import Reachability as Reachability
 from .robotcell import Robot as Robot
+from .robotcell import propose_layings as propose_layings
 from .robotcell import propose_placements as propose_placements
 from .robotprogram.other_poses import ReachedPlan as ReachedPlan
 from .robotprogram.other_poses import with_reached_settings as with_reached_settings

@@ -39,6 +39,7 @@ from planner.argument_kinds import (
     BETWEEN_0_AND_1,
     FROM_0_BELOW_1,
     NOT_NEGATIVE,
+    POSITIVE,
     POSITIVE_SECONDS,
     NumberRule,
 )
@@ -683,8 +684,17 @@ class Reach(InCell):
     within
         with --place: opposite corners of the box for the middle of the part, in the base of the robot, mm (default:
         before the robot, at the height of the cell file)
+    table
+        with --place: lay the part on each of its flat sides, on this obstacle or on posts that stand on it;
+        it is a box of the cell or of its first fixturing (default: keep how it lies)
+    post_heights
+        with --table: heights of the posts, mm; 0 is the table itself (default: 0 to 300 in nine steps)
+    post_width
+        with --table: side of their square section, mm
+    ways
+        with --table: in how many ways the part may lie, one after the other: 1 or 2
     draws
-        with --place: positions to try
+        with --place: positions to try (default: 300, or 1500 with --table)
     cell_out
         with --place: write the cell with the best position, as it was evaluated; one that exists is replaced (default:
         print its fixturings only)
@@ -697,7 +707,11 @@ class Reach(InCell):
 
     place: bool = False
     within: Box = None
-    draws: Number = 300
+    table: Annotated[str | None, _named("NAME")] = None
+    post_heights: Annotated[Any, value(lengths, "MM,MM")] = None
+    post_width: Annotated[float, value(MM, "MM"), POSITIVE] = 20.0
+    ways: Annotated[int, value(whole, "1|2"), Count(1, 2)] = 2
+    draws: Annotated[int | None, value(whole, "N"), Count(1)] = None
     cell_out: File = None
     seed: Seed = 0
     plan_out: File = None
