@@ -355,7 +355,7 @@ class Effort:
 # what is searched with where nothing is said
 NORMAL = Effort()
 QUICK = Effort(
-    pricing_rounds=60,
+    pricing_rounds=40,
     refutations=4,
     bound_nodes=400_000,
     cover_nodes=200,

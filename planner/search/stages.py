@@ -308,18 +308,18 @@ def without_spare(
     if not settings:
         return []
     inspects = run.judge(np.array([setting.cam2world for setting in settings])).inspects
-    kept = dict(enumerate(settings))
-    for k in sorted(kept, key=lambda index: len(settings[index].entities)):
-        others = [index for index in kept if index != k]
-        measured = {name for index in others for name in kept[index].entities}
-        alone = [name for name in kept[k].entities if name not in measured]
-        if not others or not inspects[others][:, np.isin(run.names, alone)].any(axis=0).all():
+    by_index = dict(enumerate(settings))
+    for k in sorted(by_index, key=lambda index: len(settings[index].entities)):
+        others = [index for index in by_index if index != k]
+        names_elsewhere = {name for index in others for name in by_index[index].entities}
+        names = [name for name in by_index[k].entities if name not in names_elsewhere]
+        if not others or not inspects[others][:, np.isin(run.names, names)].any(axis=0).all():
             continue
-        tried = ShortTargets(run, [kept[i] for i in others], dict.fromkeys(alone, 0.0), centre)
+        tried = ShortTargets(run, [by_index[i] for i in others], dict.fromkeys(names, 0.0), centre)
         tried.join_settings()
         if not tried.reached:
-            kept = dict(zip(others, tried.settings, strict=True))
-    return list(kept.values())
+            by_index = dict(zip(others, tried.settings, strict=True))
+    return list(by_index.values())
 
 
 def _supported(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:
