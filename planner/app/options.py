@@ -402,6 +402,25 @@ class ImageRegistration:
 
 
 @dataclass(kw_only=True)
+class GivenPoses:
+    """Poses that exist.
+
+    Attributes
+    ----------
+    poses
+        file of camera poses: a plan, views of OpenCV (rvec, tvec), poses of ROS (optical frame, z forward), a program
+        of 'aspectgraph program' with --cell, or CSV with x y z and qx qy qz qw; in the part's frame
+    pose_units
+        unit of lengths in the file of --poses: mm, cm, m, um, in or ft (default: what the file states; ROS: m)
+    """
+
+    poses: File = None
+    pose_units: Annotated[
+        Literal["mm", "cm", "m", "um", "in", "inch", "ft"] | None, _named("UNIT")
+    ] = None
+
+
+@dataclass(kw_only=True)
 class Light:
     """Lamps that make the edges of a matt part visible.
 
@@ -481,6 +500,17 @@ class ForCell(Workspace):
 
 
 @dataclass(kw_only=True)
+class PlannedPoses(GivenPoses):
+    """Poses that exist.
+
+    Attributes
+    ----------
+    poses
+        choose the fewest of the camera poses in this file, as 'aspectgraph predict' reads it (default: search poses)
+    """
+
+
+@dataclass(kw_only=True)
 class Plan(
     ChosenTargets,
     Promise,
@@ -492,6 +522,7 @@ class Plan(
     Showing,
     ImageRegistration,
     Light,
+    PlannedPoses,
     PartFile,
 ):
     """Plan the inspection and write plan, graph, report and poses."""
@@ -597,7 +628,7 @@ class OpticsPromise(Promise):
 
 
 @dataclass(kw_only=True)
-class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, PartFile):
+class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, ImageRegistration, PartFile):
     """Rank camera bodies, lenses, distances and apertures by how well they measure a part.
 
     Attributes
@@ -622,6 +653,36 @@ class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, PartFile)
     distances: Annotated[Any, value(lengths, "MM,MM")] = None
     rows: Number = 10
     write: File = None
+
+
+@dataclass(kw_only=True)
+class Predict(
+    ChosenTargets,
+    Promise,
+    WithCamera,
+    GivenPoses,
+    Limits,
+    Workspace,
+    Showing,
+    ImageRegistration,
+    PartFile,
+):
+    """Say what each of some camera poses measures, how surely, and what none of them does.
+
+    Attributes
+    ----------
+    cell
+        TOML file of the robot cell of a robot program: it turns joints into poses (default: no robot)
+    """
+
+    usage = (
+        "PART --poses FILE --entities FILE|IDS   --camera NAME|FILE [options]",
+        "PART --poses FILE --select RULE         --camera NAME|FILE [options]",
+        "PART --poses FILE --dimensions FILE|all --camera NAME|FILE [options]",
+    )
+
+    poses: Annotated[str, _named("FILE")]
+    cell: File = None
 
 
 @dataclass(kw_only=True)
@@ -944,6 +1005,7 @@ class Batch(
     SearchEffort,
     Limits,
     Showing,
+    ImageRegistration,
     Units,
     Messages,
 ):
@@ -1047,6 +1109,7 @@ _COMMANDS: tuple[type[Command], ...] = (
         Cameras,
         Lights,
         Optics,
+        Predict,
         Simulate,
         Reach,
         Program,
