@@ -240,11 +240,11 @@ class Effort:
     >>> from planner import Effort
     >>> effort = Effort(viewpoints=10)
     >>> effort.viewpoints, effort.pricing_rounds
-    (10, 50)
+    (10, 100)
     """
 
     viewpoints: int = 50
-    pricing_rounds: int = 50
+    pricing_rounds: int = 100
     refutations: int = 30
     bound_nodes: int = 8_000_000
     cover_nodes: int = 1000
@@ -355,7 +355,7 @@ class Effort:
 # what is searched with where nothing is said
 NORMAL = Effort()
 QUICK = Effort(
-    pricing_rounds=20,
+    pricing_rounds=40,
     refutations=4,
     bound_nodes=400_000,
     cover_nodes=200,
@@ -367,7 +367,7 @@ QUICK = Effort(
 )
 THOROUGH = Effort(
     viewpoints=200,
-    pricing_rounds=200,
+    pricing_rounds=400,
     refutations=120,
     bound_nodes=40_000_000,
     cover_nodes=4000,

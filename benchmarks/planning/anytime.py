@@ -20,15 +20,18 @@ to the end of plan_inspection; every part has a process of its own.
 
 Rivals do not depend on plan_inspection: ``--rivals FILE`` takes their points from such a file.
 
-Parts that are not in the examples are looked for in the folder of ``--folder``; those not found are left out.
+Parts that are not in the examples are looked for in the folder of ``--folder`` and below it, compressed ones (gzip),
+too; those not found are left out.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import gzip
 import os
 import resource
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -41,7 +44,7 @@ import numpy as np
 from cases import EXAMPLES
 from planners import PLANNERS
 
-from aspectgraph import compute_regions, read_entities, read_solid
+from aspectgraph import Solid, compute_regions, read_entities, read_solid
 from planner import Camera, InspectionPlan, PoseUncertainty
 from planner.detectability.conditions import NOT_ASKED
 from planner.inspection import plan_inspection
@@ -123,10 +126,30 @@ class Point:
         return len(chosen)
 
 
+def files_of(part: str, folder: Path) -> list[Path]:
+    """Return where the file of a part is: in the examples, or in a folder or below it, perhaps compressed."""
+    return [
+        path
+        for place in (EXAMPLES, folder)
+        for name in (part, f"{part}.gz")
+        for path in sorted(place.rglob(name))
+    ]
+
+
+def solid_of(part: str, folder: Path) -> Solid:
+    """Return the solid of a part's file."""
+    path = files_of(part, folder)[0]
+    if path.suffix != ".gz":
+        return read_solid(path)
+    with tempfile.TemporaryDirectory() as place:
+        plain = Path(place) / part
+        plain.write_bytes(gzip.decompress(path.read_bytes()))
+        return read_solid(plain)
+
+
 def judge_of(case: Case, folder: Path) -> tuple[Judge, float]:
     """Return the judge of a case, and the seconds its regions took."""
-    path = next(place / case.part for place in (EXAMPLES, folder) if (place / case.part).exists())
-    solid = read_solid(path)
+    solid = solid_of(case.part, folder)
     camera = case.camera()
     if case.entities:
         wanted = read_entities(EXAMPLES / case.entities, solid)
@@ -288,7 +311,7 @@ def main() -> None:
     )
     parser.add_argument("--parts", nargs="+", choices=list(CASES), default=list(CASES))
     parser.add_argument(
-        "--folder", type=Path, default=Path(), help="of parts that are not among the examples"
+        "--folder", type=Path, default=Path(), help="of parts that are not examples, at any depth"
     )
     parser.add_argument("--limit", type=float, help="seconds for plan_inspection, wall time")
     parser.add_argument(
@@ -304,7 +327,7 @@ def main() -> None:
             ["part", "planner", "seconds", "settings", "inspected", "supported", "bound"]
         )
         for name in given.parts:
-            if not any((place / CASES[name].part).exists() for place in (EXAMPLES, given.folder)):
+            if not files_of(CASES[name].part, given.folder):
                 print(f"\n{name}: {CASES[name].part} is not there")
                 continue
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:

@@ -3,9 +3,11 @@
 ``python benchmarks/planning/dense_optimum.py [--parts own-block ...] [--poses 200000] [--folder DIR] [--csv FILE]``
 
 A plan is a few settings, and its bound says that fewer than some number can never do. Which of the two is far from what
-is possible? For each request, many poses are judged: a quarter looks from anywhere at the part, a quarter has entities
-in focus, and the others are near the best known ones. Columns that displaced poses do not show are cut as in the
-search. Of all these columns and those of the plan, an integer program (HiGHS) chooses the fewest that inspect what the
+is possible? For each request, many poses are judged. The first twentieth looks from anywhere at the part, as many have
+entities in focus, and all others are near the best known ones: near those of the pool, and near those that nearly
+inspect a set that would improve the cover. These are judged with prices, the dual of the relaxation over the columns so
+far: only of poses worth more than 1 is all asked. Columns that displaced poses do not show are cut as in the search.
+Of all these columns and those of the plan, an integer program (HiGHS) chooses the fewest that inspect what the
 plan inspects. It also states how many are needed at least *of this pool*, and the relaxation's value.
 
 If the smallest cover is smaller than the plan, the plan is not the best one. If it is as large and far above the bound,
@@ -23,18 +25,19 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from anytime import CASES, PROBABILITY, UNCERTAINTY, judge_of
+from anytime import CASES, PROBABILITY, UNCERTAINTY, judge_of, solid_of
 from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from scipy.sparse import csr_matrix
 
-from aspectgraph import compute_regions, read_solid
+from aspectgraph import compute_regions
 from planner import Camera, Effort, InspectionPlan, PoseUncertainty
 from planner.camera.pose import look_at
+from planner.cover import fractional_cover
 from planner.inspection import plan_inspection
 from planner.options import InspectionOptions
 from planner.request.camera_limits import default_workspace
 from planner.request.problem import Problem
-from planner.search.columns import ColumnPool, Judge, perturbed, poses_in_focus
+from planner.search.columns import ColumnPool, Judge, Pools, perturbed, poses_in_focus
 
 # a block of 14 faces, 30 x 20 x 15 mm, and ten of its edges
 BLOCK = "own-block"
@@ -44,7 +47,9 @@ BLOCK_CAMERA = Camera(25.0, (0.00345, 0.00345), (2448, 2048), 11.0, 250.0)
 BLOCK_UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
 PARTS = (BLOCK, "demo", "ctc01", "mfcad-default", "mfcad-narrow", "d2mi-default")
 # poses judged at a time; the columns kept of them are where the next ones are drawn
-_ROUND = 10_000
+_ROUND = 2_000
+# of all poses, this share looks from anywhere, and as many have entities in focus
+_DRAWN = 0.05
 
 
 @dataclass(frozen=True)
@@ -79,18 +84,21 @@ class Gap:
     relaxation: float
 
 
-def judge_and_plan(part: str, folder: Path, effort: Effort) -> tuple[Judge, InspectionPlan]:
-    """Return the judge of a request, and the plan."""
+def judge_for(part: str, folder: Path) -> Judge:
+    """Return the judge of a request."""
+    return block_judge(folder) if part == BLOCK else judge_of(CASES[part], folder)[0]
+
+
+def planned(part: str, judge: Judge, effort: Effort) -> InspectionPlan:
+    """Return the plan."""
     if part == BLOCK:
-        judge = block_judge(folder)
         options = InspectionOptions(space=judge.space, effort=effort)
         uncertainty = BLOCK_UNCERTAINTY
     else:
-        judge, _ = judge_of(CASES[part], folder)
         options = CASES[part].options(space=judge.space, effort=effort)
         uncertainty = UNCERTAINTY
     space = judge.space
-    plan = plan_inspection(
+    return plan_inspection(
         space.solid,
         {name: space.entities[name] for name in space.entity_names},
         judge.camera,
@@ -99,12 +107,11 @@ def judge_and_plan(part: str, folder: Path, effort: Effort) -> tuple[Judge, Insp
         accuracy=judge.accuracy,
         probability=PROBABILITY,
     )
-    return judge, plan
 
 
 def block_judge(folder: Path) -> Judge:
     """Return the judge of the block."""
-    solid = read_solid(folder / BLOCK_FILE)
+    solid = solid_of(BLOCK_FILE, folder)
     wanted = {f"e{k}": k for k in BLOCK_EDGES}
     workspace = default_workspace(solid, BLOCK_CAMERA)
     space = compute_regions(solid, wanted, workspace=workspace)
@@ -138,28 +145,52 @@ def anywhere(judge: Judge, n: int, rng: np.random.Generator) -> np.ndarray:
 def dense_pool(judge: Judge, known: np.ndarray, n: int, seed: int) -> ColumnPool:
     """Return the columns of n judged poses and of some known ones (m, 4, 4)."""
     rng = np.random.default_rng(seed)
-    pool = ColumnPool(len(judge.names))
+    pools = Pools(*(ColumnPool(len(judge.names)) for _ in Pools._fields))
     same_worth = np.ones(len(judge.names))
-    _join(judge, pool, known)
-    for k in range(-(-n // _ROUND)):
-        quarter = k * 4 * _ROUND // n
-        if quarter == 0:
+    pools.add(known, judge(known), judge.steady)
+    rounds = -(-n // _ROUND)
+    for k in range(rounds):
+        if k < _DRAWN * rounds:
             poses = anywhere(judge, _ROUND, rng)
-        elif quarter == 1:
+        elif k < 2 * _DRAWN * rounds:
             poses = poses_in_focus(judge, same_worth, _ROUND // 10, 10, rng)
         else:
-            parents = np.concatenate([known, pool.poses])
-            parents = parents[rng.integers(len(parents), size=_ROUND)]
-            poses = perturbed(parents, judge.camera.focus_distance_mm, rng)
-        low, high = np.asarray(judge.space.workspace, dtype=float)
-        positions = poses[:, :3, 3]
-        _join(judge, pool, poses[((positions >= low) & (positions <= high)).all(axis=1)])
-    return pool
+            prices = priced(pools.realised, rng)
+            parents = _parents(pools, known, prices, rng)
+            near = perturbed(parents, judge.camera.focus_distance_mm, rng)
+            poses = _in_workspace(judge, near)
+            pools.add(poses, judge(poses, prices), judge.steady)
+            continue
+        poses = _in_workspace(judge, poses)
+        pools.add(poses, judge(poses), judge.steady)
+    return pools.realised
 
 
-def _join(judge: Judge, pool: ColumnPool, poses: np.ndarray) -> None:
-    judged = judge(poses)
-    pool.add(judged.inspects, poses, judged.probability, judge.steady)
+def priced(pool: ColumnPool, rng: np.random.Generator) -> np.ndarray:
+    """Return prices (k,): a dual of the relaxation over the columns, other ones every time; 1 of what is in none."""
+    covered = pool.inspected
+    prices = np.ones(len(covered))
+    bias = 1.0 + 0.5 * rng.random(int(covered.sum()))
+    prices[covered] = fractional_cover(pool.membership[:, covered], bias)[1]
+    return prices
+
+
+def _parents(
+    pools: Pools, known: np.ndarray, prices: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Return a round's parents: half of them would improve the cover if they were put right."""
+    near = pools.near
+    misses = near.poses[near.membership @ prices > 1.0]
+    others = np.concatenate([known, pools.realised.poses])
+    chosen = others[rng.integers(len(others), size=_ROUND // 2)]
+    hopeful = misses if len(misses) else others
+    return np.concatenate([chosen, hopeful[rng.integers(len(hopeful), size=_ROUND // 2)]])
+
+
+def _in_workspace(judge: Judge, poses: np.ndarray) -> np.ndarray:
+    low, high = np.asarray(judge.space.workspace, dtype=float)
+    positions = poses[:, :3, 3]
+    return poses[((positions >= low) & (positions <= high)).all(axis=1)]
 
 
 def smallest_cover(membership: np.ndarray, seconds: float) -> tuple[int, int, float]:
@@ -178,9 +209,8 @@ def smallest_cover(membership: np.ndarray, seconds: float) -> tuple[int, int, fl
     return round(whole.fun), at_least, float(relaxed.fun)
 
 
-def gap(part: str, folder: Path, n_poses: int, effort: Effort, seconds: float) -> Gap:
+def gap(part: str, judge: Judge, plan: InspectionPlan, n_poses: int, seconds: float) -> Gap:
     """Measure one request."""
-    judge, plan = judge_and_plan(part, folder, effort)
     known = np.array([setting.cam2world for setting in plan.settings])
     pool = dense_pool(judge, known, n_poses, 0)
     columns = pool.membership
@@ -210,7 +240,7 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=200_000)
     parser.add_argument("--effort", default="quick", choices=("quick", "standard", "thorough"))
     parser.add_argument("--seconds", type=float, default=60.0, help="for each integer program")
-    parser.add_argument("--folder", type=Path, default=Path(), help="of the parts")
+    parser.add_argument("--folder", type=Path, default=Path(), help="of the parts, at any depth")
     parser.add_argument("--csv", default=os.devnull, help="write every row to this file")
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -221,7 +251,9 @@ def main() -> None:
         print("".join(f"{title:>14}" for title in titles), flush=True)
         for part in given.parts:
             start = time.process_time()
-            row = gap(part, given.folder, given.poses, Effort.named(given.effort), given.seconds)
+            judge = judge_for(part, given.folder)
+            plan = planned(part, judge, Effort.named(given.effort))
+            row = gap(part, judge, plan, given.poses, given.seconds)
             seconds = time.process_time() - start
             values = [f"{v:.2f}" if isinstance(v, float) else v for v in astuple(row)]
             print("".join(f"{value:>14}" for value in values) + f"{seconds:10.1f} s", flush=True)

@@ -503,7 +503,8 @@ class _Worth:
 _AXES_PER_VIEWPOINT = 6
 # a round starts from up to one and a half times this number of poses. A quarter of the number is
 # drawn from the pool, and a quarter is the best of the pool by price. Up to half nearly inspect
-# a set that would improve the cover. Up to half are the best of the round before.
+# a set that would improve the cover. Up to half are the best of the round before. More that nearly
+# inspect such a set join them where fewer poses are drawn anew.
 _PARENTS = 64
 # number of perturbations of every parent
 _CHILDREN = 16
@@ -526,6 +527,8 @@ _PROMISING = 0.3
 # that have it in focus together with others
 _DRAWN_ENTITIES = 64
 _DRAWN_POSES = 12
+# entities that poses are drawn for in any round, however long none has improved the cover
+_LEAST_DRAWN = 4
 # entities in focus together, the first one included. It may be drawn again, so they may be fewer.
 _IN_FOCUS = 3
 # of a depth of field, this much is the standard deviation of depth that counts as flat
@@ -814,7 +817,7 @@ def price_poses(
         then.
     """
     parents, coverable = warm_start or WarmStart()
-    breed = pools.realised.poses[:0] if parents is None else parents[:_PARENTS]
+    breed = _Breed(pools.realised.poses[:0] if parents is None else parents[:_PARENTS])
     if parents is not None:
         pools.add(parents, shared.value(parents), shared.value.steady)
     rng = np.random.default_rng(derive_seed(seed, ["pricing"]))
@@ -824,9 +827,8 @@ def price_poses(
     prices = np.zeros(len(covered))
     checkpoint = checkpoint or Checkpoint()
     if (entry := checkpoint.get("pricing")) is not None:
-        first, breed, values, prices, covered = (
-            entry[k] for k in ("done", "breed", "values", "prices", "covered")
-        )
+        first, values, prices, covered = (entry[k] for k in ("done", "values", "prices", "covered"))
+        breed = _Breed(entry["breed"], entry.get("in_vain", 0))
         rng.bit_generator.state = entry["rng"]
     for done in range(first, rounds):
         if coverable is not None and (now := pools.realised.inspected).sum() > covered.sum():
@@ -854,7 +856,8 @@ def price_poses(
         breed = _improve(shared, pools, breed, prices, rng, executor)
         so_far = {
             "done": done + 1,
-            "breed": breed,
+            "breed": breed.parents,
+            "in_vain": breed.in_vain,
             "values": values,
             "prices": prices,
             "covered": covered,
@@ -880,32 +883,51 @@ def _is_settled(values: list[float], membership: np.ndarray, left: int) -> bool:
     return hopeless and not exchange_columns(membership, fewest, steps=_LAST_EXCHANGES).missing
 
 
+class _Breed(NamedTuple):
+    """What a round begins with: parents (m, 4, 4), and in how many rounds drawn poses have improved nothing."""
+
+    parents: np.ndarray
+    in_vain: int = 0
+
+    @property
+    def n_drawn(self) -> int:
+        """For how many entities poses are drawn: half as many after each round in vain."""
+        return max(_DRAWN_ENTITIES >> self.in_vain, _LEAST_DRAWN)
+
+    @property
+    def n_hopeful(self) -> int:
+        """How many near misses are tried, so that a round has about as many poses as ever."""
+        return _PARENTS // 2 + (_DRAWN_ENTITIES - self.n_drawn) * _DRAWN_POSES // _CHILDREN
+
+
 def _improve(
     shared: Shared,
     pools: Pools,
-    breed: Any,
+    breed: _Breed,
     prices: np.ndarray,
     rng: np.random.Generator,
     executor: Executor | None,
-) -> np.ndarray:
-    """Breed from the most promising poses, and draw others; return the next parents."""
+) -> _Breed:
+    """Breed from the most promising poses, and draw others; return what the next round begins with."""
     pool, near = pools
     at_random = pool.poses[rng.integers(len(pool), size=_PARENTS // 4)] if len(pool) else pool.poses
     worthy = pool.poses[np.argsort(-(pool.membership @ prices), kind="stable")[: _PARENTS // 4]]
     # what is nearly inspected and worth more than 1 would improve the cover if only the pose were put right
     rows = np.flatnonzero(near.membership @ prices > 1.0)
-    hopeful = near.poses[rows[rng.permutation(len(rows))[: _PARENTS // 2]]]
-    parents = np.concatenate([breed, at_random, worthy, hopeful])
+    hopeful = near.poses[rows[rng.permutation(len(rows))[: breed.n_hopeful]]]
+    parents = np.concatenate([breed.parents, at_random, worthy, hopeful])
     children = perturbed(
         np.repeat(parents, _CHILDREN, axis=0), shared.value.camera.focus_distance_mm, rng
     )
-    drawn = poses_in_focus(shared.value, prices, _DRAWN_ENTITIES, _DRAWN_POSES, rng)
+    drawn = poses_in_focus(shared.value, prices, breed.n_drawn, _DRAWN_POSES, rng)
     children = np.concatenate([drawn, children])
     # batches of one size, whoever judges them: the last digits must not depend on the executor
     batches = [(shared, children[i : i + _BATCH], prices) for i in range(0, len(children), _BATCH)]
     judged = Judgement.joined(list(in_order(executor, _judged, batches)))
     pools.add(children, judged, shared.value.steady)
-    return children[_champions(judged.promise, prices, rng)]
+    improving = judged.inspects[: len(drawn)] @ prices > 1.0 + 1e-6
+    in_vain = 0 if improving.any() else breed.in_vain + 1
+    return _Breed(children[_champions(judged.promise, prices, rng)], in_vain)
 
 
 def _champions(promise: np.ndarray, prices: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -284,7 +284,42 @@ def settle(run: SearchRun, inspected: np.ndarray, *, moves: bool = True) -> Sett
     def centre(some: Sequence[SensorSetting]) -> list[SensorSetting]:
         return centre_all(run, some, centring)
 
-    return _without_short(run, centre(settings), centre)
+    settled = _without_short(run, centre(settings), centre)
+    return settled._replace(settings=without_spare(run, settled.settings, centre))
+
+
+def without_spare(
+    run: SearchRun, settings: Sequence[SensorSetting], centre: Centre
+) -> list[SensorSetting]:
+    """Return settings without those whose targets the others measure, too, from where their poses are now.
+
+    The columns that the cover was chosen from are of other poses: a search for better ones, and the moves off their
+    limits, may bring more targets into a setting. They join it only if they have the required P_all there.
+
+    Parameters
+    ----------
+    run : SearchRun
+        Its request says what is asked.
+    settings : sequence of SensorSetting
+        Those of fewest targets are tried first.
+    centre : callable
+        Moves settings off their limits; none is moved here.
+    """
+    if not settings:
+        return []
+    inspects = run.judge(np.array([setting.cam2world for setting in settings])).inspects
+    by_index = dict(enumerate(settings))
+    for k in sorted(by_index, key=lambda index: len(settings[index].entities)):
+        others = [index for index in by_index if index != k]
+        names_elsewhere = {name for index in others for name in by_index[index].entities}
+        names = [name for name in by_index[k].entities if name not in names_elsewhere]
+        if not others or not inspects[others][:, np.isin(run.names, names)].any(axis=0).all():
+            continue
+        tried = ShortTargets(run, [by_index[i] for i in others], dict.fromkeys(names, 0.0), centre)
+        tried.join_settings()
+        if not tried.reached:
+            by_index = dict(zip(others, tried.settings, strict=True))
+    return list(by_index.values())
 
 
 def _supported(run: SearchRun, candidates: Sequence[SensorSetting]) -> list[Supported]:

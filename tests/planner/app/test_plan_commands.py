@@ -487,7 +487,7 @@ OTHERS = {
         "target 'bottom'",
     ),
     "lighting": ({"lighting": Lighting("ring")}, "--light"),
-    "effort": ({"effort": Effort.named("quick")}, "--effort changed: pricing rounds was 50"),
+    "effort": ({"effort": Effort.named("quick")}, "--effort changed: pricing rounds was 100"),
     "gap": ({"gap": 0.2}, "--gap was 0 and is now 0.2"),
     "localisation": (
         {"localisation": Localisation.gaussian(0.1, floor_px=0.0)},

@@ -9,11 +9,16 @@ from planner.camera.pose import look_at
 from planner.cover import is_cover, min_cover
 from planner.executors import Shared
 from planner.request.problem import Problem
+from planner.search import columns
 from planner.search.columns import (
+    _CHILDREN,
+    _DRAWN_POSES,
     ColumnPool,
     Judge,
+    Judgement,
     Pools,
     WarmStart,
+    _Breed,
     _drawn,
     _flat_directions,
     judged_poses,
@@ -114,3 +119,37 @@ def test_columns_are_not_beaten_by_poses_from_anywhere(judge, seed):
     chosen = min_cover(ours).chosen
     assert is_cover(ours, chosen)
     assert len(chosen) <= len(min_cover(chance.membership[:, chance.inspected]).chosen)
+
+
+def test_fewer_poses_are_drawn_anew_while_none_of_them_improves_the_cover():
+    """And more near misses are tried instead: a round has as many poses within one parent's children."""
+    rounds = [_Breed(np.zeros((0, 4, 4)), in_vain) for in_vain in range(12)]
+    drawn = [one.n_drawn for one in rounds]
+    assert drawn == sorted(drawn, reverse=True)
+    assert drawn[1] == drawn[0] / 2
+    assert drawn[-1] > 0
+    in_all = [one.n_drawn * _DRAWN_POSES + one.n_hopeful * _CHILDREN for one in rounds]
+    assert max(in_all) - min(in_all) < _CHILDREN
+
+
+@pytest.mark.parametrize("improves", [True, False])
+def test_that_ends_as_soon_as_one_improves_it(judge, monkeypatch, improves):
+    """The first pose drawn is said to inspect everything, or nothing."""
+    pools = Pools(ColumnPool(len(NAMES)), ColumnPool(len(NAMES)))
+    pools.add(np.tile(np.eye(4), (12, 1, 1)), judgement(np.eye(12, dtype=bool)))
+
+    def judged(shared, poses, prices):
+        inspects = np.zeros((len(poses), len(prices)), dtype=bool)
+        inspects[0] = improves
+        return judgement(inspects)
+
+    monkeypatch.setattr(columns, "_judged", judged)
+    before = _Breed(pools.realised.poses, 3)
+    rng = np.random.default_rng(0)
+    after = columns._improve(Shared(judge), pools, before, np.ones(12), rng, None)
+    assert after.in_vain == (0 if improves else 4)
+
+
+def judgement(inspects):
+    """Return a judgement in which what is inspected is certain."""
+    return Judgement(inspects, inspects, inspects * 1.0, inspects * 1.0)

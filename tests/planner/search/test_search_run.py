@@ -36,7 +36,7 @@ from planner.search import stages as settle
 from planner.search.columns import Pools
 from planner.search.incumbents import Incumbents, PlanState, SearchRun, empty_pools
 from planner.search.plan_setting import setting_at
-from planner.search.stages import ShortTargets, _without_short
+from planner.search.stages import ShortTargets, _without_short, without_spare
 from planner.sensor_setting import Outcome, Reason, ReasonKind
 from planner.verify.simulate_plan import simulate_plan
 
@@ -407,6 +407,34 @@ def test_another_setting_measures_the_target_if_it_can():
     assert set(only.entities) == set(NAMES_RETRY)
     assert (only.cam2world == ABOVE).all()
     assert min(only.p_all.values()) >= 0.9
+
+
+def test_a_setting_is_spared_where_another_one_measures_its_targets():
+    """The one from below the top sees the edge in front; so does the one from above, which is of the other edge."""
+    run = run_of()
+    given = [stated(run, ABOVE, {BACK: 0.99}), stated(run, BEFORE, {FRONT: 0.99})]
+    assert run.judge(BEFORE[None]).inspects[0].tolist() == [name == FRONT for name in run.names]
+    (only,) = without_spare(run, given, never)
+    assert (only.cam2world == ABOVE).all()
+    assert set(only.entities) == set(NAMES_RETRY)
+    assert min(only.p_all.values()) >= 0.9
+
+
+def test_what_two_settings_state_already_joins_neither():
+    run = run_of()
+    both = stated(run, ABOVE, {BACK: 0.99, FRONT: 0.99})
+    assert without_spare(run, [stated(run, BEFORE, {FRONT: 0.99}), both], never) == [both]
+
+
+def test_no_setting_is_spared_where_the_counts_forbid_it(monkeypatch):
+    run = run_of()
+    given = [stated(run, ABOVE, {BACK: 0.99}), stated(run, BEFORE, {FRONT: 0.99})]
+    monkeypatch.setattr(
+        settle, "joint_bounds", lambda judge, pose, names, seed: {names[0]: (0.8, 1000)}
+    )
+    assert without_spare(run, given, never) == given
+    assert without_spare(run, given[1:], never) == given[1:]
+    assert without_spare(run, [], never) == []
 
 
 def test_a_pose_of_another_column_is_added_for_it():
