@@ -43,6 +43,7 @@ from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Regi
 from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import MeasurementResults, Result, Source, edges_text, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
+from planner.measuring.seen_breaks import seen_break
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -394,6 +395,11 @@ class Measurer:
         pictures = response.pictures
         if response.is_changed:
             registered, failed = self._all_registered(pictures, options)
+        seen = seen_break(self.model, pictures, registered)
+        edges_note = "" if seen is None else seen.note(self.edge_state(options))
+        if seen is not None and not self.edge_state(options).stated:
+            options = replace(options, edge_break_mm=seen.limits_mm)
+            registered, failed = self._all_registered(pictures, options)
         readings = self._readings(response, registered, options)
         for shot in self.shots:
             if shot.name in failed:
@@ -414,7 +420,7 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(image_set, operator),
-            (*image_set.notes, *response.notes(readings), *notes),
+            (*image_set.notes, *response.notes(readings), *filter(None, [edges_note]), *notes),
             pictures,
             response.records(),
             self._edges_text(list(results.values()), options),
