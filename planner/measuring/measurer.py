@@ -43,7 +43,7 @@ from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Regi
 from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import MeasurementResults, Result, Source, edges_text, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
-from planner.measuring.seen_breaks import seen_break
+from planner.measuring.seen_breaks import SeenBreak, seen_break, seen_notes
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -238,7 +238,8 @@ class MeasureOptions:
         plan's camera.
     edge_break_mm : (float, float) or None
         By how much the part's edges are broken along their faces, least and most, mm. Targets that state their own
-        keep it. None is the plan's; without that, edges are assumed to be sharp within 0.05 mm.
+        keep it. None is the plan's; without that, it is what images clearly show. Otherwise edges are assumed to be
+        sharp within 0.05 mm.
     repeatability : PoseUncertainty
         By how much the camera moves between the images that a setting takes under different lamps. Images that are
         farther apart are refused. Default: 0.02 mm and 0.1 mrad.
@@ -396,8 +397,8 @@ class Measurer:
         if response.is_changed:
             registered, failed = self._all_registered(pictures, options)
         seen = seen_break(self.model, pictures, registered)
-        edges_note = "" if seen is None else seen.note(self.edge_state(options))
-        if seen is not None and not self.edge_state(options).stated:
+        stated = self.edge_state(options)
+        if seen is not None and not stated.stated:
             options = replace(options, edge_break_mm=seen.limits_mm)
             registered, failed = self._all_registered(pictures, options)
         readings = self._readings(response, registered, options)
@@ -420,10 +421,10 @@ class Measurer:
             serial,
             self._correlation(results, registered),
             self._source(image_set, operator),
-            (*image_set.notes, *response.notes(readings), *filter(None, [edges_note]), *notes),
+            (*image_set.notes, *response.notes(readings), *seen_notes(seen, stated), *notes),
             pictures,
             response.records(),
-            self._edges_text(list(results.values()), options),
+            self._edges_text(list(results.values()), options, seen if not stated.stated else None),
         )
 
     def _camera(self, options: MeasureOptions) -> Camera:
@@ -726,10 +727,13 @@ class Measurer:
         of_target = getattr(target, "edge_break_mm", None)
         return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
 
-    def _edges_text(self, results: Sequence[Result], options: MeasureOptions) -> str:
-        """Say by how much edges are taken to be broken."""
+    def _edges_text(
+        self, results: Sequence[Result], options: MeasureOptions, seen: SeenBreak | None
+    ) -> str:
+        """Say by how much edges are taken to be broken, because it is stated or because images show it."""
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
-        return edges_text(results, states)
+        text = edges_text(results, states)
+        return text if seen is None else f"{text} (as images show)"
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

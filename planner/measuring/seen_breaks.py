@@ -62,6 +62,7 @@ _APART_PX = np.array(
 # blurs of a grid, by this factor, and which of them belong to an image, by its measured one
 _BLUR_TIMES = 1.07
 _BLURS = (0.5, 1.25)
+_MOST_BLUR_PX = 1.5
 # standard deviation of the logarithm of the blur from edge to edge
 _BLUR_SPREAD = 0.05
 # variance of a pixel, and places and weights of a triangle as wide as interpolation is
@@ -104,21 +105,35 @@ class SeenBreak:
     limits_mm: tuple[float, float]
     edges: tuple[str, ...]
 
-    @property
-    def state(self) -> EdgeState:
-        """By how much edges are taken to be broken."""
-        return EdgeState(*self.limits_mm, True)
 
-    def note(self, stated: EdgeState) -> str:
-        """Return what the user should know, given what is stated; empty if this agrees with it."""
-        low, high = self.limits_mm
-        some = ", ".join(self.edges[:3]) + (", ..." if len(self.edges) > 3 else "")
-        seen = f"edges look broken by about {self.size_mm:.2g} mm ({some})"
-        if not stated.stated:
-            return f"{seen}: measured as broken by {low:.2g} to {high:.2g} mm; state edges"
-        if low > stated.high_mm:
-            return f"{seen}, but are {stated}: measured as stated"
-        return ""
+def seen_notes(seen: SeenBreak | None, stated: EdgeState) -> list[str]:
+    """Return what the user should know of a break that images show, given what is stated; nothing if this agrees."""
+    if seen is None:
+        return []
+    low, high = seen.limits_mm
+    some = ", ".join(seen.edges[:3]) + (", ..." if len(seen.edges) > 3 else "")
+    text = f"edges look broken by about {seen.size_mm:.2g} mm ({some})"
+    if not stated.stated:
+        return [f"{text}: measured as broken by {low:g} to {high:g} mm; state edges"]
+    if low > stated.high_mm:
+        return [f"{text}, and they are {stated}: measured as stated"]
+    return []
+
+
+def distance_of_steps(light: Array, half_px: float = 12.0) -> float:
+    """Return how far both steps of a profile are apart, px; 0 for one step.
+
+    Parameters
+    ----------
+    light : array (k,)
+        Every half pixel, from `half_px` on one side of the edge to as far on the other.
+    half_px : float
+        One of the lengths that profiles have.
+    """
+    numbers = range(_blur_number(_BLURS[0]), _blur_number(_MOST_BLUR_PX) + 1)
+    squares = np.min([_misfit(light[None], half_px, number)[0] for number in numbers], axis=0)
+    floor = (_FLOOR * np.ptp(light)) ** 2
+    return float(_widths(half_px)[np.argmin(np.log1p(squares / floor))])
 
 
 @dataclass(frozen=True)
@@ -259,8 +274,12 @@ def _likelihoods(sections: _Sections, blurs: Sequence[float], sizes: Array) -> A
 
 def _blur_numbers(blur_px: float) -> NDArray[np.int64]:
     """Return the numbers of blurs of the grid that an image may have; its edges may have widened the measured one."""
-    low, high = np.log(np.multiply(_BLURS, max(blur_px, 0.5))) / np.log(_BLUR_TIMES)
-    return np.arange(int(np.floor(low)), int(np.ceil(high)) + 1)
+    low, high = (_blur_number(times * max(blur_px, 0.5)) for times in _BLURS)
+    return np.arange(low, high + 1)
+
+
+def _blur_number(blur_px: float) -> int:
+    return round(float(np.log(blur_px) / np.log(_BLUR_TIMES)))
 
 
 def _of_blur(sections: _Sections, number: int, sizes: Array) -> Array:
@@ -367,6 +386,6 @@ def _agreed(
     if alike.sum() < max(FEWEST_EDGES, against + 1, len(every) / 2):
         return None
     low, high = np.quantile(every[alike], _QUANTILES)
-    limits = (LEAST_TIMES * float(low), ROUND_TIMES * float(high))
+    limits = (float(f"{LEAST_TIMES * low:.2g}"), float(f"{ROUND_TIMES * high:.2g}"))
     edges = tuple(name for (_, name), same in zip(rows, alike, strict=True) if same)
     return SeenBreak(size, limits, edges)
