@@ -57,12 +57,34 @@ _EVERY = 2
 _PLACE_PX = 0.3
 _MARGIN_PX = 1.5
 _APART_PX = np.array(
-    [0, 0.4, 0.6, 0.8, 1, 1.25, 1.5, 1.8, 2.2, 2.6, 3.1, 3.7, 4.4, 5.2, 6.2, 7.4, 8.8, 10.5, 12.5, 15]
+    [
+        0,
+        0.4,
+        0.6,
+        0.8,
+        1,
+        1.25,
+        1.5,
+        1.8,
+        2.2,
+        2.6,
+        3.1,
+        3.7,
+        4.4,
+        5.2,
+        6.2,
+        7.4,
+        8.8,
+        10.5,
+        12.5,
+        15,
+    ]
 )
 # blurs of a grid, by this factor, and which of them belong to an image, by its measured one
 _BLUR_TIMES = 1.07
 _BLURS = (0.5, 1.25)
-_MOST_BLUR_PX = 1.5
+# if no registration tells it
+_ANY_BLUR_PX = (0.5, 1.5)
 # standard deviation of the logarithm of the blur from edge to edge
 _BLUR_SPREAD = 0.05
 # variance of a pixel, and places and weights of a triangle as wide as interpolation is
@@ -111,8 +133,8 @@ def seen_notes(seen: SeenBreak | None, stated: EdgeState) -> list[str]:
     if seen is None:
         return []
     low, high = seen.limits_mm
-    some = ", ".join(seen.edges[:3]) + (", ..." if len(seen.edges) > 3 else "")
-    text = f"edges look broken by about {seen.size_mm:.2g} mm ({some})"
+    names = ", ".join(seen.edges[:3]) + (", ..." if len(seen.edges) > 3 else "")
+    text = f"edges look broken by about {seen.size_mm:.2g} mm ({names})"
     if not stated.stated:
         return [f"{text}: measured as broken by {low:g} to {high:g} mm; state edges"]
     if low > stated.high_mm:
@@ -130,7 +152,7 @@ def distance_of_steps(light: Array, half_px: float = 12.0) -> float:
     half_px : float
         One of the lengths that profiles have.
     """
-    numbers = range(_blur_number(_BLURS[0]), _blur_number(_MOST_BLUR_PX) + 1)
+    numbers = _blur_numbers(np.nan)
     squares = np.min([_misfit(light[None], half_px, number)[0] for number in numbers], axis=0)
     floor = (_FLOOR * np.ptp(light)) ** 2
     return float(_widths(half_px)[np.argmin(np.log1p(squares / floor))])
@@ -274,8 +296,10 @@ def _likelihoods(sections: _Sections, blurs: Sequence[float], sizes: Array) -> A
 
 def _blur_numbers(blur_px: float) -> NDArray[np.int64]:
     """Return the numbers of blurs of the grid that an image may have; its edges may have widened the measured one."""
-    low, high = (_blur_number(times * max(blur_px, 0.5)) for times in _BLURS)
-    return np.arange(low, high + 1)
+    limits = _ANY_BLUR_PX
+    if np.isfinite(blur_px):
+        limits = (_BLURS[0] * max(blur_px, 0.5), _BLURS[1] * max(blur_px, 0.5))
+    return np.arange(_blur_number(limits[0]), _blur_number(limits[1]) + 1)
 
 
 def _blur_number(blur_px: float) -> int:
@@ -298,7 +322,7 @@ def _of_blur(sections: _Sections, number: int, sizes: Array) -> Array:
 
 def _widths(half: float) -> Array:
     """Return the distances of two lines that a profile may show."""
-    return _APART_PX[_APART_PX <= 2 * (half - _MARGIN_PX) - 2 * _PLACE_PX]
+    return _APART_PX[2 * (half - _MARGIN_PX) - 2 * _PLACE_PX >= _APART_PX]
 
 
 def _misfit(light: Array, half: float, number: int) -> Array:
@@ -338,12 +362,12 @@ def _bases(half: float, number: int) -> list[Array]:
     bases = []
     for apart in _widths(half):
         first = np.arange(_MARGIN_PX - half, half - _MARGIN_PX - apart + 1e-9, _PLACE_PX)
-        one = (places - first[:, None]) / blur
-        two = one - apart / blur
-        columns = [np.ones_like(one), _blurred(one, blur)[0]]
-        columns += [_blurred(-one, blur)[1], _blurred(two, blur)[1]]
+        near = (places - first[:, None]) / blur
+        far = near - apart / blur
+        columns = [np.ones_like(near), _blurred(near, blur)[0]]
+        columns += [_blurred(-near, blur)[1], _blurred(far, blur)[1]]
         if apart > 0:
-            columns.append(_blurred(two, blur)[0])
+            columns.append(_blurred(far, blur)[0])
         bases.append(np.linalg.qr(np.stack(columns, axis=2))[0])
     return bases
 
@@ -380,12 +404,12 @@ def _agreed(
         against += bool(inside[-1] <= UNSTATED_MM)
     if not rows:
         return None
-    every = np.array([size for size, _ in rows])
-    size = float(np.median(every))
-    alike = np.abs(np.log(every / size)) <= np.log(ALIKE)
-    if alike.sum() < max(FEWEST_EDGES, against + 1, len(every) / 2):
+    shown = np.array([size for size, _ in rows])
+    size = float(np.median(shown))
+    alike = np.abs(np.log(shown / size)) <= np.log(ALIKE)
+    if alike.sum() < max(FEWEST_EDGES, against + 1, len(shown) / 2):
         return None
-    low, high = np.quantile(every[alike], _QUANTILES)
+    low, high = np.quantile(shown[alike], _QUANTILES)
     limits = (float(f"{LEAST_TIMES * low:.2g}"), float(f"{ROUND_TIMES * high:.2g}"))
     edges = tuple(name for (_, name), same in zip(rows, alike, strict=True) if same)
     return SeenBreak(size, limits, edges)
