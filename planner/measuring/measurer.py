@@ -43,7 +43,7 @@ from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Regi
 from planner.measuring.response import JudgedResponse, judge_response
 from planner.measuring.results import MeasurementResults, Result, Source, edges_text, merged
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
-from planner.measuring.seen_breaks import SeenBreak, seen_break, seen_notes
+from planner.measuring.seen_breaks import seen_break, seen_notes
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -392,14 +392,15 @@ class Measurer:
         }
         registered, failed = self._all_registered(pictures, options)
         poses = registered | self._alone(failed, pictures, options)
-        response = judge_response(self.model, pictures, poses, self._edges_half_px(poses))
-        pictures = response.pictures
-        if response.is_changed:
-            registered, failed = self._all_registered(pictures, options)
-        seen = seen_break(self.model, pictures, registered)
+        seen = seen_break(self.model, pictures, poses)
         stated = self.edge_state(options)
-        if seen is not None and not stated.stated:
+        half_px = self._edges_half_px(poses)
+        response = judge_response(self.model, pictures, poses, half_px, seen is not None)
+        pictures = response.pictures
+        uses_seen = seen is not None and not stated.stated
+        if seen is not None and uses_seen:
             options = replace(options, edge_break_mm=seen.limits_mm)
+        if response.is_changed or uses_seen:
             registered, failed = self._all_registered(pictures, options)
         readings = self._readings(response, registered, options)
         for shot in self.shots:
@@ -424,7 +425,7 @@ class Measurer:
             (*image_set.notes, *response.notes(readings), *seen_notes(seen, stated), *notes),
             pictures,
             response.records(),
-            self._edges_text(list(results.values()), options, seen if not stated.stated else None),
+            self._edges_text(list(results.values()), options, uses_seen),
         )
 
     def _camera(self, options: MeasureOptions) -> Camera:
@@ -728,12 +729,12 @@ class Measurer:
         return EdgeState.of(of_target, options.edge_break_mm, self.plan.request.edge_break_mm)
 
     def _edges_text(
-        self, results: Sequence[Result], options: MeasureOptions, seen: SeenBreak | None
+        self, results: Sequence[Result], options: MeasureOptions, are_seen: bool
     ) -> str:
         """Say by how much edges are taken to be broken, because it is stated or because images show it."""
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
         text = edges_text(results, states)
-        return text if seen is None else f"{text} (as images show)"
+        return f"{text} (as images show)" if are_seen else text
 
     def _floor_px(self, planned: Localisation, options: MeasureOptions) -> float:
         if options.localisation is not None:

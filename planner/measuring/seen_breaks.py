@@ -39,6 +39,8 @@ FEWEST_EDGES = 3
 """Edges that must agree on one size."""
 GAIN = 4.0
 """Logarithm of the likelihood that an edge gains by a break, for each pixel of its width, to count; 1 px at least."""
+UNCLEAR_PX = 1.25
+"""A narrower band cannot be told from a blur of an unusual shape."""
 WIDEST = 2.2
 """An edge that counts shows its size up to this factor."""
 ALIKE = 1.5
@@ -97,8 +99,8 @@ _KERNEL = [
 _SECTIONS = 12
 _OF_SECTION = 3
 _MOST_SECTIONS = 240
-# independent grey values of a profile, and independent sections of an edge
-_INDEPENDENT = 8
+# independent grey values for each px of half a profile, and independent sections of an edge
+_INDEPENDENT = 1.0
 _MOST_OF_EDGE = 6
 # of a step: what profiles are off by at least; weaker steps than this share of white say nothing
 _FLOOR = 0.004
@@ -317,7 +319,7 @@ def _of_blur(sections: _Sections, number: int, sizes: Array) -> Array:
         fit = np.log1p(square / sections.variance[of_half, None])
         for i, row in zip(of_half, fit, strict=True):
             result[i] = np.interp(sizes * sections.px_per_mm[i], _widths(half), row)
-    return -0.5 * _INDEPENDENT * result
+    return -0.5 * _INDEPENDENT * sections.half[:, None] * result
 
 
 def _widths(half: float) -> Array:
@@ -394,11 +396,14 @@ def _agreed(
         of_edge = sections.edge == edge
         count = min(int(of_edge.sum()), _MOST_OF_EDGE)
         value = count * likelihoods[of_edge].mean(axis=0)
-        gain = float(value.max() - value[sizes <= UNSTATED_MM].max())
+        width = sizes * float(sections.px_per_mm[of_edge].mean())
+        gain = float(value.max() - value[(sizes <= UNSTATED_MM) | (width <= UNCLEAR_PX)].max())
         size = float(sizes[value.argmax()])
         inside = sizes[value > value.max() - _FALL]
-        wide = max(size * float(sections.px_per_mm[of_edge].mean()), 1.0)
-        if gain >= GAIN * wide and inside[-1] <= WIDEST * inside[0]:
+        if (
+            gain >= GAIN * max(float(width[value.argmax()]), 1.0)
+            and inside[-1] <= WIDEST * inside[0]
+        ):
             rows.append((size, names[edge]))
         # a larger break is excluded
         against += bool(inside[-1] <= UNSTATED_MM)
