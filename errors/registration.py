@@ -251,7 +251,7 @@ def posterior(prior_covariance: Array, rows: Iterable[Rows], bias_variance: floa
         places = np.searchsorted(moving, group.unknowns)
         design = group.design * scale[places]
         weighted = design.T * group.weight
-        modes, free = _freed(group, bias)
+        modes, free = free_biases(group, bias)
         common = weighted @ modes
         information[np.ix_(places, places)] += weighted @ design - common @ free @ common.T
         right[places] += weighted @ group.residual - common @ free @ (
@@ -289,7 +289,7 @@ def bias_variance_of(rows: Iterable[Rows], estimate: Posterior, bias_variance: f
     total = 0.0
     count = 0
     for group in rows:
-        modes, free = _freed(group, bias_variance)
+        modes, free = free_biases(group, bias_variance)
         gain = free @ (modes.T * group.weight)
         residual = group.residual - group.design @ estimate.mean[group.unknowns]
         moved = gain @ group.design
@@ -301,7 +301,7 @@ def bias_variance_of(rows: Iterable[Rows], estimate: Posterior, bias_variance: f
     return total / count if count else bias_variance
 
 
-def _freed(group: Rows, bias: float) -> tuple[Array, Array]:
+def free_biases(group: Rows, bias: float) -> tuple[Array, Array]:
     """Return how far biases move a group's rows (m, q), and the covariance (q, q) of the biases if only they did."""
     modes = group.biases
     if not bias > 0:
@@ -365,8 +365,11 @@ _BIASES = 3
 
 
 @njit(error_model="numpy")
-def find_known_poses(poses, prior, stretches, imaging, values, covariance, root, variance):
-    """Write covariance and root of each pose, and the variance of each value: by all, and by the pose alone."""
+def find_known_poses(poses, prior, stretches, imaging, values, covariance, root, roots, variance):
+    """Write covariance and root of each pose, and the variance of each value: by all, and by the pose alone.
+
+    And the root of the pose for each value, whose own surfaces are free.
+    """
     sigmas = stretches.sigmas
     rows = np.zeros((len(stretches.points), POSE + 2 * _OWN))
     weights = np.zeros(len(stretches.points))
@@ -390,12 +393,37 @@ def find_known_poses(poses, prior, stretches, imaging, values, covariance, root,
             for k in range(POSE):
                 information[count + j, count + k] = before[j, k]
         _inform(information, stretches, imaging, (rows, weights, shown, place, scale, count))
-        _factor(information)
-        _pose_of(information, scale, covariance[i], root[i])
+        factor = information.copy()
+        _factor(factor, 0)
+        _pose_of(factor, scale, covariance[i], root[i])
+        scratch = np.empty((POSE, POSE))
         for t in range(first, last):
             state = poses[i], root[i], place, scale, count
-            _variance(information, values, t, sigmas, state, variance[t])
+            freed = _freed_factor(information, factor, stretches, values, t, place)
+            _pose_of(freed, scale, scratch, roots[t])
+            _variance(freed, values, t, sigmas, state, variance[t])
         first = last
+
+
+@njit(error_model="numpy")
+def _freed_factor(information, factor, stretches, values, t, place):
+    """Return the factor with the prior of a value, whose own surfaces are free: from the first of these on."""
+    start = len(factor)
+    for k in range(len(place)):
+        if values.free[t, k] and place[k] >= 0:
+            start = min(start, place[k])
+    if start == len(factor):
+        return factor
+    freed = factor.copy()
+    freed[start:] = information[start:]
+    for k in range(len(place)):
+        if values.free[t, k] and place[k] >= 0:
+            for j in range(_OWN):
+                # the prior's precision is 1 in units of what is known of surfaces that are not free
+                ratio = stretches.sigmas[k, j] / stretches.free_sigmas[k, j]
+                freed[place[k] + j, place[k] + j] += ratio * ratio - 1.0
+    _factor(freed, start)
+    return freed
 
 
 @njit(error_model="numpy")
@@ -668,8 +696,11 @@ def _leave_out_biases(information, before):
 
 
 @njit(error_model="numpy")
-def _factor(matrix):
-    """Write the Cholesky factor into the lower half of a positive definite matrix; zeros left of it are skipped."""
+def _factor(matrix, start):
+    """Write the Cholesky factor into the lower half of a positive definite matrix; zeros left of it are skipped.
+
+    The rows before the start are the factor's.
+    """
     n = len(matrix)
     begin = np.empty(n, np.int64)
     for i in range(n):
@@ -678,6 +709,8 @@ def _factor(matrix):
             if matrix[i, j] != 0.0:
                 begin[i] = j
                 break
+        if i < start:
+            continue
         for j in range(begin[i], i + 1):
             total = matrix[i, j]
             for k in range(max(begin[i], begin[j]), j):
@@ -693,7 +726,7 @@ def _inverse_scaled(covariance, scale):
     for i in range(n):
         for j in range(n):
             factor[i, j] = covariance[i, j] / (scale[i] * scale[j])
-    _factor(factor)
+    _factor(factor, 0)
     lower = np.zeros((n, n))
     _invert_lower(factor, 0, lower)
     inverse = np.zeros((n, n))
@@ -839,6 +872,8 @@ class Stretches(NamedTuple):
         From the part's frame to the grid's.
     sigmas : array (k, 3)
         Standard deviations of the numbers of the surfaces before the image, mm; positive.
+    free_sigmas : array (k, 3)
+        The same of surfaces that a value measures itself; not smaller.
     """
 
     points: Array
@@ -852,6 +887,7 @@ class Stretches(NamedTuple):
     free: NDArray[np.bool_]
     turn: Array
     sigmas: Array
+    free_sigmas: Array
 
 
 class Imaging(NamedTuple):
@@ -908,12 +944,15 @@ class Values(NamedTuple):
         The surfaces that carry each entity; -1 for none.
     motions : array (t, e, 2, 3, 6)
         How it moves with the numbers of each: vector, mm, and turn, rad.
+    free : array of bool (t, k)
+        Which surfaces each value measures itself, so that nothing is assumed of them.
     """
 
     pose: NDArray[np.int64]
     gradient: Array
     surfaces: NDArray[np.int64]
     motions: Array
+    free: NDArray[np.bool_]
 
 
 class KnownPoses(NamedTuple):
@@ -926,15 +965,18 @@ class KnownPoses(NamedTuple):
     root : array (n, 6, 6)
         S with S S' that covariance.
     variance : array (t,)
-        Of the values, by pose and surfaces together.
+        Of the values, by pose and surfaces together, where what a value measures itself is free.
     by_pose : array (t,)
         Of the values, by the pose alone.
+    roots : array (t, 6, 6)
+        S for the pose where what a value measures itself is free.
     """
 
     covariance: Array
     root: Array
     variance: Array
     by_pose: Array
+    roots: Array
 
 
 def known_poses(
@@ -968,6 +1010,7 @@ def known_poses(
     covariance = np.zeros((n, POSE, POSE))
     root = np.zeros((n, POSE, POSE))
     variance = np.zeros((len(values.pose), 2))
+    roots = np.zeros((len(values.pose), POSE, POSE))
     find_known_poses(
         np.ascontiguousarray(world_to_camera, dtype=np.float64),
         np.ascontiguousarray(pose_covariance, dtype=np.float64),
@@ -976,6 +1019,7 @@ def known_poses(
         values,
         covariance,
         root,
+        roots,
         variance,
     )
-    return KnownPoses(covariance, root, variance[:, 0].copy(), variance[:, 1].copy())
+    return KnownPoses(covariance, root, variance[:, 0].copy(), variance[:, 1].copy(), roots)

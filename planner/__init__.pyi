@@ -5,6 +5,7 @@ from .app.model_dimensions import ModelDimensions as ModelDimensions
 from .camera.calibration import Distortion as Distortion
 from .camera.camera import Camera as Camera
 from .camera.camera import camera_names as camera_names
+from .camera.pose import GivenPose as GivenPose
 from .camera.pose import PoseUncertainty as PoseUncertainty
 from .camera.pose import look_at as look_at
 from .cover import Cover as Cover
@@ -19,6 +20,7 @@ from .exceptions import InfeasibleError as InfeasibleError
 from .exceptions import OutputError as OutputError
 from .exceptions import PlanFileError as PlanFileError
 from .exceptions import PlannerError as PlannerError
+from .exceptions import PoseFileError as PoseFileError
 from .exceptions import RequestError as RequestError
 from .exceptions import RobotError as RobotError
 from .exceptions import UncertaintyError as UncertaintyError
@@ -51,14 +53,18 @@ from .measuring.results import Result as Result
 from .optics import LightShows as LightShows
 from .optics import OpticsProposal as OpticsProposal
 from .optics import PosePrediction as PosePrediction
+from .optics import PosesPrediction as PosesPrediction
 from .optics import compare_lights as compare_lights
 from .optics import optics_table as optics_table
 from .optics import predict as predict
+from .optics import predict_poses as predict_poses
 from .optics import propose_optics as propose_optics
 from .options import InspectionOptions as InspectionOptions
 from .options import Localisation as Localisation
 from .plan import InspectionPlan as InspectionPlan
 from .plan import read_plan as read_plan
+from .pose_files import PoseFile as PoseFile
+from .pose_files import read_poses as read_poses
 from .report.figure import plan_figure as plan_figure
 from .report.measured_report import measured_html as measured_html
 from .report.page import report_html as report_html
@@ -82,6 +88,7 @@ from .robotcell import HeldPartCell as HeldPartCell
 from .robotcell import LightBox as LightBox
 from .robotcell import Reachability as Reachability
 from .robotcell import Robot as Robot
+from .robotcell import propose_layings as propose_layings
 from .robotcell import propose_placements as propose_placements
 from .robotprogram.other_poses import ReachedPlan as ReachedPlan
 from .robotprogram.other_poses import with_reached_settings as with_reached_settings

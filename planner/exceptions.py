@@ -117,6 +117,10 @@ class PlanFileError(PlannerError, ValueError):
     """A plan or state file that cannot be read, is malformed, or belongs to another problem."""
 
 
+class PoseFileError(PlannerError, ValueError):
+    """A file of camera poses that cannot be read, or leaves open which poses it means."""
+
+
 class OutputError(PlannerError, OSError):
     """A file or folder that cannot be written."""
 

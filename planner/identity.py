@@ -17,7 +17,7 @@ from ground.convert import STATED, Meta, Plain, Shape, from_plain, to_plain
 from ground.faces import project_version
 from ground.short_repr import short_repr
 from planner.camera.camera import Camera
-from planner.camera.pose import PoseUncertainty
+from planner.camera.pose import GivenPose, PoseUncertainty
 from planner.effort import Effort
 from planner.exceptions import PlanFileError, RequestError
 from planner.files import encoded, program_digest, timestamp
@@ -336,6 +336,8 @@ class Request:
         How poses are known when values are read; None for no better than planned.
     edge_break_mm : (float, float) or None
         By how much the part's edges are broken along their faces, least and most, mm; None if it is not stated.
+    poses : tuple of GivenPose or None
+        The poses that the settings are chosen from; None where poses are searched.
     """
 
     part: PartRecord | None
@@ -355,6 +357,7 @@ class Request:
     surfaces_mm: Annotated[Amount, STATED] = 0.0
     registration: Annotated[RegistrationRecord | None, STATED] = None
     edge_break_mm: Break | None = None
+    poses: tuple[GivenPose, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.edge_break_mm is not None:
@@ -456,7 +459,7 @@ def _unnamed(value: Any, owner: str) -> list[tuple[str, str]]:
 
 
 # fields that earlier plan files do not have: nothing was stated
-_LATER = ("edge_break_mm",)
+_LATER = ("edge_break_mm", "poses")
 
 
 def restored_request(identity: Mapping[str, Any]) -> Request:

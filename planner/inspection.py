@@ -42,6 +42,7 @@ from planner.request.problem import Problem
 from planner.request.reach import Space
 from planner.resolve_request import ResolvedRequest, problem_on, resolve_request
 from planner.resume import PlanningState
+from planner.search.given import plan_of_given
 from planner.search.incumbents import Incumbents, SearchRun, needed
 from planner.search.stages import run_stages, settle_early
 
@@ -174,7 +175,10 @@ def plan_request(solid: Solid, resolved: ResolvedRequest, options: RunOptions) -
     if memo.plan is None:
         run = SearchRun(problem, request, memo, executor=options.executor, callbacks=callbacks)
         try:
-            memo.finish(run_stages(run, incumbents, request.lighting))
+            if request.poses is None:
+                memo.finish(run_stages(run, incumbents, request.lighting))
+            else:
+                memo.finish(plan_of_given(run, request.lighting))
         except TimeIsUpError:
             ended = settle_early(run, incumbents.latest, incumbents.proven)
             incumbents.publish(ended)

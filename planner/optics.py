@@ -15,7 +15,7 @@ from ground.convert import Meta
 from ground.short_repr import short_repr
 from planner.argument_kinds import MAPPING, check_fraction, check_kinds
 from planner.camera.camera import Camera, camera_parts, check_bodies
-from planner.camera.pose import PoseUncertainty, look_at, world_to_cam
+from planner.camera.pose import GivenPose, PoseUncertainty, look_at, world_to_cam
 from planner.detectability.conditions import USUAL
 from planner.effort import NORMAL
 from planner.exceptions import RequestError
@@ -23,21 +23,21 @@ from planner.light.area_lights import AREA_LIGHTS, area_of_word
 from planner.light.lighting import LampDome, Lighting
 from planner.light.plan_light import chosen_lamps
 from planner.light.reflection import Material
+from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions
 from planner.plan_file import Reasons
-from planner.progress import Progress, labelled
+from planner.progress import Progress, labelled, report
 from planner.request.camera_limits import position_margin_mm
 from planner.request.constraints import RESOLUTION, Constraints, Lens, Requirements, image_slacks
 from planner.request.dimension_files import surfaces_or_default
 from planner.request.edge_state import EdgeState
 from planner.request.models import Means
-from planner.request.problem import Problem
+from planner.request.problem import OF_SHOWING, Problem, why_missed
 from planner.request.reach import Space, TargetSpace
-from planner.request.registration import OWN_EDGES
-from planner.request.targets import Target
+from planner.request.targets import Target, knowledge_of
 from planner.resolve_request import problem_on, resolve_request, resolve_targets
 from planner.text_table import Column, Table
-from planner.verify.simulate_setting import DisplacedChecks
+from planner.verify.simulate_setting import MOST_REQUIRED, DisplacedChecks, poses_needed
 
 if TYPE_CHECKING:
     from aspectgraph import Solid
@@ -48,8 +48,9 @@ if TYPE_CHECKING:
 # How sure is it from here? What a given pose inspects, without planning.
 
 
-# displaced poses for P_all
+# displaced poses for P_all, and those where these do not decide
 _POSES = 2000
+_SURE_POSES = 20_000
 
 
 @dataclass(frozen=True)
@@ -83,14 +84,18 @@ class PosePrediction:
     p_all : float
         Probability that the displaced camera has the target in the picture, in focus, unhidden and
         apart from other lines, and that the error is at most the permitted one. It is a lower bound
-        with 99.9 % confidence over 2000 displaced poses, see `planner.verify.simulate_setting`, and nan if the
+        with 99.9 % confidence over 2000 displaced poses or more, see `planner.verify.simulate_setting`, and nan if the
         target is not ``inspected``.
     conditional_probability : float
         P(error at most the permitted one) for a target found in the image, even if it breaks a
         constraint. It is nan if a point of the target is behind the camera.
     missed : dict of str to float
         Every constraint that fails and the amount, in the unit its name ends with. The amount is 1
-        for a constraint without a unit, such as "visibility". Empty if all are met.
+        for a constraint without a unit, such as "visibility". The worst is first. Empty if all are
+        met.
+    worst_share : float
+        How far the worst constraint is missed, as a share of a natural size; 0 if all are met. It
+        orders misses.
     """
 
     nominal: float
@@ -105,6 +110,7 @@ class PosePrediction:
     conditional_probability: float
     missed: dict[str, float]
     p_all: float = math.nan
+    worst_share: float = field(default=0.0, repr=False)
 
     __repr__ = short_repr
 
@@ -112,6 +118,52 @@ class PosePrediction:
     def inspected(self) -> bool:
         """Whether the target is observable as a whole and every constraint is met."""
         return self.observable and not self.missed
+
+    def is_sure(self, required: float) -> bool:
+        """Return whether the target is inspected with a required P_all.
+
+        Parameters
+        ----------
+        required : float
+            The probability.
+
+        Returns
+        -------
+        bool
+            Whether `p_all` is at least as large.
+        """
+        return self.inspected and self.p_all >= min(required, MOST_REQUIRED)
+
+    def reason(self, required: float) -> str:
+        """Return why the pose does not inspect the target as surely as required.
+
+        Parameters
+        ----------
+        required : float
+            Required P_all.
+
+        Returns
+        -------
+        str
+            In words, the worst first; empty if the pose inspects the target.
+        """
+        if self.is_sure(required):
+            return ""
+        if math.isnan(self.conditional_probability):
+            return "behind the camera"
+        if self.missed:
+            # the image of what is hidden says nothing
+            said = [
+                name
+                for name in self.missed
+                if "visibility" not in self.missed or name not in OF_SHOWING
+            ]
+            return ", ".join(why_missed(name, self.missed[name]) for name in said)
+        if not self.observable:
+            return "outside the workspace"
+        if self.probability < required:
+            return f"P is {self.probability:.4f}, below the required {required:g}"
+        return f"P_all is {self.p_all:.4f}, below the required {required:g}"
 
 
 def predict(
@@ -182,6 +234,151 @@ def predict(
     >>> found.inspected, found.probability, {name: round(mm, 2) for name, mm in found.missed.items()}
     (False, nan, {'resolution_mm': 0.49})
     """
+    check_kinds(solid=(solid, "Solid"), wanted=(wanted, MAPPING))
+    check_kinds(camera=(camera, "Camera"), pose_uncertainty=(pose_uncertainty, "PoseUncertainty"))
+    check_fraction("accuracy", accuracy)
+    if not wanted:
+        raise RequestError.of_rule("wanted", "must hold at least one item", "none")
+    pose = np.asarray(cam2world, dtype=np.float64)
+    if pose.shape != (4, 4):
+        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
+    predicted = predict_poses(
+        solid,
+        wanted,
+        [GivenPose("pose", pose)],
+        camera,
+        pose_uncertainty,
+        accuracy=accuracy,
+        localisation=localisation,
+        options=options,
+    )
+    return predicted.predictions[0]
+
+
+@dataclass(frozen=True, eq=False)
+class PosesPrediction:
+    """What each pose measures and how surely, and which targets none of them inspects.
+
+    Attributes
+    ----------
+    poses : tuple of GivenPose
+        The poses, in their order.
+    predictions : tuple of dict of str to PosePrediction
+        Of each pose, every target by name.
+    required : float
+        The required probability.
+
+    Examples
+    --------
+    >>> from planner import PosesPrediction
+    >>> PosesPrediction((), (), 0.9).missed
+    {}
+    """
+
+    poses: tuple[GivenPose, ...]
+    predictions: tuple[dict[str, PosePrediction], ...]
+    required: float
+
+    __repr__ = short_repr
+
+    def inspecting(self, name: str) -> tuple[str, ...]:
+        """Return the poses that inspect a target as surely as required.
+
+        Parameters
+        ----------
+        name : str
+            The target.
+
+        Returns
+        -------
+        tuple of str
+            Names of poses, in their order.
+        """
+        return tuple(
+            pose.name
+            for pose, predicted in zip(self.poses, self.predictions, strict=True)
+            if predicted[name].is_sure(self.required)
+        )
+
+    @property
+    def missed(self) -> dict[str, str]:
+        """By target that no pose inspects, the nearest miss: the pose, and why it does not."""
+        names = self.predictions[0] if self.predictions else {}
+        return {name: self._nearest(name) for name in names if not self.inspecting(name)}
+
+    def _nearest(self, name: str) -> str:
+        near = [predicted[name] for predicted in self.predictions]
+        order = sorted(
+            range(len(near)), key=lambda k: (near[k].worst_share, -_or_zero(near[k].p_all))
+        )
+        best = order[0]
+        return f"{self.poses[best].name} is nearest: {near[best].reason(self.required)}"
+
+
+def _or_zero(value: float) -> float:
+    return 0.0 if math.isnan(value) else value
+
+
+def predict_poses(
+    solid: Solid,
+    wanted: Mapping[str, Any],
+    poses: Sequence[GivenPose],
+    camera: Camera,
+    pose_uncertainty: PoseUncertainty,
+    *,
+    accuracy: float = 0.98,
+    localisation: Localisation | None = None,
+    options: InspectionOptions | None = None,
+) -> PosesPrediction:
+    """Predict how accurately each target is measured from each of some poses, such as those of a file.
+
+    With registration in the options, P and U are those of values that are read from registered
+    images, as in a plan.
+
+    Parameters
+    ----------
+    solid : Solid
+        The part.
+    wanted : mapping
+        Name to `Dimension`, or to an edge, rim or arc, as `predict` takes it.
+    poses : sequence of GivenPose
+        The poses, such as `read_poses` returns them.
+    camera : Camera
+        The camera.
+    pose_uncertainty : PoseUncertainty
+        Uncertainty of its real pose about each of the poses.
+    accuracy : float
+        Required accuracy A in (0, 1) of targets without a requirement of their own.
+    localisation : Localisation, optional
+        Model of the errors of image points, see `predict`.
+    options : InspectionOptions, optional
+        Constraints, workspace, registration and effort, as in `plan_inspection`.
+
+    Returns
+    -------
+    PosesPrediction
+        Of every pose and target.
+
+    Raises
+    ------
+    RequestError
+        If an argument breaks its rule.
+    EntityError
+        If an entity is not one of the part's.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_solid
+    >>> from planner import Camera, PoseUncertainty, predict_poses, read_poses
+    >>> block = read_solid("examples/two_pocket_block.off")
+    >>> camera = Camera.named("basler-acA2440-20gm-8mm")
+    >>> uncertainty = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
+    >>> poses = read_poses("examples/two_pocket_block_plan.json").poses
+    >>> wanted = {"rim": [[60, 20, 10], [60, 40, 10]]}
+    >>> predicted = predict_poses(block, wanted, poses, camera, uncertainty, accuracy=0.95)
+    >>> predicted.inspecting("rim"), predicted.missed
+    (('setting_01',), {})
+    """
     from aspectgraph import compute_regions
 
     check_kinds(
@@ -193,68 +390,94 @@ def predict(
     check_fraction("accuracy", accuracy)
     if not wanted:
         raise RequestError.of_rule("wanted", "must hold at least one item", "none")
-    pose = np.asarray(cam2world, dtype=np.float64)
-    if pose.shape != (4, 4):
-        raise RequestError.of_rule("cam2world", "must have the shape (4, 4)", str(pose.shape))
     settings = replace(options or InspectionOptions(), accuracy=accuracy)
     if localisation is not None:
         settings = replace(settings, localisation=localisation)
-    registered = _registered(settings)
     resolved = resolve_request(solid, wanted, camera, pose_uncertainty, settings)
-    posed = resolved.request
+    request = resolved.request
     regions = settings.space or compute_regions(
-        solid, resolved.entities, workspace=posed.workspace, executor=settings.executor
+        solid,
+        resolved.entities,
+        workspace=request.workspace,
+        executor=settings.executor,
+        progress=labelled(settings.progress, "visible regions"),
     )
-    request = problem_on(posed, regions, posed.targets, registered)
-    seen = _observable(request.space, pose[:3, 3])
-    return {
-        target.name: _prediction(request, target, pose, bool(observable))
-        for target, observable in zip(request.targets, seen, strict=True)
-    }
+    problem = registered_problem(
+        problem_on(request, regions, request.targets), request.registration
+    )
+    predictions = []
+    for k, pose in enumerate(poses):
+        predictions.append(_predictions(problem, pose.cam2world))
+        report(settings.progress, k + 1, len(poses), "poses")
+    return PosesPrediction(tuple(poses), tuple(predictions), request.probability)
 
 
-def _registered(options: InspectionOptions) -> PoseUncertainty | None:
-    """Return how well the pose is known when values are read, if registration says so."""
-    record = options.registration_record
-    if record is not None and record.method == OWN_EDGES:
-        rule = "must be a PoseUncertainty for one pose"
-        raise RequestError.of_rule("registration", rule, "Registration.own_edges()")
-    return None if record is None else record.pose_uncertainty
-
-
-def _prediction(
-    request: Problem, target: Target, cam2world: np.ndarray, observable: bool
-) -> PosePrediction:
-    """Say how sure a target is measured, and what keeps it from being measured."""
-    request = request.at_pose(cam2world, [target.name])
-    (target,) = request.targets
-    described = target.description(request.means).describe(np.linalg.inv(cam2world))
-    constraints = request.constraints
+def _predictions(problem: Problem, cam2world: np.ndarray) -> dict[str, PosePrediction]:
+    """Say how sure each target is measured from a pose, and what keeps it from being measured."""
+    seen = _observable(problem.space, cam2world[:3, 3])
+    # a request without a choice keeps what it has made
+    here = problem.at_pose(cam2world, problem.names) if problem.has_choice else problem
+    count = len(here.names)
     margins = {
-        name: float(margin.min()) for name, margin in constraints.margins(cam2world[None]).items()
+        name: np.broadcast_to(margin[0], (count,))
+        for name, margin in here.constraints.margins(cam2world[None]).items()
     }
-    missed = {name: -margin for name, margin in margins.items() if margin < 0}
-    # as the plan's settings state it: of a bare edge, by the density of its image's length
-    if_found = float(request.objective.probability(cam2world[None])[0, 0])
-    probability = if_found if observable and not missed else math.nan
-    p_all = math.nan
-    if not math.isnan(probability):
-        counts = DisplacedChecks(request, [target.name]).count(cam2world, _POSES, seed=0)
-        p_all = min(counts.lower[target.name], probability)
-    return PosePrediction(
-        nominal=described.nominal,
-        unit=target.measurand.unit,
-        permitted_error=described.permitted_error,
-        observable=observable,
-        probability=probability,
-        standard_uncertainty=described.standard_uncertainty,
-        expanded_uncertainty=described.expanded_uncertainty,
-        budget=described.budget,
-        margins=margins,
-        conditional_probability=_if_found(if_found, target, cam2world),
-        missed=missed,
-        p_all=p_all,
-    )
+    if_found = here.objective.probability(cam2world[None])[0]
+    met = np.all([margin >= 0 for margin in margins.values()], axis=0) & seen
+    names = [name for name, is_met in zip(here.names, met, strict=True) if is_met]
+    p_all: dict[str, float] = {}
+    if names:
+        p_all = _counted(here, names, cam2world)
+    scales = {name: here.constraints.scale(name) for name in margins}
+    predictions = {}
+    for k, target in enumerate(here.targets):
+        probability = float(if_found[k])
+        knowledge = here.known_at(cam2world, [target.name])
+        means = here.means if knowledge is None else knowledge.of_target(here.means, target.name)
+        described = target.description(means).describe(np.linalg.inv(cam2world))
+        own_margins = {name: float(margin[k]) for name, margin in margins.items()}
+        relative = {name: margin / scales[name] for name, margin in own_margins.items()}
+        missed = {
+            name: -own_margins[name]
+            for name in sorted(relative, key=relative.__getitem__)
+            if own_margins[name] < 0
+        }
+        shares = [amount / scales[name] for name, amount in missed.items()]
+        predictions[target.name] = PosePrediction(
+            nominal=described.nominal,
+            unit=target.measurand.unit,
+            permitted_error=described.permitted_error,
+            observable=bool(seen[k]),
+            probability=probability if met[k] else math.nan,
+            standard_uncertainty=described.standard_uncertainty,
+            expanded_uncertainty=described.expanded_uncertainty,
+            budget=described.budget,
+            margins=own_margins,
+            conditional_probability=_if_found(probability, target, cam2world),
+            missed=missed,
+            p_all=min(p_all[target.name], probability) if met[k] else math.nan,
+            worst_share=max(shares, default=0.0 if seen[k] else 1.0),
+        )
+    return predictions
+
+
+def _counted(here: Problem, names: Sequence[str], cam2world: np.ndarray) -> dict[str, float]:
+    """Return lower bounds of P_all; over more displaced poses where few do not decide whether it is enough."""
+    required = min(here.probability, MOST_REQUIRED)
+    bounds: dict[str, float] = {}
+    undecided = list(names)
+    for at_least in (_POSES, _SURE_POSES):
+        n = poses_needed(required, at_least)
+        counts = DisplacedChecks(here, undecided).count(cam2world, n, seed=0)
+        bounds.update(counts.lower)
+        undecided = [
+            name
+            for name, hits in zip(counts.names, counts.successes, strict=True)
+            if hits >= required * counts.n and bounds[name] < required
+        ]
+        if not undecided:
+            break
+    return bounds
 
 
 def _if_found(probability: float, target: Target, cam2world: np.ndarray) -> float:
@@ -498,7 +721,7 @@ def propose_optics(
     distances_mm : sequence of float
         Working distances to try, mm, from the front nodal point to the middle of a target.
     options : InspectionOptions, optional
-        Constraints, workspace, localisation and surfaces, as in `plan_inspection`.
+        Constraints, workspace, localisation, surfaces and registration, as in `plan_inspection`.
 
     Returns
     -------
@@ -549,7 +772,7 @@ def propose_optics(
         camera = _set(body, lens, distance)
         if camera is None:
             continue
-        proposal = _judged((body, lens), camera, views, pose_uncertainty, options)
+        proposal = _judged((body, lens), camera, views, pose_uncertainty, options, space)
         if (body, lens) not in best or _rank(proposal) < _rank(best[body, lens]):
             best[body, lens] = proposal
     return tuple(sorted(best.values(), key=_rank))
@@ -681,6 +904,7 @@ def _judged(
     views: Sequence[_View],
     pose_uncertainty: PoseUncertainty,
     options: InspectionOptions,
+    space: TargetSpace,
 ) -> OpticsProposal:
     required = options.probability
     near, far = camera.depth_of_field_mm
@@ -698,39 +922,67 @@ def _judged(
         need.focus_margin_mm,
         reserve,
     )
-    means = Means(
-        camera,
-        pose_uncertainty,
-        options.accuracy,
-        localisation=options.localisation,
-        surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
-        edges=EdgeState.planned(options.edge_break_mm),
-    )
+    seen = {view.target.name: _in_image(view, lens, camera) for view in views}
+    means = None
     probability = {}
     share = {}
     poses = {}
     for view in views:
         name = view.target.name
-        best = _best(view, lens, means)
+        best = None
+        if len(seen[name]):
+            # what registration will tell takes longest, so it is asked where some pose needs it
+            means = means or _means(camera, views, pose_uncertainty, options, space)
+            best = _best(view, seen[name], means)
         probability[name] = 0.0 if best is None else best[0]
         if best is not None:
             _, share[name], poses[name] = best
     return OpticsProposal(*names, camera, required, probability, share, poses)
 
 
-def _best(view: _View, lens: Lens, means: Means) -> tuple[float, float, NDArray[np.float64]] | None:
-    """Return the probability, U over the permitted error and the pose of what sees an item best; None if none does."""
-    tried = view.poses[means.camera.focus_distance_mm]
+def _in_image(view: _View, lens: Lens, camera: Camera) -> NDArray[np.float64]:
+    """Return the poses (n, 4, 4) whose image holds what must be in the picture."""
+    tried = view.poses[camera.focus_distance_mm]
     slacks = image_slacks(lens, world_to_cam(view.constraints.segments, tried))
     slacks[:, ~view.constraints.resolved, RESOLUTION] = np.inf
-    poses = tried[slacks.min(axis=(1, 2), initial=np.inf) >= 0]
-    if not len(poses):
-        return None
-    model = view.target.description(means)
-    inverse = np.linalg.inv(poses)
+    return tried[slacks.min(axis=(1, 2), initial=np.inf) >= 0]
+
+
+def _means(
+    camera: Camera,
+    views: Sequence[_View],
+    pose_uncertainty: PoseUncertainty,
+    options: InspectionOptions,
+    space: TargetSpace,
+) -> Means:
+    """Return what a camera measures targets with, and how its images will be registered."""
+    targets = tuple(view.target for view in views)
+    problem = Problem(
+        space,
+        tuple(target.name for target in targets),
+        camera,
+        pose_uncertainty,
+        options.accuracy,
+        options.probability,
+        targets=targets,
+        localisation=options.localisation,
+        surfaces_mm=surfaces_or_default(options.surfaces_mm, options.localisation),
+        edges=EdgeState.planned(options.edge_break_mm),
+    )
+    return registered_problem(problem, options.registration_record).means
+
+
+def _best(
+    view: _View, poses: NDArray[np.float64], means: Means
+) -> tuple[float, float, NDArray[np.float64]]:
+    """Return the probability, U over the permitted error and the pose of what measures an item best."""
     probability = view.target.probability(poses, means)
     best = int(np.argmax(probability))
-    described = model.describe(inverse[best])
+    if means.own_edges is not None:
+        # as a setting of a plan states it
+        knowledge = knowledge_of([view.target], means, poses[best])
+        means = knowledge.of_target(means, view.target.name)
+    described = view.target.description(means).describe(np.linalg.inv(poses[best]))
     return (
         float(probability[best]),
         described.expanded_uncertainty / described.permitted_error,

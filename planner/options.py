@@ -140,6 +140,9 @@ class InspectionOptions(RunOptions):
         By how much the part's edges are broken along their faces, least and most, mm, such as
         (0.1, 0.3). A `Dimension` may state its own. The camera sees a broken edge next to the edge
         of the model, and P and U of dimensions contain this. Default: edges are planned as sharp.
+    poses : sequence of GivenPose, or array_like (n, 4, 4), optional
+        Poses that exist, such as those of `read_poses`. The plan chooses the fewest of them, and its
+        bound is that of these poses. Nothing is searched or moved. Default: poses are searched.
     gap : float
         Stop improving the plan and its bound at this gap, in [0, 1). The gap is the share of the
         settings that the bound does not prove to be needed. Default: improve both as far as the
@@ -171,6 +174,7 @@ class InspectionOptions(RunOptions):
     surfaces_mm: float | None = None
     registration: Any = None
     edge_break_mm: tuple[float, float] | None = None
+    poses: Any = None
     gap: float = 0.0
 
     __repr__ = short_repr

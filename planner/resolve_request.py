@@ -11,7 +11,7 @@ import numpy as np
 from errors.measurands.geometry import Localisation
 from planner.argument_kinds import check_fraction, check_kinds
 from planner.camera.camera import Camera
-from planner.camera.pose import PoseUncertainty
+from planner.camera.pose import PoseUncertainty, checked_poses
 from planner.effort import Effort
 from planner.exceptions import RequestError
 from planner.identity import PartRecord, Request, RingRecord
@@ -206,6 +206,8 @@ def request_of_any_part(
         "lighting": options.lighting,
         "effort": options.effort or Effort(),
     }
+    if options.poses is not None:
+        values["poses"] = checked_poses(options.poses)
     if options.edge_break_mm is not None:
         values["edge_break_mm"] = checked_break(options.edge_break_mm)
     for field in fields(Request):

@@ -229,6 +229,15 @@ def pose_uncertainty(names):
     )
 
 
+def poses_that_exist(names):
+    # nine poses are in the file, and one of them inspects both
+    assert len(names["poses"]) == 9
+    both = set.intersection(*(set(names["predicted"].inspecting(name)) for name in ("e1", "e4")))
+    assert both == {"pose_02"}
+    assert names["predicted"].missed == {}
+    assert names["printed"].endswith("1 True\n")
+
+
 def robot_programs(names):
     import numpy as np
 
@@ -340,6 +349,7 @@ CHECKS = {
         margins_and_budgets,
         pose_uncertainty,
         robot_programs,
+        poses_that_exist,
         robot_cells,
         many_cores,
         measuring,

@@ -23,11 +23,13 @@ from errors.measurands.measurand import (
     measurand,
     uncertainty_ratio,
 )
+from errors.measurands.split import End, SplitModel
 
 __all__ = [
     "Circle",
     "Decision",
     "DecisionRule",
+    "End",
     "Geometry",
     "Line",
     "Localisation",
@@ -35,6 +37,7 @@ __all__ = [
     "MeasurandError",
     "MeasurandModel",
     "Prediction",
+    "SplitModel",
     "acceptance_limits",
     "conformance_probability",
     "decide",

@@ -433,6 +433,11 @@ class Measurand:
             seen, gradient, hessian, variance, np.zeros((len(poses), 2)), np.ones(len(poses))
         )
 
+    @property
+    def fitted(self) -> FittedEntities:
+        """What is fitted, with the value's derivatives by it."""
+        return self._fitted
+
     def by_entity(self, poses: NDArray[np.float64], image: Image) -> NDArray[np.float64]:
         """Return the gradient (n, e, 6) of `expansion` by the displacement of the camera, of each entity alone."""
         if self.in_image:
@@ -698,6 +703,26 @@ class MeasurandModel:
         error = np.full(len(expansion.seen), self.permitted_error)
         return self._within(expansion, error, (poses.covariance, poses.root))
 
+    def between(self, world_to_camera: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
+        """Return the probabilities that the error is in intervals.
+
+        Parameters
+        ----------
+        world_to_camera : array_like (4, 4)
+            Planned pose.
+        errors : array_like (m, 2)
+            Lower and upper end of each, in the unit of the value.
+
+        Returns
+        -------
+        array (m,)
+            Probabilities in [0, 1]; 0 without an image.
+        """
+        intervals = np.asarray(errors, dtype=np.float64)
+        pose = np.asarray(world_to_camera, dtype=np.float64)[None]
+        expansion = self._expansion(np.repeat(pose, len(intervals), axis=0))
+        return self._in_intervals(expansion, intervals)
+
     def scale(self, world_to_camera: ArrayLike) -> float:
         """Return the unit of x per unit of the value at one pose (1, 4, 4); 0 without an image."""
         expansion = self._expansion(world_to_camera)
@@ -757,6 +782,15 @@ class MeasurandModel:
         spread: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     ) -> NDArray[np.float64]:
         """Return P(|error| <= given) (n,), with a covariance and a root of each pose if they are given."""
+        return self._in_intervals(expansion, np.stack([-error, error], axis=1), spread)
+
+    def _in_intervals(
+        self,
+        expansion: Expansion,
+        intervals: NDArray[np.float64],
+        spread: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return P(low <= error <= high) (n,) for intervals (n, 2)."""
         seen = expansion.seen
         covariance, root = (self.covariance, self._root) if spread is None else spread
         result = np.zeros(len(seen))
@@ -772,10 +806,7 @@ class MeasurandModel:
         else:
             bend = _bend(gradient, hessian, covariance, 1 / self.measurand.nominal)
             hessian = hessian - bend[:, None, None] * (gradient[:, :, None] * gradient[:, None, :])
-        limits = (
-            _bent(np.stack([-error, error], axis=1)[seen], bend[:, None])
-            * expansion.scale[seen, None]
-        )
+        limits = _bent(intervals[seen], bend[:, None]) * expansion.scale[seen, None]
         breaks = (BREAKS_WIDER * self.by_edges * expansion.scale[:, None]) ** 2
         variance = expansion.variance.sum(axis=1, keepdims=True) + breaks
         noise = np.concatenate([expansion.widths, variance], axis=1)[seen]

@@ -273,6 +273,7 @@ def _kind(name: str, path: str) -> Kind | None:
 
 # what must be there, of which kind; a part may be a pipe, too
 _PLACES: dict[str, tuple[str, Callable[[Path], bool]]] = {
+    "poses": ("file of poses", Path.exists),
     "part": ("file", lambda path: path.exists() and not path.is_dir()),
     "cell": ("file", Path.is_file),
     "images": ("folder", Path.is_dir),
@@ -284,7 +285,8 @@ def _check_files(values: Mapping[str, Any]) -> None:
     """Refuse a part, a plan, a folder, and a file of what is measured, that is not there."""
     for name, (kind, holds) in _PLACES.items():
         place = values.get(name)
-        if place is not None and not holds(Path(place)):
+        # --poses is a number where poses are drawn
+        if isinstance(place, str) and not holds(Path(place)):
             raise RequestError.of_rule(name, f"must be an existing {kind}", _place(place))
     for name in ("plan", "again"):
         if values.get(name) is not None:

@@ -27,9 +27,11 @@ from planner.app.options import (
     Batch,
     ChosenEntities,
     DimensionTargets,
+    GivenPoses,
     Light,
     Optics,
     Plan,
+    Predict,
     Workspace,
 )
 from planner.app.part import read_as, read_limits, read_part, reading_of
@@ -37,7 +39,7 @@ from planner.app.quantities import localisation_words
 from planner.camera.pose import PoseUncertainty
 from planner.detectability.conditions import Detectability
 from planner.effort import Effort
-from planner.exceptions import PlanFileError, RequestError
+from planner.exceptions import PlanFileError, PoseFileError, RequestError
 from planner.files import plan_file
 from planner.identity import Request
 from planner.light.area_lights import BACKLIGHT, is_area_word, light_of_cell
@@ -62,6 +64,7 @@ from planner.resolve_request import ResolvedRequest, resolve_request
 
 if TYPE_CHECKING:
     from aspectgraph import Entity, Solid
+    from planner.pose_files import PoseFile
     from planner.robotcell import Cell
 
 
@@ -107,6 +110,33 @@ def cell_again(plan: InspectionPlan, path: str | None, plan_path: Path) -> Cell 
     if region.state_name != cell.state_name:
         raise RequestError.of_rule("cell", "must be the cell of the plan", f"{path!r}, another one")
     return cell
+
+
+# Camera poses that exist.
+
+
+def read_given(options: GivenPoses, cell: Cell | None) -> PoseFile | None:
+    """Return the poses of the file that is given; None if there is none.
+
+    Raises
+    ------
+    RequestError, PoseFileError, PlanFileError
+        As `planner.read_poses`; errors name the option.
+    """
+    if options.poses is None:
+        if options.pose_units is not None:
+            raise RequestError.of_rule("pose_units", "must be given with --poses", "none")
+        return None
+    from planner.pose_files import read_poses
+
+    try:
+        return read_poses(options.poses, units=options.pose_units, cell=cell)
+    except PoseFileError as error:
+        if error.parameter == "units":
+            raise PoseFileError.of_rule("pose_units", error.rule, error.got) from None
+        if error.hint:
+            error.hint = "state it with --pose-units, such as --pose-units mm"
+        raise
 
 
 # The lamps that the command line asks for: ``--light``, ``--contrast``, ``--grey-step`` and
@@ -245,7 +275,7 @@ class JobTargets:
     left_out: dict[str, str] = field(default_factory=dict)
 
 
-def read_request(options: Plan | Optics, solid: Solid) -> JobTargets:
+def read_request(options: Plan | Optics | Predict, solid: Solid) -> JobTargets:
     """Return what the options of `plan` ask for.
 
     Raises
@@ -299,7 +329,7 @@ def choice_of(options: DimensionTargets) -> ModelDimensions:
 
 
 def _wanted_dimensions(
-    options: Plan | Optics, solid: Solid, localisation: Localisation
+    options: Plan | Optics | Predict, solid: Solid, localisation: Localisation
 ) -> JobTargets:
     """Return the dimensions of the model, or those of a file."""
     left_out: dict[str, str] = {}
@@ -331,7 +361,7 @@ def chosen_entities(options: ChosenEntities, solid: Solid) -> dict[str, Entity]:
         return resolve_entities(solid, select_entities(solid, options.select))
 
 
-def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
+def localisation_text(options: Plan | Optics | Predict, items: Mapping[str, Any]) -> str:
     """Say which error of points in the image was assumed, if it was not chosen.
 
     Edges of ``--entities`` are measured as in the paper unless their breaks are stated, and dimensions with the error
@@ -381,7 +411,7 @@ def localisation_text(options: Plan | Optics, items: Mapping[str, Any]) -> str:
     )
 
 
-def _gaussian_text(options: Plan | Optics) -> str:
+def _gaussian_text(options: Plan | Optics | Predict) -> str:
     """Return the default of ``--localisation`` for dimensions: stated breaks are no part of its floor."""
     floor_px = FLOOR_PX if getattr(options, "edges", None) is None else DETECTOR_FLOOR_PX
     return f"gaussian:0.1:{floor_px:g}"
@@ -484,12 +514,14 @@ def read_job(options: Plan) -> Job:
     solid = read_part(options.part, options)
     targets = read_request(options, solid)
     box = workspace_of(options)
+    pose_file = read_given(options, cell)
     plan_options = inspection_options(
         options,
         lamps=lighting,
         localisation=targets.localisation,
         workspace=default_workspace(solid, camera) if box is None else box,
         cell=cell,
+        poses=None if pose_file is None else pose_file.poses,
     )
     request, entities = resolve_request(solid, targets.items, camera, uncertainty, plan_options)
     if options.give_up is not None:
@@ -510,7 +542,7 @@ def _lighting(options: Plan, cell: Cell | None) -> Lighting | None:
     return lighting
 
 
-def inspection_options(options: Plan | Optics | Batch, **more: Any) -> InspectionOptions:
+def inspection_options(options: Plan | Optics | Predict | Batch, **more: Any) -> InspectionOptions:
     """Return the options of `plan_inspection` that the command line gives.
 
     An option that has the same name there is taken over as it is; ``more`` holds what is not.

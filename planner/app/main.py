@@ -102,7 +102,7 @@ _MODULES = {
     "reach": "planner.app.robot_commands",
 }
 # commands that need many compiled loops
-_COMPILING = ("batch", "graph", "optics", "plan")
+_COMPILING = ("batch", "graph", "optics", "plan", "predict")
 # commands that may take long before they print
 _LONG = (*_COMPILING, "dimensions", "info", "measure", "program", "reach", "render")
 

@@ -39,6 +39,7 @@ from planner.argument_kinds import (
     BETWEEN_0_AND_1,
     FROM_0_BELOW_1,
     NOT_NEGATIVE,
+    POSITIVE,
     POSITIVE_SECONDS,
     NumberRule,
 )
@@ -401,6 +402,25 @@ class ImageRegistration:
 
 
 @dataclass(kw_only=True)
+class GivenPoses:
+    """Poses that exist.
+
+    Attributes
+    ----------
+    poses
+        file of camera poses: a plan, views of OpenCV (rvec, tvec), poses of ROS (optical frame, z forward), a program
+        of 'aspectgraph program' with --cell, or CSV with x y z and qx qy qz qw; in the part's frame
+    pose_units
+        unit of lengths in the file of --poses: mm, cm, m, um, in or ft (default: what the file states; ROS: m)
+    """
+
+    poses: File = None
+    pose_units: Annotated[
+        Literal["mm", "cm", "m", "um", "in", "inch", "ft"] | None, _named("UNIT")
+    ] = None
+
+
+@dataclass(kw_only=True)
 class Light:
     """Lamps that make the edges of a matt part visible.
 
@@ -480,6 +500,17 @@ class ForCell(Workspace):
 
 
 @dataclass(kw_only=True)
+class PlannedPoses(GivenPoses):
+    """Poses that exist.
+
+    Attributes
+    ----------
+    poses
+        choose the fewest of the camera poses in this file, as 'aspectgraph predict' reads it (default: search poses)
+    """
+
+
+@dataclass(kw_only=True)
 class Plan(
     ChosenTargets,
     Promise,
@@ -491,6 +522,7 @@ class Plan(
     Showing,
     ImageRegistration,
     Light,
+    PlannedPoses,
     PartFile,
 ):
     """Plan the inspection and write plan, graph, report and poses."""
@@ -596,7 +628,7 @@ class OpticsPromise(Promise):
 
 
 @dataclass(kw_only=True)
-class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, PartFile):
+class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, ImageRegistration, PartFile):
     """Rank camera bodies, lenses, distances and apertures by how well they measure a part.
 
     Attributes
@@ -621,6 +653,36 @@ class Optics(ChosenTargets, OpticsPromise, Limits, Workspace, Showing, PartFile)
     distances: Annotated[Any, value(lengths, "MM,MM")] = None
     rows: Number = 10
     write: File = None
+
+
+@dataclass(kw_only=True)
+class Predict(
+    ChosenTargets,
+    Promise,
+    WithCamera,
+    GivenPoses,
+    Limits,
+    Workspace,
+    Showing,
+    ImageRegistration,
+    PartFile,
+):
+    """Say what each of some camera poses measures, how surely, and what none of them does.
+
+    Attributes
+    ----------
+    cell
+        TOML file of the robot cell of a robot program: it turns joints into poses (default: no robot)
+    """
+
+    usage = (
+        "PART --poses FILE --entities FILE|IDS   --camera NAME|FILE [options]",
+        "PART --poses FILE --select RULE         --camera NAME|FILE [options]",
+        "PART --poses FILE --dimensions FILE|all --camera NAME|FILE [options]",
+    )
+
+    poses: Annotated[str, _named("FILE")]
+    cell: File = None
 
 
 @dataclass(kw_only=True)
@@ -683,8 +745,17 @@ class Reach(InCell):
     within
         with --place: opposite corners of the box for the middle of the part, in the base of the robot, mm (default:
         before the robot, at the height of the cell file)
+    table
+        with --place: lay the part on each of its flat sides, on this obstacle or on posts that stand on it;
+        it is a box of the cell or of its first fixturing (default: keep how it lies)
+    post_heights
+        with --table: heights of the posts, mm; 0 is the table itself (default: 0 to 300 in nine steps)
+    post_width
+        with --table: side of their square section, mm
+    ways
+        with --table: in how many ways the part may lie, one after the other: 1 or 2
     draws
-        with --place: positions to try
+        with --place: positions to try (default: 300, or 1500 with --table)
     cell_out
         with --place: write the cell with the best position, as it was evaluated; one that exists is replaced (default:
         print its fixturings only)
@@ -697,7 +768,11 @@ class Reach(InCell):
 
     place: bool = False
     within: Box = None
-    draws: Number = 300
+    table: Annotated[str | None, _named("NAME")] = None
+    post_heights: Annotated[Any, value(lengths, "MM,MM")] = None
+    post_width: Annotated[float, value(MM, "MM"), POSITIVE] = 20.0
+    ways: Annotated[int, value(whole, "1|2"), Count(1, 2)] = 2
+    draws: Annotated[int | None, value(whole, "N"), Count(1)] = None
     cell_out: File = None
     seed: Seed = 0
     plan_out: File = None
@@ -930,6 +1005,7 @@ class Batch(
     SearchEffort,
     Limits,
     Showing,
+    ImageRegistration,
     Units,
     Messages,
 ):
@@ -1033,6 +1109,7 @@ _COMMANDS: tuple[type[Command], ...] = (
         Cameras,
         Lights,
         Optics,
+        Predict,
         Simulate,
         Reach,
         Program,

@@ -52,12 +52,14 @@ from planner.app.job import (
     chosen_entities,
     inspection_options,
     localisation_text,
+    read_cell,
+    read_given,
     read_job,
     read_localisation,
     read_request,
     workspace_of,
 )
-from planner.app.options import Batch, Dimensions, Graph, Optics, Plan, Simulate
+from planner.app.options import Batch, Dimensions, Graph, Optics, Plan, Predict, Simulate
 from planner.app.part import check_nothing_read, print_unit, read_limits, read_part
 from planner.app.process import DONE, INCOMPLETE
 from planner.callbacks import Deadline
@@ -74,7 +76,14 @@ from planner.files import (
     print_json,
 )
 from planner.identity import Request, first_difference
-from planner.optics import DISTANCES_MM, OPTICS_COLUMNS, OpticsProposal, optics_rows, propose_optics
+from planner.optics import (
+    DISTANCES_MM,
+    OPTICS_COLUMNS,
+    OpticsProposal,
+    optics_rows,
+    predict_poses,
+    propose_optics,
+)
 from planner.options import InspectionOptions
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import Progress, labelled, note, reading_shown, terminal_progress, visible
@@ -702,6 +711,49 @@ def optics(options: Optics) -> int:
         if text := localisation_text(options, targets.items):
             print_text(text)
     return code
+
+
+def predict(options: Predict) -> int:
+    """Print what each of some poses measures, and what none of them does."""
+    camera = read_camera(options.camera)
+    pose_file = read_given(options, read_cell(options.cell))
+    assert pose_file is not None
+    solid = read_part(options.part, options)
+    targets = read_request(options, solid)
+    box = workspace_of(options)
+    predict_options = inspection_options(
+        options,
+        localisation=targets.localisation,
+        workspace=default_workspace(solid, camera) if box is None else box,
+        cell=None,
+        poses=None,
+    )
+    uncertainty = PoseUncertainty.isotropic(
+        translation_mm=options.sigma_mm, rotation_rad=options.sigma_rad
+    )
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        predicted = predict_poses(
+            solid,
+            targets.items,
+            pose_file.poses,
+            camera,
+            uncertainty,
+            accuracy=options.accuracy,
+            options=replace(predict_options, progress=progress),
+        )
+    if options.json:
+        print_json(
+            terminal_tables.prediction_record(
+                predicted, pose_file.source, pose_file.frame, targets.left_out
+            )
+        )
+    else:
+        terminal_tables.print_prediction(predicted, pose_file.source, pose_file.frame)
+        print_unit(options.part, options.units)
+        _print_left_out(targets)
+        if text := localisation_text(options, targets.items):
+            print_text(text)
+    return INCOMPLETE if predicted.missed else DONE
 
 
 def _executor(jobs: int) -> AbstractContextManager[Executor | None]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from planner.files import PLAN, PROGRAM, check_file_place, print_json
 from planner.plan import InspectionPlan, read_plan
 from planner.progress import terminal_progress, visible
 from planner.robotcell import Cell, Placement, Reachability
-from planner.robotcell.cell_file import moved_cell, toml_lines
+from planner.robotcell.cell_file import laid_cell, moved_cell, toml_lines
+from planner.robotcell.laying import POST_HEIGHTS_MM, LaidPart, LayingSearch, Posts, Side
 from planner.robotcell.placement import PlacementSearch
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
@@ -164,6 +165,11 @@ def _row(tour: FixturedTour, stop: Stop, states_p: bool) -> tuple[str, ...]:
 
 
 _ROWS = 5
+# positions that are tried, of the part as it lies and on all its sides
+_PLACES = 300
+_WAYS = 1500
+# of the best ways, those whose program is made
+_PROGRAMMED = 4
 # of the longest reach of the arm, where a part is looked for
 _NEAREST = 0.35
 _SIDEWAYS = 0.5
@@ -172,14 +178,15 @@ _FARTHEST = 0.9
 
 def reach(options: Reach) -> int:
     """Print which settings of a plan a robot reaches."""
-    if options.within is not None and not options.place:
-        raise RequestError.of_rule("within", "must be given with --place", "none")
+    _check_place(options)
     _check_plan_out(options)
     _check_cell_out(options)
     plan = read_plan(options.plan)
     cell = Cell.from_toml(options.cell)
     solid = read_part(options.part, options)
     check_same_part(solid, plan, options.part)
+    if options.place and options.table is not None:
+        return _laid(options, plan, solid, cell)
     if options.place:
         return _placed(options, plan, solid, cell)
     reachability = cell.reachability(plan, solid)
@@ -195,6 +202,18 @@ def reach(options: Reach) -> int:
     if reachability.complete:
         return DONE
     return _other_poses(options, plan, solid, cell)
+
+
+def _check_place(options: Reach) -> None:
+    """Refuse options of a search that is not asked for."""
+    if options.within is not None and not options.place:
+        raise RequestError.of_rule("within", "must be given with --place", "none")
+    if options.table is not None and not options.place:
+        raise RequestError.of_rule("table", "must be given with --place", repr(options.table))
+    if options.table is not None and options.within is not None:
+        raise RequestError.of_rule("within", "must not be given with --table", "both")
+    if options.post_heights is not None and options.table is None:
+        raise RequestError.of_rule("post_heights", "must be given with --table", "none")
 
 
 def _check_plan_out(options: Reach) -> None:
@@ -264,7 +283,11 @@ def model_notes(cell: Cell) -> list[str]:
     """Return what a reader of a table must know of the cell's model, in sentences."""
     unchecked = cell.robot.unchecked
     warnings = [f"warning: {unchecked}"] if unchecked else []
-    return [*warnings, *(f"note: {text}" for text in (*cell.robot.notes, *cell.near_by_mount))]
+    constant = [cell.constant_clearance(name) for name in cell.fixturings]
+    nearest = min(constant, key=lambda pair: pair.mm)
+    always = f"{nearest.first} is always {nearest.mm:.0f} mm from {nearest.second}"
+    notes = [*cell.robot.notes, *cell.near_by_mount, *([always] if nearest.first else [])]
+    return [*warnings, *(f"note: {text}" for text in notes)]
 
 
 def _print_first_flange(reachability: Reachability, cell: Cell) -> None:
@@ -285,7 +308,7 @@ def _placed(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> i
     """Print positions of the part."""
     with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
         search = PlacementSearch(plan, solid, cell, _ranges(options.within, cell))
-        placements = search.run(options.draws, options.seed, progress)
+        placements = search.run(options.draws or _PLACES, options.seed, progress)
     if options.json:
         print_json([placement.to_dict() for placement in placements])
     else:
@@ -297,16 +320,137 @@ def _placed(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> i
 
 def _write_cell(options: Reach, best: Placement) -> None:
     """Write the cell with the part where it was evaluated."""
-    out = Path(str(options.cell_out))
-    lines = toml_lines(moved_cell(options.cell, best.motion, out.parent))
     x, y, z = best.centre_mm
     head = (
-        f"# from {Path(options.cell).name}: the middle of the part at {x:.1f} {y:.1f} {z:.1f} mm, turned "
+        f"the middle of the part at {x:.1f} {y:.1f} {z:.1f} mm, turned "
         f"{best.turn_deg:.1f} degrees; the obstacles of its fixturings moved with it"
     )
-    out.write_text("\n".join([head, *lines]), encoding="utf-8")
+    out = Path(str(options.cell_out))
+    _write_cell_file(options, moved_cell(options.cell, best.motion, out.parent), head)
+
+
+def _write_cell_file(options: Reach, content: Mapping[str, Any], head: str) -> None:
+    """Write a cell file that says what it was made from."""
+    out = Path(str(options.cell_out))
+    lines = [f"# from {Path(options.cell).name}: {head}", *toml_lines(content)]
+    out.write_text("\n".join(lines), encoding="utf-8")
     if not options.json:
         print(visible(str(out)))
+
+
+class _Way(NamedTuple):
+    """A way to lay the part, and its program; None if that was not tried."""
+
+    laid: LaidPart
+    program: RobotProgram | None
+
+
+def _laid(options: Reach, plan: InspectionPlan, solid: Solid, cell: Cell) -> int:
+    """Print ways to lay the part on a table."""
+    heights = POST_HEIGHTS_MM if options.post_heights is None else tuple(options.post_heights)
+    posts = Posts(heights, options.post_width)
+    with terminal_progress(quiet=options.quiet, lines=options.verbose) as progress:
+        search = LayingSearch(plan, solid, cell, str(options.table), posts)
+        proposals = search.run(options.draws or _WAYS, options.seed, options.ways, progress)
+        ways = _with_programs(proposals, plan, solid, cell)
+    if options.json:
+        print_json([_way_record(way) for way in ways])
+    else:
+        _print_layings(ways, search.sides, plan, cell)
+    if options.cell_out is not None and ways:
+        out = Path(str(options.cell_out))
+        content = laid_cell(options.cell, ways[0].laid.fixturings, out.parent)
+        _write_cell_file(options, content, f"laid anew on {options.table!r}")
+    return DONE if ways and _is_complete(ways[0], plan) else INCOMPLETE
+
+
+def _is_complete(way: _Way, plan: InspectionPlan) -> bool:
+    """Return whether all settings are reached, on free ways where a program was made."""
+    if way.program is not None:
+        return way.program.complete
+    return way.laid.n_reached == len(plan.settings)
+
+
+def _with_programs(
+    proposals: Sequence[LaidPart], plan: InspectionPlan, solid: Solid, cell: Cell
+) -> list[_Way]:
+    """Return ways with the program of the first ones: a setting that is reached may have no free way to it.
+
+    The first complete one comes first, otherwise that whose program takes most images. A cell without home has none.
+    """
+    ways = [_Way(laid, None) for laid in proposals]
+    if cell.home is None:
+        return ways
+    for k, laid in enumerate(proposals[:_PROGRAMMED]):
+        made = robot_program(plan, solid, cell.with_fixturings(laid.fixturings))
+        ways[k] = _Way(laid, made)
+        if made.complete:
+            break
+    return sorted(ways, key=lambda way: 0 if way.program is None else -way.program.n_stops)
+
+
+def _way_record(way: _Way) -> dict[str, Any]:
+    """Return a way as plain values, with what its program does."""
+    record = way.laid.to_dict()
+    if way.program is not None:
+        record["program"] = {"images": way.program.n_stops, "seconds": way.program.seconds}
+    return record
+
+
+def _print_layings(
+    ways: Sequence[_Way], sides: Sequence[Side], plan: InspectionPlan, cell: Cell
+) -> None:
+    """Print the best ways to lay the part, and what must be known of them."""
+    if not ways:
+        print_text("no way was found: each puts the part or its posts through something")
+        return
+    columns = (
+        Column("part lies"),
+        Column("turned", right=True),
+        Column("middle at (mm)"),
+        Column("tips at", right=True),
+        Column("reached", right=True),
+        Column("program", right=True),
+        Column("singular value", right=True),
+    )
+    print_table(columns, [row for way in ways[:_ROWS] for row in _laying_rows(way, plan)])
+    best = ways[0].laid
+    number = next(iter(best.layings.values())).side
+    down = " ".join(f"{x:.2f}" for x in np.round(-sides[number - 1].rotation[2], 2) + 0.0)
+    print_text(
+        f"side {number} has the outward normal ({down}) in the part's frame. Tips at: the tilt of the table at "
+        "which the part falls over, unless it is clamped. Clamps are not computed"
+    )
+    if ways[0].program is None:
+        print_text("program: not tried, since the cell file states no home_deg")
+    else:
+        print_text(
+            "program: images that the robot takes without a collision on its way, and the time of its moves"
+        )
+    for k in np.flatnonzero(~best.reachability.reached.any(axis=1)):
+        reasons = [poses[k].why for poses in best.reachability.poses.values()]
+        print_text(f"setting {k + 1} is not reached in the first row: {'; '.join(reasons)}")
+    for text in model_notes(cell.with_fixturings(best.fixturings)):
+        print_text(text)
+
+
+def _laying_rows(way: _Way, plan: InspectionPlan) -> list[tuple[str, ...]]:
+    """Return a row for each fixturing of a way; the first one says what is reached together."""
+    count = len(plan.settings)
+    made = way.program
+    together = (
+        f"{way.laid.n_reached} of {count}",
+        "not tried" if made is None else f"{made.n_stops} of {count}, {made.seconds:.0f} s",
+        f"{way.laid.singular_value:.2f}",
+    )
+    rows: list[tuple[str, ...]] = []
+    for place, (name, laying) in enumerate(way.laid.layings.items()):
+        x, y = laying.foot_mm
+        lies = name if place == 0 else f"and {name}"
+        outcome = together if place == 0 else ("",) * len(together)
+        turned = f"{laying.turn_deg:.0f}°"
+        rows.append((lies, turned, f"{x:.0f} {y:.0f}", f"{laying.tips_at_deg:.0f}°", *outcome))
+    return rows
 
 
 def _print_places(placements: tuple[Placement, ...], count: int, cell: Cell, file: str) -> None:

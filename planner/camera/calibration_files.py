@@ -286,7 +286,7 @@ def _undeclared(text: str) -> str:
 def _element_value(path: Path, element: ElementTree.Element) -> Any:
     unknown = set(element.attrib) - {"type_id"}
     kind = element.attrib.get("type_id", _MATRIX)
-    if unknown or kind not in (_MATRIX, "map", "seq"):
+    if unknown or kind not in (_MATRIX, "opencv-nd-matrix", "map", "seq"):
         attribute = next(iter(unknown), f"type_id={kind}")
         raise CameraError(
             f'{path}: <{element.tag}> must be plain or type_id="{_MATRIX}". '

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ground.convert import Meta, Shape, to_plain
-from planner.exceptions import UncertaintyError
+from planner.exceptions import RequestError, UncertaintyError
+from planner.plan_file import Pose
 
 _CAM_TO_PAPER = np.diag([1.0, -1.0, -1.0])
 
@@ -168,6 +169,67 @@ MAX_SIGMA_RAD = 1.0
 
 Covariance = Annotated[NDArray[np.float64], Shape(6, 6), Meta(ge=-1e9, le=1e9)]
 """Over the camera's displacement (dx, dy, dz) and rotation (phi_x, phi_y, phi_z) in its own axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class GivenPose:
+    """A camera pose that exists, such as one that a robot was taught.
+
+    Attributes
+    ----------
+    name : str
+        What it is called where it comes from.
+    cam2world : array (4, 4)
+        Pose in OpenCV axes (x right, y down, z forward), mm, in the part's frame.
+
+    Examples
+    --------
+    >>> from planner import GivenPose, look_at
+    >>> GivenPose("taught", look_at([[0, 0, 300]], [0, 0, 0])[0])
+    <GivenPose 'taught' from (0.0, 0.0, 300.0) mm>
+    """
+
+    name: str
+    cam2world: Pose
+
+    def __repr__(self) -> str:
+        """Return a one-line summary."""
+        place = ", ".join(f"{c:.1f}" for c in self.cam2world[:3, 3])
+        return f"<GivenPose {self.name!r} from ({place}) mm>"
+
+
+# noise of rotations that are computed
+_OFF_RIGID = 1e-6
+
+
+def checked_poses(poses: Any) -> tuple[GivenPose, ...]:
+    """Return poses that are given, or raise `RequestError`.
+
+    Parameters
+    ----------
+    poses : sequence of GivenPose, or array_like (n, 4, 4)
+        An array gets the names pose_01, pose_02, and so on.
+    """
+    items = list(poses)
+    if not items:
+        raise RequestError.of_rule("poses", "must hold at least one pose", "none")
+    if not all(isinstance(pose, GivenPose) for pose in items):
+        items = [
+            GivenPose(f"pose_{k:02d}", np.array(pose, dtype=np.float64))
+            for k, pose in enumerate(items, 1)
+        ]
+    names = [pose.name for pose in items]
+    for pose in items:
+        if pose.cam2world.shape != (4, 4):
+            rule = "must have the shape (n, 4, 4)"
+            raise RequestError.of_rule("poses", rule, f"{pose.cam2world.shape} in one")
+        turn = pose.cam2world[:3, :3]
+        off = np.abs(turn @ turn.T - np.eye(3)).max()
+        if not (np.isfinite(pose.cam2world).all() and off < _OFF_RIGID and np.linalg.det(turn) > 0):
+            raise RequestError.of_rule("poses", "must be rigid", f"{pose.name!r}, which is not")
+        if names.count(pose.name) > 1:
+            raise RequestError.of_rule("poses", "must have different names", f"{pose.name!r} twice")
+    return tuple(items)
 
 
 @dataclass(frozen=True, eq=False)

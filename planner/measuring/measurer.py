@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from errors.measurands import DecisionRule, Localisation
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
+from errors.measurands.split import End
 from ground.blas import with_one_thread
 from ground.faces import project_version
 from ground.short_repr import short_repr
 from planner.argument_kinds import check_kinds
 from planner.camera.calibration import check_white_level
 from planner.camera.camera import Camera
-from planner.camera.pose import PoseUncertainty
+from planner.camera.pose import PoseUncertainty, world_to_cam
 from planner.camera.response import check_response
 from planner.detectability.image_check import COVERAGE_SHARE
 from planner.exceptions import RequestError
@@ -29,9 +30,9 @@ from planner.identity import PartRecord
 from planner.light.light_plan import beside, irradiance
 from planner.measuring.advice import advice_of_images, advised, with_advice
 from planner.measuring.images import WELL_EXPOSED, ImageSet, Picture, Shot, read_images, shots_of
+from planner.measuring.part_posterior import PartPosterior
 from planner.measuring.reading import (
     Reading,
-    covariance_of,
     entity_samples,
     read_length,
     read_value,
@@ -41,8 +42,16 @@ from planner.measuring.register import bias_of, check_lens, looks_like, register
 from planner.measuring.registered import Registered, as_given, prior_covariance
 from planner.measuring.registration import BOTH, PLANNED, NoFiducialsError, Registration, locate
 from planner.measuring.response import JudgedResponse, judge_response
-from planner.measuring.results import MeasurementResults, Result, Source, edges_text, merged
-from planner.measuring.samples import CLIPPED_SHARE, POSE, PartModel
+from planner.measuring.results import (
+    MeasurementResults,
+    Result,
+    Source,
+    edges_text,
+    joined_ends,
+    merged,
+    weights_of,
+)
+from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
 from planner.measuring.seen_breaks import seen_break, seen_notes
 from planner.measuring.task import (
     REPEATABILITY,
@@ -289,6 +298,44 @@ def _unregistered(shot: Shot, why: str, advice: str) -> list[Reading]:
     ]
 
 
+class MeasuredEnd:
+    """One entity of a target, which an image may show without the others.
+
+    Parameters
+    ----------
+    target : str
+        Name of the target.
+    value : End
+        What the entity has in the value.
+    edge : PartEdge
+        The entity.
+    model : PartModel
+        The part.
+
+    Attributes
+    ----------
+    free : set of int
+        Surfaces whose deviation the entity measures itself.
+    """
+
+    def __init__(self, target: str, value: End, edge: PartEdge, model: PartModel) -> None:
+        self.target = target
+        self.value = value
+        self.edge = edge
+        self.free = model.free_surfaces(value, (edge,))
+        self._model = model
+
+    def is_shown(self, image: Registered, camera: Camera, coverage: float) -> bool:
+        """Return whether an image may show enough of the entity in focus and apart from other lines."""
+        samples = entity_samples(self._model, [self.edge], image, camera, NEAR_PX)
+        if not len(samples.points):
+            return False
+        depth = world_to_cam(samples.points, image.cam2world)[:, 2]
+        nearest, farthest = camera.depth_of_field_mm
+        in_focus = (depth >= nearest) & (depth <= farthest)
+        return float(np.mean(samples.usable & in_focus)) >= coverage
+
+
 def witness_key(setting: SensorSetting, name: str) -> str:
     """Return a name for a target as a setting measures it."""
     k = setting.witness.get(name, 0)
@@ -343,6 +390,7 @@ class Measurer:
         }
         area = None if plan.light is None else plan.light.area
         self.model = PartModel(solid, self._by_witness, area)
+        self._ends = self._ends_of_others()
 
     @with_one_thread
     def measure(
@@ -402,27 +450,38 @@ class Measurer:
             options = replace(options, edge_break_mm=seen.limits_mm)
         if response.is_changed or uses_seen:
             registered, failed = self._all_registered(pictures, options)
-        readings = self._readings(response, registered, options)
+        joint = self._joined(response.pictures, registered, options)
+        readings = self._readings(response, registered, joint, options)
         for shot in self.shots:
             if shot.name in failed:
                 for reading in _unregistered(shot, *failed[shot.name]):
                     readings[reading.name].append(reading)
-        results = {
-            name: merged(name, self.plan.targets[name], target_readings, options.rule)
-            for name, target_readings in readings.items()
-        }
+        results = {}
+        for name, target_readings in readings.items():
+            measured = [reading for reading in target_readings if reading.measured]
+            common = joint.common(measured) if len(measured) > 1 else None
+            results[name] = merged(
+                name, self.plan.targets[name], target_readings, options.rule, common=common
+            )
         results |= self._not_planned(options.rule)
+        results |= self._of_several_images(response, registered, joint, options)
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
-            registered,
+            {name: replace(image, evidence=None) for name, image in registered.items()},
             {name: with_advice(*both) for name, both in failed.items()},
             options.rule,
             serial,
-            self._correlation(results, registered),
+            self._correlation(results, joint),
             self._source(image_set, operator),
-            (*image_set.notes, *response.notes(readings), *seen_notes(seen, stated), *notes),
+            (
+                *image_set.notes,
+                *response.notes(readings),
+                *seen_notes(seen, stated),
+                *joint.notes,
+                *notes,
+            ),
             pictures,
             response.records(),
             self._edges_text(list(results.values()), options, uses_seen),
@@ -474,6 +533,7 @@ class Measurer:
         self,
         response: JudgedResponse,
         registered: Mapping[str, Registered],
+        known: PartPosterior,
         options: MeasureOptions,
     ) -> dict[str, list[Reading]]:
         """Return what is read in registered images, by target."""
@@ -484,16 +544,35 @@ class Measurer:
                     continue
                 pose = registered[shot.name]
                 others = [
-                    self._read(shot, pictures[shot.name], pose, options)
+                    self._read(shot, pictures[shot.name], known, options)
                     for pictures in response.others
                 ]
                 picture = response.pictures[shot.name]
-                image_readings = self._read(shot, picture, pose, options)
+                image_readings = self._read(shot, picture, known, options)
                 for i, reading in enumerate(image_readings):
                     alike = [bent_readings[i] for bent_readings in others]
                     reading = response.counted(reading, alike)
                     readings[reading.name].append(advised(reading, picture, pose.blur_px))
         return readings
+
+    def _joined(
+        self,
+        pictures: Mapping[str, Picture],
+        registered: Mapping[str, Registered],
+        options: MeasureOptions,
+    ) -> PartPosterior:
+        """Return what all registered images tell together."""
+        groups = [
+            {shot.name: registered[shot.name] for shot in shots if shot.name in registered}
+            for shots in self._by_pose(pictures, options.registration)
+        ]
+        free_of: dict[str, set[int]] = {name: set() for name in self.targets}
+        for setting in self.plan.settings:
+            for name in setting.entities:
+                free_of[name] |= self.model.free_of[witness_key(setting, name)]
+        for name, ends in self._ends.items():
+            free_of[name] = set().union(*(end.free for end in ends))
+        return PartPosterior(self.model, self.plan.camera, [g for g in groups if g], free_of)
 
     def _edges_half_px(self, registered: Mapping[str, Registered]) -> float:
         """Return how far from their predictions the edges of all images are searched, px."""
@@ -623,64 +702,151 @@ class Measurer:
         return max((target.surfaces_mm for target in self.targets.values()), default=0.0)
 
     def _read(
-        self, shot: Shot, picture: Picture, registered: Registered, options: MeasureOptions
+        self, shot: Shot, picture: Picture, known: PartPosterior, options: MeasureOptions
     ) -> list[Reading]:
         """Return the readings of an image."""
-        half = self._half_px(shot, registered)
         readings = []
         for name in shot.targets:
-            key = witness_key(self.plan.settings[shot.setting], name)
-            target = self._by_witness[key]
-            place = (name, shot.name, shot.setting)
-            if target.measurand.in_image:
-                (edge,) = self.model.measured[key]
-                search = (
-                    half[name],
-                    options.coverage,
-                    self._floor_px(target.localisation, options),
-                )
-                readings.append(
-                    read_length(
-                        place,
-                        target.measurand,
-                        edge,
-                        picture,
-                        registered,
-                        self.model,
-                        search,
-                        self.edge_state(options, target),
-                    )
-                )
-                continue
-            edges = list(self.model.measured[key])
-            samples = entity_samples(self.model, edges, registered, picture.camera, half[name])
-            scans = [
-                scan_entity(
-                    self.model,
-                    edge,
-                    frame,
-                    samples.of(k),
-                    picture,
-                    registered,
-                    half_px=half[name],
-                    coverage=options.coverage,
-                    edge_state=self.edge_state(options, target),
-                )
-                for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
-            ]
-            floor = self._floor_px(target.localisation, options)
-            readings.append(
-                read_value(
-                    place,
-                    target.measurand,
-                    scans,
-                    registered,
-                    self.model,
-                    floor,
-                    picture.camera,
-                )
-            )
+            image = known.known(name, shot.name)
+            half_px = self._half_px(shot, image.registered)[name]
+            reading = self._read_target(shot, name, picture, image.registered, half_px, options)
+            readings.append(image.corrected(reading))
         return readings
+
+    def _read_target(
+        self,
+        shot: Shot,
+        name: str,
+        picture: Picture,
+        registered: Registered,
+        half_px: float,
+        options: MeasureOptions,
+    ) -> Reading:
+        """Return the reading of a target in an image."""
+        key = witness_key(self.plan.settings[shot.setting], name)
+        target = self._by_witness[key]
+        place = (name, shot.name, shot.setting)
+        floor_px = self._floor_px(target.localisation, options)
+        edge_state = self.edge_state(options, target)
+        edges = list(self.model.measured[key])
+        if target.measurand.in_image:
+            search = (half_px, options.coverage, floor_px)
+            return read_length(
+                place,
+                target.measurand,
+                edges[0],
+                picture,
+                registered,
+                self.model,
+                search,
+                edge_state,
+            )
+        samples = entity_samples(self.model, edges, registered, picture.camera, half_px)
+        scans = [
+            scan_entity(
+                self.model,
+                edge,
+                frame,
+                samples.of(k),
+                picture,
+                registered,
+                half_px=half_px,
+                coverage=options.coverage,
+                edge_state=edge_state,
+            )
+            for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
+        ]
+        return read_value(
+            place, target.measurand, scans, registered, self.model, floor_px, picture.camera
+        )
+
+    def _ends_of_others(self) -> dict[str, list[MeasuredEnd]]:
+        """Return the entities of targets that the plan inspects in no image, where each has its share of the value."""
+        ends = {}
+        for name in self.plan.uninspectable:
+            value = self.plan.targets[name].measurand
+            if value.in_image or value.unit != "mm" or len(value.geometry) != 2:
+                continue
+            ends[name] = [
+                MeasuredEnd(name, End(value, k), self.model.entity(shape, name), self.model)
+                for k, shape in enumerate(value.geometry)
+            ]
+        return ends
+
+    def _of_several_images(
+        self,
+        response: JudgedResponse,
+        registered: Mapping[str, Registered],
+        known: PartPosterior,
+        options: MeasureOptions,
+    ) -> dict[str, Result]:
+        """Return results of targets that the plan does not inspect, and whose entities are in different images."""
+        best: dict[str, dict[int, Reading]] = {name: {} for name in self._ends}
+        for shot in self.shots:
+            image = registered.get(shot.name)
+            if image is None or image.method != OWN_EDGES:
+                continue
+            for name, ends in self._ends.items():
+                for k, end in enumerate(ends):
+                    if not end.is_shown(image, self.plan.camera, options.coverage):
+                        continue
+                    pictures = [response.pictures, *response.others]
+                    reading, *others = [
+                        self._read_end(shot, end, picture[shot.name], known, options)
+                        for picture in pictures
+                    ]
+                    reading = response.counted(reading, others)
+                    worse = best[name].get(k)
+                    if reading.measured and (
+                        worse is None or reading.standard_uncertainty < worse.standard_uncertainty
+                    ):
+                        best[name][k] = reading
+        return {
+            name: joined_ends(
+                name,
+                self.plan.targets[name],
+                [readings[k] for k in sorted(readings)],
+                options.rule,
+                known.common([readings[k] for k in sorted(readings)]),
+            )
+            for name, readings in best.items()
+            if len(readings) == len(self._ends[name])
+        }
+
+    def _read_end(
+        self,
+        shot: Shot,
+        end: MeasuredEnd,
+        picture: Picture,
+        known: PartPosterior,
+        options: MeasureOptions,
+    ) -> Reading:
+        """Return the reading of one entity of a target in an image."""
+        image = known.known(end.target, shot.name)
+        target = self.plan.targets[end.target]
+        edge_state = self.edge_state(options, target)
+        samples = entity_samples(self.model, [end.edge], image.registered, picture.camera, NEAR_PX)
+        scan = scan_entity(
+            self.model,
+            end.edge,
+            end.value.frames[0],
+            samples.of(0),
+            picture,
+            image.registered,
+            half_px=NEAR_PX,
+            coverage=options.coverage,
+            edge_state=edge_state,
+        )
+        reading = read_value(
+            (end.target, shot.name, shot.setting),
+            end.value,
+            [scan],
+            image.registered,
+            self.model,
+            self._floor_px(target.localisation, options),
+            picture.camera,
+        )
+        return replace(image.corrected(reading), entity=end.edge.name)
 
     def _half_px(self, shot: Shot, registered: Registered) -> dict[str, float]:
         """Return how far from its prediction each target is searched, px."""
@@ -756,30 +922,18 @@ class Measurer:
         }
 
     def _correlation(
-        self, results: Mapping[str, Result], registered: Mapping[str, Registered]
+        self, results: Mapping[str, Result], known: PartPosterior
     ) -> NDArray[np.float64]:
-        """Return the correlation of measured values of one image by its pose and surfaces."""
+        """Return the correlation of measured values by what they have in common: poses and surfaces."""
         names = [name for name in self.plan.entities if results[name].measured]
-        correlation = np.eye(len(names))
-        for image, registration in registered.items():
-            alike = {
-                name: reading
-                for name in names
-                for reading in results[name].readings
-                if reading.image == image
-                and reading.measured
-                # of merged values nothing is stated
-                and len(results[name].readings) == 1
-            }
-            if len(alike) < 2:
-                continue
-            covariance = covariance_of(alike, registration.covariance)
-            for i, first in enumerate(alike):
-                for j, second in enumerate(alike):
-                    if i != j:
-                        u = alike[first].standard_uncertainty * alike[second].standard_uncertainty
-                        at = names.index(first), names.index(second)
-                        correlation[at] = covariance[i, j] / u
+        values = []
+        for name in names:
+            readings = [reading for reading in results[name].readings if reading.measured]
+            common = known.common(readings) if len(readings) > 1 else None
+            values.append((readings, weights_of(readings, common)))
+        u = np.array([results[name].standard_uncertainty for name in names])
+        correlation = known.common_of_values(values) / np.outer(u, u)
+        np.fill_diagonal(correlation, 1.0)
         return correlation
 
     def _source(self, found: ImageSet, operator: str) -> Source:

@@ -25,14 +25,14 @@ from planner.light.area_light import EdgePoints, Sight
 from planner.measuring.fit import CORRELATION_PX
 from planner.measuring.lit_edges import reads_of
 from planner.measuring.register import bias_of
-from planner.measuring.registered import prior_covariance
-from planner.measuring.samples import APART_PX, END_PX, POSE, PartEdges, PartModel
+from planner.measuring.registered import surface_variances
+from planner.measuring.samples import APART_PX, END_PX, PartEdges, PartModel
 from planner.measuring.verdict import LEAST_SHARE
 from planner.request.edge_state import EdgeState, shifts_of
 from planner.request.models import Lifts, OwnEdges, key_of
 from planner.request.problem import Problem
 from planner.request.reach import entity_space
-from planner.request.registration import OWN_EDGES, RegistrationRecord
+from planner.request.registration import LEAST_POSE, OWN_EDGES, RegistrationRecord
 from planner.request.targets import PlannedDimension, Target, sample_points
 
 Array = NDArray[np.float64]
@@ -82,24 +82,24 @@ def planned_edges(problem: Problem, surfaces_mm: float | None = None) -> OwnEdge
     model = PartModel(single.space.solid, targets, area)
     if surfaces_mm is None:
         surfaces_mm = max((target.surfaces_mm for target in targets.values()), default=0.0)
-    before = prior_covariance(
-        model, problem.pose_uncertainty.covariance, surfaces_mm, problem.camera
+    stated = surface_variances(model, surfaces_mm)
+    free = surface_variances(
+        model, surfaces_mm, problem.camera, range(len(model.carriers.surfaces))
     )
-    sigmas = np.sqrt(np.diag(before))[POSE:].reshape(-1, 3)
+    sigmas, free_sigmas = (np.sqrt(each).reshape(-1, 3) for each in (stated, free))
     floor = (
         max((target.localisation.floor_px for target in targets.values()), default=0.0) or FLOOR_PX
     )
     breaks_px = _spread_mm(problem.edges) * _px_per_mm(problem.camera)
     return OwnEdges(
-        before[:POSE, :POSE].copy(),
-        _stretches(model, problem.camera, sigmas),
+        problem.pose_uncertainty.covariance + np.diag(LEAST_POSE**2),
+        _stretches(model, problem.camera, sigmas)._replace(free_sigmas=free_sigmas),
         _imaging(problem.camera, math.hypot(bias_of(floor), breaks_px)),
         {
             key_of(target.name, target.witness.entities): _lifts(
                 model, target.name, targets[target.name]
             )
             for target in single.targets
-            if isinstance(target, PlannedDimension)
         },
     )
 
@@ -183,6 +183,7 @@ def _stretches(model: PartModel, camera: Camera, sigmas: Array) -> Stretches:
         _free(model.edges, edge_of, EdgePoints(points, tangents, normals), turn, camera),
         _rounded(turn),
         sigmas,
+        sigmas,
     )
 
 
@@ -240,6 +241,9 @@ def _free(
 
 def _lifts(model: PartModel, name: str, target: Target) -> Lifts:
     """Return how surfaces move the entities of a target, as far as its value feels it."""
+    free = np.array(sorted(model.free_of[name]), dtype=np.int64)
+    if not isinstance(target, PlannedDimension):
+        return Lifts(np.empty((0, 2), dtype=np.int64), np.empty((0, 2, 3, 6)), free)
     measured = model.measured[name]
     motions = np.zeros((len(measured), 2, 3, 6))
     frames = target.measurand.frames
@@ -255,7 +259,7 @@ def _lifts(model: PartModel, name: str, target: Target) -> Lifts:
             projection = np.outer(normal, normal)
         motions[k] = _rigid(points, projection @ moved).reshape(2, 3, 6)
     surfaces = np.array([model.carried_by[edge.name] for edge in measured], dtype=np.int64)
-    return Lifts(surfaces, _rounded(motions))
+    return Lifts(surfaces, _rounded(motions), free)
 
 
 def _rigid(points: Array, moved: Array) -> Array:

@@ -640,6 +640,8 @@ class Reading:
         What to change in the shop if it was not measured; empty if nothing is known.
     moved : bool
         Whether no edge is where the model has one, though the light would show it.
+    entity : str
+        The entity, if the value is what it would be if only this one of several was off; otherwise empty.
     """
 
     name: Annotated[str, NOT_STORED]
@@ -661,6 +663,7 @@ class Reading:
     edge_shift: Annotated[NumberOrNull, Key("by_mm_of_break")] = math.nan
     advice: str = ""
     moved: Annotated[bool, NOT_STORED] = False
+    entity: str = ""
 
     def __repr__(self) -> str:
         """Return a one-line summary."""
@@ -905,12 +908,6 @@ def fits_after(
     directions = np.broadcast_to(scan.directions, (len(moves), *scan.directions.shape))
     flat = carried_back(directions, poses, origins, normal, frame)
     return fit_entities(scan.edge.geometry, flat, scan.px_per_mm**2)[0]
-
-
-def covariance_of(readings: Mapping[str, Reading], covariance: Array) -> Array:
-    """Return the covariance (n, n) of readings of one image by what they have in common: pose and surfaces."""
-    gradients = np.array([reading.gradient for reading in readings.values()])
-    return np.asarray(gradients @ covariance @ gradients.T)
 
 
 # The length of an edge in an image: its line and a line that leaves each of its ends, intersected

@@ -14,7 +14,9 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +29,7 @@ from errors.registration import Posterior, Rows, bias_variance_of, posterior, su
 from ground.decorators import njit
 from planner.camera.pose import PoseUncertainty
 from planner.measuring.images import Picture
-from planner.measuring.registered import Lamp, Registered, prior_covariance
+from planner.measuring.registered import ImageEvidence, Lamp, Registered, prior_covariance
 from planner.measuring.samples import POSE, SAMPLING_PX, PartModel, State, gradients_of, profiles_of
 from planner.measuring.task import (
     MOVE_SIGMAS,
@@ -40,6 +42,7 @@ from planner.measuring.task import (
     cost_of,
     noise_of,
     registration_task,
+    rows_at,
     solved,
     with_breaks,
 )
@@ -304,7 +307,16 @@ def register(
         outcome = other if other[0].accepted else outcome
     attempt, lamps = outcome
     estimate, variance = _stated(attempt)
-    registered = replace(judged(attempt, estimate), lamps=lamps)
+    evidence = ImageEvidence.of(
+        itertools.chain.from_iterable(attempt.rows),
+        variance,
+        estimate.mean,
+        partial(_rows_found, attempt, range(len(pictures))),
+        planned=task.planned,
+        pose_prior=task.prior[:POSE, :POSE],
+        apart=np.zeros((POSE, POSE)),
+    )
+    registered = replace(judged(attempt, estimate), lamps=lamps, evidence=evidence)
     if len(pictures) > 1:
         of_images = _of_images(attempt, registered, estimate.mean, variance, repeatability)
         registered = replace(registered, of_images=of_images)
@@ -325,21 +337,8 @@ def _of_images(
     """
     task = attempt.task
     repeatability = with_breaks(repeatability, task.break_mm)
-    alike = task.samples.edge
-    rows = list(attempt.rows)
-    compared: dict[int, list[Rows]] = {}
-    for k, picture in enumerate(attempt.pictures):
-        alone = _attempted(task, [picture], SearchStart(attempt.scan.x, attempt.lead), alike)
-        if not alone.convincing:
-            # farther off than edges are searched
-            alone = _attempted(task, [picture], _coarse(task, [picture]), alike)
-        if not alone.convincing:
-            continue
-        compared[k] = alone.rows[0]
-        away = np.linalg.norm(alone.scan.centres - attempt.scan.centres, axis=1)
-        if np.median(away) > _FAR_PX:
-            # nearby, rows of all images are about the same unknowns
-            rows[k] = alone.rows[0]
+    compared, sources = _each_alone(attempt)
+    rows = [[*source.rows[k]] for source, k in sources]
     n = len(task.prior)
     if len(compared) > 1:
         between = [MOVE_SIGMAS**2 * task.prior[:POSE, :POSE]] * (len(compared) - 1)
@@ -351,7 +350,7 @@ def _of_images(
     # half of the variance of what is between two of them
     around = repeatability.covariance / 2 + np.diag(LEAST_POSE**2)
     moving = [_moved_too(image_rows, n + POSE * k) for k, image_rows in enumerate(rows)]
-    estimate, _ = _enlarged(block_diag(task.prior, *[around] * len(rows)), moving, variance)
+    estimate, variance = _enlarged(block_diag(task.prior, *[around] * len(rows)), moving, variance)
     pose = slice(0, POSE)
     of_images = {}
     for k, picture in enumerate(attempt.pictures):
@@ -364,13 +363,54 @@ def _of_images(
         own_x[pose] += estimate.mean[move]
         prior = task.prior.copy()
         prior[pose, pose] += around
+        evidence = ImageEvidence.of(
+            rows[k],
+            variance,
+            own_x,
+            partial(_rows_found, sources[k][0], [sources[k][1]]),
+            planned=task.planned,
+            pose_prior=task.prior[pose, pose],
+            apart=around,
+        )
         of_images[picture.name] = replace(
             registered,
             cam2world=task.places(own_x)[0],
             covariance=select @ estimate.covariance @ select.T,
             prior=prior,
+            evidence=evidence,
         )
     return of_images
+
+
+def _each_alone(attempt: Attempt) -> tuple[dict[int, list[Rows]], list[tuple[Attempt, int]]]:
+    """Return the rows of images that are registered alone, by number, and the attempt that the rows of each are from.
+
+    With each attempt stands the number of the image in it.
+    """
+    task = attempt.task
+    alike = task.samples.edge
+    sources = [(attempt, k) for k in range(len(attempt.pictures))]
+    compared: dict[int, list[Rows]] = {}
+    for k, picture in enumerate(attempt.pictures):
+        alone = _attempted(task, [picture], SearchStart(attempt.scan.x, attempt.lead), alike)
+        if not alone.convincing:
+            # farther off than edges are searched
+            alone = _attempted(task, [picture], _coarse(task, [picture]), alike)
+        if not alone.convincing:
+            continue
+        compared[k] = alone.rows[0]
+        away = np.linalg.norm(alone.scan.centres - attempt.scan.centres, axis=1)
+        if np.median(away) > _FAR_PX:
+            # nearby, rows of all images are about the same unknowns
+            sources[k] = alone, 0
+    return compared, sources
+
+
+def _rows_found(attempt: Attempt, images: Sequence[int], x: Array) -> list[Rows]:
+    """Return the rows of what is found in some images of an attempt at unknowns (n,)."""
+    _, across = attempt.task.predicted(x)
+    rows = rows_at(attempt.task, x, across, attempt.found_at(x))
+    return list(itertools.chain.from_iterable(rows[k] for k in images))
 
 
 def _moved_too(rows: list[Rows], first: int) -> list[Rows]:
@@ -568,6 +608,7 @@ def register_as_shown(
         if more <= 1:
             break
         shown_mm *= more
+    registered = replace(registered, surfaces_mm=shown_mm)
     if shown_mm <= surfaces_mm:
         return registered
     note = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from aspectgraph.entities.entity_rules import PARAMETERS
 from aspectgraph.solid.solid import RayScene
+from errors.many_images import Evidence, evidence_of
+from errors.registration import Rows
 from ground.convert import NOT_STORED, Meta, NullIs, Shape
 from ground.short_repr import short_repr
 from planner.camera.camera import Camera
@@ -244,6 +246,68 @@ def _moved(faces: Faces, place: Array, move: Array) -> Array:
     return np.asarray(faces.middle + np.exp(move[0]) * turned)
 
 
+@dataclass(frozen=True, eq=False)
+class ImageEvidence:
+    """What one image tells, without what was known before.
+
+    Attributes
+    ----------
+    evidence : Evidence
+        Of pose and surfaces (n).
+    rows : tuple of Rows
+        What it is from: the found points of each edge, by pose and surfaces.
+    bias_variance : float
+        Variance of the biases of edges that it counts with, px².
+    at : array (n,)
+        The unknowns that it is registered with: what is found near them.
+    rows_at : callable
+        Returns the rows of what is found at other unknowns (n,).
+    planned : array (4, 4)
+        The pose that the unknowns displace.
+    pose_prior : array (6, 6)
+        Covariance of the displacement that all images of the setting have in common, before.
+    apart : array (6, 6)
+        Covariance of that which each has besides.
+    """
+
+    evidence: Evidence
+    rows: tuple[Rows, ...]
+    bias_variance: float
+    at: Array
+    rows_at: Callable[[Array], list[Rows]]
+    planned: Array
+    pose_prior: Array
+    apart: Array
+
+    @classmethod
+    def of(
+        cls,
+        rows: Iterable[Rows],
+        bias_variance: float,
+        at: Array,
+        rows_at: Callable[[Array], list[Rows]],
+        *,
+        planned: Array,
+        pose_prior: Array,
+        apart: Array,
+    ) -> ImageEvidence:
+        """Return what rows tell."""
+        of_edges = tuple(rows)
+        evidence = evidence_of(of_edges, len(at), bias_variance)
+        return cls(evidence, of_edges, bias_variance, at, rows_at, planned, pose_prior, apart)
+
+    def with_biases(self, bias_variance: float) -> ImageEvidence:
+        """Return what the same rows tell if edges have biases of another variance, px²."""
+        evidence = evidence_of(self.rows, len(self.at), bias_variance)
+        return replace(self, evidence=evidence, bias_variance=bias_variance)
+
+    def moved_to(self, x: Array) -> ImageEvidence:
+        """Return what the image tells at other unknowns (n,)."""
+        rows = tuple(self.rows_at(x))
+        evidence = evidence_of(rows, len(x), self.bias_variance)
+        return replace(self, evidence=evidence, rows=rows, at=x)
+
+
 SAMPLE = np.dtype(
     [
         *(("u", float), ("v", float), ("state", np.int64)),
@@ -304,6 +368,10 @@ class Registered:
         The lamps of images that one fits.
     of_images : dict of str to Registered
         The registration of each of several images, whose camera may have moved a little between them.
+    evidence : ImageEvidence or None
+        What the image tells; None if nothing is estimated.
+    surfaces_mm : float
+        Standard deviation of the position of faces before, mm.
     pose_covariance : array (6, 6)
         Covariance of the displacement of the camera.
     """
@@ -328,6 +396,8 @@ class Registered:
     of_images: Annotated[Mapping[str, Registered], NOT_STORED] = field(
         default_factory=dict, repr=False
     )
+    evidence: Annotated[ImageEvidence | None, NOT_STORED] = field(default=None, repr=False)
+    surfaces_mm: Annotated[float, NOT_STORED] = 0.0
     pose_covariance: Annotated[Array, Shape(6, 6)] = field(init=False, repr=False)
 
     __repr__ = short_repr
@@ -337,7 +407,12 @@ class Registered:
 
     def of(self, image: str) -> Registered:
         """Return the registration of an image of the setting, by its name."""
-        return replace(self.of_images.get(image, self), warnings=self.warnings, of_images={})
+        return replace(
+            self.of_images.get(image, self),
+            warnings=self.warnings,
+            surfaces_mm=self.surfaces_mm,
+            of_images={},
+        )
 
     def moved(self, model: PartModel, edge: PartEdge, points: Array) -> Array:
         """Return where points (n, 3) of an edge are, with the estimated deviations."""
@@ -369,24 +444,44 @@ def prior_covariance(
     array (6 + 3k, 6 + 3k)
         The covariance.
     """
-    variances = np.zeros(model.n_unknowns)
-    sigma = max(surfaces_mm, LEAST_MM)
-    free_mm = 0.0
-    if camera is not None:
-        free_mm = FREE_PX * camera.focus_distance_mm / float(camera.matrix.diagonal()[:2].min())
-    for k, surface in enumerate(model.carriers.surfaces):
-        start = POSE + PARAMETERS * k
-        if surface.is_plane:
-            sigmas = sigma * np.array([1.0, TILT_SHARE, TILT_SHARE])
-        else:
-            sigmas = np.full(PARAMETERS, CYLINDER_SHARE * sigma)
-        if k in model.free:
-            sigmas = np.maximum(sigmas, free_mm)
-        variances[start : start + PARAMETERS] = sigmas**2
+    surfaces = surface_variances(model, surfaces_mm, camera, model.free)
+    variances = np.concatenate([np.zeros(POSE), surfaces])
     covariance = np.diag(variances)
     # a robot that is said to be exact, or exact in some direction, is not
     covariance[:POSE, :POSE] = pose_covariance + np.diag(LEAST_POSE**2)
     return covariance
+
+
+def surface_variances(
+    model: PartModel,
+    surfaces_mm: float,
+    camera: Camera | None = None,
+    free: Collection[int] = (),
+) -> Array:
+    """Return the variances (3k,) of the numbers of surfaces before an image is looked at, mm².
+
+    Parameters
+    ----------
+    model, surfaces_mm, camera
+        See `prior_covariance`.
+    free : collection of int
+        Surfaces of which nothing is assumed; without a camera, none.
+    """
+    sigma = max(surfaces_mm, LEAST_MM)
+    free_mm = 0.0
+    if camera is not None:
+        free_mm = FREE_PX * camera.focus_distance_mm / float(camera.matrix.diagonal()[:2].min())
+    variances = np.zeros(model.n_unknowns - POSE)
+    for k, surface in enumerate(model.carriers.surfaces):
+        start = PARAMETERS * k
+        if surface.is_plane:
+            sigmas = sigma * np.array([1.0, TILT_SHARE, TILT_SHARE])
+        else:
+            sigmas = np.full(PARAMETERS, CYLINDER_SHARE * sigma)
+        if k in free:
+            sigmas = np.maximum(sigmas, free_mm)
+        variances[start : start + PARAMETERS] = sigmas**2
+    return variances
 
 
 def as_given(
@@ -395,7 +490,8 @@ def as_given(
     """Return an image whose pose is given, with its covariance; nothing is estimated."""
     covariance = prior_covariance(model, pose_covariance, surfaces_mm)
     nothing = np.zeros(model.n_unknowns - POSE)
-    return Registered(np.asarray(cam2world, dtype=np.float64), nothing, covariance, method)
+    pose = np.asarray(cam2world, dtype=np.float64)
+    return Registered(pose, nothing, covariance, method, surfaces_mm=surfaces_mm)
 
 
 def displaced(cam2world: Array, moves: Array) -> Array:

@@ -11,13 +11,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aspectgraph.entities.entity_rules import csv_text
 from errors.checks import chi_squared_quantile
+from errors.many_images import best_weights
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
 from errors.measurands import acceptance_limits, conformance_probability, decide
@@ -41,8 +42,10 @@ from planner.request.words import tolerance_text
 CONSISTENT = 0.99
 """Readings of one target that differ more than with this probability are said to disagree."""
 
-# errors that readings from several images have in common
-_COMMON = ("surfaces", "localisation floor", "response", "edge state")
+
+_LEAST_VARIANCE = 1e-24
+# errors that readings from several images have in common beside poses and surfaces
+_ALIKE = ("localisation floor", "response", "edge state")
 
 
 _Limits = tuple[Annotated[float, NullIs(-math.inf)], Annotated[float, NullIs(math.inf)]]
@@ -181,10 +184,15 @@ class Result(ShownInNotebook):
 
     @property
     def budget(self) -> dict[str, float]:
-        """Variance by source of the reading with the smallest uncertainty; empty if none was measured."""
+        """Variance by source of the reading with the smallest uncertainty; empty if none was measured.
+
+        Of a value whose entities are in different images, that of both.
+        """
         measured = [reading for reading in self.readings if reading.measured]
         if not measured:
             return {}
+        if measured[0].entity:
+            return _budget_of_ends(measured, self.standard_uncertainty)
         return min(measured, key=lambda one: one.standard_uncertainty).budget
 
     def __repr__(self) -> str:
@@ -217,11 +225,14 @@ def merged(
     readings: Sequence[Reading],
     rule: DecisionRule,
     missing: str = "",
+    *,
+    common: NDArray[np.float64] | None = None,
 ) -> Result:
     """Return the result of a target.
 
-    Readings are weighted by their variances. What pose and single points do is independent between images. The
-    deviations of surfaces and the floor of the localisation are common, and do not average out.
+    Readings have the weights that make the variance least, see `errors.many_images.best_weights`. Single points are
+    independent between images. The floor of the localisation, the response and broken edges are common, and do not
+    average out.
 
     Parameters
     ----------
@@ -235,6 +246,8 @@ def merged(
         How it is decided.
     missing : str
         Why there is no reading at all.
+    common : array (n, n), optional
+        Covariance of the measured readings by poses and surfaces. Default: poses are independent, and surfaces common.
     """
     target_fields = (name, target.kind, target.unit, target.nominal, target.tolerance)
     good = [reading for reading in readings if reading.measured]
@@ -248,8 +261,91 @@ def merged(
         advice = advised[0].advice if advised else ""
         reason = reason or "no image shows it"
         return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
-    value, u, notes = _weighted(good)
-    notes += tuple(dict.fromkeys(note for reading in good for note in reading.notes))
+    return _measured(name, target, readings, _weighted(good, common), rule)
+
+
+def joined_ends(
+    name: str,
+    target: Target,
+    ends: Sequence[Reading],
+    rule: DecisionRule,
+    common: NDArray[np.float64],
+) -> Result:
+    """Return the result of a target whose entities are read in different images.
+
+    The deviation is the sum of those by each entity. Localisation and its floor are errors of each entity. Response and
+    broken edges may move both alike, so their standard deviations are added up.
+
+    Parameters
+    ----------
+    name : str
+        The target's name.
+    target : Target
+        The target.
+    ends : sequence of Reading (n,)
+        The reading of each entity.
+    rule : DecisionRule
+        How it is decided.
+    common : array (n, n)
+        Covariance of the readings by poses and surfaces.
+    """
+    value = target.nominal + math.fsum(end.value - target.nominal for end in ends)
+    variance = float(common.sum()) + math.fsum(_of_points(ends).values())
+    where = ", ".join(f"{end.entity} in {end.image}" for end in ends)
+    notes = (f"no image shows all of it: {where}",)
+    combined = _Combined(value, math.sqrt(variance), notes)
+    return _measured(name, target, ends, combined, rule)
+
+
+def _of_points(ends: Sequence[Reading]) -> dict[str, float]:
+    """Return the variance of the sum of readings of different entities by each source but poses and surfaces."""
+    variances = {
+        source: math.fsum(end.budget[source] for end in ends)
+        for source in ("localisation", "localisation floor")
+    }
+    for source in ("response", "edge state"):
+        variances[source] = math.fsum(math.sqrt(end.budget[source]) for end in ends) ** 2
+    return variances
+
+
+def _budget_of_ends(ends: Sequence[Reading], u: float) -> dict[str, float]:
+    """Return variance by source of a value whose entities are read in different images.
+
+    What poses and surfaces have in common is divided among them as the readings have it.
+    """
+    of_points = _of_points(ends)
+    parts = {
+        source: math.fsum(end.budget[source] for end in ends)
+        for source in SOURCES
+        if source not in of_points
+    }
+    total = math.fsum(parts.values())
+    rest = max(u**2 - math.fsum(of_points.values()), 0.0)
+    share = rest / total if total > 0 else 0.0
+    return {
+        source: of_points[source] if source in of_points else share * parts[source]
+        for source in SOURCES
+    }
+
+
+class _Combined(NamedTuple):
+    """The value of several readings, its standard uncertainty, and what the user should know."""
+
+    value: float
+    u: float
+    notes: tuple[str, ...] = ()
+
+
+def _measured(
+    name: str,
+    target: Target,
+    readings: Sequence[Reading],
+    combined: _Combined,
+    rule: DecisionRule,
+) -> Result:
+    """Return the result of a target that has a value."""
+    value, u, notes = combined
+    notes += tuple(dict.fromkeys(note for r in readings if r.measured for note in r.notes))
     deviation = value - target.nominal
     decision = decide(deviation, u, target.tolerance, rule)
     probability = math.nan
@@ -258,35 +354,60 @@ def merged(
         probability = conformance_probability(deviation, u, target.tolerance)
         accepted = acceptance_limits(target.tolerance, u, rule)
     return Result(
-        *(*target_fields, value, u, decision, probability),
+        *(name, target.kind, target.unit, target.nominal, target.tolerance),
+        *(value, u, decision, probability),
         *("", tuple(readings), notes, accepted),
     )
 
 
-def _weighted(readings: Sequence[Reading]) -> tuple[float, float, tuple[str, ...]]:
+def weights_of(
+    readings: Sequence[Reading], common: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Return the weights of measured readings of one target, see `merged` and `joined_ends`."""
+    if len(readings) == 1 or readings[0].entity:
+        return np.ones(len(readings))
+    return best_weights(_apart(readings, common) + _alike(readings))
+
+
+def _apart(readings: Sequence[Reading], common: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Return the covariance (n, n) of measured readings but for what moves those of all images alike."""
+    if common is not None:
+        return common + np.diag([reading.budget["localisation"] for reading in readings])
+    surfaces = np.sqrt([reading.budget["surfaces"] for reading in readings])
+    covariance = np.outer(surfaces, surfaces)
+    each = [
+        reading.standard_uncertainty**2 - math.fsum(reading.budget[source] for source in _ALIKE)
+        for reading in readings
+    ]
+    np.fill_diagonal(covariance, np.maximum(each, _LEAST_VARIANCE))
+    return covariance
+
+
+def _alike(readings: Sequence[Reading]) -> NDArray[np.float64]:
+    """Return the covariance (n, n) of readings by what moves those of all images alike."""
+    sigmas = [np.sqrt([reading.budget[source] for reading in readings]) for source in _ALIKE]
+    return np.sum([np.outer(sigma, sigma) for sigma in sigmas], axis=0)
+
+
+def _weighted(readings: Sequence[Reading], common: NDArray[np.float64] | None) -> _Combined:
     """Return the weighted mean of readings, its standard uncertainty, and notes."""
     if len(readings) == 1:
-        return readings[0].value, readings[0].standard_uncertainty, ()
-    inverse = [1 / max(reading.standard_uncertainty, 1e-12) ** 2 for reading in readings]
-    weights = [weight / math.fsum(inverse) for weight in inverse]
-    value = math.fsum(w * reading.value for w, reading in zip(weights, readings, strict=True))
-    common = math.fsum(
-        w * math.sqrt(math.fsum(reading.budget[source] for source in _COMMON))
-        for w, reading in zip(weights, readings, strict=True)
-    )
-    variance = math.fsum(
-        w**2 * (reading.standard_uncertainty**2 - math.fsum(reading.budget[s] for s in _COMMON))
-        for w, reading in zip(weights, readings, strict=True)
-    )
-    u = math.sqrt(max(common**2 + variance, 0.0))
-    spread = math.fsum(
-        (reading.value - value) ** 2 * i for reading, i in zip(readings, inverse, strict=True)
-    )
+        return _Combined(readings[0].value, readings[0].standard_uncertainty)
+    apart = _apart(readings, common)
+    alike = _alike(readings)
+    weights = best_weights(apart + alike)
+    values = np.array([reading.value for reading in readings])
+    value = float(weights @ values)
+    u = math.sqrt(max(float(weights @ (apart + alike) @ weights), 0.0))
+    # what readings may have in common, they need not have: they may differ by it
+    inverse = np.linalg.inv(apart + np.diag(np.diag(alike)))
+    off = values - (inverse @ values).sum() / inverse.sum()
+    spread = float(off @ inverse @ off)
     freedoms = len(readings) - 1
     if spread <= chi_squared_quantile(CONSISTENT, freedoms):
-        return value, u, ()
+        return _Combined(value, u)
     note = f"{len(readings)} readings disagree: u is enlarged by their spread"
-    return value, u * math.sqrt(spread / freedoms), (note,)
+    return _Combined(value, u * math.sqrt(spread / freedoms), (note,))
 
 
 def edges_text(results: Sequence[Result], states: Mapping[str, EdgeState]) -> str:

@@ -17,7 +17,7 @@ from scipy.special import erf
 from aspectgraph.entities.entity_rules import PARAMETERS, Carriers
 from aspectgraph.light import DEFAULT_CONTRAST
 from aspectgraph.solid.solid import RayScene
-from errors.measurands import Circle, Geometry, Line
+from errors.measurands import Circle, Geometry, Line, Measurand
 from ground.decorators import njit
 from planner.camera.camera import Camera, image_of
 from planner.camera.pose import world_to_cam
@@ -743,8 +743,10 @@ class PartModel:
         The entities of each target.
     carried_by : dict of str to (int, int)
         Numbers of the surfaces that carry each edge, by the edge's name.
+    free_of : dict of str to set of int
+        Surfaces whose deviation a target measures itself, by target.
     free : set of int
-        Surfaces whose deviation some target measures.
+        Those of all targets.
 
     Raises
     ------
@@ -767,9 +769,11 @@ class PartModel:
             name: tuple(self.entity(shape, name) for shape in target.geometry)
             for name, target in targets.items()
         }
-        self.free: set[int] = set()
-        for name, target in targets.items():
-            self._free_surfaces(target, self.measured[name])
+        self.free_of = {
+            name: self.free_surfaces(target.measurand, self.measured[name])
+            for name, target in targets.items()
+        }
+        self.free = set().union(*self.free_of.values())
 
     @property
     def n_unknowns(self) -> int:
@@ -858,33 +862,36 @@ class PartModel:
             "part", "must be the one that was planned", f"one without the rim or arc of {target!r}"
         )
 
-    def _free_surfaces(self, target: Target, edges: tuple[PartEdge, ...]) -> None:
-        frames = target.measurand.frames
-        if target.measurand.in_image:
-            self._free_ends(edges[0])
-            return
-        for edge, frame in zip(edges, frames, strict=True):
+    def free_surfaces(self, value: Measurand, edges: tuple[PartEdge, ...]) -> set[int]:
+        """Return the surfaces whose deviation a value measures itself, given its entities."""
+        if value.in_image:
+            return self._free_ends(edges[0])
+        free = set()
+        for edge, frame in zip(edges, value.frames, strict=True):
             pair = self.carried_by[edge.name]
             if isinstance(edge.geometry, Line):
                 for k in pair:
                     middle = edge.geometry.middle[None]
                     normal = self.carriers.surfaces[k].normals(middle)[0]
                     if abs(normal @ frame.y) > _ACROSS:
-                        self.free.add(k)
+                        free.add(k)
             else:
-                self.free.add(pair[1])
+                free.add(pair[1])
+        return free
 
-    def _free_ends(self, edge: PartEdge) -> None:
-        """Let the surfaces that end an edge be free: those of the edges that leave its ends, across it."""
+    def _free_ends(self, edge: PartEdge) -> set[int]:
+        """Return the surfaces that end an edge: those of the edges that leave its ends, across it."""
         line = edge.geometry
+        free: set[int] = set()
         if not isinstance(line, Line):
-            return
+            return free
         for end in (line.p, line.q):
             for other in self.leaving(edge, end):
                 for k in self.carried_by[other.name]:
                     normal = self.carriers.surfaces[k].normals(end[None])[0]
                     if abs(normal @ line.direction) > _ACROSS:
-                        self.free.add(k)
+                        free.add(k)
+        return free
 
 
 def _holds(curve: Arc, geometry: Circle) -> bool:

@@ -367,6 +367,35 @@ def damped(prior: Array, x: Array, rows: list[Rows], variance: float) -> Array:
     return np.where(is_told, then, x)
 
 
+def rows_at(task: Task, x: Array, across: Array, found: list[ImageScan]) -> list[list[Rows]]:
+    """Return the rows of each image of what is found at unknowns that are nearly right.
+
+    Parameters
+    ----------
+    task : Task
+        What is registered.
+    x : array (n,)
+        The unknowns.
+    across : array (m, 2)
+        Unit vectors across the edges there.
+    found : list of ImageScan
+        What was found there in each image.
+    """
+    design = task.design(x, across)
+    now = moved(task, design, x)
+    residuals = [scan.offset - task.edge_means(scan.offset, scan.good) for scan in found]
+    noise = _noise(residuals, found)
+    variance = _correlated(noise)
+    weights = [
+        _of_whole_edges(task, scan, tukey_weights(residual, noise))
+        for scan, residual in zip(found, residuals, strict=True)
+    ]
+    return [
+        rows_of(task, design, scan.offset + now, scan.good * weight / variance)
+        for scan, weight in zip(found, weights, strict=True)
+    ]
+
+
 def noise_of(task: Task, found: list[ImageScan]) -> float:
     """Return the standard deviation of found points about their edges, px."""
     return _noise([scan.offset - task.edge_means(scan.offset, scan.good) for scan in found], found)

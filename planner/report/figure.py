@@ -872,6 +872,7 @@ _CAMERA = "#26547c"
 _PART = "#9aa7b5"
 _LIGHT = "#f2d13c"
 _OBSTACLE = "#cfd3d8"
+_TEXT = "#1f2733"
 
 
 class Stand(NamedTuple):
@@ -984,7 +985,14 @@ def _slider(stands: Sequence[Stand], shown: Sequence[set[int]]) -> dict[str, Any
         }
         for number, stand in enumerate(stands)
     ]
-    return {"active": 0, "steps": steps, "pad": {"t": 10}}
+    # labels below the ticks would overlap, so only the current one above the slider is shown
+    return {
+        "active": 0,
+        "steps": steps,
+        "pad": {"t": 10},
+        "font": {"color": "rgba(0, 0, 0, 0)"},
+        "currentvalue": {"font": {"color": _TEXT}},
+    }
 
 
 def _traces(

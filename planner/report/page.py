@@ -59,6 +59,7 @@ from planner.report.wording import (
     calibration_rows,
     edges_text,
     features_sentence,
+    given_text,
     light_sentence,
     percent,
     promise_sentence,
@@ -771,9 +772,11 @@ def _lead(plan: InspectionPlan) -> str:
         ).rstrip()
     verb = "is" if inspected == 1 else "are"
     simulated = " ".join(simulated_sentences(plan)).rstrip()
+    poses = given_text(plan)
+    named = f"{poses[0].upper()}{poses[1:]}. " if poses else ""
     return (
         f"{inspected} of {n_targets} {verb} measured from {count(n, _POSE)} "
-        f"({_numbers(n)}). {features}{' ' if features else ''}"
+        f"({_numbers(n)}). {named}{features}{' ' if features else ''}"
         f"{bound_sentence(plan, _nouns(plan), _POSE)} {simulated} {unfinished_sentence(plan)} {light_sentence(plan)} "
         f"{unlit_sentence(plan)}"
     ).rstrip()

@@ -83,6 +83,12 @@ def bound_sentence(
     if not plan.complete:
         these = "them" if inspected > 1 else "it"
         scope = f" for the {count(inspected, f'inspected {nouns[0]}', f'inspected {nouns[1]}')}"
+    if plan.request.poses is not None:
+        number = count(len(plan.request.poses), "given pose")
+        others = " Other poses may do with fewer." if n > 1 else ""
+        if plan.minimal:
+            return f"Proven minimal{scope}: of the {number}, no fewer inspect {these}.{others}"
+        return f"Proven lower bound{scope}: {bound} of the {number}.{others}"
     if plan.minimal:
         proof = f"no plan that inspects {these} under this request has fewer {place}s"
         return f"Proven minimal{scope}: {proof}."
@@ -90,6 +96,18 @@ def bound_sentence(
         f"Every plan that inspects {these} under this request has at least {count(bound, place)}"
     )
     return f"Proven lower bound{scope}: {bound}. {proof}."
+
+
+def given_text(plan: InspectionPlan) -> str:
+    """Say which given pose each setting is; empty of a plan whose poses were searched."""
+    if plan.request.poses is None:
+        return ""
+    names = {pose.cam2world.tobytes(): pose.name for pose in plan.request.poses}
+    pairs = [
+        f"setting {k} is {names.get(setting.cam2world.tobytes(), 'another pose')}"
+        for k, setting in enumerate(plan.settings, 1)
+    ]
+    return f"given poses: {', '.join(pairs)}" if pairs else ""
 
 
 def incumbent_line(plan: InspectionPlan, seconds: float) -> str:

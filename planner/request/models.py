@@ -53,10 +53,13 @@ class Lifts:
         Numbers of the surfaces.
     motions : array (e, 2, 3, 6)
         Vector and turn of each entity for each of their numbers.
+    free : array of int (f,)
+        Numbers of the surfaces that the target measures itself.
     """
 
     surfaces: NDArray[np.int64]
     motions: Array
+    free: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +102,23 @@ class OwnEdges:
         size = gradient.shape[1]
         surfaces = np.full((len(rows), size, 2), -1, dtype=np.int64)
         motions = np.zeros((len(rows), size, 2, 3, 6))
+        free = np.zeros((len(rows), len(self.stretches.sigmas)), dtype=np.bool_)
         for t, key in enumerate(keys):
             lifts = self.lifts[key]
             count = len(lifts.surfaces)
             surfaces[t, :count] = lifts.surfaces
             motions[t, :count] = lifts.motions
-        values = Values(rows, gradient, surfaces, motions)
+            free[t, lifts.free] = True
+        values = Values(rows, gradient, surfaces, motions, free)
         return known_poses(
             world_to_camera, self.pose_covariance, self.stretches, self.imaging, values
         )
+
+    def poses_of(
+        self, world_to_camera: Array, rows: NDArray[np.int64], keys: Sequence[Key]
+    ) -> KnownPoses:
+        """Return what is known of poses (n, 4, 4), and of those of targets (t,) whose values are theirs alone."""
+        return self.known(world_to_camera, rows, keys, np.zeros((len(rows), 1, 6)))
 
     def poses(self, world_to_camera: Array) -> KnownPoses:
         """Return what is known of poses (n, 4, 4) alone."""
@@ -171,10 +182,13 @@ class EdgeModels:
         Ends of the edges in the part's frame, mm.
     means : Means
         Its pose uncertainty is converted once to the paper's frame, see `PoseUncertainty.paper_covariance`.
+    keys : sequence of tuple of str (k,)
+        What registration knows the targets by.
     """
 
-    def __init__(self, ends: np.ndarray, means: Means):
+    def __init__(self, ends: np.ndarray, means: Means, keys: Sequence[Key] = ()):
         self.ends = ends
+        self._keys = tuple(keys)
         self._image_distance = _IMAGE_SCALE * means.camera.image_distance_mm
         self._probability = errors.SuccessModel(
             focal_length_mm=self._image_distance,
@@ -191,10 +205,11 @@ class EdgeModels:
         if self._own_edges is None:
             return self.probability_of(ends)
         used = np.flatnonzero(wanted.any(axis=1))
-        uncertainty = self._own_edges.poses(np.linalg.inv(cam2world[used]))
-        root = paper_displacement_jacobian(self._image_distance) @ uncertainty.root
-        rows = np.nonzero(wanted[used])[0]
-        return self._probability(cam_to_paper(ends, self._image_distance), root[rows])
+        rows, columns = np.nonzero(wanted[used])
+        keys = [self._keys[i] for i in columns]
+        uncertainty = self._own_edges.poses_of(np.linalg.inv(cam2world[used]), rows, keys)
+        root = paper_displacement_jacobian(self._image_distance) @ uncertainty.roots
+        return self._probability(cam_to_paper(ends, self._image_distance), root)
 
     def probability_of(self, ends_cam: np.ndarray) -> np.ndarray:
         """Return P (...) of edges whose ends in the camera frame are given, (..., 2, 3) in mm, OpenCV axes."""

@@ -113,8 +113,35 @@ _WHY = {
     "field_of_view_mm": "outside the image",
     "separation_px": "another line is too near",
     "corner_deg": "no corner at an end",
+    "workspace_mm": "outside the workspace",
+    "clearance_mm": "too close to the part",
+    "reach": "out of reach",
 }
 _OTHER = "a constraint is not met"
+_SIGNS = ("visibility", "reach")
+OF_SHOWING = ("separation_px", "corner_deg")
+"""Constraints that say how a target shows in the image; they mean nothing where it is hidden."""
+
+
+def why_missed(name: str, amount: float) -> str:
+    """Return in words what it says of a target that a constraint is not met.
+
+    Parameters
+    ----------
+    name : str
+        The constraint, as in the keys of `SensorSetting.margins`.
+    amount : float
+        By how much it is missed, in the unit that its name ends with.
+
+    Returns
+    -------
+    str
+        Such as "out of focus by 3.2 mm".
+    """
+    unit = name.rpartition("_")[2]
+    if name in _SIGNS or unit not in ("mm", "px", "deg"):
+        return _WHY.get(name, _OTHER)
+    return f"{_WHY.get(name, _OTHER)} by {amount:.3g} {unit}"
 
 
 class Witnesses(NamedTuple):
@@ -144,12 +171,15 @@ class WitnessStates(NamedTuple):
         How far the worst constraint is missed, as a share of its scale; 0 if all are met.
     worst : list of str
         That constraint.
+    amount : array (w,)
+        By how much it is missed, in its unit.
     probability : array (w,)
         P where all are met, else 0.
     """
 
     missed: NDArray[np.float64]
     worst: list[str]
+    amount: NDArray[np.float64]
     probability: NDArray[np.float64]
 
 
@@ -189,7 +219,7 @@ def best_witnesses(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> list
     list of int
         Of each target, counted from 0 among its own.
     """
-    states = _states(witnesses, cam2world)
+    states = witness_states(witnesses, cam2world)
     result = []
     for target in range(witnesses.owner[-1] + 1):
         indices = np.flatnonzero(witnesses.owner == target)
@@ -210,7 +240,7 @@ def witness_reasons(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> lis
     cam2world : array (4, 4)
         The pose.
     """
-    states = _states(witnesses, cam2world)
+    states = witness_states(witnesses, cam2world)
     texts = [
         f"P = {probability_text(float(p))}" if missed == 0.0 else _WHY.get(name, _OTHER)
         for missed, name, p in zip(states.missed, states.worst, states.probability, strict=True)
@@ -221,22 +251,33 @@ def witness_reasons(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> lis
     ]
 
 
-def _states(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> WitnessStates:
+def witness_states(witnesses: Witnesses, cam2world: NDArray[np.float64]) -> WitnessStates:
+    """Return what a pose (4, 4) says of all witnesses of a request.
+
+    Parameters
+    ----------
+    witnesses : Witnesses
+        Of all targets.
+    cam2world : array (4, 4)
+        The pose.
+    """
     pose = np.asarray(cam2world, dtype=np.float64)[None]
     constraints, objective, owner = witnesses
     n = len(owner)
     missed = np.zeros(n)
     worst = [""] * n
+    amount = np.zeros(n)
     for name, margin in constraints.margins(pose).items():
         short = np.maximum(-margin[0], 0.0) / constraints.scale(name)
         for w in np.flatnonzero(np.broadcast_to(short, (n,)) > missed).tolist():
             worst[w] = name
+            amount[w] = -float(np.broadcast_to(margin[0], (n,))[w])
         missed = np.maximum(missed, short)
     probability = np.zeros(n)
     met = missed == 0.0
     if met.any():
         probability[met] = objective.probability_where(pose, met[None])
-    return WitnessStates(missed, worst, probability)
+    return WitnessStates(missed, worst, amount, probability)
 
 
 @dataclass(frozen=True, eq=False)

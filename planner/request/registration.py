@@ -58,11 +58,16 @@ class PoseKnowledge:
     by_surfaces : mapping of str to float
         Standard deviation of values by the deviations of surfaces, beside that by the pose; by target, in its unit.
         A target without one has that of its own surfaces.
+    by_edge : mapping of str to array (6, 6)
+        The covariance for the length of an edge, where nothing is assumed of the faces at its ends; by target.
     """
 
     covariance: Covariance
     by_surfaces: Annotated[Mapping[str, Amount], Meta(title="must map names to amounts")] = field(
         default_factory=dict
+    )
+    by_edge: Annotated[Mapping[str, Covariance], Meta(title="must map names to covariances")] = (
+        field(default_factory=dict)
     )
 
     def __post_init__(self) -> None:
@@ -77,7 +82,7 @@ class PoseKnowledge:
         """Return what a target is measured with at this pose."""
         return replace(
             means,
-            pose_uncertainty=self.pose_uncertainty,
+            pose_uncertainty=PoseUncertainty(self.by_edge.get(name, self.covariance)),
             by_surfaces=self.by_surfaces.get(name),
             own_edges=None,
         )
@@ -90,17 +95,26 @@ class PoseKnowledge:
         before, now : array (6, 6)
             The covariance of the camera's displacement that this is from, and the other one.
         """
-        least = np.diag(LEAST_POSE**2)
-        root = np.sqrt(np.diag(now + least))
-        units = np.outer(root, root)
-        old, new, known = (
-            np.linalg.inv((one + least) / units) for one in (before, now, self.covariance)
-        )
-        # what the image tells is not negative
-        values, vectors = np.linalg.eigh(known - old)
-        image = (vectors * np.maximum(values, 0.0)) @ vectors.T
-        covariance = np.linalg.inv(new + image) * units
-        return replace(self, covariance=symmetric(covariance).covariance)
+        by_edge = {
+            name: _with_prior(covariance, before, now) for name, covariance in self.by_edge.items()
+        }
+        return replace(self, covariance=_with_prior(self.covariance, before, now), by_edge=by_edge)
+
+
+def _with_prior(
+    known: Covariance, before: NDArray[np.float64], now: NDArray[np.float64]
+) -> Covariance:
+    """Return a covariance (6, 6) after the image as it is if another one was known before."""
+    floor = np.diag(LEAST_POSE**2)
+    root = np.sqrt(np.diag(now + floor))
+    units = np.outer(root, root)
+    old, new, after = (
+        np.linalg.inv((covariance + floor) / units) for covariance in (before, now, known)
+    )
+    # what the image tells is not negative
+    values, vectors = np.linalg.eigh(after - old)
+    image = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return symmetric(np.linalg.inv(new + image) * units).covariance
 
 
 def symmetric(covariance: NDArray[np.float64]) -> PoseUncertainty:

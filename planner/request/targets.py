@@ -81,8 +81,16 @@ def knowledge_of(
         raise ValueError("own_edges must be given. Got none.")
     inverse = np.linalg.inv(np.asarray(cam2world, dtype=np.float64))[None]
     dimensions = [target for target in targets if isinstance(target, PlannedDimension)]
+    edges = [target for target in targets if not isinstance(target, PlannedDimension)]
+    keys = [key_of(target.name, target.witness.entities) for target in edges]
+    known = own_edges.poses_of(inverse, np.zeros(len(edges), dtype=np.int64), keys)
+    covariance = symmetric(known.covariance[0]).covariance
+    by_edge = {
+        target.name: symmetric(root @ root.T).covariance
+        for target, root in zip(edges, known.roots, strict=True)
+    }
     if not dimensions:
-        return PoseKnowledge(symmetric(own_edges.poses(inverse).covariance[0]).covariance)
+        return PoseKnowledge(covariance, by_edge=by_edge)
     models = PlannedDimension.models(dimensions, means)
     columns = np.arange(len(dimensions))
     knowledge = models.known(own_edges, inverse, np.zeros(len(columns), dtype=np.int64), columns)
@@ -92,7 +100,7 @@ def knowledge_of(
         target.name: float(deviation / scale) if scale > 0 else 0.0
         for target, deviation, scale in zip(dimensions, excess, scales, strict=True)
     }
-    return PoseKnowledge(symmetric(knowledge.covariance[0]).covariance, by_surfaces)
+    return PoseKnowledge(covariance, by_surfaces, by_edge)
 
 
 EDGE = "edge"
@@ -426,7 +434,8 @@ class EdgeTarget(Target):
     @classmethod
     def models(cls, targets: Sequence[Target], means: Means) -> TargetModels:
         """Return the paper's density for all edges together; it is evaluated for many at once."""
-        return EdgeModels(np.array([target.witness.ends for target in targets]), means)
+        keys = [key_of(target.name, target.witness.entities) for target in targets]
+        return EdgeModels(np.array([target.witness.ends for target in targets]), means, keys)
 
     def measured_with(self, means: Means) -> Self:
         """Return the edge with the accuracy of the request; its ends lie on whole pixels."""

@@ -9,6 +9,7 @@ from planner.robotcell.bodies import Box, Fixturing, Grip
 from planner.robotcell.cell import Cell, HeldPartCell
 from planner.robotcell.cell_light import CarriedLight, LightBox
 from planner.robotcell.collisions import Closeness
+from planner.robotcell.laying import LaidPart, Laying, propose_layings
 from planner.robotcell.placement import Placement, propose_placements
 from planner.robotcell.reachability import PoseReach, Reachability
 
@@ -21,10 +22,13 @@ __all__ = [
     "Grip",
     "HeldPartCell",
     "Joint",
+    "LaidPart",
+    "Laying",
     "LightBox",
     "Placement",
     "PoseReach",
     "Reachability",
     "Robot",
+    "propose_layings",
     "propose_placements",
 ]

@@ -254,6 +254,8 @@ class Robot:
         Links behind joints whose collisions cannot be checked: the URDF has no geometry of them.
     notes : tuple of str
         What of the URDF does not count, in words.
+    pendant : array (4, 4) or None
+        Frame of the URDF's link ``base`` in the base, mm: the pendant shows poses in it. None if the URDF has none.
     state_name : str
         Digest of everything that decides where the robot can be.
 
@@ -297,6 +299,7 @@ class Robot:
         moving = zip(arm.segments[1:], hulls[1:], strict=True)
         self.bodiless_links = tuple(name for name, link_hulls in moving if not link_hulls)
         self.notes = arm.notes
+        self.pendant = arm.pendant
         self._stated_bodiless = bodiless_links
         self.controller = ControllerAxes() if controller is None else controller
         self._made_of = (

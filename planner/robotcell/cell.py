@@ -591,7 +591,12 @@ class Cell:
         return reacher.blocked_by(joints)
 
     def clearance(
-        self, q: np.ndarray, fixturing: str, *, links_mm: float = LINKS_NEAR_MM
+        self,
+        q: np.ndarray,
+        fixturing: str,
+        *,
+        links_mm: float = LINKS_NEAR_MM,
+        with_constant: bool = False,
     ) -> Closeness:
         """Return what arm or camera is nearest to: the part, an obstacle, or a link of the arm that is very near.
 
@@ -603,6 +608,8 @@ class Cell:
             Name of a fixturing.
         links_mm : float
             Pairs of the arm's own links count only if they are nearer than this: some are near in all joints.
+        with_constant : bool
+            Whether objects count that are equally near at all joints, as the turning base and its pedestal.
 
         Returns
         -------
@@ -610,7 +617,22 @@ class Cell:
             Names of the closest two objects and their distance, mm.
         """
         reacher, joints = self._at(q, fixturing)
-        return Closeness(*reacher.closest(joints, links_mm))
+        return Closeness(*reacher.closest(joints, links_mm, with_constant))
+
+    def constant_clearance(self, fixturing: str) -> Closeness:
+        """Return the closest two objects whose distance is the same at all joints, within 1 mm.
+
+        Parameters
+        ----------
+        fixturing : str
+            Name of a fixturing.
+
+        Returns
+        -------
+        Closeness
+            Their names and distance, mm; infinite and without names if there are none.
+        """
+        return Closeness(*self._reacher(fixturing).constant())
 
     def slack_bound(
         self, q: np.ndarray, fixturing: str, enough_mm: float = np.inf, *, share: float = 1.0
@@ -718,6 +740,11 @@ class Cell:
     def obstacles(self) -> tuple[str, ...]:
         """Names of what stands in the cell in every fixturing."""
         return tuple(self._fittings.obstacles)
+
+    @property
+    def bodies_around(self) -> dict[str, Body]:
+        """What stands in the cell in every fixturing, by name, in the base frame, mm."""
+        return dict(self._fittings.obstacles)
 
     @property
     def near_by_mount(self) -> tuple[str, ...]:

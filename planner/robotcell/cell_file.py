@@ -341,6 +341,38 @@ def moved_cell(path: str | PathLike[str], motion: np.ndarray, folder: Path) -> d
     return content
 
 
+def laid_cell(
+    path: str | PathLike[str], fixturings: Mapping[str, Fixturing], folder: Path
+) -> dict[str, Any]:
+    """Return what a cell file states, with other fixturings.
+
+    Parameters
+    ----------
+    path : str or Path
+        A cell file that `cell_fields` takes.
+    fixturings : mapping of str to Fixturing
+        On no turntable, with boxes as obstacles.
+    folder : Path
+        Names of other files are made relative to it.
+    """
+    file = Path(path)
+    content = _read(file)
+    content["fixturings"] = {name: _laid(lying) for name, lying in fixturings.items()}
+    _name_files_from(content, file.parent, folder)
+    return content
+
+
+def _laid(fixturing: Fixturing) -> dict[str, Any]:
+    boxes = {name: body for name, body in fixturing.obstacles.items() if isinstance(body, Box)}
+    return {
+        "part2base": fixturing.part2base.tolist(),
+        "obstacles": {
+            name: {"low": list(box.low), "high": list(box.high), "pose": box.pose.tolist()}
+            for name, box in boxes.items()
+        },
+    }
+
+
 def _name_files_from(content: dict[str, Any], old: Path, new: Path) -> None:
     """Make names of files that are relative to one folder relative to another one."""
     places = [(content["robot"], "urdf")]

@@ -23,9 +23,50 @@ if TYPE_CHECKING:
 _KEPT = 10
 
 
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """A position of the part before the robot.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reached:
+    """What a cell reaches of a plan, and how well.
+
+    Attributes
+    ----------
+    reachability : Reachability
+        What is reached.
+    n_reached : int
+        Settings that are reached in some fixturing.
+    singular_value : float
+        The smallest of the Jacobian, lengths divided by 500 mm: of each setting in its best joints, of these the worst.
+    to_limit_rad : float
+        Least distance of these joints from their limits, rad.
+    """
+
+    reachability: Reachability
+    n_reached: int
+    singular_value: float
+    to_limit_rad: float
+
+    @property
+    def worth(self) -> tuple[float, ...]:
+        """What places are ordered by, the best first; digits that noise decides are left out."""
+        return -self.n_reached, -round(self.singular_value, 6), -round(self.to_limit_rad, 6)
+
+    def numbers(self) -> dict[str, Any]:
+        """Return what is reached, as plain values.
+
+        Returns
+        -------
+        dict
+            By attribute, without the joints.
+        """
+        return {
+            "reached": self.n_reached,
+            "singular_value": self.singular_value,
+            "to_limit_rad": self.to_limit_rad,
+        }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placement(Reached):
+    """A position of the part before the robot, and what is reached there.
 
     Attributes
     ----------
@@ -37,24 +78,12 @@ class Placement:
         The motion from the fixturings that were given, in the base, mm: `Cell.moved` takes it.
     fixturings : mapping of str to Fixturing
         The part and its obstacles there. These were evaluated: tables and clamps move with the part.
-    reachability : Reachability
-        What is reached.
-    n_reached : int
-        Settings that are reached in some fixturing.
-    singular_value : float
-        The smallest of the Jacobian, lengths divided by 500 mm: of each setting in its best joints, of these the worst.
-    to_limit_rad : float
-        Least distance of these joints from their limits, rad.
     """
 
     centre_mm: tuple[float, float, float]
     turn_deg: float
     motion: np.ndarray
     fixturings: Mapping[str, Fixturing]
-    reachability: Reachability
-    n_reached: int
-    singular_value: float
-    to_limit_rad: float
 
     def to_dict(self) -> dict[str, Any]:
         """Return the same as plain values.
@@ -69,9 +98,7 @@ class Placement:
             "centre_mm": list(self.centre_mm),
             "turn_deg": self.turn_deg,
             "motion": self.motion.tolist(),
-            "reached": self.n_reached,
-            "singular_value": self.singular_value,
-            "to_limit_rad": self.to_limit_rad,
+            **self.numbers(),
             "moved_with_part": {
                 name: [*fixturing.obstacles, *fixturing.turning]
                 for name, fixturing in self.fixturings.items()
@@ -188,14 +215,30 @@ class PlacementSearch:
             moved = self._inside.moved(motion)
             placement = None
             if self._stands_clear(moved):
-                placement = _tried(moved, self._plan, centre, turn_deg, motion)
+                placement = self._placement(moved, centre, turn_deg, motion)
             if placement is not None:
                 placements.append(placement)
-                placements.sort(key=_worth)
+                placements.sort(key=lambda place: place.worth)
                 del placements[_KEPT:]
             if progress is not None:
                 progress(done, draws, "positions of the part")
         return tuple(placements)
+
+    def _placement(
+        self, cell: Cell, centre: np.ndarray, turn_deg: float, motion: np.ndarray
+    ) -> Placement | None:
+        """Return what is reached at a position; None if the part or home does not stand free there."""
+        reached = reached_in(cell, self._plan)
+        if reached is None:
+            return None
+        x, y, z = centre.tolist()
+        return Placement(
+            centre_mm=(x, y, z),
+            turn_deg=turn_deg,
+            motion=motion,
+            fixturings=cell.fixturings,
+            **vars(reached),
+        )
 
     def _stands_clear(self, cell: Cell) -> bool:
         """Return whether fixtures are no deeper in other objects than in the cell that was given."""
@@ -223,10 +266,16 @@ def _motion(middle: np.ndarray, centre: np.ndarray, turn: float) -> np.ndarray:
     return motion
 
 
-def _tried(
-    cell: Cell, plan: Any, centre: np.ndarray, turn_deg: float, motion: np.ndarray
-) -> Placement | None:
-    """Return what a cell reaches; None if the part or home does not stand free in it."""
+def reached_in(cell: Cell, plan: Any) -> Reached | None:
+    """Return what a cell reaches with the part in it; None if the part or home does not stand free.
+
+    Parameters
+    ----------
+    cell : Cell
+        With the part, unchecked.
+    plan : InspectionPlan
+        The plan.
+    """
     try:
         cell.check_place()
     except RobotError:
@@ -241,22 +290,9 @@ def _tried(
             best = int(values.argmax())
             singular.append(float(values[best]))
             limits.append(float(cell.robot.to_limit_rad(q[best])))
-    return Placement(
-        (float(centre[0]), float(centre[1]), float(centre[2])),
-        turn_deg,
-        motion,
-        cell.fixturings,
-        reachability,
-        len(singular),
-        min(singular, default=0.0),
-        min(limits, default=0.0),
-    )
-
-
-def _worth(placement: Placement) -> tuple[float, ...]:
-    """Return what places are ordered by; digits that noise decides are left out."""
-    return (
-        -placement.n_reached,
-        -round(placement.singular_value, 6),
-        -round(placement.to_limit_rad, 6),
+    return Reached(
+        reachability=reachability,
+        n_reached=len(singular),
+        singular_value=min(singular, default=0.0),
+        to_limit_rad=min(limits, default=0.0),
     )

@@ -24,6 +24,10 @@ _AT_ONCE = 2048
 TOO_FAR = "beyond the arm's reach"
 NO_BRANCH = "no joints lead to this pose"
 LIMITS = "joint limit"
+CONSTANT_MM = 1.0
+"""Two bodies whose distance changes by no more than this are equally near at all joints, mm."""
+
+_FIRST_ANGLES = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,14 +266,19 @@ class Reacher:
         ]
         return moving + standing
 
-    def closest(self, q: np.ndarray, links_mm: float) -> tuple[float, str, str]:
+    def closest(
+        self, q: np.ndarray, links_mm: float, with_constant: bool = False
+    ) -> tuple[float, str, str]:
         """Return the distance of the closest two bodies, and their names, for joints (6,).
 
-        Of the arm's own pairs those count that are nearer than `links_mm`.
+        Of the arm's own pairs those count that are nearer than `links_mm`. Pairs that are equally near at all joints
+        count `with_constant` only.
         """
         frames = self._robot.chain.frames(q[None])
         group = self._around.all
         bounds = group.bounds(frames)[0]
+        if not with_constant:
+            bounds[list(self.constant_pairs)] = np.inf
         of_arm = np.array([both for _, _, both in group.pairs], dtype=bool)
         nearest = (np.inf, -1)
         for chosen, below in ((~of_arm, np.inf), (of_arm, links_mm)):
@@ -279,6 +288,36 @@ class Reacher:
                 nearest = (mm, pair)
         mm, pair = nearest
         return (max(mm, 0.0), *group.names(pair)) if pair >= 0 else (np.inf, "", "")
+
+    @cached_property
+    def constant_pairs(self) -> dict[int, float]:
+        """Distances of pairs that hardly change at any joints, mm, by their numbers.
+
+        Only what the first joint alone moves, such as a turning base on its pedestal, can be one.
+        """
+        group = self._around.all
+        bodies = group.arm.bodies
+        first = [
+            column
+            for column, (number, _, both) in enumerate(group.pairs)
+            if not both and bodies[number].segment == 1
+        ]
+        q = np.tile(self._near_joints, (_FIRST_ANGLES, 1))
+        q[:, 0] = np.linspace(self._robot.lower[0], self._robot.upper[0], _FIRST_ANGLES)
+        frames = self._robot.chain.frames(q)
+        result = {}
+        for column in first:
+            apart = [group.distance(column, placed) for placed in frames]
+            if max(apart) - min(apart) <= CONSTANT_MM:
+                result[column] = min(apart)
+        return result
+
+    def constant(self) -> tuple[float, str, str]:
+        """Return the distance of the closest pair that is equally near at all joints, and their names."""
+        if not self.constant_pairs:
+            return np.inf, "", ""
+        pair = min(self.constant_pairs, key=lambda column: self.constant_pairs[column])
+        return (self.constant_pairs[pair], *self._around.all.names(pair))
 
     def blocked_by(self, q: np.ndarray) -> str:
         """Return what is wrong with joints (6,) in words; empty if nothing is."""

@@ -160,6 +160,9 @@ _SPEEDS_HINT = "a cell file states it in [robot] as speeds, in rad/s: one number
 N_JOINTS = 6
 """Joints of an arm."""
 
+PENDANT = "base"
+"""Link in whose frame a controller counts poses, by the convention of ROS-Industrial."""
+
 
 @dataclass(frozen=True)
 class LinkShape:
@@ -225,6 +228,8 @@ class UrdfArm:
         What is fixed to each segment.
     notes : tuple of str
         What of the file does not count, in words.
+    pendant : array (4, 4) or None
+        Frame of the link ``base`` in that of the base link, mm: where a controller counts poses from. None without it.
     """
 
     name: str
@@ -233,6 +238,7 @@ class UrdfArm:
     segments: tuple[str, ...]
     shapes: tuple[tuple[LinkShape, ...], ...]
     notes: tuple[str, ...] = ()
+    pendant: np.ndarray | None = None
 
 
 class _Tree:
@@ -355,7 +361,10 @@ def read_urdf(
         for body in links
     )
     segments = (base, *(_end(joint, "child") for joint in moving))
-    return UrdfArm(tree.name, tuple(joints), links[-1][tip], segments, shapes, tuple(notes))
+    pendant = links[0].get(PENDANT)
+    return UrdfArm(
+        tree.name, tuple(joints), links[-1][tip], segments, shapes, tuple(notes), pendant
+    )
 
 
 def _bodies(

@@ -11,11 +11,11 @@ import numpy as np
 from ground.short_repr import short_repr
 from planner.argument_kinds import check_count, check_kinds
 from planner.exceptions import RequestError
+from planner.measuring.planned_edges import registered_problem
 from planner.options import InspectionOptions
 from planner.progress import Progress, report
 from planner.request.problem import Problem
 from planner.request.reach import StatedRegion
-from planner.request.registration import OWN_EDGES
 from planner.resolve_request import problem_on, resolve_request
 from planner.robotcell.cell import CellRegion, reachability_of
 from planner.robotcell.reachability import angle_deg
@@ -65,8 +65,8 @@ def why_no_other_poses(plan: InspectionPlan) -> str:
         return "its lamps were chosen for its poses"
     if isinstance(request.requirements.reach, StatedRegion):
         return "the plan's request cannot be made again"
-    if request.registration is not None and request.registration.method == OWN_EDGES:
-        return "its values are read from images registered to the part's own edges"
+    if request.poses is not None:
+        return "its poses were chosen from poses that exist"
     return ""
 
 
@@ -103,6 +103,7 @@ class EquivalentPoses:
         self._stated = replace(plan.request, requirements=need)
         self._locals: dict[int, _Local] = {}
         self._poses: dict[int, np.ndarray] = {}
+        self._registered: Problem | None = None
 
     def problem(self, k: int) -> Problem:
         """Return what is asked of setting k, from 0."""
@@ -182,8 +183,14 @@ class EquivalentPoses:
             self._solid, items, stated.camera, stated.pose_uncertainty, options
         )
         regions = compute_regions(self._solid, resolved.entities, workspace=self._box(setting))
-        registered = None if stated.registration is None else stated.registration.pose_uncertainty
-        return problem_on(resolved.request, regions, resolved.request.targets, registered)
+        if self._registered is None:
+            # what registration tells depends on all targets of the plan
+            every = problem_on(stated, regions, stated.targets)
+            self._registered = registered_problem(every, stated.registration)
+        registered = self._registered.registered
+        return replace(
+            problem_on(resolved.request, regions, resolved.request.targets), registered=registered
+        )
 
     def _box(self, setting: SensorSetting) -> np.ndarray:
         """Return the workspace (2, 3) around a setting."""

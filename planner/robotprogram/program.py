@@ -444,6 +444,10 @@ class RobotProgram:
         Digests of plan, part and cell.
     start : HomeStart
         How near home the robot must stand.
+    home_flange : array (4, 4) or None
+        Pose of the robot's tip at home in its base, mm.
+    pendant : array (4, 4) or None
+        Frame in which the pendant shows poses, in the base, mm; None if the URDF does not say.
     coupled, axis_limits : tuple of tuple
         What the controller counts otherwise, see `ControllerAxes`.
     seconds : float
@@ -481,6 +485,8 @@ class RobotProgram:
     rates: JointRates
     keep_mm: float
     start: HomeStart
+    home_flange: Annotated[NDArray[np.float64] | None, Shape(4, 4)] = None
+    pendant: Annotated[NDArray[np.float64] | None, Shape(4, 4)] = None
     coupled: tuple[tuple[int, int, float], ...] = ()
     axis_limits: tuple[tuple[int, float, float], ...] = ()
     seconds: float = field(init=False)

@@ -35,6 +35,7 @@ from planner.argument_kinds import (
 from planner.exceptions import RequestError
 from planner.files import write_text
 from planner.robotcell.arm import ControllerAxes
+from planner.robotcell.urdf import compose, invert
 from planner.robotprogram.program import (
     LEAST_SPEED,
     TURNTABLE,
@@ -65,7 +66,16 @@ LEAST_RATE = 1e-4
 _LEAST_S = 0.001
 _MOST_S = {"settle_s": 3600.0, "pulse_s": 2000.0, "timeout_s": 3600.0}
 
+# how often controllers look at the camera's answer, s
+_POLL_S = 0.012
+_AT_HOME = "At home the pendant shows"
+_STILL_READY = "The camera still says that an image is taken."
+_SILENT = "The camera does not answer."
+
 NO_HOME_CHECK = "This file does not check where the robot stands: whoever drives it must."
+
+PoseNotation = Callable[[np.ndarray], str]
+"""Writes a pose (4, 4) in the words of a controller."""
 
 CAUTION = "Run at reduced speed first. Checked against the model of the cell only."
 
@@ -112,6 +122,25 @@ class CameraSignals:
                 check_number(name, seconds, _from_to(_LEAST_S, longest, name == "settle_s"))
         for name in ("trigger_output", "ready_input"):
             check_count(name, getattr(self, name), 0, 4096)
+
+    @property
+    def longest_s(self) -> float:
+        """How long an answer is waited for from the start of the trigger, s: never less than the trigger lasts."""
+        return max(self.timeout_s, self.pulse_s)
+
+    def words(self) -> str:
+        """Return what a driver does at each image, for programs that leave it to one.
+
+        Returns
+        -------
+        str
+            In sentences.
+        """
+        return (
+            f"At each image: wait {time_text(self.settle_s)} s. Wait until input {self.ready_input} is low, then "
+            f"raise output {self.trigger_output} for {time_text(self.pulse_s)} s. Wait until the input rises, for at "
+            f"most {time_text(self.longest_s)} s. If it does not, stop."
+        )
 
 
 def _from_to(least: float, most: float, or_zero: bool) -> NumberRule:
@@ -227,7 +256,7 @@ def _drives(move: Move, rates: JointRates, controller: ControllerAxes) -> Iterat
         yield Drive(end, axes, float(move_times(start, end, rates)), lead)
 
 
-def head_lines(program: RobotProgram, made: date) -> list[str]:
+def head_lines(program: RobotProgram, made: date, notation: PoseNotation) -> list[str]:
     """Return the lines at the head of a program, without the signs of a comment.
 
     Parameters
@@ -236,6 +265,8 @@ def head_lines(program: RobotProgram, made: date) -> list[str]:
         The program.
     made : date
         The day.
+    notation : callable
+        Writes a pose (4, 4) as the pendant of the controller shows it.
     """
     lines = [
         f"Inspection of {plain(program.part or 'a part', 80)} with {plain(program.robot, 40)}",
@@ -249,7 +280,7 @@ def head_lines(program: RobotProgram, made: date) -> list[str]:
         *_axes_lines(program),
         *_home_lines(program),
         f"Every move keeps {program.keep_mm:g} mm to part and obstacles in the model.",
-        *(_flange_line(program)),
+        *pendant_lines(program, notation),
         *(
             f"Setting {k + 1} has another pose than in the first plan: {plain(text, 120)}"
             for k, text in program.replaced.items()
@@ -292,16 +323,46 @@ def _turntable_lines(program: RobotProgram) -> Iterator[str]:
             )
 
 
-def _flange_line(program: RobotProgram) -> Iterator[str]:
+def pendant_lines(program: RobotProgram, notation: PoseNotation) -> Iterator[str]:
+    """Yield what the pendant shows at home and at the first setting if the robot is as its model."""
+    frame = "base of the URDF" if program.pendant is None else "link 'base' of the URDF"
+    shown_in = np.eye(4) if program.pendant is None else invert(program.pendant)
+    yield f"Set no tool and no work object. Poses of the flange in the {frame}, to compare with the pendant:"
+    if program.home_flange is not None:
+        yield f"  home: {notation(compose(shown_in, program.home_flange))}"
     for tour in program.tours[:1]:
         stop = tour.stops[0]
-        x, y, z = stop.flange[:3, 3]
-        qx, qy, qz, qw = Rotation.from_matrix(stop.flange[:3, :3]).as_quat(canonical=True)
-        yield (
-            f"Compare with the pendant: at setting {stop.setting_idx + 1} the flange is at "
-            f"x {x:.2f}, y {y:.2f}, z {z:.2f} mm, "
-            f"quaternion w {qw:.5f}, x {qx:.5f}, y {qy:.5f}, z {qz:.5f}"
-        )
+        yield f"  setting {stop.setting_idx + 1}: {notation(compose(shown_in, stop.flange))}"
+    yield "If they differ, then mastering, the base or the tool differ from the model: do not drive."
+
+
+def home_words(program: RobotProgram, notation: PoseNotation) -> str:
+    """Return what the pendant shows at home, for the message at the start of a round; empty if that is not known."""
+    if program.home_flange is None:
+        return ""
+    shown_in = np.eye(4) if program.pendant is None else invert(program.pendant)
+    return f"{_AT_HOME} {notation(compose(shown_in, program.home_flange))}."
+
+
+def quaternion_words(pose: np.ndarray) -> str:
+    """Return a pose (4, 4) as ABB's and ROS's displays do: mm, and a quaternion."""
+    x, y, z = pose[:3, 3]
+    qx, qy, qz, qw = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
+    return f"x {x:.2f}, y {y:.2f}, z {z:.2f} mm, quaternion w {qw:.5f}, x {qx:.5f}, y {qy:.5f}, z {qz:.5f}"
+
+
+def rotation_vector_words(pose: np.ndarray) -> str:
+    """Return a pose (4, 4) as the pendant of a Universal Robot does: mm, and a rotation vector in rad."""
+    x, y, z = pose[:3, 3]
+    rx, ry, rz = Rotation.from_matrix(pose[:3, :3]).as_rotvec()
+    return f"X {x:.2f}, Y {y:.2f}, Z {z:.2f} mm, RX {rx:.4f}, RY {ry:.4f}, RZ {rz:.4f} rad"
+
+
+def euler_words(pose: np.ndarray) -> str:
+    """Return a pose (4, 4) as KUKA's pendant does: mm, and angles about z, the new y and the new x in degrees."""
+    x, y, z = pose[:3, 3]
+    a, b, c = Rotation.from_matrix(pose[:3, :3]).as_euler("ZYX", degrees=True)
+    return f"X {x:.2f}, Y {y:.2f}, Z {z:.2f} mm, A {a:.3f}, B {b:.3f}, C {c:.3f} degrees"
 
 
 def plain(text: str, most: int = 60) -> str:
@@ -340,14 +401,14 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     program : RobotProgram
         The program.
     signals : CameraSignals
-        Trigger and answer of the camera; KRL waits for the answer without an end.
+        Trigger and answer of the camera.
     made : date
         The day, for the head.
     """
     percent = max(1, math.floor(100 * program.speed + 1e-9))
     lines = [
         "DEF inspection( )",
-        *(f"; {line}" for line in head_lines(program, made)),
+        *(f"; {line}" for line in head_lines(program, made, euler_words)),
         "; Compare signs and zeros of the axes with the robot before you drive.",
         "; $VEL_AXIS is a share of this controller's speeds, so times differ from those above.",
         "INT i",
@@ -356,8 +417,8 @@ def krl_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
     if program.turns:
         lines.append("; E1 is the turntable, in degrees; 0 is where the part is put on it.")
     for tour in program.tours:
-        lines += _round(tour, program, signals, percent)
-    return "\n".join([*lines, "END"]) + "\n"
+        lines += _round(tour, program, percent)
+    return "\n".join([*lines, "END", "", *_krl_image(signals)]) + "\n"
 
 
 def _axes(joints: np.ndarray) -> str:
@@ -381,12 +442,11 @@ def _speeds(percent: int, turns: bool) -> list[str]:
     return [*lines, f"$VEL_EXTAX[1]={percent}", f"$ACC_EXTAX[1]={percent}"] if turns else lines
 
 
-def _round(
-    tour: FixturedTour, program: RobotProgram, signals: CameraSignals, percent: int
-) -> list[str]:
+def _round(tour: FixturedTour, program: RobotProgram, percent: int) -> list[str]:
     home = program.controller.of(program.home_of(tour))
     lines = [
         f"; Put the part in fixturing {plain(tour.fixturing, 40)}, then start again.",
+        f"; {home_words(program, euler_words)}",
         "HALT",
         *_home_check(home, tolerance_deg(program)),
         *_speeds(_SLOW_PERCENT, program.turns),
@@ -397,15 +457,53 @@ def _round(
         if isinstance(step, Drive):
             lines.append(f"PTP {_axes(step.axes)}")
         else:
-            lines += [
-                f"; {step.image}",
-                f"WAIT SEC {time_text(signals.settle_s)}",
-                f"$OUT[{signals.trigger_output}]=TRUE",
-                f"WAIT SEC {time_text(signals.pulse_s)}",
-                f"$OUT[{signals.trigger_output}]=FALSE",
-                f"WAIT FOR $IN[{signals.ready_input}]",
-            ]
+            lines += [f"; {step.image}", "take_image( )"]
     return lines
+
+
+def _krl_image(signals: CameraSignals) -> list[str]:
+    """Return a subprogram that takes an image; times are in milliseconds."""
+    camera = f"$IN[{signals.ready_input}]"
+    trigger = f"$OUT[{signals.trigger_output}]"
+    step = round(1000 * _POLL_S)
+    pulse = round(1000 * signals.pulse_s)
+    return [
+        "DEF take_image( )",
+        "INT waited",
+        "BOOL is_taken",
+        f"WAIT SEC {time_text(signals.settle_s)}",
+        "is_taken=FALSE",
+        "WHILE NOT is_taken",
+        "  waited=0",
+        f"  WHILE {camera}",
+        f"    IF waited>{round(1000 * signals.timeout_s)} THEN",
+        f"      ; {_STILL_READY} Start again to try once more.",
+        "      HALT",
+        "      waited=0",
+        "    ENDIF",
+        f"    WAIT SEC {time_text(_POLL_S)}",
+        f"    waited=waited+{step}",
+        "  ENDWHILE",
+        f"  {trigger}=TRUE",
+        "  waited=0",
+        f"  WHILE (waited<={round(1000 * signals.longest_s)}) AND (NOT is_taken OR (waited<{pulse}))",
+        f"    IF waited>={pulse} THEN",
+        f"      {trigger}=FALSE",
+        "    ENDIF",
+        f"    IF {camera} THEN",
+        "      is_taken=TRUE",
+        "    ENDIF",
+        f"    WAIT SEC {time_text(_POLL_S)}",
+        f"    waited=waited+{step}",
+        "  ENDWHILE",
+        f"  {trigger}=FALSE",
+        "  IF NOT is_taken THEN",
+        f"    ; {_SILENT} Start again to try once more.",
+        "    HALT",
+        "  ENDIF",
+        "ENDWHILE",
+        "END",
+    ]
 
 
 def _home_check(home: np.ndarray, tolerance: str) -> list[str]:
@@ -452,7 +550,7 @@ def rapid_text(program: RobotProgram, signals: CameraSignals, made: date) -> str
         _add_round(tour, program, targets, body)
     lines = [
         "MODULE Inspection",
-        *(f"  ! {line}" for line in head_lines(program, made)),
+        *(f"  ! {line}" for line in head_lines(program, made, quaternion_words)),
         f"  ! doCamera is digital output {signals.trigger_output}, diCamera is digital input {signals.ready_input}.",
         "  ! Replace tool0 by a tool with the mass of the camera.",
         *(["  ! eax_a is the turntable; at 0 the part is put on it."] if program.turns else []),
@@ -478,7 +576,9 @@ def _add_round(
     tour: FixturedTour, program: RobotProgram, targets: list[str], body: list[str]
 ) -> None:
     """Add the targets and the statements of a round."""
-    body.append(f'    UIMsgBox "Part in fixturing {plain(tour.fixturing, 40)}?";')
+    body.append(
+        f'    UIMsgBox "Part in fixturing {plain(tour.fixturing, 40)}?"{_home_message(program)};'
+    )
     body.append("    GoHome;")
     for step in steps_of(tour, program):
         if isinstance(step, Drive):
@@ -489,6 +589,16 @@ def _add_round(
             body.append(f"    MoveAbsJ {name},v1000\\T:={seconds:.3f},fine,tool0;")
         else:
             body.append(f'    TakeImage "{step.image}";')
+
+
+def _home_message(program: RobotProgram) -> str:
+    """Return the further lines of a message: what the pendant shows at home, in pieces that fit on it."""
+    words = home_words(program, quaternion_words)
+    if not words:
+        return ""
+    place, turn = words.split(" mm, quaternion ")
+    place = place.removeprefix(f"{_AT_HOME} ")
+    return f'\\MsgLine2:="{_AT_HOME}"\\MsgLine3:="{place} mm,"\\MsgLine4:="{turn}"'
 
 
 def _go_home(program: RobotProgram) -> list[str]:
@@ -528,13 +638,32 @@ def _go_home(program: RobotProgram) -> list[str]:
 
 
 def _take_image(signals: CameraSignals) -> list[str]:
-    """Return how an image is taken."""
+    """Return how an image is taken; the pulse runs while the answer is waited for."""
+    timeout = time_text(signals.timeout_s)
     return [
         "  PROC TakeImage(string name)",
+        "    VAR bool isLate:=TRUE;",
+        "    VAR bool wasReady:=FALSE;",
+        "    VAR btnres answer;",
         f"    WaitTime\\InPos,{time_text(signals.settle_s)};",
         "    TPWrite name;",
-        f"    PulseDO\\PLength:={time_text(signals.pulse_s)},doCamera;",
-        f"    WaitDI diCamera,1\\MaxTime:={time_text(signals.timeout_s)};",
+        "    WHILE isLate DO",
+        f"      WaitDI diCamera,0\\MaxTime:={timeout}\\TimeFlag:=wasReady;",
+        "      IF NOT wasReady THEN",
+        f"        PulseDO\\PLength:={time_text(signals.pulse_s)},doCamera;",
+        f"        WaitDI diCamera,1\\MaxTime:={time_text(signals.longest_s)}\\TimeFlag:=isLate;",
+        "      ENDIF",
+        "      IF wasReady THEN",
+        f'        UIMsgBox\\Header:=name,"{_STILL_READY}"'
+        "\\Buttons:=btnRetryCancel\\Icon:=iconError\\Result:=answer;",
+        "      ELSEIF isLate THEN",
+        f'        UIMsgBox\\Header:=name,"{_SILENT}"'
+        "\\Buttons:=btnRetryCancel\\Icon:=iconError\\Result:=answer;",
+        "      ENDIF",
+        "      IF isLate AND answer=resCancel THEN",
+        "        EXIT;",
+        "      ENDIF",
+        "    ENDWHILE",
         "  ENDPROC",
     ]
 
@@ -558,7 +687,12 @@ def ros_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
         The day, for the head.
     """
     data = {
-        "about": [*head_lines(program, made), NO_HOME_CHECK, *_driver_lines(program)],
+        "about": [
+            *head_lines(program, made, quaternion_words),
+            NO_HOME_CHECK,
+            signals.words(),
+            *_driver_lines(program),
+        ],
         "joint_names": list(program.joint_names),
         "start_at": _start_at(program.home, program),
         "rounds": [
@@ -611,9 +745,11 @@ def _driver_lines(program: RobotProgram) -> list[str]:
 def _image(picture: ImageStep, signals: CameraSignals) -> dict[str, Any]:
     return {
         "settle_s": signals.settle_s,
+        "ready_must_be_low_within_s": signals.timeout_s,
         "trigger": picture.label,
+        "trigger_s": signals.pulse_s,
         "image": picture.image,
-        "wait_for_camera_s": signals.timeout_s,
+        "wait_for_camera_s": signals.longest_s,
     }
 
 
@@ -687,9 +823,9 @@ def csv_text(program: RobotProgram, signals: CameraSignals, made: date) -> str:
                 table[-1][3] = str(step.setting_idx + 1)
                 table[-1][4] = step.image
     head = [
-        *head_lines(program, made),
+        *head_lines(program, made, quaternion_words),
         NO_HOME_CHECK,
-        f"Wait {time_text(signals.settle_s)} s before each image.",
+        signals.words(),
     ]
     return table_text(heading, table, head, "\n")
 
@@ -733,7 +869,7 @@ def urscript_text(program: RobotProgram, signals: CameraSignals, made: date) -> 
         hint = "URScript drives no external axis together with the joints"
         raise RequestError.of_rule("format", rule, "'urscript'", hint=hint)
     lines = [
-        *(f"# {line}" for line in head_lines(program, made)),
+        *(f"# {line}" for line in head_lines(program, made, rotation_vector_words)),
         "# Send it as a whole to port 30002, or load it as a script file and call inspection().",
         "def inspection():",
         f"  home = {_joints(program.controller.of(program.home))}",
@@ -774,24 +910,45 @@ def _home_function(program: RobotProgram) -> list[str]:
 
 
 def _functions(signals: CameraSignals) -> list[str]:
-    """Return the local functions: a stop, and an image."""
+    """Return the local function that takes an image."""
+    camera = f"get_standard_digital_in({signals.ready_input})"
+    trigger = f"set_standard_digital_out({signals.trigger_output}"
+    pulse = time_text(signals.pulse_s)
+    step = time_text(_POLL_S)
+
+    def ask(words: str) -> str:
+        return f'popup("{words} Continue: try once more.", title="inspection", error=True, blocking=True)'
+
     return [
-        "  def stop_with(reason):",
-        '    popup(reason, title="inspection", error=True, blocking=True)',
-        "    halt",
-        "  end",
         "  def take_image(name):",
         f"    sleep({time_text(signals.settle_s)})",
         "    textmsg(name)",
-        f"    set_standard_digital_out({signals.trigger_output}, True)",
-        f"    sleep({time_text(signals.pulse_s)})",
-        f"    set_standard_digital_out({signals.trigger_output}, False)",
-        "    waited = 0",
-        f"    while not get_standard_digital_in({signals.ready_input}):",
-        "      sleep(0.01)",
-        "      waited = waited + 0.01",
-        f"      if waited > {time_text(signals.timeout_s)}:",
-        '        stop_with("The camera does not answer.")',
+        "    is_taken = False",
+        "    while not is_taken:",
+        "      waited = 0",
+        f"      while {camera}:",
+        f"        if waited > {time_text(signals.timeout_s)}:",
+        f"          {ask(_STILL_READY)}",
+        "          waited = 0",
+        "        end",
+        f"        sleep({step})",
+        f"        waited = waited + {step}",
+        "      end",
+        f"      {trigger}, True)",
+        "      waited = 0",
+        f"      while waited <= {time_text(signals.longest_s)} and (not is_taken or waited < {pulse}):",
+        f"        if waited >= {pulse}:",
+        f"          {trigger}, False)",
+        "        end",
+        f"        if {camera}:",
+        "          is_taken = True",
+        "        end",
+        f"        sleep({step})",
+        f"        waited = waited + {step}",
+        "      end",
+        f"      {trigger}, False)",
+        "      if not is_taken:",
+        f"        {ask(_SILENT)}",
         "      end",
         "    end",
         "  end",
@@ -800,9 +957,10 @@ def _functions(signals: CameraSignals) -> list[str]:
 
 def _round_of_urscript(tour: FixturedTour, program: RobotProgram) -> list[str]:
     name = plain(tour.fixturing, 40)
+    home = f" {home_words(program, rotation_vector_words)}".rstrip()
     lines = [
         f"  # fixturing {name}",
-        f'  popup("Part in fixturing {name}?", title="inspection", blocking=True)',
+        f'  popup("Part in fixturing {name}?{home}", title="inspection", blocking=True)',
         "  go_home(home)",
     ]
     for step in steps_of(tour, program):

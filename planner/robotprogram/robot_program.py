@@ -685,6 +685,8 @@ class _ProgramMaker:
             coverage=choice.coverage,
             digests=self._digests(),
             start=self._start(driven),
+            home_flange=self._cell.robot.forward(self._home),
+            pendant=self._cell.robot.pendant,
             coupled=self._cell.robot.controller.coupled,
             axis_limits=self._cell.robot.controller.limits,
             warnings=self._warnings(driven),
@@ -725,7 +727,7 @@ class _ProgramMaker:
         tolerance = _rounded_down(LARGEST_TOLERANCE_RAD * min(shares))
         if tolerance < LEAST_TOLERANCE_RAD:
             name = tours[int(np.argmin(shares))].fixturing
-            closest = cell.clearance(self._home_in(name), name, links_mm=np.inf)
+            closest = cell.clearance(self._home_in(name), name, links_mm=np.inf, with_constant=True)
             rule = f"must stay free if each axis is {LEAST_TOLERANCE_RAD:g} rad off"
             got = f"{closest.first} {closest.mm:.2g} mm from {closest.second} in fixturing {name!r}"
             raise RequestError.of_rule("cell.home", rule, got)

@@ -52,8 +52,7 @@ JOINT_SURE_POSES = 20_000
 # a shortfall is more than nothing
 _LEAST = 1e-9
 
-# what a failing constraint means to the person who reads the plan
-_MEANING = {
+MEANING = {
     "visibility": ReasonKind.UNOBSERVABLE,
     "resolution_mm": ReasonKind.TOO_SHORT,
     "focus_mm": ReasonKind.OUT_OF_FOCUS,
@@ -66,6 +65,7 @@ _MEANING = {
     "corner_deg": ReasonKind.NO_CORNER,
     "separation_px": ReasonKind.LINE_NEARBY,
 }
+"""What a failing constraint means to the person who reads the plan."""
 
 
 def realise(
@@ -143,7 +143,7 @@ def meaning(error: InfeasibleError) -> ReasonKind:
         return ReasonKind.NO_FEASIBLE_VIEW
     if error.constraint == "visibility" and not error.proven:
         return ReasonKind.IN_VIEW_FROM_NO_POSE_TRIED
-    return _MEANING[error.constraint]
+    return MEANING[error.constraint]
 
 
 class Supported(NamedTuple):

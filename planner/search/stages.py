@@ -781,7 +781,7 @@ def with_lamps(run: SearchRun, lighting: Lighting, draft: InspectionPlan) -> Ins
     if lit.light.complete or lighting.together:
         return lit
     dark = unlit(lit)
-    places = _places(run, lighting, lit)
+    places = lamp_places(lighting, lit)
     others = _shown_from_elsewhere(run, lighting, lit, dark, places) if dark else []
     settings = _chosen_among(run, lit, others)
     if settings == list(lit.settings):
@@ -819,7 +819,7 @@ def unlit(plan: InspectionPlan) -> list[str]:
     return [name for name in plan.entities if name in plan.inspected and name not in lit]
 
 
-def _places(run: SearchRun, lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
+def lamp_places(lighting: Lighting, plan: InspectionPlan) -> NDArray[np.float64]:
     """Return places of lamps (n, 3) to try: those of the plan, and others if they may be placed; none of a ring."""
     assert plan.light is not None
     places = lighting.given
@@ -845,7 +845,7 @@ def _shown_from_elsewhere(
         settings = [
             setting_at(run.problem, pose, [name], "pose in which a lamp shows it") for pose in poses
         ]
-        lit = _shown(run, lighting, plan, settings, places)
+        lit = shown_by_lamps(run, lighting, plan, settings, places)
         seen = [setting for setting, names in zip(settings, lit, strict=True) if name in names]
         seen_from = np.array([setting.cam2world for setting in seen]).reshape(-1, 4, 4)
         more = run.judge(seen_from).inspects.sum(axis=1)
@@ -853,7 +853,7 @@ def _shown_from_elsewhere(
         elsewhere += [seen[i] for i in order[:_LIGHT_KEPT]]
         report(run.callbacks.progress, k + 1, len(dark), "poses in the light")
     full = [setting for setting in map(_with_all(run), elsewhere) if setting.entities]
-    lit = _shown(run, lighting, plan, full, places)
+    lit = shown_by_lamps(run, lighting, plan, full, places)
     cut = [
         without(run.problem, setting, [name for name in setting.entities if name not in names])
         for setting, names in zip(full, lit, strict=True)
@@ -931,7 +931,7 @@ def _squared(
     return np.concatenate(turned) if turned else poses
 
 
-def _shown(
+def shown_by_lamps(
     run: SearchRun,
     lighting: Lighting,
     plan: InspectionPlan,

@@ -746,9 +746,23 @@ def _edge_successes(
     values = _values_of(setting, rng)
     for start in range(0, n, _BATCH):
         poses = displaced_poses(planned, pose_uncertainty, min(_BATCH, n - start), rng)
-        accurate, lost = _accurate_lengths(ends, planned, values.of(poses), camera, accuracy, rng)
+        found_from = values.of(poses)
         if values.registered:
+            each = [
+                _accurate_lengths(
+                    ends[k : k + 1],
+                    planned,
+                    values.for_target(name, found_from),
+                    camera,
+                    accuracy,
+                    rng,
+                )[0]
+                for k, name in enumerate(entities)
+            ]
+            accurate = np.concatenate(each, axis=1)
             lost = ~_in_image(_project(ends, poses, camera), camera)
+        else:
+            accurate, lost = _accurate_lengths(ends, planned, found_from, camera, accuracy, rng)
         successes += (accurate & ~lost if sensor_limits else accurate).sum(axis=0)
         outside += lost.sum(axis=0)
     return {
@@ -849,6 +863,7 @@ class ValuePoses:
         self._planned = planned
         self._known = known
         self._rng = np.random.default_rng([*seed, *_REGISTERED])
+        self._before = self._rng.bit_generator.state
 
     @property
     def registered(self) -> bool:
@@ -859,7 +874,17 @@ class ValuePoses:
         """Return as many poses as are given; these without registration."""
         if self._known is None:
             return poses
+        self._before = self._rng.bit_generator.state
         return displaced_poses(self._planned, self._known.pose_uncertainty, len(poses), self._rng)
+
+    def for_target(self, name: str, drawn: np.ndarray) -> np.ndarray:
+        """Return the poses that were drawn last (n, 4, 4) as a target knows them: the same draws, scaled."""
+        if self._known is None or name not in self._known.by_edge:
+            return drawn
+        again = np.random.default_rng()
+        again.bit_generator.state = self._before
+        uncertainty = PoseUncertainty(self._known.by_edge[name])
+        return displaced_poses(self._planned, uncertainty, len(drawn), again)
 
     def by_surfaces(self, name: str) -> float | None:
         """Return the standard deviation of a value by surfaces, where it is known."""
@@ -1088,7 +1113,7 @@ class DisplacedChecks:
                     accurate_in(
                         target,
                         cam2world,
-                        found_from,
+                        values.for_target(name, found_from),
                         problem.camera,
                         problem.accuracy,
                         draw,

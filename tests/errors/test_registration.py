@@ -263,6 +263,7 @@ NOTHING = Values(
     np.zeros((0, 1, 6)),
     np.zeros((0, 1, 2), dtype=np.int64),
     np.zeros((0, 1, 2, 3, 6)),
+    np.zeros((0, SURFACES), dtype=bool),
 )
 
 
@@ -283,6 +284,7 @@ def stretches(**more):
         np.ones((m, 4, 4), dtype=bool),
         np.eye(3),
         rng.uniform(0.01, 0.05, (SURFACES, 3)),
+        np.full((SURFACES, 3), 2.0),
     )
     return made._replace(**more)
 
@@ -385,7 +387,9 @@ def test_variance_of_a_value_whose_entities_move_with_surfaces():
                     [step[:3, 3], Rotation.from_matrix(step[:3, :3]).as_rotvec()]
                 )
                 g[6 + 3 * surfaces[e, side] + j] += gradient[e] @ shift / 1e-5
-    values = Values(np.zeros(1, dtype=np.int64), gradient[None], surfaces[None], motions[None])
+    nothing = np.zeros((1, SURFACES), dtype=bool)
+    at = np.zeros(1, dtype=np.int64)
+    values = Values(at, gradient[None], surfaces[None], motions[None], nothing)
     found = known_poses(POSE[None], POSE_PRIOR, known, IMAGING, values)
     assert found.variance[0] == pytest.approx(g @ covariance @ g, rel=1e-4)
     assert found.by_pose[0] == pytest.approx(g[:6] @ covariance[:6, :6] @ g[:6], rel=1e-4)

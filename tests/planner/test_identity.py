@@ -103,6 +103,7 @@ CHANGES = {
         {"edge_break_mm": (0.1, 0.3)},
         "edge_break_mm was not given and is now [0.1, 0.3]",
     ),
+    "poses": ({"poses": [np.eye(4)]}, "poses changed"),
     "registration": ({"registration": Registration.own_edges()}, "registration changed"),
 }
 

@@ -6,7 +6,16 @@ import math
 import pytest
 
 from aspectgraph import read_solid
-from planner import Dimension, PoseUncertainty, RequestError, optics_table, predict, propose_optics
+from planner import (
+    Dimension,
+    Effort,
+    PoseUncertainty,
+    Registration,
+    RequestError,
+    optics_table,
+    predict,
+    propose_optics,
+)
 from planner.camera.camera import camera_parts
 from planner.optics import DISTANCES_MM
 from planner.options import InspectionOptions
@@ -42,6 +51,25 @@ def test_predict_says_the_same_of_every_pose_proposed(proposals):
             assert one.share[name] == pytest.approx(
                 told.expanded_uncertainty / told.permitted_error, rel=1e-9
             )
+
+
+@pytest.mark.parametrize(
+    "registration",
+    [Registration.own_edges(), PoseUncertainty.isotropic(translation_mm=0.01, rotation_rad=1e-4)],
+)
+def test_with_registration_optics_are_ranked_as_a_plan_would_measure(registration):
+    # of one witness, as optics are
+    options = InspectionOptions(registration=registration, effort=Effort(witnesses=1))
+    wide = PoseUncertainty.isotropic(translation_mm=0.3, rotation_rad=0.001)
+    asked = {"bodies": BODIES[:1], "distances_mm": [250.0]}
+    one = propose_optics(BLOCK, WANTED, wide, **asked, options=options)[0]
+    plain = propose_optics(BLOCK, WANTED, wide, **asked)[0]
+    told = predict(BLOCK, WANTED, one.poses["height"], one.camera, wide, options=options)["height"]
+    assert one.probability["height"] == pytest.approx(told.conditional_probability, abs=1e-9)
+    assert one.share["height"] == pytest.approx(
+        told.expanded_uncertainty / told.permitted_error, rel=1e-9
+    )
+    assert one.share["height"] < plain.share["height"]
 
 
 def test_the_best_comes_first(proposals):

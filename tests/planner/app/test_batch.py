@@ -24,6 +24,7 @@ from planner import (
     OutputError,
     PartRequest,
     PoseUncertainty,
+    Registration,
     RequestError,
     dimensions_to_plan,
     plan_folder,
@@ -359,6 +360,7 @@ def test_requests_that_differ_have_different_fingerprints(request_):
         "localisation": Localisation.gaussian(0.2),
         "surfaces_mm": 0.1,
         "edge_break_mm": (0.1, 0.3),
+        "registration": Registration.own_edges(),
     }
     fields_ = {
         "camera": Camera.named("basler-acA2440-20gm-12mm"),

@@ -243,6 +243,29 @@ def test_places_to_put_the_part(tmp_path, capsys):
     assert main([*words, "--draws", "2", *outside]) == 1
 
 
+def test_the_part_laid_on_a_table_is_reached_by_a_program(tmp_path, capsys):
+    """The cell that is written gives the program that was counted, from another folder."""
+    (tmp_path / "found").mkdir()
+    out = tmp_path / "found" / "laid.toml"
+    words = ["reach", PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "examples/cell.toml"]
+    words += ["--place", "--table", "table", "--draws", "30", "--quiet", "--cell-out", str(out)]
+    assert main(words) == 0
+    printed = capsys.readouterr().out
+    assert "1 of 1, " in printed.splitlines()[2]
+    assert "tips over" not in printed
+    assert main([*words, "--json"]) == 0
+    best = json.loads(capsys.readouterr().out)[0]
+    assert (best["reached"], best["program"]["images"]) == (1, 1)
+    words = ["program", PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", str(out), "--json"]
+    assert main([*words, "--out", str(tmp_path / "laid.script"), "--quiet"]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert [tour["fixturing"] for tour in made["tours"]] == list(best["layings"])
+    # without home there is no program, but what is reached counts
+    words = ["reach", PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", cell_file(tmp_path)]
+    assert main([*words, "--place", "--table", "table", "--draws", "60", "--quiet"]) == 0
+    assert "program: not tried, since the cell file states no home_deg" in capsys.readouterr().out
+
+
 STANDING = """
 [obstacles.pedestal]
 low = [-150, -150, -800]
@@ -384,6 +407,14 @@ def test_links_without_bodies_are_told_with_every_table_and_program(tmp_path, ca
         (
             [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "CELL", "--within", *"123456"],
             "--within must be given with --place",
+        ),
+        (
+            [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "CELL", "--post-heights", "50"],
+            "--post-heights must be given with --table",
+        ),
+        (
+            [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "CELL", "--place", "--table", "x"],
+            "--table must be an obstacle of the cell or of its first fixturing",
         ),
         (
             [PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", "CELL", "--cell-out", "best.toml"],

@@ -29,12 +29,14 @@ from planner.camera.pose import world_to_cam
 from planner.inspection import _problem
 from planner.measuring import task as solving
 from planner.measuring.planned_edges import planned_edges
-from planner.measuring.registered import displaced, prior_covariance
+from planner.measuring.registered import displaced, prior_covariance, surface_variances
 from planner.measuring.samples import POSE, PartModel
 from planner.measuring.task import registration_task
+from planner.request.registration import PoseKnowledge
 from planner.resolve_request import resolve_request
 from planner.verify.setting_record import search_windows_px
 from planner.verify.simulate_plan import simulate_plan
+from planner.verify.simulate_setting import ValuePoses
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 ROBOT = PoseUncertainty.isotropic(translation_mm=0.7, rotation_rad=0.007)
@@ -119,9 +121,10 @@ def test_measuring_takes_the_surfaces_of_the_plan(block, registered):
     assert measurer._surfaces_mm(Registration.own_edges(0.07)) == 0.07
 
 
-def registration_of(model, cam2world):
-    """Joint covariance that `measure` has after it finds every sample of the part, 0.15 px off."""
-    prior = prior_covariance(model, ROBOT.covariance, 0.03, CAMERA)
+def registration_of(model, cam2world, free=()):
+    """Joint covariance that `measure` has after it finds every sample, 0.15 px off; some surfaces may be free."""
+    prior = prior_covariance(model, ROBOT.covariance, 0.03)
+    prior[POSE:, POSE:] = np.diag(surface_variances(model, 0.03, CAMERA, free))
     task = registration_task(model, CAMERA, cam2world, prior, 0.15)
     nothing = np.zeros(len(prior))
     design = task.design(nothing, task.predicted(nothing)[1])
@@ -153,8 +156,8 @@ def test_values_are_said_to_be_no_better_than_registration_finds_them(block, reg
     (setting,) = registered.settings
     model = PartModel(block, registered.targets)
     pose = np.asarray(setting.cam2world)
-    covariance = registration_of(model, pose)
     for name in setting.entities:
+        covariance = registration_of(model, pose, model.free_of[name])
         found = at(registered, setting, name, setting.registered).budget
         stated = found["translation"] + found["rotation"] + found["surfaces"]
         gradient = value_gradient(model, registered.targets[name], name, pose)
@@ -247,8 +250,10 @@ def test_lengths_of_edges_are_as_probable_as_with_the_covariance_that_is_left(ed
     stated = request.objective.probability(pose[None])[0]
     known = request.known_at(pose, request.names)
     assert known.by_surfaces == {}
-    given = replace(before, registered=known.pose_uncertainty)
-    np.testing.assert_allclose(given.objective.probability(pose[None])[0], stated, atol=1e-6)
+    for k, name in enumerate(request.names):
+        left = known.of_target(request.means, name).pose_uncertainty
+        given = replace(before, registered=left).objective.probability(pose[None])[0]
+        assert given[k] == pytest.approx(stated[k], abs=1e-6)
     assert stated.sum() > before.objective.probability(pose[None])[0].sum() + 0.01
 
 
@@ -303,3 +308,93 @@ def test_what_a_plan_cannot_know_is_refused_before_any_work(block, how, words):
 def test_planned_poses_are_no_registration(block):
     options = InspectionOptions(registration=Registration.none())
     assert options.registration_record is None
+
+
+ASKED = {
+    "width": Dimension.distance(25, 27, tolerance_mm=(-0.24, 0.24)),
+    "height": Dimension.distance(24, 26, tolerance_mm=(-0.24, 0.24)),
+    "angle": Dimension.angle(24, 25, tolerance_deg=(-0.3, 0.3)),
+    "other": Dimension.angle(26, 27, tolerance_deg=(-0.3, 0.3)),
+    "edge": 24,
+}
+
+
+def problem_of(block, items):
+    options = InspectionOptions(effort=QUICK)
+    resolved = resolve_request(block, items, CAMERA, ROBOT, options)
+    return _problem(block, resolved, options, Deadline(None, 0.0))
+
+
+@pytest.fixture(scope="module")
+def much_asked(block):
+    return problem_of(block, ASKED)
+
+
+def poses_above(count, seed=2):
+    places = np.random.default_rng(seed).normal(size=(count, 3))
+    places[:, 2] = 2.0 + np.abs(places[:, 2])
+    places = 300.0 * places / np.linalg.norm(places, axis=1, keepdims=True)
+    return look_at(np.array([30.0, 30.0, 20.0]) + places, [30.0, 30.0, 20.0])
+
+
+def with_edges(problem):
+    return replace(problem, registered=planned_edges(problem, 0.03))
+
+
+def test_what_else_is_asked_does_not_change_how_sure_a_target_is(much_asked):
+    """To the last bit, for random requests and poses."""
+    rng = np.random.default_rng(11)
+    alone = {name: with_edges(much_asked.restricted_to([name])) for name in ASKED}
+    for pose in poses_above(4):
+        chosen = [str(name) for name in rng.permutation(list(ASKED))[: rng.integers(2, 6)]]
+        known = with_edges(much_asked.restricted_to(chosen)).known_at(pose, chosen)
+        for name in chosen:
+            single = alone[name].known_at(pose, [name])
+            np.testing.assert_array_equal(known.covariance, single.covariance)
+            assert known.by_surfaces.get(name) == single.by_surfaces.get(name)
+
+
+def test_registered_is_never_worse_than_unregistered(much_asked):
+    """The uncertainty of values with the same surfaces, whatever is asked beside them."""
+    registered = with_edges(much_asked)
+    gains = []
+    for pose in poses_above(6, seed=3):
+        known = registered.known_at(pose, list(ASKED))
+        for target in registered.targets:
+            before = target.describe(pose, replace(much_asked.means, surfaces_mm=0.03))
+            after = target.describe(pose, known.of_target(registered.means, target.name))
+            gains.append(after.standard_uncertainty / before.standard_uncertainty)
+    assert max(gains) <= 1 + 1e-9
+    assert min(gains) < 0.5
+
+
+def test_lengths_of_edges_have_poses_of_their_own(block):
+    """The faces at an edge's ends are free for its length alone; what a camera does not see tells it nothing."""
+    edges = problem_of(block, {f"edge {k}": k for k in (24, 25, 26)})
+    registered = with_edges(edges)
+    alone = with_edges(edges.restricted_to(["edge 24"]))
+    scale = np.sqrt(np.diag(ROBOT.covariance))
+    units = np.outer(scale, scale)
+    for pose in poses_above(3, seed=4):
+        known = registered.known_at(pose, edges.names)
+        single = alone.known_at(pose, ["edge 24"])
+        np.testing.assert_array_equal(known.by_edge["edge 24"], single.by_edge["edge 24"])
+        for covariance in known.by_edge.values():
+            assert np.linalg.eigvalsh((ROBOT.covariance - covariance) / units).min() > -1e-6
+            assert np.linalg.eigvalsh((covariance - known.covariance) / units).min() > -1e-9
+    away = look_at([[30.0, 30.0, 400.0]], [30.0, 30.0, 900.0])[0]
+    known = registered.known_at(away, ["edge 24"])
+    for covariance in (known.covariance, known.by_edge["edge 24"]):
+        np.testing.assert_allclose(covariance / units, np.eye(6), rtol=1e-6, atol=1e-9)
+
+
+def test_draws_for_a_length_have_the_covariance_of_its_edge():
+    """The same draws as those of the setting, scaled: so all values of a draw are of one pose."""
+    (pose,) = look_at([[0.0, 0.0, 300.0]], [0.0, 0.0, 0.0])
+    wide = {"edge": 4 * ROBOT.covariance, "same": ROBOT.covariance}
+    values = ValuePoses(pose, PoseKnowledge(ROBOT.covariance, by_edge=wide), [1])
+    drawn = values.of(np.zeros((50, 4, 4)))
+    np.testing.assert_array_equal(values.for_target("same", drawn), drawn)
+    np.testing.assert_array_equal(values.for_target("other", drawn), drawn)
+    off = values.for_target("edge", drawn)[:, :3, 3] - pose[:3, 3]
+    np.testing.assert_allclose(off, 2 * (drawn[:, :3, 3] - pose[:3, 3]), atol=1e-12)

@@ -112,7 +112,9 @@ def test_a_packed_cell_gives_the_same_answers(asked):
 def test_clearances_and_slacks_agree(asked):
     cell = asked[0]
     q = random_joints(cell.robot, np.random.default_rng(2), 60)
-    exact = np.array([cell.clearance(one, "up", links_mm=np.inf).mm for one in q])
+    exact = np.array(
+        [cell.clearance(one, "up", links_mm=np.inf, with_constant=True).mm for one in q]
+    )
     distances = np.maximum(cell.slack_bound(q, "up", share=0.0), 0.0)
     np.testing.assert_allclose(distances, exact, atol=1e-9)
     quick = np.maximum(cell.slack_bound(q, "up", 20.0, share=0.0), 0.0)
@@ -263,6 +265,27 @@ def test_the_clearance_is_kept_to_the_tenth_of_a_millimetre():
     closest = cell.clearance(answer.branches[0], "up")
     assert {closest.first, closest.second} == {"camera", "table"}
     assert closest.mm == pytest.approx(5.1, abs=1e-3)
+
+
+def test_what_is_as_near_at_all_joints_is_told_once():
+    cell = Cell.from_toml("examples/cell.toml")
+    name = next(iter(cell.fixturings))
+    always = cell.constant_clearance(name)
+    assert {always.first, always.second} == {"link_1", "pedestal"}
+    for angle in (-2.0, 0.3, 2.9):
+        shapes = {
+            body: corners
+            for body, _, corners, _ in cell.shapes([angle, -1.9, 1.7, 0.0, 1.6, 0.0], name)
+        }
+        # the pedestal's top is level and wider than the link
+        apart = shapes["link_1"][:, 2].min() - shapes["pedestal"][:, 2].max()
+        assert always.mm == pytest.approx(apart, abs=1e-6)
+    q = random_joints(cell.robot, np.random.default_rng(5), 40)
+    for one in q:
+        told = cell.clearance(one, name)
+        assert {told.first, told.second} != {"link_1", "pedestal"}
+        every = cell.clearance(one, name, with_constant=True)
+        assert every.mm == pytest.approx(min(told.mm, always.mm), abs=1e-6)
 
 
 def test_the_nearest_branch_to_home_comes_first():

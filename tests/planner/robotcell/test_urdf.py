@@ -34,6 +34,7 @@ from planner import (
     write_program,
 )
 from planner.robotcell.arm import ControllerAxes
+from planner.robotcell.urdf import read_urdf
 
 TEXT = urdf_text("made_wrist")
 FOURTH = '<joint name="axis_4" type="revolute">'
@@ -620,3 +621,16 @@ def test_a_box_of_axes_is_within_its_spread_of_joints():
     farthest = np.abs(axes.joints(corners)).max(axis=0)
     assert (axes.spread() >= farthest - 1e-12).all()
     assert axes.spread()[2] == pytest.approx(2.0)
+
+
+def test_the_link_base_is_the_frame_of_the_pendant():
+    text = urdf_text()
+    base = (
+        '<link name="base"/><joint name="base_link-base" type="fixed"><parent link="base_link"/>'
+        '<child link="base"/><origin xyz="0 0 0.1" rpy="0 0 3.141592653589793"/></joint></robot>'
+    )
+    arm = read_urdf(text.replace("</robot>", base), "tool0")
+    expected = np.diag([-1.0, -1.0, 1.0, 1.0])
+    expected[2, 3] = 100.0
+    np.testing.assert_allclose(arm.pendant, expected, atol=1e-9)
+    assert read_urdf(text, "tool0").pendant is None

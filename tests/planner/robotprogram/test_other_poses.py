@@ -13,11 +13,15 @@ from scipy.spatial.transform import Rotation
 from aspectgraph import read_solid
 from planner import (
     Camera,
+    Dimension,
     Effort,
     Fixturing,
+    GivenPose,
     InspectionOptions,
     PoseUncertainty,
+    Registration,
     RequestError,
+    look_at,
     plan_inspection,
     predict,
     read_plan,
@@ -30,6 +34,7 @@ from planner.app.process import BAD_INPUT, DONE, INCOMPLETE
 from planner.request.reach import StatedRegion
 from planner.robotprogram.other_poses import EquivalentPoses, why_no_other_poses
 from planner.robotprogram.program import plan_digest
+from planner.search.plan_setting import setting_at
 
 CAMERA = Camera.named("basler-acA2440-20gm-8mm")
 UNCERTAINTY = PoseUncertainty.isotropic(translation_mm=0.05, rotation_rad=0.001)
@@ -175,6 +180,40 @@ def test_plans_whose_request_cannot_be_made_again_have_no_other_poses():
     assert found.unreached
     with pytest.raises(RequestError, match="plan must allow other poses"):
         robot_program_with_other_poses(plan, plain_block(), far)
+
+
+def test_a_plan_of_given_poses_keeps_them():
+    plan = plan_of(reached_poses()[:1])
+    given = (GivenPose("taught", plan.settings[0].cam2world),)
+    plan = replace(plan, request=replace(plan.request, poses=given))
+    assert why_no_other_poses(plan) == "its poses were chosen from poses that exist"
+
+
+def test_other_poses_promise_what_registration_will_tell(block):
+    """At its own pose a setting gets the plan's numbers, although it measures some of the targets only."""
+    options = InspectionOptions(accuracy=0.95, effort=EFFORT, registration=Registration.own_edges())
+    height = Dimension.distance([[60, 20, 30], [60, 40, 30]], EDGES["left"], max_error_mm=1.0)
+    eyes = [[206.8, 206.7, 170.0], [-145.0, -210.0, 165.0]]
+    poses = look_at(eyes, [[45.0, 30.0, 10.0], [10.0, 10.0, 20.0]])
+    plan = plan_inspection(
+        block, {"height": height, **EDGES}, CAMERA, UNCERTAINTY, options, poses=poses
+    )
+    # as if they had been searched
+    plan = replace(plan, request=replace(plan.request, poses=None))
+    assert len(plan.settings) == 2
+    equivalents = EquivalentPoses(plan, block)
+    for k, setting in enumerate(plan.settings):
+        again = setting_at(equivalents.problem(k), setting.cam2world, setting.entities, "")
+        for name, p in setting.probability.items():
+            assert again.probability[name] == pytest.approx(p, abs=1e-9)
+        known = setting.registered
+        np.testing.assert_allclose(again.registered.covariance, known.covariance, rtol=1e-9)
+        for name, sigma in known.by_surfaces.items():
+            assert again.registered.by_surfaces[name] == pytest.approx(sigma, rel=1e-9)
+    # a rolled image tells as much of the same edges
+    other = equivalents.setting(0, equivalents.poses(0)[0])
+    assert other.registered is not None
+    assert min(other.p_all.values()) >= plan.probability
 
 
 CELL = """

@@ -9,8 +9,17 @@ from datetime import date
 
 import numpy as np
 import pytest
+from controllers import (
+    POPUPS_BEFORE_STOP,
+    Stopped,
+    World,
+    run_krl_image,
+    run_rapid_image,
+    run_urscript,
+)
 from robot_cells import CAM2FLANGE
 from robot_programs import FIXTURINGS, HOME, cell, plan_of, program, reached_poses
+from scipy.spatial.transform import Rotation
 
 from planner import CameraSignals, OutputError, RequestError, program_text, write_program
 from planner.robotprogram.program import JointRates, move_times
@@ -19,7 +28,7 @@ from planner.robotprogram.program_texts import FORMATS, plain
 DAY = date(2026, 3, 1)
 SIGNALS = CameraSignals(settle_s=0.7, trigger_output=3, ready_input=5, pulse_s=0.2, timeout_s=4.0)
 LANGUAGES = ("urscript", "rapid", "krl", "ros", "csv")
-_NUMBER = r"-?\d+(?:\.\d+)?"
+N = r"-?\d+(?:\.\d+)?"
 
 
 def text(language):
@@ -27,7 +36,7 @@ def text(language):
 
 
 def numbers(words):
-    return np.array([float(word) for word in re.findall(_NUMBER, words)])
+    return np.array([float(word) for word in re.findall(N, words)])
 
 
 def from_urscript(script):
@@ -37,7 +46,9 @@ def from_urscript(script):
             yield "joints", numbers(match[1])
         elif match := re.match(r'\s*take_image\("(.*)"\)', line):
             yield "image", match[1]
-        elif match := re.match(r'\s*popup\("Part in fixturing (.*)\?"', line):
+        elif match := re.match(
+            r'\s*popup\("Part in fixturing (.*?)\? At home the pendant shows ', line
+        ):
             yield "fixturing", match[1]
 
 
@@ -52,7 +63,7 @@ def from_rapid(module):
             yield "joints", targets[match[1]]
         elif match := re.match(r'\s*TakeImage "(.*)";', line):
             yield "image", match[1]
-        elif match := re.match(r'\s*UIMsgBox "Part in fixturing (.*)\?";', line):
+        elif match := re.match(r'\s*UIMsgBox "Part in fixturing (.*?)\?"\\MsgLine2:=', line):
             yield "fixturing", match[1]
 
 
@@ -160,14 +171,13 @@ def test_urscript_asks_unless_the_robot_stands_at_home_and_drives_there_first():
     np.testing.assert_allclose(numbers(home[1]), HOME, atol=1e-8)
     for part in re.split(r"\n  # fixturing ", script)[1:]:
         assert part.index("go_home(home)") < part.index("movej")
-    check = script[script.index("def go_home") : script.index("def stop_with")]
+    check = script[script.index("def go_home") : script.index("def take_image")]
     tolerance = program().start.tolerance_rad
     assert f"> {tolerance:g}:\n        is_far = True" in check
     # the operator answers for a way that is not checked, then the drive is slow
     assert re.search(r"if is_far:\s+popup\(.*not checked.*blocking=True\)\s+end\s+movej", check)
     speed = float(re.search(r"movej\(joints, a=.*, v=(.*)\)", check)[1])
     assert speed * cell().levers_mm.sum() <= 250.0
-    assert re.search(r"def stop_with.*?halt\s+end", script, re.DOTALL)
 
 
 def test_urscript_rates_give_the_time_of_the_move():
@@ -202,7 +212,8 @@ def test_rapid_times_and_blocks():
         lines = [line.strip() for line in module.splitlines()]
         assert sum(line.startswith(opening) for line in lines) == lines.count(closing)
     for statement in re.findall(r"^ {4,8}\w.*$", module, re.MULTILINE):
-        is_block = statement.strip().startswith(("IF", "ENDIF"))
+        blocks = ("IF", "ELSEIF", "ENDIF", "WHILE", "ENDWHILE")
+        is_block = statement.strip().startswith(blocks)
         assert is_block or statement.endswith(";")
     main = module[module.index("PROC main") :]
     assert main.index("GoHome;") < main.index("MoveAbsJ")
@@ -229,24 +240,169 @@ def test_krl_asks_for_home_before_each_round():
         # the first move is the slow one to home
         assert re.search(r"\$VEL_AXIS\[i\]=(\d+)", rest)[1] == "1"
         assert rest.index("$VEL_AXIS[i]=1\n") < rest.index("PTP") < rest.index("$VEL_AXIS[i]=50")
-    assert source.count("DEF ") == 1
+    assert source.count("DEF ") == 2
     assert source.rstrip().endswith("END")
     assert "$VEL_AXIS[i]=50" in source
+
+
+def run_image(language, world, **options):
+    """Take one image by the program of a controller."""
+    if language == "rapid":
+        run_rapid_image(text("rapid"), world, **options)
+    elif language == "krl":
+        run_krl_image(text("krl"), world)
+    else:
+        lines = text("urscript").splitlines()
+        first = lines.index("  def take_image(name):")
+        last = lines.index("  end", first)
+        called = ["def inspection():", *lines[first : last + 1], '  take_image("image")', "end"]
+        run_urscript("\n".join(called), world)
+
+
+CONTROLLERS = ("urscript", "rapid", "krl")
+
+
+@pytest.mark.parametrize("language", CONTROLLERS)
+@pytest.mark.parametrize(
+    ("rises", "falls"), [(0.05, 0.12), (0.05, 9.0), (0.5, 0.6), (3.0, 9.0)], ids=str
+)
+def test_an_answer_is_the_rise_after_the_trigger(language, rises, falls):
+    """Also one that is over before the trigger falls."""
+    world = World(lambda t: rises <= t < falls)
+    run_image(language, world)
+    assert world.said == []
+    # polled each 12 ms
+    assert world.pulses == pytest.approx([0.2], abs=0.013)
+    assert 0.7 + max(rises, 0.0) <= world.now <= 0.7 + max(rises, 0.2) + 0.03
+
+
+@pytest.mark.parametrize("language", CONTROLLERS)
+def test_the_answer_to_the_image_before_is_none(language):
+    """It is waited for to fall; no trigger is given meanwhile."""
+    world = World(lambda t: True, at_start=True)
+    with pytest.raises(Stopped):
+        run_image(language, world)
+    assert all("still says that an image is taken" in words for words in world.said)
+    assert world.pulses == []
+
+
+@pytest.mark.parametrize("language", CONTROLLERS)
+def test_a_silent_camera_is_told_after_the_timeout_and_asked_again(language):
+    world = World(lambda t: False)
+    with pytest.raises(Stopped):
+        run_image(language, world)
+    assert all("does not answer" in words for words in world.said)
+    count = POPUPS_BEFORE_STOP + 1
+    assert world.pulses == pytest.approx([0.2] * count, abs=0.013)
+    # 0.7 s once, then 4 s for each answer
+    assert world.now == pytest.approx(0.7 + 4.0 * count, rel=0.02)
+
+
+@pytest.mark.parametrize("language", CONTROLLERS)
+def test_a_camera_that_answers_the_second_trigger_is_taken(language):
+    world = World(None)
+    world.camera = lambda t: bool(world.said) and 0.3 <= t < 0.5
+    run_image(language, world)
+    assert len(world.said) == 1
+    assert len(world.pulses) == 2
+
+
+def test_who_cancels_in_rapid_stops_the_program():
+    with pytest.raises(Stopped):
+        run_image("rapid", world := World(lambda t: False), answer="resCancel")
+    assert len(world.said) == 1
+
+
+def test_an_urscript_runs_as_a_whole():
+    """By an interpreter of its own: the moves, the images between them, and home at both ends."""
+    world = World(lambda t: 0.05 <= t < 0.12, position=list(HOME))
+    run_urscript(text("urscript"), world)
+    assert world.said == []
+    assert len(world.pulses) == len(program().tours[0].stops) + len(program().tours[1].stops)
+    steps = read_back("urscript")
+    joints = [value for kind, value in steps if kind == "joints"]
+    # each round begins with a move to home, where the robot stands
+    moved = [move for move in world.moves if not np.allclose(move, HOME)]
+    np.testing.assert_allclose(moved, [q for q in joints if not np.allclose(q, HOME)])
+    taken = [name for name in world.images if name]
+    assert taken == [value for kind, value in steps if kind == "image"]
 
 
 @pytest.mark.parametrize(
     ("language", "wanted"),
     [
-        ("urscript", ["sleep(0.7)", "digital_out(3, True)", "digital_in(5)", "waited > 4"]),
-        ("rapid", ["\\InPos,0.7", "\\PLength:=0.2", "\\MaxTime:=4"]),
-        ("krl", ["WAIT SEC 0.7", "$OUT[3]=TRUE", "WAIT FOR $IN[5]"]),
-        ("ros", ['"settle_s": 0.7', '"wait_for_camera_s": 4.0']),
-        ("csv", ["# Wait 0.7 s"]),
+        ("ros", ['"settle_s": 0.7', '"trigger_s": 0.2', '"wait_for_camera_s": 4.0']),
+        ("csv", ["# At each image: wait 0.7 s. Wait until input 5 is low, then raise output 3"]),
+        ("ros", ["Wait until the input rises, for at most 4 s. If it does not, stop."]),
     ],
 )
-def test_settling_trigger_and_answer(language, wanted):
+def test_what_a_driver_does_at_each_image(language, wanted):
     for words in wanted:
         assert words in text(language)
+
+
+def test_an_answer_is_waited_for_at_least_as_long_as_the_trigger_lasts():
+    assert CameraSignals(pulse_s=5.0, timeout_s=2.0).longest_s == 5.0
+
+
+SHOWN = {
+    "urscript": (rf"X ({N}), Y ({N}), Z ({N}) mm, RX ({N}), RY ({N}), RZ ({N}) rad", "vector"),
+    "krl": (rf"X ({N}), Y ({N}), Z ({N}) mm, A ({N}), B ({N}), C ({N}) degrees", "euler"),
+    "rapid": (rf"x ({N}), y ({N}), z ({N}) mm, quaternion w ({N}), x ({N}), y ({N}), z ({N})", ""),
+    "csv": (rf"x ({N}), y ({N}), z ({N}) mm, quaternion w ({N}), x ({N}), y ({N}), z ({N})", ""),
+}
+
+
+def shown_poses(language, made):
+    """Return the poses that the head names: home, and the first setting."""
+    pattern, kind = SHOWN[language]
+    head = program_text(made, language, signals=SIGNALS, made=DAY)
+    for match in list(re.finditer(rf"(?:home|setting \d+): {pattern}", head)):
+        values = [float(word) for word in match.groups()]
+        if kind == "vector":
+            turn = Rotation.from_rotvec(values[3:])
+        elif kind == "euler":
+            a, b, c = np.radians(values[3:])
+            about_z = Rotation.from_rotvec([0, 0, a])
+            turn = about_z * Rotation.from_rotvec([0, b, 0]) * Rotation.from_rotvec([c, 0, 0])
+        else:
+            turn = Rotation.from_quat([*values[4:], values[3]])
+        result = np.eye(4)
+        result[:3, :3] = turn.as_matrix()
+        result[:3, 3] = values[:3]
+        yield result
+
+
+@pytest.mark.parametrize("language", SHOWN)
+def test_the_head_names_poses_as_the_pendant_shows_them(language):
+    """Home and the first setting; where the URDF has a link ``base``, in its frame."""
+    robot = cell().robot
+    first = program().tours[0].stops[0].joints
+    expected = [robot.forward(HOME), robot.forward(first)]
+    turned = np.diag([-1.0, -1.0, 1.0, 1.0])
+    turned[:3, 3] = [0.0, 0.0, 12.0]
+    for made, frame in (
+        (program(), np.eye(4)),
+        (replace(program(), pendant=turned), np.linalg.inv(turned)),
+    ):
+        poses = list(shown_poses(language, made))
+        assert len(poses) == 2
+        for pose, told in zip(expected, poses, strict=True):
+            np.testing.assert_allclose(told[:3, 3], (frame @ pose)[:3, 3], atol=0.006)
+            np.testing.assert_allclose(told[:3, :3], (frame @ pose)[:3, :3], atol=1e-4)
+
+
+def test_who_starts_a_round_is_told_what_the_pendant_shows_at_home():
+    x, y, z = cell().robot.forward(HOME)[:3, 3]
+    words = f"X {x:.2f}, Y {y:.2f}, Z {z:.2f} mm, RX"
+    (told, *_) = re.findall(r'popup\("Part in fixturing .*?", title', text("urscript"))
+    assert f"At home the pendant shows {words}" in told
+    assert f"; At home the pendant shows {words[:-4]}" in text("krl")
+    lines = re.findall(r'\\MsgLine\d:="(.*?)"', text("rapid"))
+    # what FlexPendant shows of a line
+    assert all(len(line) <= 55 for line in lines)
+    silent = replace(program(), home_flange=None)
+    assert "At home" not in program_text(silent, "rapid", signals=SIGNALS, made=DAY)
 
 
 def test_ros_points_are_those_of_cubic_splines():

@@ -1,0 +1,119 @@
+"""One posterior over many images: scatter of values against their u, and what it costs.
+
+``scatter`` draws plates that deviate, renders two images of each from displaced poses, and measures them with the
+default and with edges stated as sharp. ``cost`` compares the time of ten images of 5 megapixels together with that of
+ten single ones.
+
+    python benchmarks/images/many_images.py scatter --parts 60
+    python benchmarks/images/many_images.py cost
+"""
+
+import argparse
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "planner" / "helpers"))
+
+from measured_plate import (  # noqa: E402
+    CAMERA,
+    POSES,
+    UNCERTAINTY,
+    fine_plate,
+    measured_plan,
+    photograph,
+    thick_plate,
+)
+
+from planner import measure  # noqa: E402
+from planner.measuring.registered import displaced  # noqa: E402
+
+NAMES = ("left", "right", "apart", "width")
+# edges of rendered parts are sharp; 0 is no break that can be stated
+SHARP = (0.0, 1e-4)
+FINER = 4
+IMAGES = 10
+
+
+def scatter(n_parts, seed):
+    """Print errors and u of four values of many plates."""
+    rng = np.random.default_rng(seed)
+    solid = thick_plate()
+    plan = measured_plan(solid)
+    root = np.linalg.cholesky(UNCERTAINTY.covariance)
+    lines = {"edges sharp within 0.05 mm": [], "edges stated as sharp": []}
+    for k in range(n_parts):
+        left, right = rng.normal(0, 0.04, 2)
+        width = rng.normal(0, 0.05)
+        height = rng.normal(0, 0.02)
+        poses = [displaced(pose, root @ rng.normal(size=6))[0] for pose in POSES]
+        mesh = fine_plate(left=left, right=right, width=width, height=height)
+        images = photograph(mesh, poses, seed=1000 + k)
+        truth = {"left": 2 * left, "right": 2 * right, "apart": 0.0, "width": width}
+        for rows, breaks in zip(lines.values(), (None, SHARP), strict=True):
+            for result in measure(plan, solid, images, edge_break_mm=breaks):
+                if result.measured:
+                    error = result.deviation - truth[result.name]
+                    rows.append((error, result.standard_uncertainty))
+    for label, rows in lines.items():
+        errors, u = np.array(rows).T
+        z = errors / u
+        print(
+            f"{label}: {len(rows)} readings, rms error {np.sqrt((errors**2).mean()):.4f} mm, "
+            f"rms u {np.sqrt((u**2).mean()):.4f} mm, rms of error / u {np.sqrt((z**2).mean()):.2f}, "
+            f"within 2 u {np.mean(np.abs(z) <= 2):.3f}"
+        )
+
+
+def cost():
+    """Print the time of ten images together, and of each alone."""
+    import measured_plate
+
+    camera = replace(
+        CAMERA,
+        pixel_pitch_mm=tuple(pitch / FINER for pitch in CAMERA.pixel_pitch_mm),
+        resolution=tuple(FINER * n for n in CAMERA.resolution),
+    )
+    measured_plate.CAMERA = camera
+    solid = thick_plate()
+    shown = photograph(fine_plate(left=0.03, width=0.05), POSES)
+    names = list(NAMES)
+    pair = measured_plan(solid, names, camera=camera)
+    many = replace(pair, settings=pair.settings * (IMAGES // 2))
+    images = {k + 1: shown[k % 2 + 1] for k in range(IMAGES)}
+    measure(many, solid, images)
+    start = time.process_time()
+    measure(many, solid, images)
+    together = time.process_time() - start
+    alone = 0.0
+    for k in (1, 2):
+        single = replace(pair, settings=pair.settings[k - 1 : k])
+        start = time.process_time()
+        measure(single, solid, {1: shown[k]})
+        alone += (time.process_time() - start) * IMAGES / 2
+    megapixels = np.prod(camera.resolution) / 1e6
+    print(
+        f"{IMAGES} images of {megapixels:.1f} Mpx: {together:.1f} s together, {alone:.1f} s alone, "
+        f"{together / alone:.2f} times"
+    )
+
+
+def main():
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("scatter", "cost"))
+    parser.add_argument("--parts", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=5)
+    arguments = parser.parse_args()
+    if arguments.what == "cost":
+        cost()
+    else:
+        scatter(arguments.parts, arguments.seed)
+
+
+if __name__ == "__main__":
+    main()
