@@ -441,21 +441,18 @@ class Measurer:
         registered, failed = self._all_registered(pictures, options)
         poses = registered | self._alone(failed, pictures, options)
         seen = seen_break(self.model, pictures, poses)
-        stated = self.edge_state(options)
+        edge_notes = seen_notes(seen, self.edge_state(options))
+        uses_seen = seen is not None and not self.edge_state(options).stated
         half_px = self._edges_half_px(poses)
         response = judge_response(self.model, pictures, poses, half_px, seen is not None)
         pictures = response.pictures
-        uses_seen = seen is not None and not stated.stated
         if seen is not None and uses_seen:
             options = replace(options, edge_break_mm=seen.limits_mm)
         if response.is_changed or uses_seen:
             registered, failed = self._all_registered(pictures, options)
         joint = self._joined(response.pictures, registered, options)
         readings = self._readings(response, registered, joint, options)
-        for shot in self.shots:
-            if shot.name in failed:
-                for reading in _unregistered(shot, *failed[shot.name]):
-                    readings[reading.name].append(reading)
+        self._add_unregistered(readings, failed)
         results = {}
         for name, target_readings in readings.items():
             measured = [reading for reading in target_readings if reading.measured]
@@ -475,17 +472,20 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (
-                *image_set.notes,
-                *response.notes(readings),
-                *seen_notes(seen, stated),
-                *joint.notes,
-                *notes,
-            ),
+            (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes, *notes),
             pictures,
             response.records(),
             self._edges_text(list(results.values()), options, uses_seen),
         )
+
+    def _add_unregistered(
+        self, readings: dict[str, list[Reading]], failed: Mapping[str, tuple[str, str]]
+    ) -> None:
+        """Append the readings of images that cannot be registered."""
+        for shot in self.shots:
+            if shot.name in failed:
+                for reading in _unregistered(shot, *failed[shot.name]):
+                    readings[reading.name].append(reading)
 
     def _camera(self, options: MeasureOptions) -> Camera:
         """Return the plan's camera with what is stated of its grey values."""
