@@ -1,7 +1,10 @@
 from .cells.arrays import Cell as Cell
 from .cells.arrays import CellSet as CellSet
 from .dimensions.features import ModelDimension as ModelDimension
+from .dimensions.geometric import GeometricTolerance as GeometricTolerance
+from .dimensions.geometric import ModelRequirements as ModelRequirements
 from .dimensions.read_dimensions import read_dimensions as read_dimensions
+from .dimensions.read_dimensions import read_requirements as read_requirements
 from .dimensions.tolerances import tolerance_class_deviations as tolerance_class_deviations
 from .entities.entity import Entity as Entity
 from .entities.entity import Run as Run

@@ -74,6 +74,8 @@ class InspectionPlan(PlanTables):
         Lamps for the settings. ``dataclasses.replace(plan, light=...)`` attaches another.
     source : mapping of str to value
         How the command line read the part: its ``file``, relative to the plan's, and its options.
+    not_planned : mapping of str to str
+        What the CAD model requires besides the targets, by name: the reason why the command line did not plan it.
     made : Made or None
         When, by whom and by which program the command line made the plan. Plans that differ only in it are equal.
     """
@@ -88,12 +90,13 @@ class InspectionPlan(PlanTables):
     light: LightPlan | None = None
     cell: Mapping[str, Any] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
+    not_planned: Mapping[str, str] = field(default_factory=dict)
     made: Made | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", tuple(self.settings))
         object.__setattr__(self, "uninspectable", _reasons(self.uninspectable))
-        for name in ("cell", "source"):
+        for name in ("cell", "source", "not_planned"):
             object.__setattr__(self, name, dict(getattr(self, name)))
         self._check_names()
 
@@ -230,6 +233,11 @@ class InspectionPlan(PlanTables):
         return 1.0 - self.lower_bound / len(self.settings) if self.settings else 0.0
 
     @property
+    def n_evolved(self) -> int:
+        """Number of settings whose pose comes from the genetic algorithm."""
+        return sum(setting.generations > 0 for setting in self.settings)
+
+    @property
     def inspected(self) -> dict[str, float]:
         """Name to the best promise, in the order of ``targets``: P_all, or P if it was not counted."""
         best = {
@@ -322,6 +330,7 @@ class InspectionPlan(PlanTables):
             **({"unfinished": True} if self.unfinished else {}),
             "uninspectable": {name: str(reason) for name, reason in self.uninspectable.items()},
             **({"uninspectable_kinds": kinds} if kinds else {}),
+            **({"not_planned": dict(self.not_planned)} if self.not_planned else {}),
             "settings": [setting_dict(self, setting) for setting in self.settings],
             **({} if self.light is None else {"light": self.light.to_dict()}),
             "simulation": None if self.simulation is None else self.simulation.to_dict(),
@@ -463,6 +472,7 @@ def _from_json(cls: type[InspectionPlan], data: Any) -> InspectionPlan:
         light=None if record.light is None else record.light.light,
         cell=data.get("cell") or {},
         source=record.source,
+        not_planned=record.not_planned,
         made=record.made,
     )
     check_settings(plan, data["settings"])

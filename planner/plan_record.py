@@ -128,6 +128,7 @@ class PlanFile:
     cell: CellRecord | None = None
     unfinished: bool = False
     uninspectable_kinds: Kinds = field(default_factory=dict)
+    not_planned: Reasons = field(default_factory=dict)
     light: LightRecord | None = None
     made: Made | None = None
 

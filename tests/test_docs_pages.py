@@ -151,6 +151,31 @@ def test_every_notebook_is_shown_with_a_small_picture_of_its_own():
         assert (ROOT / f"docs/figures/{name}.png").stat().st_size < 150_000
 
 
+def test_proposals_are_compared_with_the_numbers_that_were_stored():
+    with (ROOT / "notebooks/pricers.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    page = (ROOT / "docs/comparison.md").read_text("utf-8")
+    lines = dict(re.findall(r"^\| ([^|]*) \| (.*\(.*) \|$", page, flags=re.MULTILINE))
+    names = {
+        "genetic algorithm, no slope": "... without a slope",
+        "genetic algorithm, three targets": "... for three targets",
+        "random restarts in viewing domains": "random restarts",
+        "poses near known ones": "near known poses",
+        "several targets in focus": "in focus together",
+        "column generation, as in a plan": "column generation",
+        "column generation with crossover": "column generation, crossed",
+    }
+    parts = list(dict.fromkeys(row["part"] for row in rows))
+    for told in ("genetic algorithm", "CMA-ES", "memetic algorithm", *names):
+        method = names.get(told, told)
+        for part, cell in zip(parts, lines[told].split(" | "), strict=True):
+            own = [
+                float(r["relaxation"]) for r in rows if (r["part"], r["method"]) == (part, method)
+            ]
+            mean = sum(own) / len(own)
+            assert cell == f"{mean:.2f} ({min(own):.2f}–{max(own):.2f})"
+
+
 def test_methods_are_compared_with_the_numbers_that_were_stored():
     with (ROOT / "notebooks/anytime.csv").open(encoding="utf-8", newline="") as file:
         last = {(row["part"], row["planner"]): row for row in csv.DictReader(file)}

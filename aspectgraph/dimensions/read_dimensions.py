@@ -1,4 +1,4 @@
-"""`read_dimensions`: the dimensions a STEP file states, and the entities of the solid that measure them."""
+"""`read_dimensions`, `read_requirements`: what a STEP file requires of its part, and the entities that measure it."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from aspectgraph.dimensions.features import (
     describe_shape,
     unique_names,
 )
+from aspectgraph.dimensions.geometric import ModelRequirements, list_tolerances
 from aspectgraph.dimensions.tolerances import (
     DIGITS,
     Statement,
@@ -99,6 +100,55 @@ def read_dimensions(
     >>> len(dimensions), sum(one.entities is not None for one in dimensions)
     (12, 12)
     """
+    read = read_requirements(
+        path, solid, agreement_mm=agreement_mm, agreement_deg=agreement_deg, limits=limits
+    )
+    return read.dimensions
+
+
+def read_requirements(
+    path: str | Path,
+    solid: Solid,
+    *,
+    agreement_mm: float = AGREEMENT_MM,
+    agreement_deg: float = AGREEMENT_DEG,
+    limits: ReadLimits | None = None,
+) -> ModelRequirements:
+    """Read all requirements of a STEP file (AP242): its dimensions and its geometric tolerances.
+
+    Parameters
+    ----------
+    path : str or Path
+        See `read_dimensions`.
+    solid : Solid
+        The part, read from the same file with `read_solid`.
+    agreement_mm, agreement_deg : float
+        See `read_dimensions`.
+    limits : ReadLimits, optional
+        See `read_dimensions`.
+
+    Returns
+    -------
+    ModelRequirements
+        Empty for files without any, such as those of AP203 and AP214.
+
+    Raises
+    ------
+    PartFileNotFoundError
+        There is no such file.
+    ReadError
+        The file is not a STEP file, is damaged or exceeds a limit, or a parameter is out of range.
+    MissingExtraError
+        The package cadquery-ocp-novtk is not installed.
+
+    Examples
+    --------
+    >>> from aspectgraph import read_requirements, read_solid
+    >>> part = "examples/nist_ctc_01_ap242.stp"
+    >>> stated = read_requirements(part, read_solid(part))
+    >>> len(stated), len(stated.dimensions), len(stated.tolerances), stated.n_measurable
+    (18, 12, 6, 12)
+    """
     check_solid(solid)
     for label, value in (("agreement_mm", agreement_mm), ("agreement_deg", agreement_deg)):
         if not 0 < value < float("inf"):
@@ -114,10 +164,19 @@ def read_dimensions(
         phase("read the dimensions"),
     ):
         answer, _ = kernel.ask("dimensions", path=str(plain.absolute()), name=Path(path).name)
-    rows = answer["found"]
-    if not rows:
-        return ()
     reader = _Reader(solid, agreement_mm, agreement_deg)
+    return ModelRequirements(
+        _listed_dimensions(reader, answer),
+        list_tolerances(
+            reader.attachments, reader.measurer.sight, answer["tolerances"], answer["datums"]
+        ),
+        tuple(answer["disagreements"]),
+    )
+
+
+def _listed_dimensions(reader: _Reader, answer: dict[str, Any]) -> tuple[ModelDimension, ...]:
+    """Return the dimensions of a file in its order."""
+    rows = answer["found"]
     dimensions = []
     titles = []
     statements = read_statements(rows, answer["stated"])

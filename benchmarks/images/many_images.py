@@ -69,14 +69,14 @@ def scatter(n_parts, seed):
         )
 
 
-def cost():
-    """Print the time of ten images together, and of each alone."""
+def cost(finer):
+    """Print the time of ten images together, and of each alone, with so many pixels in place of one along each side."""
     import measured_plate
 
     camera = replace(
         CAMERA,
-        pixel_pitch_mm=tuple(pitch / FINER for pitch in CAMERA.pixel_pitch_mm),
-        resolution=tuple(FINER * n for n in CAMERA.resolution),
+        pixel_pitch_mm=tuple(pitch / finer for pitch in CAMERA.pixel_pitch_mm),
+        resolution=tuple(finer * n for n in CAMERA.resolution),
     )
     measured_plate.CAMERA = camera
     solid = thick_plate()
@@ -84,7 +84,14 @@ def cost():
     names = list(NAMES)
     pair = measured_plan(solid, names, camera=camera)
     many = replace(pair, settings=pair.settings * (IMAGES // 2))
-    images = {k + 1: shown[k % 2 + 1] for k in range(IMAGES)}
+    rng = np.random.default_rng(0)
+    # the same image twice would be refused
+    images = {
+        k + 1: np.clip(shown[k % 2 + 1] + rng.normal(0, 0.3, shown[1].shape), 0, 255).astype(
+            np.uint8
+        )
+        for k in range(IMAGES)
+    }
     measure(many, solid, images)
     start = time.process_time()
     measure(many, solid, images)
@@ -108,9 +115,10 @@ def main():
     parser.add_argument("what", choices=("scatter", "cost"))
     parser.add_argument("--parts", type=int, default=60)
     parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--finer", type=int, default=FINER)
     arguments = parser.parse_args()
     if arguments.what == "cost":
-        cost()
+        cost(arguments.finer)
     else:
         scatter(arguments.parts, arguments.seed)
 

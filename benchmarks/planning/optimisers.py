@@ -2,6 +2,7 @@
 
 ``python benchmarks/planning/optimisers.py``  six cases; every rival may evaluate as many poses as the plan did
 ``... --optimum``                             twenty cases; rivals may evaluate 20 times as many, random search 10⁵
+``... --genetic``                             twenty cases; the plan with one generation, and without refinement
 ``... --sampling``                            first poses from the covering domains against the whole workspace
 
 Shown is the *shortfall*: by how many per cent the fitness (sum of the entities' probabilities) is below the best that
@@ -111,6 +112,46 @@ def optimum(writer, times: float = 20.0) -> None:
     )
 
 
+def genetic(seeds: int) -> None:
+    """Print what the genetic algorithm brings beside the refinement: shortfalls and seconds over all cases."""
+    searches = {
+        "plan_setting": Search(),
+        "one generation, refined": Search(max_generations=1),
+        "genetic algorithm alone": Search.genetic(),
+    }
+    lost = defaultdict(list)
+    seconds = defaultdict(list)
+    for case in CASES:
+        problem = Problem(*case)
+        problem.begin()
+        fitness = {
+            name: [_searched(problem, search, seed) for seed in range(seeds)]
+            for name, search in searches.items()
+        }
+        best = max(value for runs in fitness.values() for value, _ in runs)
+        for name, runs in fitness.items():
+            lost[name] += [_shortfall(value, best) for value, _ in runs]
+            seconds[name] += [taken for _, taken in runs]
+    print(f"{'':<26}{'median %':>10}{'worst %':>10}{'above .01 %':>13}{'seconds':>9}")
+    for name, values in lost.items():
+        above = sum(value > 0.01 for value in values)
+        print(
+            f"{name:<26}{np.median(values):10.4f}{max(values):10.4f}{above:7d} of {len(values):<3d}"
+            f"{np.mean(seconds[name]):8.3f}"
+        )
+
+
+def _searched(problem: Problem, search: Search, seed: int) -> tuple[float, float]:
+    """Return the fitness of a search, 0 if it finds nothing, and its seconds."""
+    start = time.process_time()
+    rng = np.random.default_rng(seed)
+    try:
+        outcome = search_pose(problem.cells, problem.constraints, problem.goal, search, rng)
+    except InfeasibleError:
+        return 0.0, time.process_time() - start
+    return outcome.fitness, time.process_time() - start
+
+
 def sampling(seeds: int) -> None:
     """Print what the restriction to the covering domains brings."""
     print(
@@ -204,6 +245,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--optimum", action="store_true", help="is the plan's optimum real?")
+    parser.add_argument("--genetic", action="store_true", help="what the genetic algorithm brings")
     parser.add_argument("--sampling", action="store_true", help="what restricted sampling brings")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--csv", default=os.devnull, help="write every run to this file")
@@ -213,6 +255,8 @@ def main() -> None:
         writer.writerow(["case", "method", "seed", "fitness", "evaluated", "tried", "seconds"])
         if arguments.optimum:
             optimum(writer)
+        elif arguments.genetic:
+            genetic(arguments.seeds)
         elif arguments.sampling:
             sampling(arguments.seeds)
         else:

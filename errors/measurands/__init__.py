@@ -7,6 +7,15 @@ part, where lines and circles are fitted; a displaced pose moves all of it toget
 
 import errors.measurands.kinds  # noqa: F401  registers them
 from errors.exceptions import MeasurandError
+from errors.measurands.disc import (
+    Bonus,
+    decide_deviation,
+    decide_position,
+    deviation_interval,
+    disc_probability,
+    position_conformance,
+    quadratic_disc_probability,
+)
 from errors.measurands.geometry import Circle, Geometry, Line, Localisation
 from errors.measurands.measurand import (
     Decision,
@@ -23,9 +32,11 @@ from errors.measurands.measurand import (
     measurand,
     uncertainty_ratio,
 )
+from errors.measurands.position import Position, PositionFrame, PositionModel
 from errors.measurands.split import End, SplitModel
 
 __all__ = [
+    "Bonus",
     "Circle",
     "Decision",
     "DecisionRule",
@@ -36,14 +47,23 @@ __all__ = [
     "Measurand",
     "MeasurandError",
     "MeasurandModel",
+    "Position",
+    "PositionFrame",
+    "PositionModel",
     "Prediction",
     "SplitModel",
     "acceptance_limits",
     "conformance_probability",
     "decide",
+    "decide_deviation",
+    "decide_position",
+    "deviation_interval",
+    "disc_probability",
     "guard_band",
     "kind",
     "kinds",
     "measurand",
+    "position_conformance",
+    "quadratic_disc_probability",
     "uncertainty_ratio",
 ]

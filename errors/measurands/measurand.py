@@ -388,6 +388,8 @@ class Measurand:
     kind: ClassVar[str] = ""
     unit: ClassVar[str] = "mm"
     takes: ClassVar[tuple[type, ...]] = ()
+    and_more: ClassVar[bool] = False
+    """Whether further entities follow those of ``takes``, such as datums."""
     in_image: ClassVar[bool] = False
     """Whether the value is taken from images of the ends as they are, by `image_value`, and nothing is carried back."""
 
@@ -443,6 +445,10 @@ class Measurand:
         if self.in_image:
             return self.expansion(poses, image, Localisation.rounding()).gradient[:, None]
         return self._fitted.by_entity(poses)
+
+    def model(self, **means: Any) -> MeasurandModel:
+        """Return how surely the value is measured, see `MeasurandModel`."""
+        return MeasurandModel(self, **means)
 
     @property
     def surfaces(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -514,11 +520,11 @@ def measurand(name: str, geometry: Sequence[Geometry], direction: Any = None) ->
     if name not in _KINDS:
         raise MeasurandError.of_rule("kind", f"must be one of {', '.join(_KINDS)}", repr(name))
     cls = _KINDS[name]
-    if len(geometry) != len(cls.takes):
+    if len(geometry) < len(cls.takes) or (len(geometry) > len(cls.takes) and not cls.and_more):
         raise MeasurandError(
             f"a {name} must have {_several(cls.takes)}. Got {len(geometry)} of them."
         )
-    for shape, required_type in zip(geometry, cls.takes, strict=True):
+    for shape, required_type in zip(geometry, cls.takes, strict=False):
         if not isinstance(shape, required_type):
             raise MeasurandError(
                 f"a {name} must have {_several(cls.takes)}. Got a {type(shape).__name__.lower()}."
@@ -655,7 +661,7 @@ class MeasurandModel:
                 "pose_covariance", "must have shape (6, 6)", f"shape {self.covariance.shape}"
             )
         self.permitted_error = check_positive(permitted_error, "permitted_error")
-        if self.permitted_error >= measurand.nominal:
+        if 0.0 < measurand.nominal <= self.permitted_error:
             raise InvalidParameterError(
                 f"permitted_error must be smaller than the nominal value {measurand.nominal:.6g}. "
                 f"Got {permitted_error!r}."

@@ -256,7 +256,7 @@ class PartResult:
         Digests of the part file, the request and ``plan.json``. They decide whether the result is
         still valid.
     left_out : int
-        Number of dimensions that the part states and the plan leaves out.
+        Number of requirements that the part states and the plan leaves out, such as geometric tolerances.
     left_out_reasons : str
         Their names, each with its reason. Otherwise empty.
     """
@@ -449,6 +449,8 @@ class FolderWork:
         That the plan is for.
     operator : str
         Who plans.
+    not_planned : mapping of str to str
+        What the CAD model requires besides, and why it is not planned.
     """
 
     solid: Solid
@@ -464,6 +466,7 @@ class FolderWork:
     graph_limit: int | None
     cell: Cell | None = None
     operator: str = ""
+    not_planned: Mapping[str, str] = field(default_factory=dict)
 
     def search(self, options: InspectionOptions) -> InspectionPlan:
         """Return the plan of the search."""
@@ -504,7 +507,8 @@ class FolderWork:
         plan = with_source(plan, self.folder, self.part, self.reading)
         # what can be read only once has no digest
         digest = file_digest(Path(self.part)) if Path(self.part).is_file() else ""
-        plan = replace(plan, made=Made.now(request, digest, self.operator))
+        made = Made.now(request, digest, self.operator)
+        plan = replace(plan, made=made, not_planned=self.not_planned)
         try:
             written = write_outputs(
                 plan,
@@ -566,6 +570,7 @@ def _planned(
         {"units": request.units},
         request.simulate,
         request.graph_limit,
+        not_planned=left_out,
     )
     return work.done()[0], left_out
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aspectgraph import ReadError, ReadLimits, read_dimensions
+from aspectgraph import GeometricTolerance, ReadError, ReadLimits, read_requirements
 from planner.argument_kinds import ABOVE_0_TO_1, check_number
 from planner.exceptions import RequestError
 from planner.request.dimension import QUARTER
@@ -16,7 +16,7 @@ from planner.request.dimension_files import dimensions_to_plan
 from planner.text_table import count
 
 if TYPE_CHECKING:
-    from aspectgraph import ModelDimension, Solid
+    from aspectgraph import ModelDimension, ModelRequirements, Solid
 
 _LEFT_OUT = {
     "reference": "see --reference-dimensions",
@@ -63,13 +63,13 @@ class ModelDimensions:
         check_number("share", self.share, ABOVE_0_TO_1)
 
     def chosen(
-        self, stated: Iterable[ModelDimension], part: str | Path
+        self, stated: Iterable[ModelDimension | GeometricTolerance], part: str | Path
     ) -> tuple[dict[str, Any], dict[str, str]]:
         """Return the dimensions to plan, and why the others are left out.
 
         Parameters
         ----------
-        stated : iterable of ModelDimension
+        stated : iterable of ModelDimension or GeometricTolerance
             What the model states.
         part : path
             Its file, for errors.
@@ -100,8 +100,8 @@ class ModelDimensions:
 
 def stated_dimensions(
     part: str | Path, solid: Solid, limits: ReadLimits | None = None
-) -> tuple[ModelDimension, ...]:
-    """Return the dimensions that the file of a part states.
+) -> ModelRequirements:
+    """Return the requirements that the file of a part states, of which one at least is a dimension.
 
     Parameters
     ----------
@@ -115,10 +115,10 @@ def stated_dimensions(
     Raises
     ------
     ReadError
-        It states none.
+        It states no dimension.
     """
-    stated = read_dimensions(part, solid, limits=limits)
-    if not stated:
+    stated = read_requirements(part, solid, limits=limits)
+    if not stated.dimensions:
         raise ReadError(
             f"the part must be a STEP file with semantic dimensions (AP242). Got {part}, which states none; a file of "
             "dimensions can be given instead."
@@ -126,9 +126,15 @@ def stated_dimensions(
     return stated
 
 
-def _nothing_to_plan(stated: Iterable[ModelDimension], part: str | Path) -> RequestError:
+def _nothing_to_plan(
+    stated: Iterable[ModelDimension | GeometricTolerance], part: str | Path
+) -> RequestError:
     """Return the error of a model without a dimension to plan; it counts those left out by their role."""
-    roles = Counter(dimension.role for dimension in stated if dimension.entities is not None)
+    roles = Counter(
+        requirement.role
+        for requirement in stated
+        if not isinstance(requirement, GeometricTolerance) and requirement.entities is not None
+    )
     texts = [
         f"{count(roles[role], f'{role} dimension')} {'is' if roles[role] == 1 else 'are'} left out: {advice}"
         for role, advice in _LEFT_OUT.items()

@@ -675,11 +675,7 @@ class Predict(
         TOML file of the robot cell of a robot program: it turns joints into poses (default: no robot)
     """
 
-    usage = (
-        "PART --poses FILE --entities FILE|IDS   --camera NAME|FILE [options]",
-        "PART --poses FILE --select RULE         --camera NAME|FILE [options]",
-        "PART --poses FILE --dimensions FILE|all --camera NAME|FILE [options]",
-    )
+    usage = ("PART --poses FILE --camera NAME|FILE [options]",)
 
     poses: Annotated[str, _named("FILE")]
     cell: File = None

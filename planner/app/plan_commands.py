@@ -24,7 +24,7 @@ from aspectgraph import (
     estimate_graph,
     graph_of,
     light_graph_of,
-    read_dimensions,
+    read_requirements,
 )
 from aspectgraph.visibility.visibility_regions import KeptRegions
 from planner.app.batch import (
@@ -99,7 +99,7 @@ from planner.report.terminal_tables import (
     graph_record,
     plan_record,
 )
-from planner.report.wording import cost_sentence, incumbent_line
+from planner.report.wording import cost_sentence, incumbent_line, names_by_reason
 from planner.request.camera_limits import default_workspace
 from planner.request.dimension import Dimension
 from planner.request.words import features_text, n_not_planned
@@ -488,18 +488,18 @@ def _graph(
 
 
 def dimensions(options: Dimensions) -> int:
-    """Show the dimensions an AP242 file states, and the entities that measure them."""
+    """Show the dimensions and tolerances an AP242 file states, and the entities that measure them."""
     solid = read_part(options.part, options)
     with reading_shown(quiet=options.quiet, lines=options.verbose):
-        stated = read_dimensions(options.part, solid, limits=read_limits(options))
+        stated = read_requirements(options.part, solid, limits=read_limits(options))
     if not stated:
         raise ReadError(
             f"the part must be a STEP file with semantic dimensions (AP242). Got {options.part}, which states none."
         )
     if options.json:
-        print_json([dimension.to_dict() for dimension in stated])
+        print_json([requirement.to_dict() for requirement in stated])
     else:
-        terminal_tables.print_dimensions(stated)
+        terminal_tables.print_requirements(stated)
     return DONE
 
 
@@ -563,8 +563,9 @@ def _print_planned(
 
 def _print_left_out(targets: JobTargets) -> None:
     """Print what the model states and nothing can measure, with the reasons."""
-    for name, reason in targets.left_out.items():
-        print_text(words(f"{name} is not planned: {reason}", [name]))
+    for reason, names in names_by_reason(targets.left_out).items():
+        verb = "is" if len(names) == 1 else "are"
+        print_text(words(f"{', '.join(names)} {verb} not planned: {reason}", names))
 
 
 class _CommandWork(FolderWork):
@@ -604,6 +605,7 @@ def _planned(options: Plan, job: Job, leftovers: Leftovers) -> tuple[InspectionP
             options.graph_limit,
             job.cell,
             name_text(options.operator or ""),
+            job.targets.left_out,
         )
         return *work.done(), best.interrupted
 

@@ -90,6 +90,7 @@ class PartLines:
         self.compiled: Any = (vertices, ends, planes, faces, kinds)
         self.bulges = _bulges(solid, contours)
         self._relations: dict[tuple[tuple[int, ...], float], NDArray[np.uint8]] = {}
+        self.surroundings = Surroundings(contours.vertices[contours.ends], self.bulges)
 
     @classmethod
     def of(cls, solid: Solid, *, only_outlines: bool = False) -> PartLines:
@@ -106,6 +107,41 @@ class PartLines:
             self._relations[key] = relation_to(self.contours, self.at, edge_ids, radius_mm)
         return self._relations[key]
 
+    def some(
+        self, edges: NDArray[np.int64], looked: _Looked, line: NDArray[np.int64]
+    ) -> tuple[Any, Any]:
+        """Return some contours, and what is asked for them, as `near_contours` takes them.
+
+        Parameters
+        ----------
+        edges : array of int (e,)
+            The contours, in rising order.
+        looked : _Looked
+            What is asked.
+        line : array of int
+            Which of its lines are used.
+        """
+        vertices, ends, planes, faces, kinds = self.compiled
+        lines = looked.lines
+        used = np.zeros(vertices.shape[1], bool)
+        used[ends[edges]] = True
+        for r in line.tolist():
+            used[lines.vertices[lines.first[r] : lines.first[r + 1]]] = True
+        place = np.cumsum(used) - 1
+        faces_used, faces = np.unique(faces[edges], return_inverse=True)
+        compiled = (
+            np.ascontiguousarray(vertices[:, used]),
+            place[ends[edges]].astype(np.uint32),
+            np.ascontiguousarray(planes[:, faces_used]),
+            faces.reshape(-1, 2).astype(np.uint32),
+            kinds[edges],
+        )
+        relations = np.ascontiguousarray(lines.relations[:, edges])
+        # vertices of lines that are not used have no place, and nobody looks for them
+        vertex = np.maximum(place[lines.vertices], 0)
+        entities = looked.ends, looked.line, relations, vertex, lines.first
+        return (compiled, self.bulges[edges]), entities
+
 
 def _bulges(solid: Solid, contours: Contours) -> NDArray[np.float64]:
     """Return how far circles leave their chords, vectors (m, 3); chords of other curves count as straight."""
@@ -121,6 +157,107 @@ def _bulges(solid: Solid, contours: Contours) -> NDArray[np.float64]:
                 if 0.0 < size < arc.radius_mm:
                     bulges[place[edge]] = (arc.radius_mm / size - 1.0) * off
     return bulges
+
+
+# Which lines are surely not near to some segments in the images of cameras that are near to each other.
+
+
+# pieces of each line
+_PARTS = 8
+# radians that a bound may be too small by, for rounding
+_ROUNDING = 1e-9
+# mm, so that nothing is divided by 0
+_TINY_MM = 1e-12
+# of the distance of a point, how far a camera may move; beyond, nothing is said of that point
+_NEARLY = 0.9
+
+
+class Surroundings:
+    """Tells which lines of a part may come near to segments, from anywhere near a place.
+
+    Turning a camera does not change the angles between what it sees, and the image of a pinhole camera is nowhere
+    smaller than the focal length times such an angle. A camera that moves by t sees a point at distance d in a
+    direction that is off by asin(t / d) at most. So what is farther apart than these angles allow is not near in the
+    image, from any of the places.
+
+    Parameters
+    ----------
+    ends : array (m, 2, 3)
+        Of the lines, mm.
+    bulges : array (m, 3)
+        How far the curves that they stand for leave them, mm.
+    """
+
+    def __init__(self, ends: NDArray[np.float64], bulges: NDArray[np.float64]) -> None:
+        self._ends = ends
+        self._bulge_mm = np.linalg.norm(bulges, axis=1)
+
+    def beside(
+        self, eyes: NDArray[np.float64], spans: NDArray[np.float64], angle: float
+    ) -> NDArray[np.int64]:
+        """Return which lines (e,), in rising order, may be seen so near to a segment from one of the eyes.
+
+        Parameters
+        ----------
+        eyes : array (n, 3)
+            Where the cameras are, mm.
+        spans : array (s, 2, 3)
+            The segments, mm.
+        angle : float
+            How near, rad; less than π / 2.
+        """
+        centre = eyes.mean(axis=0)
+        moved_mm = float(np.linalg.norm(eyes - centre, axis=1).max())
+        off_mm = moved_mm + self._bulge_mm
+        # whole lines first, then pieces of what is left
+        whole = _cones(spans - centre, np.array(moved_mm))
+        rows = np.flatnonzero(_meet(_cones(self._ends - centre, off_mm), whole, angle))
+        pieces = _cones(_split(self._ends[rows]) - centre, np.repeat(off_mm[rows], _PARTS))
+        parts = _cones(_split(spans) - centre, np.array(moved_mm))
+        return rows[_meet(pieces, parts, angle).reshape(-1, _PARTS).any(axis=1)]
+
+
+def _meet(lines: _Cones, others: _Cones, angle: float) -> NDArray[np.bool_]:
+    """Return which cones (m,) come so near to one of the others."""
+    # a chord of the unit sphere is shorter than its angle
+    chord = np.sqrt(np.maximum(2.0 - 2.0 * (lines.axes @ others.axes.T), 0.0))
+    limit = lines.half_angles[:, None] + (others.half_angles + angle + _ROUNDING)
+    return np.asarray((chord <= limit).any(axis=1))
+
+
+class _Cones(NamedTuple):
+    """Cones with their apex at the origin: axes (m, 3), and half angles (m,)."""
+
+    axes: NDArray[np.float64]
+    half_angles: NDArray[np.float64]
+
+
+def _split(ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the ends (8 m, 2, 3) of the pieces of segments (m, 2, 3)."""
+    shares = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
+    points = ends[:, :1] + shares * (ends[:, 1:] - ends[:, :1])
+    return np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 3)
+
+
+def _cones(segments: NDArray[np.float64], off_mm: NDArray[np.float64]) -> _Cones:
+    """Return cones that hold segments (m, 2, 3), seen from the origin, and what is so far off them, mm.
+
+    The half angle is 2 π where that nearly reaches the origin.
+    """
+    lengths = np.linalg.norm(segments, axis=2)
+    directions = segments / np.maximum(lengths, _TINY_MM)[..., None]
+    axes = directions.sum(axis=1)
+    sizes = np.linalg.norm(axes, axis=1)
+    axes /= np.maximum(sizes, _TINY_MM)[:, None]
+    # half of the angle between two unit vectors, whose sum is twice its cosine
+    half = np.arccos(np.clip(sizes / 2.0, 0.0, 1.0))
+    along = segments[:, 1] - segments[:, 0]
+    square = np.maximum((along**2).sum(axis=1), _TINY_MM)
+    share = np.clip(-(segments[:, 0] * along).sum(axis=1) / square, 0.0, 1.0)
+    nearest = np.linalg.norm(segments[:, 0] + share[:, None] * along, axis=1)
+    ratio = off_mm / np.maximum(nearest, _TINY_MM)
+    off = np.arcsin(np.minimum(ratio, _NEARLY))
+    return _Cones(axes, np.where(ratio < _NEARLY, half + off, 2.0 * np.pi))
 
 
 # Which entities are scanned for lines and circles, and how near other lines may come to them.
@@ -284,6 +421,11 @@ _BATCH = 20_000
 # of so many poses, so many entities are asked first whether they show
 _MANY = 32
 _FIRST = 2
+# of so many poses, lines that are surely not near are left out beforehand, if that leaves at most this share of them;
+# but not for more segments than so many
+_MANY_NEAR = 200
+_FEWER = 0.7
+_MOST_SPANS = 64
 # of a depth of field without end so many times its near limit counts
 _FAR = 10.0
 # if only some visible point of a pair is asked for, one of so many is looked at first
@@ -366,6 +508,7 @@ class ImageCheck:
         # and from the same end, when it is the same arm
         from_where = np.column_stack([self.arms.contour, self.arms.corner, self.arms.tip])
         self._same_arm = np.unique(from_where, axis=0, return_inverse=True)[1].reshape(-1)
+        self._line_ends = self.contours.vertices[self.contours.ends[lines]]
         ids_of_lines = [[int(self.contours.ids[line])] for line in lines]
         self._lines = _ImageLines.of(
             self.contours, [self._part.relation(ids, radius) for ids in ids_of_lines]
@@ -416,7 +559,7 @@ class ImageCheck:
             required_px = self.showing.separation_px
             for pairs in self._with_pieces(meets):
                 pieces = self._pieces.of_pairs(pairs)
-                near = self._has_near(cam2world, pieces.rows, self._all_pieces, required_px)
+                near = self._has_near(cam2world, pieces.rows, self._piece_lines, required_px)
                 apart = pieces.least_distance(np.where(near, 0.0, required_px))
                 meets[tuple(pairs.T)] = apart >= required_px
         return meets
@@ -452,23 +595,23 @@ class ImageCheck:
         return self._pieces.batches(np.argwhere(wanted & self._has_pieces), _BATCH)
 
     @property
-    def _all_pieces(self) -> Any:
-        return self._pieces.ends, self._pieces.line, *self._scanned
+    def _piece_lines(self) -> _Looked:
+        return _Looked(self._pieces.ends, self._pieces.line, self._scanned, self._pieces.ends)
 
     def _separations(self, cam2world: Array, pairs: Pairs, reach: float) -> Array:
         """Return how near other visible lines come in the image, px (p,), at most `reach`."""
         pieces = self._pieces.of_pairs(pairs)
-        piece, distance, place = self._near(cam2world, pieces.rows, self._all_pieces, reach)
+        piece, distance, place = self._near(cam2world, pieces.rows, self._piece_lines, reach)
         apart = np.full(len(pieces.rows), reach)
         visible = self._visible(cam2world[pieces.rows[piece, 0], :3, 3], place)
         np.minimum.at(apart, piece[visible], distance[visible])
         return pieces.least_distance(apart)
 
     def _has_near(
-        self, cam2world: Array, pairs: Pairs, entities: Any, reach: float
+        self, cam2world: Array, pairs: Pairs, looked: _Looked, reach: float
     ) -> NDArray[np.bool_]:
         """Return to what (p,) other visible lines come nearer than `reach` px: fewer rays than for how near."""
-        pair, distance, place = self._near(cam2world, pairs, entities, reach)
+        pair, distance, place = self._near(cam2world, pairs, looked, reach)
         has = np.zeros(len(pairs), bool)
         near = distance < reach
         first = np.arange(len(pair)) % _EVERY == 0
@@ -479,9 +622,10 @@ class ImageCheck:
         return has
 
     def _near(
-        self, cam2world: Array, pairs: Pairs, entities: Any, reach: float
+        self, cam2world: Array, pairs: Pairs, looked: _Looked, reach: float
     ) -> tuple[Pairs, Array, Array]:
         """Return points of other lines, visible or not, that are near in the image; see `near_contours`."""
+        contours, entities = self._contours_for(cam2world, pairs, looked, reach)
         # one kind of arrays, so that the loop is compiled once: in order of rows, and not read-only
         room = max(_ROOM, _EACH * len(pairs))
         poses = np.array(cam2world, np.float64, order="C")
@@ -490,13 +634,32 @@ class ImageCheck:
             rows = np.empty(room, np.int64), np.empty(room), np.empty((room, 3))
             limits = reach, self._near_own_px, *self._stretches
             view = self._scale, self._lens
-            part = self._part
-            n = near_contours(
-                poses, pairs, *view, part.compiled, part.bulges, entities, limits, rows
-            )
+            n = near_contours(poses, pairs, *view, *contours, entities, limits, rows)
             if n <= room:
                 return rows[0][:n], rows[1][:n], rows[2][:n]
             room = n
+
+    def _contours_for(
+        self, cam2world: Array, pairs: Pairs, looked: _Looked, reach: float
+    ) -> tuple[Any, Any]:
+        """Return contours and entities as `near_contours` takes them, without contours that are surely not near.
+
+        That is worth the time where many poses are near to each other, as displaced ones are.
+        """
+        part = self._part
+        everything = (part.compiled, part.bulges), (looked.ends, looked.line, *looked.lines)
+        if min(len(cam2world), len(pairs)) < _MANY_NEAR:
+            return everything
+        entity = np.unique(pairs[:, 1])
+        line = np.unique(looked.line[entity])
+        spans = looked.spans[line if looked.by_line else entity]
+        if len(spans) > _MOST_SPANS:
+            return everything
+        angle = reach * self._stretches[0] / float(np.abs(self._scale[:2]).min())
+        beside = part.surroundings.beside(cam2world[:, :3, 3], spans, angle)
+        if len(beside) > _FEWER * len(part.contours.ids):
+            return everything
+        return part.some(beside, looked, line)
 
     def corner_lines(self, cam2world: Array, pairs: Pairs) -> SeenArms:
         """Return the lines at the ends of entities that corners can be fitted with.
@@ -602,9 +765,16 @@ class ImageCheck:
         _, chosen, inverse = np.unique(of_pose, return_index=True, return_inverse=True)
         arms = arms[chosen]
         ends = np.stack([self.arms.corner[seen.arm[arms]], seen.last[arms]], axis=1)
-        entities = np.ascontiguousarray(ends), self._line_of_arm[seen.arm[arms]], *self._lines
+        # what is seen of an arm is on its line
+        looked = _Looked(
+            np.ascontiguousarray(ends),
+            self._line_of_arm[seen.arm[arms]],
+            self._lines,
+            self._line_ends,
+            by_line=True,
+        )
         each = np.column_stack([pairs[seen.of[arms] // 2, 0], np.arange(len(arms))])
-        return ~self._has_near(cam2world, each, entities, self.showing.separation_px)[inverse]
+        return ~self._has_near(cam2world, each, looked, self.showing.separation_px)[inverse]
 
     def _hopeful(self, seen: SeenArms, sharpest: Array) -> NDArray[np.int64]:
         """Return the arms that may make a corner, of edges that may have one at both ends."""
@@ -665,6 +835,19 @@ class _ImageLines(NamedTuple):
         vertices = np.concatenate([np.zeros(0, np.int64), *own_ends]).astype(np.int64)
         first = np.cumsum([0, *map(len, own_ends)]).astype(np.int64)
         return cls(np.array(relations, np.uint8).reshape(-1, len(contours.ids)), vertices, first)
+
+
+class _Looked(NamedTuple):
+    """What is asked how near other lines come: ends (k, 2, 3), the number (k,) of what they belong to, and these.
+
+    All of it is in segments: of each (k, 2, 3), or of what they belong to (r, 2, 3).
+    """
+
+    ends: Array
+    line: NDArray[np.int64]
+    lines: _ImageLines
+    spans: Array
+    by_line: bool = False
 
 
 def edges_of(space: Any, name: str) -> tuple[int, ...] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from errors.measurands import DecisionRule, Localisation
+from errors.measurands import DecisionRule, Localisation, Measurand, Position
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX
 from errors.measurands.split import End
 from ground.blas import with_one_thread
@@ -88,6 +88,55 @@ _LEVELS = 20
 # of places at a level, and of levels that are not overexposed, to know how bright the part is
 _FEWEST = 5
 _FEWEST_LEVELS = 2
+
+
+def _unplanned(plan: InspectionPlan) -> list[str]:
+    """Say what the CAD model requires and the plan leaves out, so that nobody thinks that it was measured."""
+    names: dict[str, list[str]] = {}
+    for name, reason in plan.not_planned.items():
+        names.setdefault(reason, []).append(name)
+    return [
+        f"not planned, and so not measured: {', '.join(of)}: {why}" for why, of in names.items()
+    ]
+
+
+def read_with(value: Measurand, read: Callable[[Measurand], Reading]) -> Reading:
+    """Return the reading of a value; a position is read by its components.
+
+    Parameters
+    ----------
+    value : Measurand
+        The value.
+    read : callable
+        Reads a value that is nearly linear in what is fitted.
+
+    Returns
+    -------
+    Reading
+        Of a position 2‖e‖ the uncertainty is that along e, and ``deviation_mm`` and ``covariance_mm2`` are those of e.
+    """
+    if not isinstance(value, Position):
+        return read(value)
+    n = len(value.frame.errors)
+    components = [read(value.along(np.eye(n)[k])) for k in range(n)]
+    if not components[0].measured:
+        return components[0]
+    e = np.array([component.value for component in components])
+    covariance = np.diag([component.standard_uncertainty**2 for component in components])
+    if n == 2:
+        both = read(value.along(np.ones(2))).standard_uncertainty ** 2
+        covariance[0, 1] = covariance[1, 0] = 0.5 * (both - np.trace(covariance))
+    axis = np.linalg.eigh(covariance)[1][:, -1]
+    distance = float(np.linalg.norm(e))
+    if distance > 0.0:
+        axis = e / distance
+    reading = read(value.along(2.0 * axis))
+    return replace(
+        reading,
+        value=2.0 * distance,
+        deviation_mm=tuple(e.tolist()),
+        covariance_mm2=tuple(map(tuple, covariance.tolist())),
+    )
 
 
 def image_notes(
@@ -464,6 +513,7 @@ class Measurer:
         results |= self._of_several_images(response, registered, joint, options)
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
+        response_notes = (*image_set.notes, *response.notes(readings))
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
@@ -472,7 +522,7 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes, *notes),
+            (*response_notes, *edge_notes, *joint.notes, *notes, *_unplanned(self.plan)),
             pictures,
             response.records(),
             self._edges_text(list(results.values()), options, uses_seen),
@@ -756,8 +806,11 @@ class Measurer:
             )
             for k, (edge, frame) in enumerate(zip(edges, target.measurand.frames, strict=True))
         ]
-        return read_value(
-            place, target.measurand, scans, registered, self.model, floor_px, picture.camera
+        return read_with(
+            target.measurand,
+            lambda value: read_value(
+                place, value, scans, registered, self.model, floor_px, picture.camera
+            ),
         )
 
     def _ends_of_others(self) -> dict[str, list[MeasuredEnd]]:
@@ -765,7 +818,7 @@ class Measurer:
         ends = {}
         for name in self.plan.uninspectable:
             value = self.plan.targets[name].measurand
-            if value.in_image or value.unit != "mm" or len(value.geometry) != 2:
+            if value.in_image or value.and_more or value.unit != "mm" or len(value.geometry) != 2:
                 continue
             ends[name] = [
                 MeasuredEnd(name, End(value, k), self.model.entity(shape, name), self.model)

@@ -640,6 +640,10 @@ class Reading:
         What to change in the shop if it was not measured; empty if nothing is known.
     moved : bool
         Whether no edge is where the model has one, though the light would show it.
+    deviation_mm : tuple of float
+        Of a position its deviation e from the true one, in the axes of the datum reference frame; otherwise empty.
+    covariance_mm2 : tuple of tuple of float
+        Covariance of these; otherwise empty.
     entity : str
         The entity, if the value is what it would be if only this one of several was off; otherwise empty.
     """
@@ -663,6 +667,8 @@ class Reading:
     edge_shift: Annotated[NumberOrNull, Key("by_mm_of_break")] = math.nan
     advice: str = ""
     moved: Annotated[bool, NOT_STORED] = False
+    deviation_mm: tuple[float, ...] = ()
+    covariance_mm2: tuple[tuple[float, ...], ...] = ()
     entity: str = ""
 
     def __repr__(self) -> str:

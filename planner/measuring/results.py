@@ -21,7 +21,13 @@ from errors.checks import chi_squared_quantile
 from errors.many_images import best_weights
 from errors.measurands import Decision as Decision
 from errors.measurands import DecisionRule as DecisionRule
-from errors.measurands import acceptance_limits, conformance_probability, decide
+from errors.measurands import (
+    acceptance_limits,
+    conformance_probability,
+    decide,
+    decide_deviation,
+    deviation_interval,
+)
 from errors.measurands.measurand import COVERAGE
 from ground.convert import Key, Meta, NullIs, Shape, json_schema, to_plain
 from ground.notebook import NotebookTable, NotebookView, ShownInNotebook, Toned
@@ -261,6 +267,8 @@ def merged(
         advice = advised[0].advice if advised else ""
         reason = reason or "no image shows it"
         return Result(*target_fields, *nothing, reason, tuple(readings), advice=advice)
+    if good[0].deviation_mm and target.tolerance is not None:
+        return _position_result(name, target, readings, rule)
     return _measured(name, target, readings, _weighted(good, common), rule)
 
 
@@ -357,6 +365,32 @@ def _measured(
         *(name, target.kind, target.unit, target.nominal, target.tolerance),
         *(value, u, decision, probability),
         *("", tuple(readings), notes, accepted),
+    )
+
+
+def _position_result(
+    name: str, target: Target, readings: Sequence[Reading], rule: DecisionRule
+) -> Result:
+    """Return the result of a position, by its best reading: two components, decided in a disc."""
+    good = [reading for reading in readings if reading.measured]
+    best = min(good, key=lambda reading: float(np.trace(np.array(reading.covariance_mm2))))
+    tolerance = target.tolerance or (0.0, 0.0)
+    covariance = np.array(best.covariance_mm2)
+    decision, probability = decide_deviation(best.deviation_mm, covariance, tolerance[1], rule)
+    e = ", ".join(f"{component:+.4f}" for component in best.deviation_mm)
+    notes = [
+        f"e = ({e}) mm in the plane of the rim and the axes of the datum frame; a rim does not show the axis"
+    ]
+    if len(best.deviation_mm) == 2:
+        low, high = deviation_interval(best.deviation_mm, covariance)
+        notes.append(f"{low:.4f} to {high:.4f} mm with 95 %")
+    if len(good) > 1:
+        notes.append(f"from {best.image}, the surest of {len(good)} images")
+    notes += dict.fromkeys(note for reading in good for note in reading.notes)
+    return Result(
+        *(name, target.kind, target.unit, target.nominal, tolerance),
+        *(best.value, best.standard_uncertainty, decision, probability),
+        *("", tuple(readings), tuple(notes)),
     )
 
 
@@ -543,7 +577,11 @@ def _header(root: ET.Element, results: MeasurementResults) -> None:
     application = _add(header, "Application")
     _add(application, "Name", f"aspectgraph {results.source.program}")
     part = results.source.part or "part"
-    _add(header, "Description", f"{part}; decisions by {results.rule}; u is combined")
+    names = [result.name for result in results if result.kind not in CHARACTERISTICS]
+    also = ""
+    if names:
+        also = f"; not in this file: {', '.join(names)}"
+    _add(header, "Description", f"{part}; decisions by {results.rule}; u is combined{also}")
     _add(header, "Scope", "Results")
 
 
@@ -574,7 +612,7 @@ def _characteristics(
     """Write definition, nominal and item of each target; return the ids of the items."""
     lists = _add(root, "Characteristics")
     _add(lists, "FormalStandardId", standard)
-    every = list(results)
+    every = _written(results)
     definitions = [ids.next() for _ in every]
     nominals = [ids.next() for _ in every]
     items = [ids.next() for _ in every]
@@ -598,6 +636,11 @@ def _characteristics(
         _add(designator, "UUID", _uuid(f"{results.source.part_digest} {result.name}"))
         _add(element, "CharacteristicNominalId", nominal)
     return items
+
+
+def _written(results: MeasurementResults) -> list[Result]:
+    """Return the results that the file can hold: a position would need its datums as features."""
+    return [result for result in results if result.kind in CHARACTERISTICS]
 
 
 def _definition(element: ET.Element, one: Result) -> None:
@@ -631,7 +674,7 @@ def _results(
             _add(file, "Description", f"SHA-256 {digest}")
     lists = _add(measured, "MeasuredCharacteristics")
     parent_list = _list(lists, "CharacteristicMeasurements", len(items))
-    for result, item in zip(results, items, strict=True):
+    for result, item in zip(_written(results), items, strict=True):
         element = _add(parent_list, f"{_characteristic(result)}Measurement", id=ids.next())
         _measurement(element, result, item, part)
     status = _part_status(results)

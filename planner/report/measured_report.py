@@ -536,8 +536,11 @@ def _reading(
     if picture is None or not entities:
         return None
     title = f"{result.name} in {reading.image}"
+    place = reading.image
+    if reading.entity:
+        place += f", {reading.entity} alone"
     return {
-        "sentence": f"{reading.image}: {_reading_words(reading, result.unit)}",
+        "sentence": f"{place}: {_reading_words(reading, result.unit)}",
         "picture": entity_image(picture, list(entities.values()), title),
         "plots": [
             residual_plot(points, f"residuals of entity {k} of {title}")

@@ -606,6 +606,23 @@ def _notices(kind: WarningKind, warned: Sequence[tuple[Row, str]]) -> list[Notic
     return [Notice(kind.value, [*pieces, (")", ())])]
 
 
+def not_planned(reasons: Mapping[str, str]) -> Table | None:
+    """Return what the CAD model requires and the plan leaves out; None if there is nothing.
+
+    Parameters
+    ----------
+    reasons : mapping of str to str
+        By name.
+    """
+    if not reasons:
+        return None
+    rows = [
+        (", ".join(map(unbroken, names)), len(names), reason)
+        for reason, names in names_by_reason(reasons).items()
+    ]
+    return Table([Column("Requirement"), Column("Number", right=True), Column("Reason")], rows)
+
+
 class NotInspected(NamedTuple):
     """Targets in no setting: the reason of each, and the names by kind of reason where they are many."""
 

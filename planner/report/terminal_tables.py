@@ -18,6 +18,7 @@ from planner.report.part_tables import vector_text
 from planner.report.tables import nearest_limits
 from planner.report.wording import (
     edges_text,
+    evolved_sentence,
     features_cell,
     features_sentence,
     given_text,
@@ -36,7 +37,7 @@ from planner.report.wording import (
 )
 from planner.request.problem import why_missed
 from planner.request.targets import targets_of, words_of
-from planner.request.words import tolerance_text
+from planner.request.words import requirements_text, tolerance_text
 from planner.text_table import (
     Cell,
     Column,
@@ -50,6 +51,7 @@ from planner.text_table import (
 from planner.verify.simulate_setting import CONFIRMED
 
 if TYPE_CHECKING:
+    from aspectgraph import GeometricTolerance, ModelDimension, ModelRequirements
     from planner.request.targets import Target
     from planner.sensor_setting import SensorSetting
     from planner.verify.simulate_plan import SimulationResult
@@ -80,9 +82,15 @@ def plan_record(
 ) -> dict[str, Any]:
     """Return a plan as in its file, the files written, and what could not be planned, with the reason.
 
-    ``plan.features`` counts the characteristics, and those that are not planned.
+    ``plan.features`` counts the characteristics, and those that are not planned. ``from_genetic_algorithm`` counts the
+    settings whose pose comes from it.
     """
-    return {"plan": plan.to_dict(), "files": list(files), "not_planned": dict(not_planned)}
+    return {
+        "plan": plan.to_dict(),
+        "files": list(files),
+        "not_planned": dict(not_planned),
+        "from_genetic_algorithm": plan.n_evolved,
+    }
 
 
 _MOST_ROWS = 60
@@ -119,8 +127,44 @@ def print_graph(graph: EntityAspectGraph) -> None:
         print(f"and {len(ordered) - _MOST_ROWS} more in the GraphML file")
 
 
-def print_dimensions(dimensions: Sequence[Any]) -> None:
-    """Print the dimensions of a model: values, and the entities that measure them or why none do."""
+def print_requirements(stated: ModelRequirements) -> None:
+    """Print the requirements of a model: values, and the entities that measure them or why none do."""
+    print_text(requirements_text(stated))
+    if stated.dimensions:
+        _print_dimensions(stated.dimensions)
+    if stated.tolerances:
+        print()
+        _print_tolerances(stated.tolerances)
+    for text in stated.disagreements:
+        print_text(f"note: {text}")
+
+
+def _print_tolerances(tolerances: Sequence[GeometricTolerance]) -> None:
+    """Print geometric tolerances, each with the reason why edges do not show it."""
+    columns = (
+        Column("name"),
+        Column("kind"),
+        Column("zone and datums"),
+        Column("features", right=True),
+        Column("entities or reason"),
+    )
+    rows = [
+        (
+            tolerance.name,
+            tolerance.kind,
+            tolerance.frame,
+            tolerance.n_features,
+            _entities_or_reason(tolerance),
+        )
+        for tolerance in tolerances
+    ]
+    print_table(columns, rows)
+    for tolerance in tolerances:
+        if tolerance.note:
+            print_text(words(f"note: {tolerance.name}: {tolerance.note}", [f"{tolerance.name}:"]))
+
+
+def _print_dimensions(dimensions: Sequence[ModelDimension]) -> None:
     able = [dimension for dimension in dimensions if dimension.entities is not None]
     n_stated = sum(dimension.tolerance is not None for dimension in dimensions)
     n_characteristics = sum(bool(ways) for dimension in able for ways in dimension.features)
@@ -144,6 +188,13 @@ def print_dimensions(dimensions: Sequence[Any]) -> None:
             print_text(words(f"note: {dimension.name}: {dimension.note}", [f"{dimension.name}:"]))
 
 
+def _entities_or_reason(requirement: ModelDimension | GeometricTolerance) -> Any:
+    """Return the entities that measure a requirement, or why none do."""
+    if requirement.entities is None:
+        return words(requirement.reason or "")
+    return listed(map(str, requirement.entities))
+
+
 def _dimension_row(dimension: Any) -> tuple[Any, ...]:
     nominal = "" if dimension.nominal is None else f"{dimension.nominal:.6g} {dimension.unit}"
     tolerance = ""
@@ -153,11 +204,7 @@ def _dimension_row(dimension: Any) -> tuple[Any, ...]:
         tolerance = f"{dimension.tolerance_class} {tolerance}".rstrip()
     if dimension.role is not None:
         tolerance = f"{tolerance} {dimension.role}".lstrip()
-    entities = (
-        words(dimension.reason or "")
-        if dimension.entities is None
-        else listed(map(str, dimension.entities))
-    )
+    entities = _entities_or_reason(dimension)
     kind = dimension.kind.replace("_", " ")
     return (dimension.name, kind, nominal, tolerance, dimension.n_features, entities)
 
@@ -242,6 +289,8 @@ def _notes(plan: InspectionPlan) -> list[str]:
         texts.append(text)
     if text := edges_text(plan):
         texts.append(f"edges: {text}")
+    if text := evolved_sentence(plan):
+        texts.append(text)
     return texts
 
 

@@ -471,6 +471,16 @@ def verdict(plan: InspectionPlan) -> str:
     return " ".join(filter(None, sentences))
 
 
+def evolved_sentence(plan: InspectionPlan) -> str:
+    """Say how many poses of a plan come from the genetic algorithm; nothing where none was searched."""
+    if not plan.settings or plan.request.poses is not None:
+        return ""
+    if not plan.n_evolved:
+        return "No pose of this plan comes from the genetic algorithm."
+    settings = count(plan.n_evolved, "setting")
+    return f"The poses of {settings} come from the genetic algorithm and its refinement."
+
+
 def calibration_rows(camera: Camera) -> dict[str, str]:
     """Say what a calibration found of a camera; nothing of one that was not calibrated."""
     rows = {}

@@ -116,6 +116,9 @@ def check_side(tolerance_class: str, solid: Solid, arcs: Sequence[Arc]) -> None:
             )
 
 
+POSITION = "position"
+"""The kind of a dimension that is a position: its value is twice a deviation, so its nominal value is 0."""
+
 QUARTER = 0.25
 """Share of a tolerance's half width that a measurement error may take: the usual 4 : 1 test uncertainty ratio."""
 
@@ -141,8 +144,8 @@ class Dimension:
     Parameters
     ----------
     kind : str
-        "length", "distance", "angle", "diameter", "radius", "centre_distance" or "centre_to_edge",
-        or another kind registered with `errors.measurands`.
+        "length", "distance", "angle", "diameter", "radius", "centre_distance", "centre_to_edge" or
+        "position", or another kind registered with `errors.measurands`.
     entities : tuple
         Entities that must be visible: ids (``17``, ``"r3"``, ``"a0"``), `Edge`, `Rim` or `Entity`
         objects, or two end points in mm.
@@ -404,6 +407,46 @@ class Dimension:
         return cls("centre_to_edge", (rim, edge), **_in_mm(requirement))
 
     @classmethod
+    def position(
+        cls, rim: Target, datums: Sequence[Target], zone_mm: float, **requirement: Any
+    ) -> Dimension:
+        """Return the position of a hole or pin against datums, in the plane of its rim.
+
+        Parameters
+        ----------
+        rim : Target
+            The rim, or its id (``"r3"``).
+        datums : sequence of Target
+            Entities that show the datums, in the order of the drawing. An edge shows a plane across, a rim a hole or
+            pin. Leave out a datum that is parallel to the plane of the rim.
+        zone_mm : float
+            Diameter of the zone, mm.
+        **requirement
+            As for `Dimension`: ``share`` or ``surfaces_mm``. The error of the position must
+            stay in a disc, whose radius is the share of half of the zone.
+
+        Returns
+        -------
+        Dimension
+            The position 2‖e‖, where e is the deviation from the true position, from 0 to the zone.
+
+        Raises
+        ------
+        RequestError
+            If the zone or a requirement breaks its rule.
+
+        Examples
+        --------
+        >>> from planner import Dimension
+        >>> bolt = Dimension.position("r3", [17, 18], 0.2)
+        >>> bolt.entities, bolt.tolerance, bolt.permitted_error(0.0)
+        (('r3', 17, 18), (0.0, 0.2), 0.05)
+        """
+        check_number("zone_mm", zone_mm, _POSITIVE)
+        stated = _in_mm(requirement)
+        return cls(POSITION, (rim, *datums), tolerance=(0.0, float(zone_mm)), **stated)
+
+    @classmethod
     def any_of(cls, dimensions: Sequence[Dimension]) -> Dimension:
         """Return one dimension from several that give the same value by different entities.
 
@@ -510,7 +553,7 @@ class Dimension:
         dimension = self.with_accuracy(accuracy) if accuracy is not None else self
         dimension = dimension.with_limits(nominal)
         if dimension.tolerance is not None and not is_one_sided(dimension.tolerance):
-            error = dimension.share * (dimension.tolerance[1] - dimension.tolerance[0]) / 2
+            error = dimension.share * half_width(dimension.kind, dimension.tolerance)
         elif dimension.max_error is not None:
             error = float(dimension.max_error)
         elif dimension.accuracy is not None:
@@ -519,7 +562,7 @@ class Dimension:
             got = "none" if self.tolerance is None else "a tolerance with one limit"
             rule = "needs a tolerance, max_error or accuracy"
             raise RequestError(f"a {self.kind} {rule}. Got {got}.")
-        if error >= nominal:
+        if error >= nominal and dimension.kind != POSITION:
             raise RequestError(
                 f"the permitted error of a {self.kind} must be smaller than its nominal value {nominal:.6g}. "
                 f"Got {error:.6g}."
@@ -547,6 +590,14 @@ def _renamed(requirement: dict[str, Any], unit: str) -> dict[str, Any]:
             f"a requirement of a dimension must be one of {', '.join(names)}. Got {unknown[0]!r}."
         )
     return {names[name]: value for name, value in requirement.items()}
+
+
+def half_width(kind: str, tolerance: tuple[float, float]) -> float:
+    """Return half of the width of a tolerance; of a position, which is twice a deviation, the whole zone."""
+    width = tolerance[1] - tolerance[0]
+    if kind == POSITION:
+        return width
+    return width / 2
 
 
 def is_one_sided(tolerance: tuple[float, float]) -> bool:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aspectgraph.dimensions.features import unique_names
+from aspectgraph.dimensions.geometric import GeometricTolerance
 from aspectgraph.entities.entity_rules import parse_names
 from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
@@ -18,7 +19,7 @@ from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
 from planner.argument_kinds import check_kinds, shown
 from planner.exceptions import RequestError
-from planner.request.dimension import QUARTER, Dimension
+from planner.request.dimension import POSITION, QUARTER, Dimension
 from planner.request.words import characteristic_name
 
 if TYPE_CHECKING:
@@ -154,9 +155,12 @@ def surfaces_or_default(surfaces_mm: float | None, localisation: Localisation | 
         ) from None
 
 
+PARALLEL = "parallel"
+"""Stands for a datum plane that is parallel to the plane of the rim: it fixes nothing there."""
+
 _OPTIONS = (
     *("tolerance", "max_error", "accuracy", "share", "direction", "places", "unit", "any"),
-    "edge_break_mm",
+    *("edge_break_mm", "zone", "datums"),
 )
 # in the unit of the values, mm or degrees
 _UNITS = {"mm": 1.0, "um": 1e-3, "in": 25.4, "deg": 1.0, "rad": 57.29577951308232}
@@ -173,6 +177,8 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
     ``tolerance = { upper = 0.05 }``, with ``max_error`` or ``accuracy`` besides. Other entities that
     give the same value follow as ``any``: ``step = { distance = [17, 18], any = [[21, 22]], max_error = 0.02 }``.
     A distance may be asked for at ``places`` along its edges: ``step = { distance = [17, 18], places = 3 }``.
+    A position has a zone and datums, which a table ``datums`` may name:
+    ``bolt = { position = "r3", zone = 0.2, datums = [17, 18] }``.
     ``edge_break_mm = [0.1, 0.3]`` states by how much the edges of the dimension are broken, in mm whatever the unit.
 
     Parameters
@@ -195,12 +201,28 @@ def read_wanted(path: str | Path, kinds: tuple[str, ...], share: float = QUARTER
         If the file cannot be read, or what it says breaks a rule.
     """
     content = _content(Path(path))
-    content = content.get("dimensions", content)
+    datums = content.get("datums", {})
+    content = content.get("dimensions", {key: content[key] for key in content if key != "datums"})
+    if not isinstance(datums, Mapping):
+        raise RequestError.of_rule("datums", "must be a table of names and entities", repr(datums))
     if not isinstance(content, dict) or not content:
         raise RequestError(
             f"a file of dimensions must hold one name at least. Got none in {Path(path).name}."
         )
-    return {name: _wanted(name, value, kinds, share) for name, value in content.items()}
+    return {
+        name: _wanted(name, _with_datums(value, datums), kinds, share)
+        for name, value in content.items()
+    }
+
+
+def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
+    """Return what is wanted with the entities of its datums in place of their names."""
+    if not (isinstance(value, Mapping) and isinstance(value.get("datums"), list)):
+        return value
+    datums = [
+        named.get(datum, datum) if isinstance(datum, str) else datum for datum in value["datums"]
+    ]
+    return {**value, "datums": [datum for datum in datums if datum != PARALLEL]}
 
 
 def _content(path: Path) -> dict[str, Any]:
@@ -250,8 +272,13 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     units = [name for name in _UNITS if (name in _ANGLES) == (kind == "angle")]
     if unit not in units:
         raise RequestError.of_rule("unit", f"must be one of {', '.join(units)}", repr(unit))
-    options = {key: value[key] for key in _OPTIONS if key in value and key not in ("unit", "any")}
+    apart = ("unit", "any", "zone", "datums")
+    options = {key: value[key] for key in _OPTIONS if key in value and key not in apart}
     factor = _UNITS[unit]
+    if kind == POSITION:
+        return _position(entities, value, options, factor)
+    if "zone" in value or "datums" in value:
+        raise RequestError(f"zone and datums must be those of a position. Got them for a {kind}.")
     if isinstance(options.get("tolerance"), Mapping):
         options["tolerance"] = _limits(options["tolerance"])
     if isinstance(options.get("tolerance"), list):
@@ -266,6 +293,21 @@ def _dimension(kind: str, entities: Any, value: Mapping[str, Any]) -> Dimension:
     return Dimension(
         kind, _entities(entities), alternatives=tuple(map(_entities, others)), **options
     )
+
+
+def _position(
+    rim: Any, value: Mapping[str, Any], options: dict[str, Any], factor: float
+) -> Dimension:
+    """Return the position that a table states."""
+    if "tolerance" in options:
+        raise RequestError("a position must have a zone instead of a tolerance. Got a tolerance.")
+    datums = value.get("datums")
+    if not isinstance(datums, list) or not datums:
+        raise RequestError.of_rule("datums", "must be a list of one entity at least", repr(datums))
+    edge_break_mm = options.pop("edge_break_mm", None)
+    zone_mm = _scaled(value.get("zone"), factor)
+    position = Dimension.position(rim, datums, zone_mm, **options)
+    return replace(position, edge_break_mm=edge_break_mm)
 
 
 def _limits(stated: Mapping[str, Any]) -> list[Any]:
@@ -416,7 +458,7 @@ ROLE_REASONS = {
 
 
 def dimensions_to_plan(
-    stated: Iterable[ModelDimension],
+    stated: Iterable[ModelDimension | GeometricTolerance],
     *,
     share: float = QUARTER,
     one_per_pattern: bool = False,
@@ -431,8 +473,9 @@ def dimensions_to_plan(
 
     Parameters
     ----------
-    stated : iterable of ModelDimension
-        The dimensions, as `aspectgraph.read_dimensions` returns them.
+    stated : iterable of ModelDimension or GeometricTolerance
+        The dimensions, as `aspectgraph.read_dimensions` returns them, or all requirements, as
+        `aspectgraph.read_requirements` does.
     share : float
         Permitted error as a share of half the tolerance's width, in (0, 1].
     one_per_pattern : bool
@@ -454,7 +497,7 @@ def dimensions_to_plan(
     Raises
     ------
     RequestError
-        If a tolerance or the share breaks its rule, or an item is no ModelDimension.
+        If a tolerance or the share breaks its rule, or an item is no requirement of a model.
 
     Examples
     --------
@@ -489,9 +532,14 @@ def dimensions_to_plan(
 
 
 def _items(
-    stated: ModelDimension, share: float, one_per_pattern: bool, omitted: Sequence[str]
+    stated: ModelDimension | GeometricTolerance,
+    share: float,
+    one_per_pattern: bool,
+    omitted: Sequence[str],
 ) -> list[tuple[str, Dimension | str]]:
     """Return the name of each characteristic, with its request or the reason why it has none."""
+    if isinstance(stated, GeometricTolerance):
+        return _positions(stated, share, one_per_pattern)
     check_kinds(stated=(stated, "ModelDimension"))
     if stated.role is not None and stated.role in omitted:
         return [(stated.name, ROLE_REASONS[stated.role])]
@@ -513,6 +561,28 @@ def _items(
             _dimension_of_model_dimensions(stated, ways, share, zones[k]) if ways else reason or ""
         )
         result.append((characteristic_name(stated.name, k + 1, n), item))
+    return result
+
+
+def _positions(
+    stated: GeometricTolerance, share: float, one_per_pattern: bool
+) -> list[tuple[str, Dimension | str]]:
+    """Return the positions that a tolerance asks for, each on its feature, or the reason why it is not measured."""
+    if stated.reason is not None or stated.zone_mm is None:
+        return [(stated.name, stated.reason or "its zone could not be read")]
+    result: list[tuple[str, Dimension | str]] = []
+    n = len(stated.features)
+    for k, (ways, reason) in enumerate(
+        zip(stated.features, stated.feature_reasons, strict=True), start=1
+    ):
+        name = stated.name if n == 1 else characteristic_name(stated.name, k, n)
+        if not ways:
+            result.append((name, reason or ""))
+            continue
+        choices = [Dimension.position(way[0], way[1:], stated.zone_mm, share=share) for way in ways]
+        result.append((name, Dimension.any_of(choices)))
+    if one_per_pattern:
+        return [item for item in result if isinstance(item[1], Dimension)][:1] or result[:1]
     return result
 
 

@@ -295,10 +295,9 @@ class DimensionModels:
 
 def measurand_model(value: Measurand, permitted_error: float, means: Means) -> MeasurandModel:
     """Return how surely a value is measured; without a localisation, points lie on whole pixels."""
-    from errors.measurands import Localisation, MeasurandModel
+    from errors.measurands import Localisation
 
-    return MeasurandModel(
-        value,
+    return value.model(
         image_distance_mm=means.camera.image_distance_mm,
         pixel_pitch_mm=means.camera.image_pitch_mm,
         pose_covariance=means.pose_uncertainty.covariance,

@@ -87,7 +87,7 @@ class DimensionRecord:
 
     kind: _Kind
     witnesses: _Witnesses
-    nominal: _Positive
+    nominal: Annotated[float, Meta(ge=0, title="must be finite and 0 or more")]
     unit: Annotated[str, Meta(pattern="^(mm|deg)$", title="must be mm or deg")]
     tolerance: (
         Annotated[

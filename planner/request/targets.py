@@ -28,7 +28,7 @@ from planner.camera.camera import Camera
 from planner.camera.pose import world_to_cam
 from planner.exceptions import PlanFileError, RequestError
 from planner.plan_file import Count
-from planner.request.dimension import Dimension, is_one_sided
+from planner.request.dimension import POSITION, Dimension, half_width, is_one_sided
 from planner.request.edge_state import SHARP, EdgeState
 from planner.request.models import (
     DimensionModels,
@@ -728,6 +728,10 @@ class PlannedDimension(Target):
     def requirement_texts(self) -> tuple[str, str]:
         """The target, its tolerance if it has one, and the permitted error with its share of it."""
         nominal = f"{self.kind.replace('_', ' ')} {self.nominal:.6g} {self.unit}"
+        if self.kind == POSITION and self.tolerance is not None:
+            share = self._share(self.tolerance)
+            error = f"error up to {self.permitted_error:.4g} {self.unit} ({share})"
+            return f"position in ⌀{self.tolerance[1]:.6g} {self.unit}", error
         error = f"error up to {self.permitted_error:.4g} {self.unit}"
         if self.tolerance is None:
             return nominal, error
@@ -745,13 +749,16 @@ class PlannedDimension(Target):
         if self.tolerance is None or is_one_sided(self.tolerance):
             return ""
         lower, upper = self.tolerance
-        width = f"±{upper:.4g}" if lower == -upper else "T/2"
+        width = "T/2"
+        if lower == -upper:
+            width = f"±{upper:.4g}"
+        elif self.kind == POSITION:
+            width = f"⌀{upper:.4g}"
         return f"{self._share(self.tolerance)} of {width}"
 
     def _share(self, tolerance: tuple[float, float]) -> str:
         """Return the permitted error in percent of half the width of a tolerance."""
-        half = (tolerance[1] - tolerance[0]) / 2
-        return percent_text(self.permitted_error / half)
+        return percent_text(self.permitted_error / half_width(self.kind, tolerance))
 
     def item_of(self, solid: Solid) -> Dimension:
         """Return the dimension as `plan_inspection` takes it, on a part.

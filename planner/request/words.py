@@ -6,6 +6,10 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from aspectgraph import ModelRequirements
 
 # Characteristics: one dimension on one feature. Their names, and how many a plan leaves out.
 #
@@ -96,6 +100,27 @@ def features_text(counts: Sequence[int]) -> str:
         return ""
     dimensions = "1 dimension" if len(counts) == 1 else f"{len(counts)} dimensions"
     return f"{dimensions}, {sum(counts)} characteristics: {missing} not planned"
+
+
+def requirements_text(stated: ModelRequirements) -> str:
+    """Say how many requirements a model states, and how many of them edges show.
+
+    Parameters
+    ----------
+    stated : ModelRequirements
+        See `aspectgraph.read_requirements`.
+
+    Examples
+    --------
+    >>> from aspectgraph import ModelRequirements
+    >>> from planner.request.words import requirements_text
+    >>> requirements_text(ModelRequirements())
+    '0 requirements (0 dimensions, 0 geometric); 0 measurable from edges'
+    """
+    total = f"{len(stated)} requirement{'' if len(stated) == 1 else 's'}"
+    n = len(stated.dimensions)
+    sizes = f"{n} dimension{'' if n == 1 else 's'}, {len(stated.tolerances)} geometric"
+    return f"{total} ({sizes}); {stated.n_measurable} measurable from edges"
 
 
 # How pages and tables speak of targets: of edges, of dimensions, and of both in one plan.

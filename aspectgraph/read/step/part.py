@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from aspectgraph.read.step.fit import pack_circles
+from aspectgraph.read.step.geometric_tolerances import WITH_TEXTS as TOLERANCES
 from aspectgraph.read.step.names import StepNames
 from aspectgraph.read.step.solids import Slot, diagonal_mm, edge_map, load_solids, merge_touching
 from aspectgraph.read.step.stated_dimensions import LOCATIONS, SIZES, WITH_TEXTS, list_dimensions
@@ -145,10 +146,13 @@ class StepPart:
 
         data = Path(path).read_bytes()
         entities = parse_entities(data)
-        texts = parse_texts(data, entities, WITH_TEXTS | SIZES | LOCATIONS)
-        rows, surfaces = read_semantic_dimensions(Path(path), name, entities, texts)
+        texts = parse_texts(data, entities, WITH_TEXTS | TOLERANCES | SIZES | LOCATIONS)
+        read = read_semantic_dimensions(Path(path), name, entities, texts)
         return {
-            "found": rows,
-            "surfaces": surfaces,
+            "found": read.dimensions,
+            "surfaces": read.surfaces,
+            "tolerances": read.tolerances,
+            "datums": read.datums,
+            "disagreements": read.disagreements,
             "stated": [asdict(stated) for stated in list_dimensions(entities, texts)],
         }, {}

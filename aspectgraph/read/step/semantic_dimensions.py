@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +29,20 @@ from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopoDS import TopoDS, TopoDS_Iterator
 from OCP.XCAFApp import XCAFApp_Application
-from OCP.XCAFDoc import XCAFDoc_Dimension, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+from OCP.XCAFDoc import (
+    XCAFDoc_Dimension,
+    XCAFDoc_DocumentTool,
+    XCAFDoc_GeomTolerance,
+    XCAFDoc_ShapeTool,
+)
 
 from aspectgraph.exceptions import ReadError
+from aspectgraph.read.step.geometric_tolerances import (
+    StatedTolerance,
+    disagreements,
+    list_datum_features,
+    list_stated_tolerances,
+)
 from aspectgraph.read.step.solids import (
     explore,
     in_file_order,
@@ -162,6 +173,31 @@ _SHAPES = {
 _CURVES = frozenset({"LINE", "CIRCLE", "ELLIPSE", "HYPERBOLA", "PARABOLA", "POLYLINE"})
 _SAME = 1e-6
 """Relative difference of a value as the kernel and as the text state it."""
+
+
+@dataclass(frozen=True)
+class Semantic:
+    """What a STEP file states about its part, in JSON values.
+
+    Attributes
+    ----------
+    dimensions : list of dict
+        See `read_semantic_dimensions`.
+    surfaces : list of dict
+        The faces with a flatness or profile tolerance.
+    tolerances : list of dict
+        All geometric tolerances, see `describe_tolerances`.
+    datums : dict of str to list of dict
+        The faces and edges of each datum, by its letter.
+    disagreements : list of str
+        What text and kernel say differently of these.
+    """
+
+    dimensions: list[dict[str, Any]] = field(default_factory=list)
+    surfaces: list[dict[str, Any]] = field(default_factory=list)
+    tolerances: list[dict[str, Any]] = field(default_factory=list)
+    datums: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    disagreements: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -615,6 +651,83 @@ def place_surface_tolerances(
                 )
 
 
+def describe_tolerances(
+    entities: dict[int, StepEntity],
+    stated: Sequence[StatedTolerance],
+    attached: AttachedShapes,
+    instances: Instances,
+) -> list[dict[str, Any]]:
+    """Return all geometric tolerances in JSON values, with the faces or edges they are attached to.
+
+    Parameters
+    ----------
+    entities : dict
+        See `text.parse_entities`.
+    stated : sequence of StatedTolerance
+        What the text states.
+    attached : AttachedShapes
+        Knows the shapes that were made from items.
+    instances : Instances
+        Where they are.
+
+    Returns
+    -------
+    list of dict
+        The attributes of a `StatedTolerance`; ``shapes`` in all places in the assembly, see `describe`; ``unread``, the
+        number of items that no shape is made from.
+    """
+    below = list_items_below(entities)
+    rows = []
+    for tolerance in stated:
+        shapes: list[dict[str, Any]] = []
+        n_unread = 0
+        for item in below(tolerance.aspect):
+            made = attached.made_from(item)
+            n_unread += not made
+            shapes += [describe(place) for shape in made for place in _places(shape, instances)]
+        rows.append({**asdict(tolerance), "shapes": shapes, "unread": n_unread})
+    return rows
+
+
+def _describe_datums(
+    entities: dict[int, StepEntity],
+    features: Mapping[str, Sequence[int]],
+    attached: AttachedShapes,
+    instances: Instances,
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the faces and edges of each datum, by its letter."""
+    below = list_items_below(entities)
+    return {
+        letter: [
+            describe(place)
+            for aspect in aspects
+            for item in below(aspect)
+            for shape in attached.made_from(item)
+            for place in _places(shape, instances)
+        ]
+        for letter, aspects in features.items()
+    }
+
+
+def _places(shape: Any, instances: Instances) -> list[Any]:
+    """Return a shape in each of its places in the assembly; none if these are not known."""
+    try:
+        return [place.shape for instance in instances.of([shape]) for place in instance]
+    except AmbiguousInstanceError:
+        return []
+
+
+def _kernel_tolerances(tool: Any) -> list[tuple[str, float]]:
+    """Return the type and the zone in mm of each geometric tolerance that the kernel has."""
+    labels = Sequence_TDF_Label()
+    tool.GetGeomToleranceLabels(labels)
+    pairs = []
+    for k in range(1, labels.Length() + 1):
+        read = XCAFDoc_GeomTolerance.Set_s(labels.Value(k)).GetObject()
+        pairs.append((read.GetType().name.split("GeomToleranceType_")[-1], read.GetValue()))
+    return pairs
+
+
 def _width_mm(entities: dict[int, StepEntity], entity: StepEntity) -> float | None:
     """Return the width of a zone in mm; None if it is none."""
     width = _first_measure(entities, _HEAD.search(entity.text) or _START.search(entity.text))
@@ -648,8 +761,8 @@ _ONLY_SHOWN = ("DimensionPresentation", "CommonLabel")
 
 def read_semantic_dimensions(
     path: Path, name: str, entities: dict[int, StepEntity], texts: Mapping[int, tuple[str, ...]]
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return the semantic dimensions of a STEP file, in its order, and the faces with a flatness or profile tolerance.
+) -> Semantic:
+    """Return the semantic dimensions of a STEP file, in its order, and its geometric tolerances.
 
     Parameters
     ----------
@@ -660,19 +773,19 @@ def read_semantic_dimensions(
     entities : dict
         Its entities, see `text.parse_entities`.
     texts : mapping
-        Those of the dimensions, see `text.parse_texts`.
+        Those of the dimensions and tolerances, see `text.parse_texts`.
 
     Returns
     -------
-    dimensions : list of dict
-        ``type`` (of OCCT), ``words`` (of the file), ``name`` (of its drawing, or empty), ``values`` in mm or degrees or
-        None, ``is_range``, ``has_bounds``, and ``sides``: two lists of shapes as in the part, see `describe`.
+    Semantic
+        ``dimensions`` have ``type`` (of OCCT), ``words`` (of the file), ``name`` (of its drawing, or empty),
+        ``values`` in mm or degrees or None, ``is_range``, ``has_bounds``, and ``sides``: two lists of shapes as in the
+        part, see `describe`.
         ``unread`` is the number of items of each side that no shape is made from. ``compared`` says that the text was
         found, and with it all items.
         ``instances`` says where these are in the assembly: for each instance ``sides``, and ``solids``, their numbers.
         It is empty if this is not known; ``unresolved`` then says why.
-    surfaces : list of dict
-        ``tolerance``, ``width_mm``, ``places`` (it says where the face is), and ``face``, see `describe`.
+        ``surfaces`` have ``tolerance``, ``width_mm``, ``places`` (it says where the face is), and ``face``.
 
     Raises
     ------
@@ -695,8 +808,10 @@ def read_semantic_dimensions(
     labels = Sequence_TDF_Label()
     tool.GetDimensionLabels(labels)
     words = list_words(entities, texts)
-    if not labels.Length() and not words:
-        return [], []
+    tolerances = list_stated_tolerances(entities, texts)
+    of_kernel = _kernel_tolerances(tool)
+    if not (labels.Length() or words or tolerances or of_kernel):
+        return Semantic()
     kernel = reader.ChangeReader()
     numbers = number_entities(kernel.Model(), entities, name)
     instances = _instances(kernel, numbers, entities, name)
@@ -715,7 +830,11 @@ def read_semantic_dimensions(
         {**row, "face": describe(face)}
         for row, face in place_surface_tolerances(entities, attached, instances)
     ]
-    return dimensions, surfaces
+    described = describe_tolerances(entities, tolerances, attached, instances)
+    features = list_datum_features(entities, texts)
+    datums = _describe_datums(entities, features, attached, instances)
+    differences = disagreements(tolerances, of_kernel)
+    return Semantic(dimensions, surfaces, described, datums, differences)
 
 
 def _instances(

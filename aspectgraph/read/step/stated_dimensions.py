@@ -34,6 +34,25 @@ LOCATIONS = frozenset(
         "DIRECTED_DIMENSIONAL_LOCATION",
     }
 )
+GEOMETRIC_TOLERANCES = {
+    "ANGULARITY_TOLERANCE": "angularity",
+    "CIRCULAR_RUNOUT_TOLERANCE": "circular run-out",
+    "COAXIALITY_TOLERANCE": "coaxiality",
+    "CONCENTRICITY_TOLERANCE": "concentricity",
+    "CYLINDRICITY_TOLERANCE": "cylindricity",
+    "FLATNESS_TOLERANCE": "flatness",
+    "LINE_PROFILE_TOLERANCE": "line profile",
+    "PARALLELISM_TOLERANCE": "parallelism",
+    "PERPENDICULARITY_TOLERANCE": "perpendicularity",
+    "POSITION_TOLERANCE": "position",
+    "ROUNDNESS_TOLERANCE": "roundness",
+    "STRAIGHTNESS_TOLERANCE": "straightness",
+    "SURFACE_PROFILE_TOLERANCE": "surface profile",
+    "SYMMETRY_TOLERANCE": "symmetry",
+    "TOTAL_RUNOUT_TOLERANCE": "total run-out",
+}
+"""Entities that are geometric tolerances (ISO 10303-47), and the words of the trade for them."""
+
 _ROUNDED_DEGREE = 1e-6
 """Files state the degree as 0.0174532925 rad or with more digits; what is as close to it is the degree."""
 
@@ -119,6 +138,22 @@ def list_dimensions(
         for number, entity in entities.items()
         if (SIZES | LOCATIONS) & entity.kinds
     ]
+
+
+def list_geometric_tolerances(entities: dict[int, StepEntity]) -> list[tuple[int, str]]:
+    """Return the number of the entity of each geometric tolerance in the order of the file, and its word.
+
+    Parameters
+    ----------
+    entities : dict
+        See `text.parse_entities`. A tolerance with a datum or a material condition is one entity of several kinds.
+    """
+    rows = []
+    for number, entity in entities.items():
+        kinds = GEOMETRIC_TOLERANCES.keys() & entity.kinds
+        if kinds:
+            rows.append((number, GEOMETRIC_TOLERANCES[min(kinds)]))
+    return rows
 
 
 def list_words(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +23,12 @@ from aspectgraph.read.step.semantic_dimensions import (
     list_datum_items,
     list_surface_tolerances,
 )
-from aspectgraph.read.step.stated_dimensions import WITH_TEXTS, StatedDimension, list_dimensions
+from aspectgraph.read.step.stated_dimensions import (
+    WITH_TEXTS,
+    StatedDimension,
+    list_dimensions,
+    list_geometric_tolerances,
+)
 from aspectgraph.read.step.text import parse_entities, parse_texts
 from tests.aspectgraph.helpers.solids import plain_box
 
@@ -563,3 +569,17 @@ def test_larger_parts_state_the_zones_of_their_drawings(part, hole, zone):
     (found,) = {one.name: one.surfaces for one in read_dimensions(path, read_solid(path))}[hole]
     assert (found.tolerance, found.places) == (zone[0], zone[2])
     assert found.width_mm == pytest.approx(zone[1])
+
+
+def test_the_text_lists_every_geometric_tolerance():
+    data = Path("examples/nist_ctc_01_ap242.stp").read_bytes()
+    words = [word for _, word in list_geometric_tolerances(parse_entities(data))]
+    # counted with grep in the text of the file
+    assert sorted(words) == [
+        "flatness",
+        "perpendicularity",
+        "position",
+        "position",
+        "surface profile",
+        "surface profile",
+    ]

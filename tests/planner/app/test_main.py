@@ -729,6 +729,8 @@ def test_a_plan_and_its_simulation(record, tmp_path):
     assert all(setting.margins["focus_mm"] >= 0 for setting in stored.settings)
     assert found["files"][0].endswith("plan.json")
     assert found["not_planned"] == {}
+    generations = [setting["generations"] for setting in found["plan"]["settings"]]
+    assert found["from_genetic_algorithm"] == sum(map(bool, generations))
 
 
 def test_a_simulation(record, tmp_path):

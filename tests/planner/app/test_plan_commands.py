@@ -398,8 +398,9 @@ def test_a_model_of_reference_dimensions_says_how_to_plan_them(tmp_path, capsys)
     )
     assert main(["dimensions", str(part)]) == DONE
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("2 dimensions, 2 with a tolerance, 2 reference, 2 measurable")
-    assert "±0.05 mm reference" in lines[3]
+    assert lines[0] == "2 requirements (2 dimensions, 0 geometric); 2 measurable from edges"
+    assert lines[1].startswith("2 dimensions, 2 with a tolerance, 2 reference, 2 measurable")
+    assert "±0.05 mm reference" in lines[4]
 
 
 def test_a_part_without_dimensions_says_so(tmp_path, capsys):

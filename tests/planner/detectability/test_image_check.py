@@ -17,9 +17,17 @@ from aspectgraph import Face, Solid, read_solid, resolve_entities
 from aspectgraph.solid.rims import edges_that_show
 from errors.measurands import Circle, Line
 from planner import Camera, Detectability, RequestError, Requirements, look_at
-from planner.camera.pose import world_to_cam
+from planner.camera.pose import moved, world_to_cam
+from planner.detectability import image_check
 from planner.detectability.corners import CONNECTED, OTHER, SHOWS
-from planner.detectability.image_check import MOST_PX, ImageCheck, ImagePieces, PartLines, Scanned
+from planner.detectability.image_check import (
+    MOST_PX,
+    ImageCheck,
+    ImagePieces,
+    PartLines,
+    Scanned,
+    Surroundings,
+)
 from planner.request.camera_limits import check_showing
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks" / "images"))
@@ -839,3 +847,57 @@ def test_an_edge_keeps_its_distance_from_the_circle_of_a_hole(chords, monkeypatc
     bulge = scale * 8.0 * (1.0 - np.cos(np.pi / chords))
     # never more, and less by what the straight pieces of an arc may be off
     assert truth - 0.06 - 0.03 * bulge <= told <= truth + 1e-6
+
+
+def test_lines_are_left_out_only_if_no_camera_nearby_sees_them_near():
+    """Against angles between dense points, from many places of the camera; most lines are left out."""
+    rng = np.random.default_rng(8)
+    eyes = rng.normal(size=(300, 3)) * 0.5
+    middles = rng.normal(size=(400, 3)) * 20.0 + [0.0, 0.0, 60.0]
+    lines = middles[:, None] + rng.normal(size=(400, 2, 3)) * 4.0
+    spans = np.array([[[-3.0, 0.0, 60.0], [3.0, 1.0, 58.0]], [[8.0, 8.0, 70.0], [8.0, 8.0, 70.0]]])
+    bulges = rng.normal(size=(400, 3)) * (rng.random((400, 1)) < 0.3)
+    angle = 0.02
+    found = Surroundings(lines, bulges).beside(eyes, spans, angle)
+    share = np.linspace(0.0, 1.0, 101)[:, None]
+    lift = 4.0 * share * (1.0 - share)
+    curves = (
+        lines[:, None, 0] + share * (lines[:, 1] - lines[:, 0])[:, None] + lift * bulges[:, None]
+    )
+    places = spans[:, None, 0] + share * (spans[:, 1] - spans[:, 0])[:, None]
+    near = np.zeros(400, bool)
+    for eye in eyes[::10]:
+        seen, asked = (
+            (p - eye) / np.linalg.norm(p - eye, axis=-1)[..., None] for p in (curves, places)
+        )
+        cosines = seen.reshape(-1, 3) @ asked.reshape(-1, 3).T
+        near |= (cosines.max(axis=1) >= np.cos(angle)).reshape(400, -1).any(axis=1)
+    assert near.sum() > 10
+    assert not set(np.flatnonzero(near)) - set(found.tolist())
+    assert len(found) < min(3 * near.sum(), 200)
+
+
+@pytest.mark.uncompiled
+@pytest.mark.parametrize("lens", LENSES)
+def test_many_displaced_poses_are_judged_alike_with_all_lines(ctc01, lens, monkeypatch):
+    camera = Camera.from_toml("examples/camera.toml")
+    camera = dataclasses.replace(camera, distortion=lens)
+    showing = Detectability(separation_px=8.0)
+    rng = np.random.default_rng(5)
+    check, ends = check_of(ctc01, NAMED, showing, camera)
+    answers = []
+    for k in range(len(ends)):
+        way = rng.normal(size=(1, 3)) * (1, 1, 0.4) + (0, 0, 1)
+        planned = look_at(
+            ends[k].mean(axis=0) + 420 * way / np.linalg.norm(way), ends[k].mean(axis=0)
+        )
+        poses = moved(planned[0], rng.normal(size=(250, 6)) * 0.02, 10.0)
+        every = np.ones((250, len(ends)), dtype=bool)
+        with monkeypatch.context() as all_lines:
+            all_lines.setattr(image_check, "_MANY_NEAR", 1_000_000)
+            plain = check.shown(poses, every), check.separations(poses, every)
+        fewer = check.shown(poses, every), check.separations(poses, every)
+        assert np.array_equal(plain[0], fewer[0])
+        assert np.array_equal(plain[1], fewer[1])
+        answers.append(plain[0])
+    assert 0 < np.mean(answers) < 1

@@ -1,0 +1,96 @@
+"""Geometric tolerances of STEP files: none is dropped, and each says why edges do not show it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from aspectgraph import read_requirements, read_solid
+from aspectgraph.read.step.geometric_tolerances import (
+    WITH_TEXTS,
+    StatedTolerance,
+    disagreements,
+    list_stated_tolerances,
+)
+from aspectgraph.read.step.text import parse_entities, parse_texts
+
+EXAMPLE = Path("examples/nist_ctc_01_ap242.stp")
+UNITS = """
+#1 = ( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) );
+#2 = LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(0.2),#1);
+#3 = LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.),#1);
+#4 = SHAPE_ASPECT('hole','',#9,.T.);
+"""
+DATUMS = """
+#11 = DATUM('','',#9,.F.,'A');
+#12 = DATUM('','',#9,.F.,'B');
+#13 = DATUM_REFERENCE(1,#11);
+#14 = DATUM_REFERENCE_ELEMENT('',$,#9,.F.,#11,$);
+#15 = DATUM_REFERENCE_ELEMENT('',$,#9,.F.,#12,$);
+#16 = DATUM_REFERENCE_COMPARTMENT('',$,#9,.F.,COMMON_DATUM_LIST((#14,#15)),$);
+#17 = DATUM_REFERENCE_COMPARTMENT('',$,#9,.F.,#12,
+  (SIMPLE_DATUM_REFERENCE_MODIFIER(.MAXIMUM_MATERIAL_REQUIREMENT.)));
+#18 = DATUM_SYSTEM('','',#9,.F.,(#16,#17));
+"""
+
+
+def tolerances_in(text: str) -> list[StatedTolerance]:
+    data = f"ISO-10303-21;\nDATA;\n{UNITS}{DATUMS}{text}ENDSEC;\nEND-ISO-10303-21;".encode()
+    entities = parse_entities(data)
+    return list_stated_tolerances(entities, parse_texts(data, entities, WITH_TEXTS))
+
+
+def test_a_position_says_its_round_zone_condition_and_datums():
+    (one,) = tolerances_in(
+        """#20 = ( GEOMETRIC_TOLERANCE('bolts','',#2,#4)
+GEOMETRIC_TOLERANCE_WITH_DATUM_REFERENCE((#18))
+GEOMETRIC_TOLERANCE_WITH_MODIFIERS((.LEAST_MATERIAL_REQUIREMENT.)) POSITION_TOLERANCE() );
+#21 = TOLERANCE_ZONE_FORM('cylindrical or circular');
+#22 = TOLERANCE_ZONE('',$,#9,.F.,(#20),#21);
+#23 = PROJECTED_ZONE_DEFINITION(#22,(),#4,#3);
+"""
+    )
+    expected = StatedTolerance(
+        20, "bolts", "position", 0.2, True, "L", ("A-B", "B(M)"), 25.0, False, 4
+    )
+    assert one == expected
+
+
+def test_older_files_state_datums_and_conditions_in_other_entities():
+    text = """#20 = ( GEOMETRIC_TOLERANCE('','',#2,#4) GEOMETRIC_TOLERANCE_WITH_DATUM_REFERENCE((#13))
+MODIFIED_GEOMETRIC_TOLERANCE(.MAXIMUM_MATERIAL_CONDITION.) PERPENDICULARITY_TOLERANCE() );
+#21 = CIRCULAR_RUNOUT_TOLERANCE('','',#2,#4,(#13));
+"""
+    first, second = tolerances_in(text)
+    assert (first.characteristic, first.material, first.datums) == ("perpendicularity", "M", ("A",))
+    assert (second.characteristic, second.zone_mm, second.datums) == (
+        "circular run-out",
+        0.2,
+        ("A",),
+    )
+
+
+def test_text_and_kernel_agree_in_any_order_or_say_what_one_lacks():
+    stated = tolerances_in(
+        "#20 = FLATNESS_TOLERANCE('','',#2,#4);\n#21 = ROUNDNESS_TOLERANCE('','',#3,#4);\n"
+    )
+    assert not disagreements(stated, [("CircularityOrRoundness", 25.0), ("Flatness", 0.2)])
+    assert disagreements(stated, [("Flatness", 0.2), ("Position", 0.5)]) == [
+        "the kernel does not read roundness 25 mm, which the text states",
+        "the kernel reads position 0.5 mm, which the text does not state",
+    ]
+
+
+def test_every_tolerance_of_a_part_is_listed_with_a_reason():
+    pytest.importorskip("OCP")
+    stated = read_requirements(EXAMPLE, read_solid(EXAMPLE))
+    # all words of the file that end so are types of tolerances
+    words = re.findall(r"([A-Z_]+)_TOLERANCE\s*\(", EXAMPLE.read_text())
+    assert len(stated.tolerances) == len([w for w in words if w not in ("PLUS_MINUS", "GEOMETRIC")])
+    assert all(one.reason for one in stated.tolerances)
+    assert not stated.disagreements
+    assert [one.to_dict()["entities"] for one in stated if one not in stated.dimensions] == [
+        None
+    ] * 6

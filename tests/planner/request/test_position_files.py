@@ -1,0 +1,54 @@
+"""Positions against datums in files and in Python: what they ask for, and what is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from planner import Dimension, RequestError
+from planner.request.dimension_files import read_wanted
+
+KINDS = ("position", "diameter")
+
+
+def wanted(tmp_path, text):
+    path = tmp_path / "wanted.toml"
+    path.write_text(text)
+    return read_wanted(path, KINDS)
+
+
+def test_a_file_names_its_datums_once(tmp_path):
+    items = wanted(
+        tmp_path,
+        """
+        bolt = { position = "r3", zone = 0.2, datums = ["A", "B", 18] }
+        pin = { position = "r4", zone = 0.01, unit = "in", datums = ["B", "C"], share = 0.5 }
+        [datums]
+        A = "parallel"
+        B = 17
+        C = "r7"
+        """,
+    )
+    assert items["bolt"] == Dimension.position("r3", [17, 18], 0.2)
+    assert items["pin"].entities == ("r4", 17, "r7")
+    assert items["pin"].tolerance == pytest.approx((0.0, 0.254))
+    # half of the radius of the zone, as a diameter
+    assert items["pin"].permitted_error(0.0) == pytest.approx(0.127)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('bolt = { position = "r3", zone = 0.2 }', "datums must be a list of one entity at least"),
+        ('bolt = { position = "r3", datums = [17] }', "zone_mm must be"),
+        ('bolt = { position = "r3", zone = -1, datums = [17] }', "zone_mm must be"),
+        (
+            'bolt = { position = "r3", zone = 1, tolerance = [0, 1], datums = [17] }',
+            "must have a zone instead of a tolerance",
+        ),
+        ('bore = { diameter = "r3", zone = 0.2 }', "zone and datums must be those of a position"),
+        ('datums = 3\nbolt = { position = "r3" }', "datums must be a table"),
+    ],
+)
+def test_what_is_no_position_is_refused(tmp_path, text, message):
+    with pytest.raises(RequestError, match=message):
+        wanted(tmp_path, text)
