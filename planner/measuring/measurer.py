@@ -53,6 +53,7 @@ from planner.measuring.results import (
     weights_of,
 )
 from planner.measuring.samples import CLIPPED_SHARE, POSE, PartEdge, PartModel
+from planner.measuring.seen_breaks import seen_break, seen_notes
 from planner.measuring.task import (
     REPEATABILITY,
     NotRegisteredError,
@@ -296,7 +297,8 @@ class MeasureOptions:
         plan's camera.
     edge_break_mm : (float, float) or None
         By how much the part's edges are broken along their faces, least and most, mm. Targets that state their own
-        keep it. None is the plan's; without that, edges are assumed to be sharp within 0.05 mm.
+        keep it. None is the plan's; without that, it is what images clearly show. Otherwise edges are assumed to be
+        sharp within 0.05 mm.
     repeatability : PoseUncertainty
         By how much the camera moves between the images that a setting takes under different lamps. Images that are
         farther apart are refused. Default: 0.02 mm and 0.1 mrad.
@@ -488,16 +490,19 @@ class Measurer:
         }
         registered, failed = self._all_registered(pictures, options)
         poses = registered | self._alone(failed, pictures, options)
-        response = judge_response(self.model, pictures, poses, self._edges_half_px(poses))
+        seen = seen_break(self.model, pictures, poses)
+        edge_notes = seen_notes(seen, self.edge_state(options))
+        uses_seen = seen is not None and not self.edge_state(options).stated
+        half_px = self._edges_half_px(poses)
+        response = judge_response(self.model, pictures, poses, half_px, seen is not None)
         pictures = response.pictures
-        if response.is_changed:
+        if seen is not None and uses_seen:
+            options = replace(options, edge_break_mm=seen.limits_mm)
+        if response.is_changed or uses_seen:
             registered, failed = self._all_registered(pictures, options)
         joint = self._joined(response.pictures, registered, options)
         readings = self._readings(response, registered, joint, options)
-        for shot in self.shots:
-            if shot.name in failed:
-                for reading in _unregistered(shot, *failed[shot.name]):
-                    readings[reading.name].append(reading)
+        self._add_unregistered(readings, failed)
         results = {}
         for name, target_readings in readings.items():
             measured = [reading for reading in target_readings if reading.measured]
@@ -511,6 +516,7 @@ class Measurer:
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
         outcomes = tuple(results.values())
+        response_notes = (*image_set.notes, *response.notes(readings))
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
@@ -519,18 +525,21 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (
-                *image_set.notes,
-                *response.notes(readings),
-                *joint.notes,
-                *notes,
-                *_unplanned(self.plan),
-            ),
+            (*response_notes, *edge_notes, *joint.notes, *notes, *_unplanned(self.plan)),
             pictures,
             response.records(),
-            edges_text(outcomes, states),
+            edges_text(outcomes, states) + (" (as images show)" if uses_seen else ""),
             break_shifts(outcomes, states),
         )
+
+    def _add_unregistered(
+        self, readings: dict[str, list[Reading]], failed: Mapping[str, tuple[str, str]]
+    ) -> None:
+        """Append the readings of images that cannot be registered."""
+        for shot in self.shots:
+            if shot.name in failed:
+                for reading in _unregistered(shot, *failed[shot.name]):
+                    readings[reading.name].append(reading)
 
     def _camera(self, options: MeasureOptions) -> Camera:
         """Return the plan's camera with what is stated of its grey values."""

@@ -668,16 +668,19 @@ def judge_response(
     pictures: Mapping[str, Picture],
     registered: Mapping[str, Registered],
     half_px: float,
+    is_broken: bool = False,
 ) -> JudgedResponse:
     """Test the response of the images of one camera by all edges that are found in them.
 
     A user is believed, and contradicted in a note. A file, and that grey values are proportional to light where nothing
-    is stated, is believed unless edges clearly show another gamma. Then this one is used.
+    is stated, is believed unless edges clearly show another gamma. Then this one is used, unless edges are broken.
 
     Parameters
     ----------
     model, pictures, registered, half_px
         As of `found_places`.
+    is_broken : bool
+        Whether images show that edges are broken: such edges are asymmetric in light.
     """
     area = model.edges.area
     untold = PowerEstimate(0.0, math.inf, 0) if area is not None and area.on_metal else None
@@ -697,10 +700,10 @@ def judge_response(
         return _believed(pictures, power, FILE in origins)
     plain = {name: picture.under(LINEAR, EDGES) for name, picture in pictures.items()}
     if FILE not in origins:
-        return _measured_curve(profiles, plain, "")
+        return _measured_curve(profiles, plain, "", is_broken)
     power = profiles.power(LINEAR)
     if is_clear(power):
-        return _measured_curve(profiles, plain, f"the files state {stated}, but ")
+        return _measured_curve(profiles, plain, f"the files state {stated}, but ", is_broken)
     note = (
         f"the files state {stated}, but grey values are proportional to light (gamma {_gamma_text(power)}): "
         "measured so; state response"
@@ -748,7 +751,9 @@ def _believed(
     return JudgedResponse(chosen, *_gamma_of(power), [bent], note)
 
 
-def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) -> JudgedResponse:
+def _measured_curve(
+    profiles: Profiles, plain: Mapping[str, Picture], but: str, is_broken: bool
+) -> JudgedResponse:
     """Return what is measured in the light of the response that edges show.
 
     Parameters
@@ -759,10 +764,13 @@ def _measured_curve(profiles: Profiles, plain: Mapping[str, Picture], but: str) 
         The images as if grey values were light.
     but : str
         How a note begins.
+    is_broken : bool
+        Whether images show that edges are broken.
     """
     curve = profiles.curve()
     power = profiles.power(LINEAR)
-    if power.excess > -LEAST_CURVED or (curve is not None and not curve.is_bent):
+    is_straight = power.excess > -LEAST_CURVED or (curve is not None and not curve.is_bent)
+    if is_broken or is_straight:
         # the power that symmetric edges would show may be twice as large
         power = power._replace(sd=_TIMES_UNCLEAR * max(power.sd, abs(power.excess)))
         straight = _believed(plain, power, bool(but))
