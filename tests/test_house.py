@@ -334,7 +334,7 @@ MOST_COMPREHENSIONS = {
     "errors": 30,
     "ga": 30,
     "ground": 48.3,
-    "planner": 42.3,
+    "planner": 42.6,
 }
 
 

@@ -493,8 +493,9 @@ class Measurer:
         seen = seen_break(self.model, pictures, poses)
         edge_notes = seen_notes(seen, self.edge_state(options))
         uses_seen = seen is not None and not self.edge_state(options).stated
-        half_px = self._edges_half_px(poses)
-        response = judge_response(self.model, pictures, poses, half_px, seen is not None)
+        response = judge_response(
+            self.model, pictures, poses, self._edges_half_px(poses), seen is not None
+        )
         pictures = response.pictures
         if seen is not None and uses_seen:
             options = replace(options, edge_break_mm=seen.limits_mm)
@@ -503,20 +504,14 @@ class Measurer:
         joint = self._joined(response.pictures, registered, options)
         readings = self._readings(response, registered, joint, options)
         self._add_unregistered(readings, failed)
-        results = {}
-        for name, target_readings in readings.items():
-            measured = [reading for reading in target_readings if reading.measured]
-            common = joint.common(measured) if len(measured) > 1 else None
-            results[name] = merged(
-                name, self.plan.targets[name], target_readings, options.rule, common=common
-            )
+        results = self._merged(readings, joint, options.rule)
         results |= self._not_planned(options.rule)
         results |= self._of_several_images(response, registered, joint, options)
         scene = self.model.edges.scene
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
         outcomes = tuple(results.values())
-        response_notes = (*image_set.notes, *response.notes(readings))
+        notes = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes, *notes)
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
@@ -525,12 +520,25 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (*response_notes, *edge_notes, *joint.notes, *notes, *_unplanned(self.plan)),
+            (*notes, *_unplanned(self.plan)),
             pictures,
             response.records(),
             edges_text(outcomes, states) + (" (as images show)" if uses_seen else ""),
             break_shifts(outcomes, states),
         )
+
+    def _merged(
+        self, readings: Mapping[str, list[Reading]], joint: PartPosterior, rule: DecisionRule
+    ) -> dict[str, Result]:
+        """Return a result for each target that the plan inspects: of several readings, their common one."""
+        results = {}
+        for name, target_readings in readings.items():
+            measured = [reading for reading in target_readings if reading.measured]
+            common = joint.common(measured) if len(measured) > 1 else None
+            results[name] = merged(
+                name, self.plan.targets[name], target_readings, rule, common=common
+            )
+        return results
 
     def _add_unregistered(
         self, readings: dict[str, list[Reading]], failed: Mapping[str, tuple[str, str]]
