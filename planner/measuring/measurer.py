@@ -511,7 +511,7 @@ class Measurer:
         notes = image_notes(self.plan, scene, pictures, registered, readings)
         states = {name: self.edge_state(options, self.plan.targets[name]) for name in self.targets}
         outcomes = tuple(results.values())
-        notes = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes, *notes)
+        of_images = (*image_set.notes, *response.notes(readings), *edge_notes, *joint.notes)
         return MeasurementResults(
             {name: results[name] for name in self.plan.entities},
             {name: replace(image, evidence=None) for name, image in registered.items()},
@@ -520,7 +520,7 @@ class Measurer:
             serial,
             self._correlation(results, joint),
             self._source(image_set, operator),
-            (*notes, *_unplanned(self.plan)),
+            (*of_images, *notes, *_unplanned(self.plan)),
             pictures,
             response.records(),
             edges_text(outcomes, states) + (" (as images show)" if uses_seen else ""),
