@@ -23,6 +23,7 @@ from planner.robotcell import Cell, Placement, Reachability
 from planner.robotcell.cell_file import laid_cell, moved_cell, toml_lines
 from planner.robotcell.laying import POST_HEIGHTS_MM, LaidPart, LayingSearch, Posts, Side
 from planner.robotcell.placement import PlacementSearch
+from planner.robotcell.urdf import compose, invert
 from planner.robotprogram.other_poses import with_reached_settings
 from planner.robotprogram.program import FixturedTour, RobotProgram, Stop
 from planner.robotprogram.program_texts import (
@@ -303,10 +304,14 @@ def _print_first_flange(reachability: Reachability, cell: Cell) -> None:
     for number, setting in enumerate(reachability.settings):
         for name, poses in reachability.poses.items():
             if poses[number].reached:
-                place = cell.robot.forward(poses[number].joints[0])[:3, 3]
-                position = " ".join(f"{x:.1f}" for x in place)
+                flange = cell.robot.forward(poses[number].joints[0])
+                frame = "the base"
+                if cell.robot.pendant is not None:
+                    flange = compose(invert(cell.robot.pendant), flange)
+                    frame = "the link 'base'"
+                position = " ".join(f"{x:.1f}" for x in flange[:3, 3])
                 print_text(
-                    f"{setting} in {name!r}: {cell.robot.tip} at ({position}) mm in the base, to compare "
+                    f"{setting} in {name!r}: {cell.robot.tip} at ({position}) mm in {frame}, to compare "
                     "with the pendant"
                 )
                 return

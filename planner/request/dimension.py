@@ -443,6 +443,9 @@ class Dimension:
         (('r3', 17, 18), (0.0, 0.2), 0.05)
         """
         check_number("zone_mm", zone_mm, _POSITIVE)
+        if rim in list(datums) or len(set(map(str, datums))) < len(list(datums)):
+            rule = "must differ from the rim and from each other"
+            raise RequestError.of_rule("datums", rule, f"{list(datums)} for {rim!r}")
         stated = _in_mm(requirement)
         return cls(POSITION, (rim, *datums), tolerance=(0.0, float(zone_mm)), **stated)
 

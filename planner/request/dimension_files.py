@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -155,6 +156,9 @@ def surfaces_or_default(surfaces_mm: float | None, localisation: Localisation | 
         ) from None
 
 
+SAME_VALUE_MM = 1e-6
+"""A stated value that is this near to that of the geometry is the same, mm or degrees."""
+
 PARALLEL = "parallel"
 """Stands for a datum plane that is parallel to the plane of the rim: it fixes nothing there."""
 
@@ -219,9 +223,14 @@ def _with_datums(value: Any, named: Mapping[str, Any]) -> Any:
     """Return what is wanted with the entities of its datums in place of their names."""
     if not (isinstance(value, Mapping) and isinstance(value.get("datums"), list)):
         return value
-    datums = [
-        named.get(datum, datum) if isinstance(datum, str) else datum for datum in value["datums"]
-    ]
+    datums = []
+    for datum in value["datums"]:
+        is_name = isinstance(datum, str) and not re.fullmatch(r"[era]\d+.*", datum)
+        if is_name and datum not in named and datum != PARALLEL:
+            listed = ", ".join(map(repr, named)) or "empty"
+            rule = f"must name entities, or a name in the table datums, which has {listed}"
+            raise RequestError.of_rule("datums", rule, repr(datum))
+        datums.append(_edge_number(named.get(datum, datum) if is_name else datum))
     return {**value, "datums": [datum for datum in datums if datum != PARALLEL]}
 
 
@@ -320,7 +329,13 @@ def _limits(stated: Mapping[str, Any]) -> list[Any]:
 
 def _entities(given: Any) -> tuple[Any, ...]:
     several = isinstance(given, list) and not _is_end_points(given)
-    return tuple(given) if several else (given,)
+    return tuple(map(_edge_number, given)) if several else (_edge_number(given),)
+
+
+def _edge_number(given: Any) -> Any:
+    """Return the number of an edge that is written as tables do, such as e17; all else as it is."""
+    is_edge = isinstance(given, str) and re.fullmatch(r"e\d+", given)
+    return int(given[1:]) if is_edge else given
 
 
 def _scaled(value: Any, factor: float) -> Any:
@@ -586,6 +601,20 @@ def _positions(
     return result
 
 
+def _about_geometry(stated: ModelDimension) -> tuple[float, float] | None:
+    """Return the tolerance from the value of the geometry: the limits are those of the stated value.
+
+    A drawing in inches states 0.187 for a hole of 4.7625 mm.
+    """
+    if stated.tolerance is None or stated.nominal is None or stated.geometry is None:
+        return stated.tolerance
+    apart = stated.nominal - stated.geometry
+    if abs(apart) <= SAME_VALUE_MM:
+        return stated.tolerance
+    lower, upper = stated.tolerance
+    return apart + lower, apart + upper
+
+
 def _dimension_of_model_dimensions(
     stated: ModelDimension,
     ways: Sequence[Way],
@@ -600,7 +629,7 @@ def _dimension_of_model_dimensions(
         return Dimension(
             stated.kind,
             ways[0],
-            tolerance=stated.tolerance,
+            tolerance=_about_geometry(stated),
             share=share,
             direction=along,
             n_features=n_features,

@@ -313,8 +313,8 @@ def wrong_arrays(array):
         ("candidate poses", "pools.near.poses"),
         ("candidate poses", "pools.realised.membership"),
         ("candidate poses", "pools.realised.quality"),
-        ("column generation", "entries.pricing.prices"),
-        ("column generation", "entries.pricing.covered"),
+        ("combining targets", "entries.pricing.prices"),
+        ("combining targets", "entries.pricing.covered"),
         ("lower bound", "inspected"),
     ],
 )

@@ -110,7 +110,7 @@ def refusal(capsys, *words):
         (["help", "optiks"], "unknown command 'optiks'; did you mean optics?"),
         (["plan", "p.off", "--acuracy", "0.9"], "unknown option --acuracy; did you mean --accuracy?"),
         (["plan", "p.off", "--camra=x"], "unknown option --camra; did you mean --camera?"),
-        (["info", "p.off", "--camera", "x"], "it is an option of plan, batch, graph"),
+        (["info", "p.off", "--camera", "x"], "it is an option of plan, predict, batch, graph"),
         (["info", "p.off", "-x"], "unknown option -x; see aspectgraph info --help"),
         (["--versoin"], "did you mean --version?"),
         ([*PLAN, "--sigma-mm", "0.1kg"], "--sigma-mm must be a length in mm, or with its unit"),

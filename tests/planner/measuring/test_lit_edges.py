@@ -13,7 +13,7 @@ from planner import Backlight, LampDome, measure
 from planner.light.light_plan import beside, irradiance
 from planner.light.lighting import Lighting
 from planner.light.plan_light import chosen_lamps
-from planner.measuring.lit_edges import LEAST_REGISTERED, LitEdges, reads_of
+from planner.measuring.lit_edges import LEAST_REGISTERED, LitEdges, _Seen, reads_of
 from planner.measuring.samples import State
 from planner.request.registration import OWN_EDGES, RegistrationRecord
 
@@ -139,3 +139,17 @@ def test_what_is_overexposed_registers_nothing(plan, reads):
     assert shares[0] > LEAST_REGISTERED
     # what shows is lit
     assert shares[3] == 0.0
+
+
+def test_what_is_too_dark_for_the_exposure_is_not_found():
+    """Contrast is not enough: an edge at three times the distance has a ninth of the light."""
+    sides = np.array([[[9.0, 1.0, 1.0], [0.0, 0.9, 0.99]]])
+    seen = _Seen(np.ones((1, 3), dtype=bool), sides.max(axis=1), sides)
+    # 0.024 of white: 0.1 is enough of 4, 0.01 is not of 1
+    np.testing.assert_array_equal(seen.under(np.array([10.0])), [[True, False, False]])
+    np.testing.assert_array_equal(seen.under(np.array([4.0])), [[False, True, False]])
+    assert seen.under(np.array([np.inf])).all()
+    # before a bright background, white less the face
+    bright = _Seen(np.ones((1, 1), dtype=bool), np.array([[1.0]]), np.array([[[1.0], [np.inf]]]))
+    np.testing.assert_array_equal(bright.under(np.array([1.01])), [[False]])
+    np.testing.assert_array_equal(bright.under(np.array([2.0])), [[True]])

@@ -194,7 +194,9 @@ def test_our_own_files_give_the_poses_of_the_plan(tmp_path, plan):
     expected = plan.settings[0].cam2world
     for name in ("poses_opencv.json", "poses_ros.yaml", "measurements.csv"):
         (pose,) = read_poses(tmp_path / name).poses
-        np.testing.assert_allclose(pose.cam2world, expected, atol=1e-9, err_msg=name)
+        # the table has 0.1 µm and 0.00001 degrees
+        atol = 1e-4 if name.endswith(".csv") else 1e-9
+        np.testing.assert_allclose(pose.cam2world, expected, atol=atol, err_msg=name)
     (pose,) = read_poses(PLAN).poses
     assert (pose.cam2world == expected).all()
     assert pose.name == "setting_01"
