@@ -295,7 +295,8 @@ def _with_datums(
     for letter in letters:
         features = of_datums.get(letter.partition("(")[0], ())
         if len(features) != 1:
-            raise _NotShownError(f"datum {letter} is {len(features)} features, not one")
+            words = f"{len(features)} features" if features else "no feature"
+            raise _NotShownError(f"the file attaches datum {letter} to {words}, not to one")
         (datum,) = features
         if isinstance(datum, Plane) and parallel(datum.normal, rim.axis):
             # it fixes nothing in the plane of the rim

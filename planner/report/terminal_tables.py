@@ -295,6 +295,10 @@ def _notes(plan: InspectionPlan) -> list[str]:
         unlit = {} if plan.light is None else plan.light.unlit[k]
         unshown = [f"not shown: {name}: {reason}" for name, reason in unlit.items()]
         texts += [f"setting {k + 1}: {text}" for text in [*unshown_texts(images, k), *unshown]]
+    if plan.light is not None and (
+        dark := sorted({name for reasons in plan.light.unlit for name in reasons})
+    ):
+        texts.insert(0, f"incomplete, since no lamp shows {', '.join(dark)}")
     if text := given_text(plan):
         texts.append(text)
     if text := near_lines_text(plan):

@@ -18,7 +18,7 @@ from aspectgraph.exceptions import MissingExtraError, how_to_install
 from errors.checks import check_not_negative
 from errors.exceptions import InvalidParameterError
 from errors.measurands.geometry import DETECTOR_FLOOR_PX, FLOOR_PX, Localisation
-from planner.argument_kinds import check_kinds, shown
+from planner.argument_kinds import POSITIVE, check_kinds, check_number, shown
 from planner.exceptions import RequestError
 from planner.request.dimension import POSITION, QUARTER, Dimension
 from planner.request.words import characteristic_name
@@ -315,6 +315,7 @@ def _position(
         raise RequestError.of_rule("datums", "must be a list of one entity at least", repr(datums))
     edge_break_mm = options.pop("edge_break_mm", None)
     zone_mm = _scaled(value.get("zone"), factor)
+    check_number("zone", zone_mm, POSITIVE)
     position = Dimension.position(rim, datums, zone_mm, **options)
     return replace(position, edge_break_mm=edge_break_mm)
 

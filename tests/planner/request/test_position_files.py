@@ -39,8 +39,8 @@ def test_a_file_names_its_datums_once(tmp_path):
     ("text", "message"),
     [
         ('bolt = { position = "r3", zone = 0.2 }', "datums must be a list of one entity at least"),
-        ('bolt = { position = "r3", datums = [17] }', "zone_mm must be"),
-        ('bolt = { position = "r3", zone = -1, datums = [17] }', "zone_mm must be"),
+        ('bolt = { position = "r3", datums = [17] }', "zone must be"),
+        ('bolt = { position = "r3", zone = -1, datums = [17] }', "zone must be"),
         (
             'bolt = { position = "r3", zone = 1, tolerance = [0, 1], datums = [17] }',
             "must have a zone instead of a tolerance",
