@@ -149,7 +149,7 @@ def advice_of_images(pictures: Sequence[Picture], lost: Mapping[str, int]) -> st
         return f"expose for {times:.1f} times as long: the image is dark"
     worst = largest_state(lost)
     if worst == STATE_TEXTS[State.WEAK]:
-        return "light more of the part: most of its edges lack contrast"
+        return "light more of the part: many of its edges lack contrast"
     if worst in (STATE_TEXTS[State.AT_END], STATE_TEXTS[State.OUTLIER]):
         return "check the part's revision, its clamping and the camera's pose"
     return _BY_TEXT.get(worst, "")
