@@ -327,3 +327,13 @@ def test_what_the_caller_gives_takes_the_place_of_the_model():
 def test_a_position_that_is_none_is_refused(wrong):
     with pytest.raises(RequestError, match="surfaces_mm must be finite and not negative"):
         Dimension("diameter", ("r1",), max_error=0.1, surfaces_mm=wrong)
+
+
+def test_limits_are_those_of_the_drawing_where_its_value_is_rounded():
+    """A hole of 3/16 in, 4.7625 mm, for which the drawing states 0.187 in ±0.005 in."""
+    stated = replace(BORE, nominal=4.7498, tolerance=(-0.127, 0.127), geometry=4.7625)
+    dimension = dimensions_to_plan([stated], one_per_pattern=True)[0]["bore"]
+    lower, upper = (4.7625 + deviation for deviation in dimension.tolerance)
+    assert (lower, upper) == pytest.approx((4.6228, 4.8768), abs=1e-12)
+    same = replace(stated, geometry=4.7498)
+    assert dimensions_to_plan([same], one_per_pattern=True)[0]["bore"].tolerance == (-0.127, 0.127)

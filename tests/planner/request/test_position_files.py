@@ -47,8 +47,25 @@ def test_a_file_names_its_datums_once(tmp_path):
         ),
         ('bore = { diameter = "r3", zone = 0.2 }', "zone and datums must be those of a position"),
         ('datums = 3\nbolt = { position = "r3" }', "datums must be a table"),
+        (
+            'bolt = { position = "r3", zone = 1, datums = ["A", "B"] }\n[datums]\nA = 17',
+            "datums must name entities, or a name in the table datums, which has 'A'. Got 'B'",
+        ),
+        (
+            'bolt = { position = "r3", zone = 1, datums = [17, "r3"] }',
+            r"datums must differ from the rim and from each other. Got \[17, 'r3'\] for 'r3'",
+        ),
+        (
+            'bolt = { position = "r3", zone = 1, datums = [17, 17] }',
+            "datums must differ from the rim and from each other",
+        ),
     ],
 )
 def test_what_is_no_position_is_refused(tmp_path, text, message):
     with pytest.raises(RequestError, match=message):
         wanted(tmp_path, text)
+
+
+def test_edges_may_be_written_as_tables_name_them(tmp_path):
+    items = wanted(tmp_path, 'bolt = { position = "r3", zone = 0.2, datums = ["e17", "e18"] }')
+    assert items["bolt"] == Dimension.position("r3", [17, 18], 0.2)
