@@ -529,3 +529,26 @@ def test_another_part_is_refused(command, tmp_path, capsys):
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "the part must be the one that was planned. Got" in line
     assert "which has another shape" in line
+
+
+def test_the_pose_to_compare_is_in_the_frame_of_the_pendant(tmp_path, capsys):
+    """The link `base` of the URDF is turned by 180 degrees: x and y have the other sign."""
+    shown = []
+    for turned in (False, True):
+        path = Path(cell_file(tmp_path))
+        if turned:
+            text = Path("examples/robots/made_parallel.urdf").read_text("utf-8")
+            base = (
+                '<link name="base"/><joint name="to_base" type="fixed"><parent link="base_link"/>'
+                '<child link="base"/><origin rpy="0 0 3.141592653589793"/></joint></robot>'
+            )
+            (tmp_path / "turned.urdf").write_text(text.replace("</robot>", base), encoding="utf-8")
+            content = re.sub(r'urdf = ".*"', 'urdf = "turned.urdf"', path.read_text("utf-8"))
+            path.write_text(content, encoding="utf-8")
+        assert main(["reach", PLAN_REACH_COMMAND, PART_REACH_COMMAND, "--cell", str(path)]) == 0
+        (words,) = re.findall(r"tool0 at \((.*?)\) mm in (.*?),", capsys.readouterr().out)
+        shown.append(words)
+    (plain, base_link), (other, frame) = shown
+    assert (base_link, frame) == ("the base", "the link 'base'")
+    x, y, z = map(float, plain.split())
+    np.testing.assert_allclose([float(word) for word in other.split()], [-x, -y, z], atol=0.11)

@@ -13,7 +13,14 @@ from measured_plate import POSES, fine_plate, measured_plan, photograph, thick_p
 
 from planner import Registration, measure, measured_html
 from planner.measuring.samples import State
-from planner.report.measured_report import COLOURS, PLANNED, REGISTERED, residual_plot, value_bar
+from planner.report.measured_report import (
+    COLOURS,
+    PLANNED,
+    REGISTERED,
+    _accepted_text,
+    residual_plot,
+    value_bar,
+)
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +62,14 @@ def test_each_point_is_drawn_with_the_colour_of_its_state(results):
     for state in State:
         n = int(np.sum(points["state"] == state))
         assert sum(path.d.count("M") for path in dots if path.color == COLOURS[state]) == n
+
+
+def test_a_position_is_decided_in_a_disc_and_not_in_a_tolerance(results):
+    position = replace(results["left"], kind="position", tolerance=(0.0, 0.3), accepted=None)
+    assert value_bar(position, results.rule) is None
+    assert _accepted_text(position) == "decided in a disc"
+    other = replace(position, kind="distance")
+    assert _accepted_text(other) == "none: u is too large"
 
 
 def test_the_value_stands_in_its_tolerance(results):
